@@ -1,0 +1,91 @@
+"""The arm on the app's side: carry out plans and say what was really done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from app import UserError
+from app.motion.plan import Motion, Plan
+from app.motion.reference import Vector
+from controller.client import ControllerClient
+
+
+class GraspFailed(UserError):
+    """The fingers closed and felt no piece."""
+
+    def __init__(self, motion: Motion, finger_position: float) -> None:
+        super().__init__(
+            f"could not {motion.label}: the fingers closed to {finger_position * 1e3:.1f} mm and felt nothing; "
+            "is the piece where the game says?"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a plan came to: duration [s] of plant time, peak torque [N m], peak tactile force [N], last tick."""
+
+    duration: float
+    peak_torque: float
+    peak_force: float
+    end_tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class ArmState:
+    """Where the arm rests: reference, base frame (3,) [m]; finger position [m]; tick."""
+
+    reference: Vector
+    finger: float
+    tick: int
+
+
+class Arm(Protocol):
+    """Executes plans."""
+
+    lead_ticks: int
+
+    def state(self) -> ArmState:
+        """The arm at rest; on a simulated rig in pace fast, once plant time stands."""
+
+    def execute(self, plan: Plan) -> Outcome:
+        """Do a whole plan."""
+
+
+class ControllerArm:
+    """``Arm`` over the controller's client."""
+
+    def __init__(self, client: ControllerClient, progress: Callable[[str], None] | None = None) -> None:
+        """``progress`` is told what each motion does."""
+        self._client = client
+        self._progress = progress
+        self.lead_ticks = 8 if client.lockstep else 30
+
+    def state(self) -> ArmState:
+        """See ``Arm.state``."""
+        telemetry = self._client.wait_standing()
+        return ArmState(np.array(telemetry.reference), telemetry.finger_position, telemetry.tick)
+
+    def execute(self, plan: Plan) -> Outcome:
+        """Stream the motions one after the other.
+
+        Raises:
+            GraspFailed: a motion that had to grip ended without.
+            ControllerError: refused, stopped or lost; the arm rests.
+        """
+        first_tick, end_tick, torque, force = None, 0, 0.0, 0.0
+        for index, motion in enumerate(plan.motions):
+            if self._progress is not None:
+                self._progress(motion.label)
+            done = self._client.execute(motion.samples, followed=index < len(plan.motions) - 1)
+            first_tick = done.first_tick if first_tick is None else first_tick
+            end_tick = done.end_tick
+            torque, force = max(torque, done.peak_torque), max(force, done.peak_tactile)
+            if motion.grips and not done.gripped:
+                self._client.stop()
+                raise GraspFailed(motion, done.finger_position)
+        assert first_tick is not None
+        return Outcome((end_tick - first_tick) * self._client.period, torque, force, end_tick)

@@ -1,0 +1,328 @@
+"""From a chess move to transfers of physical pieces, and the inventory of what stands where.
+
+Everything here is pure: no function changes the board, the inventory or a ply it is given. Errors::
+
+    UserError
+    └── NoSpare            the set has no piece of that kind left to promote to
+    ValueError
+    └── IllegalPly         the move is not legal in that position
+    RuntimeError
+    └── InventoryError     a bug: the inventory and what is done to it contradict each other
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from types import MappingProxyType
+
+import chess
+
+from app import UserError
+from app.layout import KINDS, colour_of, kind_of
+from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
+
+_PROMOTED = (Kind.QUEEN, Kind.ROOK, Kind.BISHOP, Kind.KNIGHT)
+_TIE = 6
+"""Decimals of a metre to which travel is compared, so that equal distances tie on every machine."""
+
+
+class InventoryError(RuntimeError):
+    """The inventory contradicts the board or a transfer; a bug of the program, not an event of the game."""
+
+
+class IllegalPly(ValueError):
+    """The move is not legal in the position."""
+
+    def __init__(self, move: chess.Move, board: chess.Board) -> None:
+        super().__init__(f"{move.uci()} is not a legal move in {board.fen()}")
+
+
+class NoSpare(UserError):
+    """No piece of the promoted kind and colour is beside the board."""
+
+    def __init__(self, kind: Kind, colour: Colour, square: Place, others: tuple[Kind, ...]) -> None:
+        remedy = f"promote to a {' or '.join(others)} instead" if others else "no other piece is left either"
+        super().__init__(f"no spare {colour} {kind} is left for the promotion on {square}: {remedy}")
+        self.kind = kind
+        self.colour = colour
+        self.others = others
+
+
+class MoveKind(StrEnum):
+    """What a move is for the arm; a promotion that captures is a promotion."""
+
+    QUIET = "quiet"
+    CAPTURE = "capture"
+    CASTLING = "castling"
+    EN_PASSANT = "en_passant"
+    PROMOTION = "promotion"
+
+
+@dataclass(frozen=True, slots=True)
+class Transfer:
+    """One piece carried from where it stands to a free place."""
+
+    name: str
+    kind: Kind
+    colour: Colour
+    source: Place
+    target: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Ply:
+    """One move as the arm does it: transfers in the order of execution."""
+
+    san: str
+    uci: str
+    kind: MoveKind
+    colour: Colour
+    """The side that moves."""
+    transfers: tuple[Transfer, ...]
+
+    def changes(self) -> dict[str, Place]:
+        """Where each piece that was touched stands in the end, by name."""
+        return {transfer.name: transfer.target for transfer in self.transfers}
+
+
+@dataclass(frozen=True, slots=True)
+class Inventory:
+    """Which physical piece stands at which place, on the board and in the trays.
+
+    A piece's ``place`` is where it stands now, so the pieces of an inventory can start a world in the same state.
+    """
+
+    table: TableSettings
+    standing: MappingProxyType[Place, PieceSpec]
+    """Read-only; build one with :meth:`of`."""
+
+    @classmethod
+    def of(cls, pieces: Iterable[PieceSpec], table: TableSettings) -> Inventory:
+        """Take stock of pieces, for example of ``layout.start_layout``.
+
+        Raises:
+            InventoryError: two pieces share a place or a name.
+            ValueError: the table has no such place.
+        """
+        standing: dict[Place, PieceSpec] = {}
+        names: set[str] = set()
+        for piece in pieces:
+            table.xy(piece.place)
+            if piece.place in standing:
+                raise InventoryError(f"{piece.name} and {standing[piece.place].name} both stand on {piece.place}")
+            if piece.name in names:
+                raise InventoryError(f"two pieces are named {piece.name}")
+            standing[piece.place] = piece
+            names.add(piece.name)
+        return cls(table, MappingProxyType(standing))
+
+    def __iter__(self) -> Iterator[PieceSpec]:
+        """All pieces, each where it stands now."""
+        return iter(self.standing.values())
+
+    def at(self, place: Place) -> PieceSpec | None:
+        """The piece at a place, None if it is free."""
+        return self.standing.get(place)
+
+    def find(self, name: str) -> PieceSpec:
+        """The piece of that name; its ``place`` says where it stands.
+
+        Raises:
+            InventoryError: there is no such piece.
+        """
+        for piece in self:
+            if piece.name == name:
+                return piece
+        raise InventoryError(f"there is no piece named {name}")
+
+    def spares(self, kind: Kind, colour: Colour) -> tuple[PieceSpec, ...]:
+        """Pieces beside the board that can serve for a promotion: spares and captured ones alike."""
+        return tuple(p for p in self if p.kind is kind and p.colour is colour and not p.place.on_board)
+
+    def travel(self, source: Place, target: Place) -> float:
+        """Distance between two places in the plane of the table, to a micrometre [m]."""
+        return round(math.dist(self.table.xy(source), self.table.xy(target)), _TIE)
+
+    def nearest_free(self, place: Place) -> Place:
+        """The free tray place with the shortest travel from ``place``; ties go to tray L, then to the lower number.
+
+        Raises:
+            InventoryError: the trays are full (``layout.start_layout`` sees to it that this cannot happen).
+        """
+        free = [tray for tray in self.table.tray_places() if tray not in self.standing]
+        if not free:
+            raise InventoryError(f"all {2 * self.table.tray_size} places of the trays are taken")
+        return min(free, key=lambda tray: (self.travel(place, tray), tray))
+
+    def moved(self, transfer: Transfer) -> Inventory:
+        """The inventory after one transfer.
+
+        Raises:
+            InventoryError: another piece or none stands at the source, or the target is taken.
+        """
+        piece = self.at(transfer.source)
+        if piece is None or piece.name != transfer.name:
+            found = "nothing" if piece is None else piece.name
+            raise InventoryError(f"{transfer.name} should stand on {transfer.source}, but {found} does")
+        taken = self.at(transfer.target)
+        if taken is not None:
+            raise InventoryError(f"{transfer.name} cannot go to {transfer.target}: {taken.name} stands there")
+        self.table.xy(transfer.target)
+        standing = self.standing.copy()
+        del standing[transfer.source]
+        standing[transfer.target] = replace(piece, place=transfer.target)
+        return Inventory(self.table, MappingProxyType(standing))
+
+    def after(self, ply: Ply) -> Inventory:
+        """The inventory after all transfers of a ply.
+
+        Raises:
+            InventoryError: the ply was not planned for this inventory.
+        """
+        inventory = self
+        for transfer in ply.transfers:
+            inventory = inventory.moved(transfer)
+        return inventory
+
+    def check_against(self, board: chess.Board) -> None:
+        """Make sure that every square holds what the game says.
+
+        Raises:
+            InventoryError: a square differs; the message names the lowest one.
+        """
+        here = {p.place.index: f"{p.colour} {p.kind}" for p in self if p.place.on_board}
+        game = {sq: f"{colour_of(p.color)} {kind_of(p)}" for sq, p in board.piece_map().items()}
+        if here == game:
+            return
+        square = min(sq for sq in chess.SQUARES if here.get(sq) != game.get(sq))
+        raise InventoryError(
+            f"the inventory has {here.get(square, 'nothing')} on {chess.square_name(square)}, "
+            f"the game has {game.get(square, 'nothing')}"
+        )
+
+
+def expected(inventory: Inventory) -> dict[Place, PieceSpec]:
+    """What must stand where, for the referee: every occupied place of the board and the trays, sorted by place."""
+    return {place: inventory.standing[place] for place in sorted(inventory.standing)}
+
+
+def move_kind(board: chess.Board, move: chess.Move) -> MoveKind:
+    """What kind of move a legal move is."""
+    if move.promotion is not None:
+        return MoveKind.PROMOTION
+    if board.is_castling(move):
+        return MoveKind.CASTLING
+    if board.is_en_passant(move):
+        return MoveKind.EN_PASSANT
+    return MoveKind.CAPTURE if board.is_capture(move) else MoveKind.QUIET
+
+
+def transfers(board: chess.Board, move: chess.Move, inventory: Inventory) -> Ply:
+    """Plan the transfers that show a move on the table; none ever ends on an occupied place.
+
+    A captured piece leaves first, then a promoted pawn. Pieces leave to the free tray place with the shortest travel; a
+    promotion takes the nearest piece of its kind beside the board.
+
+    Args:
+        board: the position before the move; it is not changed.
+        move: a legal move; castling in either notation (king to its square or onto the rook).
+        inventory: what stands where before the move.
+
+    Raises:
+        IllegalPly: the move is not legal.
+        InventoryError: inventory and position do not agree.
+        NoSpare: nothing to promote to is left of that kind.
+    """
+    if not move or not board.is_legal(move):
+        raise IllegalPly(move, board)
+    inventory.check_against(board)
+    kind = move_kind(board, move)
+    plan = _Plan(inventory)
+    if kind is MoveKind.CASTLING:
+        _castle(plan, board, move)
+    else:
+        _step(plan, board, move)
+    return Ply(board.san(move), board.uci(move), kind, colour_of(board.turn), tuple(plan.transfers))
+
+
+class _Plan:
+    """Transfers decided so far and the inventory after them, which refuses any collision."""
+
+    def __init__(self, inventory: Inventory) -> None:
+        self.inventory = inventory
+        self.transfers: list[Transfer] = []
+
+    def carry(self, source: Place, target: Place) -> None:
+        piece = self.inventory.standing[source]
+        transfer = Transfer(piece.name, piece.kind, piece.colour, source, target)
+        self.inventory = self.inventory.moved(transfer)
+        self.transfers.append(transfer)
+
+    def clear(self, source: Place) -> None:
+        self.carry(source, self.inventory.nearest_free(source))
+
+
+def _step(plan: _Plan, board: chess.Board, move: chess.Move) -> None:
+    source, target = square_place(move.from_square), square_place(move.to_square)
+    if board.is_capture(move):
+        plan.clear(_captured(board, move))
+    if move.promotion is None:
+        plan.carry(source, target)
+        return
+    spare = _spare(plan.inventory, KINDS[move.promotion], colour_of(board.turn), target)
+    plan.clear(source)
+    plan.carry(spare, target)
+
+
+def _captured(board: chess.Board, move: chess.Move) -> Place:
+    if board.is_en_passant(move):  # the pawn taken stands beside the one that takes it, not on its target
+        return square_place(chess.square(chess.square_file(move.to_square), chess.square_rank(move.from_square)))
+    return square_place(move.to_square)
+
+
+def _spare(inventory: Inventory, kind: Kind, colour: Colour, square: Place) -> Place:
+    found = [piece.place for piece in inventory.spares(kind, colour)]
+    if not found:
+        others = tuple(other for other in _PROMOTED if inventory.spares(other, colour))
+        raise NoSpare(kind, colour, square, others)
+    return min(found, key=lambda place: (inventory.travel(place, square), place))
+
+
+def _castle(plan: _Plan, board: chess.Board, move: chess.Move) -> None:
+    """King first, then rook; the rook first, or a detour of the king, where they block each other (Chess960)."""
+    king, rook = square_place(move.from_square), square_place(_castling_rook(board, move))
+    king_target, rook_target = _castled(board, move)
+    if king_target == rook and rook_target == king:
+        detour = _detour(plan.inventory, king, king_target)
+        steps = [(king, detour), (rook, rook_target), (detour, king_target)]
+    elif king_target == rook:
+        steps = [(rook, rook_target), (king, king_target)]
+    else:
+        steps = [(king, king_target), (rook, rook_target)]
+    for source, target in steps:
+        if source != target:
+            plan.carry(source, target)
+
+
+def _castling_rook(board: chess.Board, move: chess.Move) -> chess.Square:
+    """Square of the rook; a legal castling leaves exactly one with rights on the king's rank and side."""
+    rank = chess.BB_RANKS[chess.square_rank(move.from_square)]
+    rooks = chess.SquareSet(board.clean_castling_rights() & rank)
+    return next(r for r in rooks if (r < move.from_square) == (move.to_square < move.from_square))
+
+
+def _castled(board: chess.Board, move: chess.Move) -> tuple[Place, Place]:
+    """Where king and rook stand after castling."""
+    rank = chess.square_rank(move.from_square)
+    king_file, rook_file = (2, 3) if board.is_queenside_castling(move) else (6, 5)
+    return square_place(chess.square(king_file, rank)), square_place(chess.square(rook_file, rank))
+
+
+def _detour(inventory: Inventory, source: Place, target: Place) -> Place:
+    """The free place, square or tray, with the shortest way from source to target over it."""
+    places = (*map(square_place, chess.SQUARES), *inventory.table.tray_places())
+    free = [place for place in places if inventory.at(place) is None]
+    return min(free, key=lambda place: (inventory.travel(source, place) + inventory.travel(place, target), place))

@@ -1,0 +1,142 @@
+"""Files of a record: nothing written is lost, and a full disk is one clear sentence."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+
+from app import UserError
+
+_FULL = {errno.ENOSPC: "no space left on the device", errno.EDQUOT: "the disk quota is used up"}
+
+
+class RecordError(UserError):
+    """A file of the record cannot be written or read."""
+
+
+@contextmanager
+def recording(path: Path) -> Iterator[None]:
+    """Turn a failure of the file system into a sentence about ``path``; for any file of a record, also a video.
+
+    Raises:
+        RecordError: the disk is full, or the path cannot be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno in _FULL:
+            remedy = "free some space or choose another folder with --out"
+            raise RecordError(f"{path}: {_FULL[error.errno]}: {remedy}") from error
+        raise RecordError(f"{path}: {error.strerror or error}: choose another folder with --out") from error
+
+
+def new_folder(parent: Path, now: datetime) -> Path:
+    """Make a folder named after the time, with ``-2``, ``-3``, ... after it where that name is taken.
+
+    Args:
+        parent: the folder of all games; made if it is missing.
+        now: the time in UTC.
+
+    Raises:
+        RecordError: it cannot be made.
+    """
+    name = now.strftime("%Y-%m-%dT%H-%M-%SZ")
+    with recording(parent):
+        parent.mkdir(parents=True, exist_ok=True)
+    number = 1
+    while True:
+        folder = parent / (name if number == 1 else f"{name}-{number}")
+        with recording(folder):
+            try:
+                folder.mkdir()
+            except FileExistsError:
+                number += 1
+                continue
+            _sync_folder(parent)
+        return folder
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Replace a file as a whole: whoever reads it, also after a crash, finds the old text or the new one.
+
+    Raises:
+        RecordError: it cannot be written; the old file is as it was.
+    """
+    part = path.with_name(path.name + ".part")
+    with recording(path):
+        try:
+            with part.open("w", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+        _sync_folder(path.parent)
+
+
+class LineLog:
+    """A file that only grows, line by line; a line is on the disk when :meth:`append` returns."""
+
+    def __init__(self, path: Path) -> None:
+        """Open a new log.
+
+        Raises:
+            RecordError: it cannot be opened or holds something already.
+        """
+        self.path = path
+        with recording(path):
+            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+            self._size = os.fstat(self._file).st_size
+            _sync_folder(path.parent)
+        if self._size:
+            self.close()
+            raise RecordError(f"{path} holds the record of another game already: choose another folder with --out")
+
+    def append(self, line: str) -> None:
+        """Write one line and wait until it is on the disk.
+
+        Raises:
+            RecordError: it cannot be written; the lines before it stay, and what was written of it is taken back.
+            ValueError: the log is closed.
+        """
+        if self._file < 0:
+            raise ValueError(f"{self.path} is closed")
+        data = line.encode() + b"\n"
+        with recording(self.path):
+            try:
+                self._write(data)
+            except OSError:
+                self._take_back()
+                raise
+        self._size += len(data)
+
+    def close(self) -> None:
+        """Close the file; a second call does nothing."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+    def _write(self, data: bytes) -> None:
+        rest = memoryview(data)
+        while rest:  # a disk that fills up takes a part of the line first and refuses the next write
+            rest = rest[os.write(self._file, rest) :]
+        os.fsync(self._file)
+
+    def _take_back(self) -> None:
+        if stat.S_ISREG(os.fstat(self._file).st_mode):  # a device cannot be cut, and keeps nothing
+            os.ftruncate(self._file, self._size)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make new names in a folder durable."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,70 @@
+"""The game as PGN, whole on the disk after every ply."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+
+import chess
+import chess.pgn
+
+from app.records.events import Result
+from app.records.files import write_atomically
+
+EVENT = "Touchmove"
+
+
+class PgnFile:
+    """A PGN file that grows by plies; each change replaces the file atomically."""
+
+    def __init__(self, path: Path, board: chess.Board, *, white: str, black: str, site: str, date: datetime) -> None:
+        """Write the game without moves.
+
+        Args:
+            path: the file.
+            board: the position at the start; FEN and SetUp (and Variant for Chess960) are written when it needs them.
+            white: name of the player.
+            black: name of the player.
+            site: where it is played.
+            date: day of the start, UTC.
+
+        Raises:
+            RecordError: it cannot be written.
+        """
+        self.path = path
+        self.board = board.copy(stack=False)
+        self._game = chess.pgn.Game()
+        self._game.setup(self.board)
+        values = {"Event": EVENT, "Site": site, "Date": date.strftime("%Y.%m.%d"), "White": white, "Black": black}
+        self._set(values)
+        self._last: chess.pgn.GameNode = self._game
+        self._write()
+
+    def add(self, uci: str) -> None:
+        """Append a move and rewrite the file.
+
+        Raises:
+            ValueError: the move is not legal (of python-chess).
+            RecordError: it cannot be written; the file holds the plies before.
+        """
+        move = self.board.parse_uci(uci)
+        self._last = self._last.add_variation(move)
+        self.board.push(move)
+        self._write()
+
+    def finish(self, result: Result, reason: str) -> None:
+        """Write result and termination.
+
+        Raises:
+            RecordError: it cannot be written; the file holds all plies.
+        """
+        self._set({"Result": result, "Termination": reason})
+        self._write()
+
+    def _set(self, values: dict[str, str]) -> None:
+        for name, value in values.items():  # PGN has one line a header, and readers differ on quotes within
+            self._game.headers[name] = " ".join(value.split()).replace('"', "'")
+
+    def _write(self) -> None:
+        exporter = chess.pgn.StringExporter(columns=80, headers=True, variations=False, comments=False)
+        write_atomically(self.path, self._game.accept(exporter) + "\n")

@@ -1,0 +1,156 @@
+"""The report of a game, computed from its events alone, so that it can be made again from the file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydantic import Field, FiniteFloat, JsonValue
+
+from app.manipulation import MoveKind
+from app.records.events import EndEvent, Pace, PlyEvent, Record, Result, StartEvent
+from app.records.files import RecordError
+
+UNFINISHED = "the record breaks off"
+
+
+class KindStats(Record):
+    """Plant time of the plies of one kind, home to home [s]; null where there was none."""
+
+    n: int
+    mean_s: FiniteFloat | None
+    p95_s: FiniteFloat | None
+    max_s: FiniteFloat | None
+
+
+class Kinds(Record):
+    """Durations by kind of move; all kinds are always there."""
+
+    quiet: KindStats
+    capture: KindStats
+    castling: KindStats
+    en_passant: KindStats
+    promotion: KindStats
+
+
+class PlacementStats(Record):
+    """Distance of moved pieces from the centre of their place [mm]; null where none was measured."""
+
+    n: int
+    mean: FiniteFloat | None
+    p50: FiniteFloat | None
+    p95: FiniteFloat | None
+    max: FiniteFloat | None
+
+
+class Failure(Record):
+    """Something that went wrong; ply and move are null where it was not in a ply."""
+
+    ply: int | None
+    san: str | None
+    reason: str
+
+
+class Report(Record):
+    """What ``report.json`` holds."""
+
+    result: Result
+    exit_reason: str
+    plies: int
+    sim_s: FiniteFloat
+    """Plant time from start to end [s]."""
+    wall_s: FiniteFloat
+    """Wall time from start to end [s]."""
+    pace: Pace
+    seed: int
+    kinds: Kinds
+    placement_mm: PlacementStats
+    peak_torque_Nm: FiniteFloat | None  # noqa: N815  # the name in the file, with its unit
+    peak_force_N: FiniteFloat | None  # noqa: N815  # the name in the file, with its unit
+    physical_ok: bool | None
+    """True: the referee found every ply right; False: one was wrong; null: no ply, or plies nobody could judge."""
+    failures: tuple[Failure, ...]
+    speed: FiniteFloat | None = None
+    """Plant time over wall time while ticks ran, where the world measured it."""
+    world_state: str | None = None
+    """Digest of the world's final state, where there is one."""
+    details: dict[str, JsonValue] = Field(default_factory=dict)
+    """Whatever else the caller wants to keep."""
+
+
+def summarise(
+    events: Sequence[StartEvent | PlyEvent | EndEvent],
+    *,
+    failures: Sequence[str] = (),
+    speed: float | None = None,
+    world_state: str | None = None,
+    details: dict[str, JsonValue] | None = None,
+) -> Report:
+    """Compute the report.
+
+    Args:
+        events: of one game, in order; the end may be missing after a crash.
+        failures: sentences on what went wrong outside any ply.
+        speed: plant time over wall time while ticks ran.
+        world_state: digest of the world's final state.
+        details: more to keep.
+
+    Raises:
+        RecordError: the events do not begin with a start.
+    """
+    if not events or not isinstance(events[0], StartEvent):
+        raise RecordError("the events do not begin with the start of a game: there is nothing to report")
+    start, last = events[0], events[-1]
+    plies = [event for event in events if isinstance(event, PlyEvent)]
+    ended = isinstance(last, EndEvent)
+    return Report(
+        result=last.result if isinstance(last, EndEvent) else "*",
+        exit_reason=last.reason if isinstance(last, EndEvent) else UNFINISHED,
+        plies=len(plies),
+        sim_s=last.plant_time - start.plant_time,
+        wall_s=(last.wall_time - start.wall_time).total_seconds(),
+        pace=start.pace,
+        seed=start.seed,
+        kinds=Kinds.model_validate({kind.value: _kind_stats(plies, kind) for kind in MoveKind}),
+        placement_mm=_placement_stats(plies),
+        peak_torque_Nm=max((ply.peak_torque_Nm for ply in plies), default=None),
+        peak_force_N=max((ply.peak_force_N for ply in plies if ply.peak_force_N is not None), default=None),
+        physical_ok=_all_ok(plies),
+        failures=(*_ply_failures(plies), *_other_failures(failures, ended)),
+        speed=speed,
+        world_state=world_state,
+        details=details or {},
+    )
+
+
+def _kind_stats(plies: Sequence[PlyEvent], kind: MoveKind) -> KindStats:
+    times = np.array([ply.real_s for ply in plies if ply.kind is kind])
+    if not times.size:
+        return KindStats(n=0, mean_s=None, p95_s=None, max_s=None)
+    return KindStats(
+        n=times.size, mean_s=float(times.mean()), p95_s=float(np.percentile(times, 95)), max_s=float(times.max())
+    )
+
+
+def _placement_stats(plies: Sequence[PlyEvent]) -> PlacementStats:
+    errors = np.array([error for ply in plies for error in (ply.placement_mm or {}).values()])
+    if not errors.size:
+        return PlacementStats(n=0, mean=None, p50=None, p95=None, max=None)
+    p50, p95 = (float(value) for value in np.percentile(errors, (50, 95)))
+    return PlacementStats(n=errors.size, mean=float(errors.mean()), p50=p50, p95=p95, max=float(errors.max()))
+
+
+def _all_ok(plies: Sequence[PlyEvent]) -> bool | None:
+    verdicts = {ply.physical_ok for ply in plies}
+    if False in verdicts:
+        return False
+    return True if verdicts == {True} else None
+
+
+def _ply_failures(plies: Sequence[PlyEvent]) -> list[Failure]:
+    return [Failure(ply=ply.ply, san=ply.san, reason=reason) for ply in plies for reason in ply.failures]
+
+
+def _other_failures(failures: Sequence[str], ended: bool) -> list[Failure]:
+    reasons = [*failures, *([] if ended else [UNFINISHED])]
+    return [Failure(ply=None, san=None, reason=reason) for reason in reasons]

@@ -1,0 +1,189 @@
+"""The controller's UDP socket: who may speak to it, and what it throws away.
+
+One client holds the lease, from its HELLO until it has been silent for ``lease`` seconds of wall time. A HELLO needs
+the cookie of a CHALLENGE, so that a recorded one opens nothing. Everything that does not belong is counted and dropped.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+import select
+import socket
+from collections.abc import Callable
+from typing import Final
+
+from controller.protocol.envelope import Drop, Envelope, Opened, SequenceWindow
+from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, Kind
+from controller.protocol.messages import Busy, Hello
+
+Address = tuple[str, int]
+Handler = Callable[[int, memoryview], bool]
+"""Takes kind and payload of a datagram; false where its content is impossible."""
+
+_RECEIVE_BUFFER = 1 << 20
+_ORDERS: Final = frozenset({int(Kind.COMMAND), int(Kind.ANNOUNCE)})
+"""Kinds that must not overtake each other."""
+
+
+class PortInUse(Exception):
+    """The UDP port cannot be taken; the message says what to do."""
+
+
+class Door:
+    """Admits datagrams of the one client and sends to it.
+
+    Args:
+        host: IPv4 address to listen at.
+        port: UDP port, 0 for a free one.
+        key: secret shared with the clients.
+        lease: silence after which the client counts as lost [s].
+        welcome: makes the payload that greets a new client.
+
+    Raises:
+        PortInUse: the port is taken or may not be used.
+    """
+
+    def __init__(self, host: str, port: int, key: bytes, lease: float, welcome: Callable[[], bytes]) -> None:
+        self._socket = _bind(host, port)
+        self._envelope = Envelope(key)
+        self._lease = lease
+        self._welcome = welcome
+        self._buffer = bytearray(MAX_DATAGRAM + 1)
+        self._view = memoryview(self._buffer)
+        self._poll = select.poll()
+        self._poll.register(self._socket, select.POLLIN)
+        self._cookie = _new_cookie()
+        self._session = 0
+        self._spent = 0
+        self._name = ""
+        self._client: Address = ("0.0.0.0", 0)
+        self._window = SequenceWindow()
+        self._last_order = 0
+        self._sent = 0
+        self._heard = 0.0
+        self.dropped = [0] * len(Drop)
+
+    @property
+    def address(self) -> Address:
+        """Where it listens."""
+        host, port = self._socket.getsockname()
+        return host, port
+
+    @property
+    def leased(self) -> bool:
+        """Whether a client holds the lease."""
+        return self._session != 0
+
+    def silence(self, now: float) -> float:
+        """How long the client has been silent, at wall time ``now`` [s]."""
+        return now - self._heard
+
+    def expire(self, now: float) -> bool:
+        """Ends the lease of a silent client; true if that happened now."""
+        if self._session == 0 or now - self._heard <= self._lease:
+            return False
+        self._spent, self._session = self._session, 0
+        return True
+
+    def wait(self, milliseconds: int) -> None:
+        """Wait for a datagram, no longer than that."""
+        self._poll.poll(milliseconds)
+
+    def drain(self, now: float, budget: int, handle: Handler) -> None:
+        """Read up to ``budget`` waiting datagrams and hand those of the client to ``handle``.
+
+        Args:
+            now: wall time [s].
+            budget: datagrams to read at most, also bad ones.
+            handle: what to do with a datagram.
+        """
+        for _ in range(budget):
+            # asking first costs a third of the exception that an empty socket would raise
+            if not self._poll.poll(0):
+                return
+            try:
+                size, address = self._socket.recvfrom_into(self._buffer)
+            except BlockingIOError:
+                continue  # the kernel dropped it meanwhile: its checksum was wrong
+            drop = self._admit(self._view[:size], address, now, handle)
+            if drop is not None:
+                self.dropped[drop] += 1
+
+    def send(self, kind: Kind, payload: bytes) -> None:
+        """Send to the client, if there is one."""
+        if self._session:
+            self._send_to(self._client, kind, self._session, payload)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def _admit(self, data: memoryview, address: Address, now: float, handle: Handler) -> Drop | None:
+        opened = self._envelope.open(data)
+        if isinstance(opened, Drop):
+            return opened
+        if opened.kind == Kind.HELLO:
+            return self._greet(opened, address, now)
+        if opened.session != self._session or self._session == 0:
+            return Drop.SESSION
+        if not self._window.accept(opened.sequence):
+            return Drop.SEQUENCE
+        if opened.kind in _ORDERS:
+            if opened.sequence < self._last_order:
+                return Drop.SEQUENCE
+            self._last_order = opened.sequence
+        self._heard, self._client = now, address
+        return None if handle(opened.kind, opened.payload) else Drop.CONTENT
+
+    def _greet(self, opened: Opened, address: Address, now: float) -> Drop | None:
+        """Challenge, welcome or turn away."""
+        hello = Hello.unpack(opened.payload)
+        if opened.session in (0, self._spent):
+            return Drop.SESSION
+        if self._session not in (0, opened.session):
+            busy = Busy(self._name, *self._client, self.silence(now))
+            self._send_to(address, Kind.BUSY, opened.session, busy.pack())
+            return None
+        if self._session == opened.session:
+            if not self._window.accept(opened.sequence):
+                return Drop.SEQUENCE
+        elif hello.cookie != self._cookie:
+            self._send_to(address, Kind.CHALLENGE, opened.session, CHALLENGE.struct.pack(self._cookie))
+            return None
+        else:
+            self._give_lease(opened, hello.name)
+        self._heard, self._client = now, address
+        self.send(Kind.WELCOME, self._welcome())
+        return None
+
+    def _give_lease(self, opened: Opened, name: str) -> None:
+        self._session, self._name, self._cookie = opened.session, name, _new_cookie()
+        self._window, self._last_order = SequenceWindow(), 0
+        self._window.accept(opened.sequence)
+
+    def _send_to(self, address: Address, kind: Kind, session: int, payload: bytes) -> None:
+        self._sent += 1
+        datagram = self._envelope.seal(kind, session, self._sent, payload)
+        # a client that is gone or a full queue is not the loop's business: silence is noticed by the lease
+        with contextlib.suppress(OSError):
+            self._socket.sendto(datagram, address)
+
+
+def _new_cookie() -> int:
+    return secrets.randbits(64) | 1
+
+
+def _bind(host: str, port: int) -> socket.socket:
+    door = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    door.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+    door.setblocking(False)
+    try:
+        door.bind((host, port))
+    except OSError as error:
+        door.close()
+        raise PortInUse(
+            f"UDP port {port} at {host} cannot be taken: {error.strerror}: "
+            "end the program that has it, or set the port to 0 for a free one"
+        ) from error
+    return door

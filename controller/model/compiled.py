@@ -1,0 +1,72 @@
+"""A typed door to Numba, and a cache on disk that notices a change in any module of the model.
+
+Numba's own cache looks only at the file a function stands in. A function that calls into another file would go on
+with the old code of that file after an edit, silently. So the cache directory carries a digest of this package's
+sources. Rule that follows: compiled code calls only functions of its own file and of this package.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar, cast
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+FloatArray = NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+# Numba's own types are incomplete; behind this line everything is typed.
+_numba: Any = numba
+
+SCALAR: Any = _numba.types.float64
+STATUS: Any = _numba.types.int64
+PAIR: Any = _numba.types.UniTuple(SCALAR, 2)
+VECTOR: Any = _numba.types.UniTuple(SCALAR, 3)
+FROZEN: Any = _numba.types.Array(SCALAR, 1, "C", readonly=True)
+ROW: Any = _numba.types.Array(SCALAR, 1, "C")
+TABLE: Any = _numba.types.Array(SCALAR, 2, "C")
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def _cache_directory() -> Path:
+    """Where the compiled code of exactly these sources is kept."""
+    digest = hashlib.sha256()
+    for source in sorted(_PACKAGE.glob("*.py")):
+        digest.update(source.read_bytes())
+    root = Path(_numba.config.CACHE_DIR) if _numba.config.CACHE_DIR else _PACKAGE / "__pycache__"
+    return root / f"compiled-{digest.hexdigest()[:16]}"
+
+
+_CACHE = _cache_directory()
+
+
+def compiled(function: Callable[P, R], signature: object = None) -> Callable[P, R]:
+    """Compile a function with Numba: exact floating point, NumPy's error model, cached on disk.
+
+    Args:
+        function: a function of floats, tuples of floats and float64 arrays.
+        signature: Numba signature to compile at once; without it the first call compiles.
+
+    Returns:
+        The compiled function under the same type.
+    """
+    before = _numba.config.CACHE_DIR
+    _numba.config.CACHE_DIR = str(_CACHE)
+    try:
+        decorate = _numba.njit(signature, cache=True, fastmath=False, error_model="numpy")
+        return cast("Callable[P, R]", decorate(function))
+    finally:
+        _numba.config.CACHE_DIR = before
+
+
+def compiled_as(signature: object) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorator: compile for one signature when the module is imported, so that no later call ever compiles."""
+    return lambda function: compiled(function, signature)

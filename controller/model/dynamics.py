@@ -1,0 +1,144 @@
+"""Dynamics of one arm in closed form, and the whole robot projected on the servomotor angles.
+
+An arm with coordinates (q1, q2, q3) carries a third of the platform, mt = mp/3, at its tip. Its distal pair is lumped
+into one uniform rod of the pair's mass: both rods move alike but for a constant offset, so nothing is lost. With d
+along the rod and e the elbow's direction of motion
+
+    T = ½ (I1 + (m2 + mt) l1²) q̇1² + ½ b |ḋ|² + c q̇1 e·ḋ,    b = (m2/3 + mt) l2²,   c = (m2/2 + mt) l1 l2,
+
+where |ḋ|² = q̇2² + sin²q2 q̇3². The arms meet in (2) of the paper, which `controller.model.constrained` writes out.
+
+Projected with T = [I; ∂g/∂y] the same energy needs none of the unmeasured angles: the ends of rod i move with
+l1 e_i ẏ_i and ż, and a uniform rod of mass m with ends at v and w has the energy (m/6) (v² + v·w + w²).
+"""
+
+from __future__ import annotations
+
+import math
+
+from controller.model.compiled import FloatArray, Vector, compiled
+from controller.model.constants import (
+    DISTAL,
+    DISTAL_MASS,
+    GRAVITY,
+    HINGE_INERTIA,
+    PLATFORM_MASS,
+    PROXIMAL,
+    PROXIMAL_MASS,
+)
+from controller.model.kinematics import Triad
+from controller.model.vectors import dot
+
+
+@compiled
+def arm_inertia(constants: FloatArray, q1: float, q2: float, q3: float) -> tuple[float, float, float, float, float]:
+    """M of one arm: the entries 11, 12, 13, 22, 33 (23 is zero) [kg m²]."""
+    l1, l2, m2, mt = constants[PROXIMAL], constants[DISTAL], constants[DISTAL_MASS], constants[PLATFORM_MASS] / 3.0
+    b, c = (m2 / 3.0 + mt) * l2 * l2, (m2 / 2.0 + mt) * l1 * l2
+    c1, s1, c2, s2, c3, s3 = math.cos(q1), math.sin(q1), math.cos(q2), math.sin(q2), math.cos(q3), math.sin(q3)
+    hinge = constants[HINGE_INERTIA] + (m2 + mt) * l1 * l1
+    return hinge, c * (s1 * s2 + c1 * c2 * c3), -c * c1 * s2 * s3, b, b * s2 * s2
+
+
+@compiled
+def arm_coriolis(constants: FloatArray, q: Vector, v: Vector) -> Vector:
+    """C of one arm: Coriolis and centripetal torque for angles q [rad] and rates v [rad/s] [N m]."""
+    l1, l2, m2, mt = constants[PROXIMAL], constants[DISTAL], constants[DISTAL_MASS], constants[PLATFORM_MASS] / 3.0
+    b, c = (m2 / 3.0 + mt) * l2 * l2, (m2 / 2.0 + mt) * l1 * l2
+    c1, s1, c2, s2 = math.cos(q[0]), math.sin(q[0]), math.cos(q[1]), math.sin(q[1])
+    c3, s3 = math.cos(q[2]), math.sin(q[2])
+    # d̈ without its part in q̈ is along·d + across·a + around·n
+    along = -(v[1] * v[1] + s2 * s2 * v[2] * v[2])
+    across, around = -s2 * c2 * v[2] * v[2], 2.0 * c2 * v[1] * v[2]
+    ed, ea, en = c1 * s2 * c3 - s1 * c2, s1 * s2 + c1 * c2 * c3, -c1 * s3
+    # ė = -p q̇1 with p = (0, cos q1, sin q1)
+    pa, pn = s1 * c2 * c3 - c1 * s2, -s1 * s3
+    square = v[0] * v[0]
+    return (
+        c * (along * ed + across * ea + around * en),
+        b * across - c * square * pa,
+        s2 * (b * around - c * square * pn),
+    )
+
+
+@compiled
+def arm_gravity(constants: FloatArray, q1: float, q2: float, q3: float) -> Vector:
+    """G of one arm: gradient of the potential energy, gravity along +z3 [N m]."""
+    l1, l2, m2, mt = constants[PROXIMAL], constants[DISTAL], constants[DISTAL_MASS], constants[PLATFORM_MASS] / 3.0
+    upper = -constants[GRAVITY] * l1 * (constants[PROXIMAL_MASS] / 2.0 + m2 + mt)
+    lower = -constants[GRAVITY] * l2 * (m2 / 2.0 + mt)
+    return upper * math.cos(q1), lower * math.cos(q2) * math.cos(q3), -lower * math.sin(q2) * math.sin(q3)
+
+
+@compiled
+def shaft_friction(velocity: float, viscous: float, coulomb: float, speed: float) -> float:
+    """D of one servomotor: viscous and Coulomb friction, the sign smoothed over ``speed`` [rad/s] [N m]."""
+    return viscous * velocity + coulomb * math.tanh(velocity / speed)
+
+
+@compiled
+def joint_inertia(constants: FloatArray, e: Triad, jacobian: FloatArray, inertia: FloatArray) -> None:
+    """M_y = Tᵀ M T, the inertia that the servomotors feel; stands for (19), which is misprinted.
+
+    M_y = (mp + m2) J_cᵀ J_c + (I1 + m2 l1²/3) I + (m2 l1 / 6) (S + Sᵀ), with rows S_i = e_iᵀ J_c.
+
+    Args:
+        constants: of the model.
+        e: unit vectors in which the elbows move.
+        jacobian: shape (3, 3), J_c [m/rad].
+        inertia: shape (3, 3), out [kg m²].
+    """
+    l1, m2 = constants[PROXIMAL], constants[DISTAL_MASS]
+    moving, own, coupling = m2 + constants[PLATFORM_MASS], constants[HINGE_INERTIA] + m2 * l1 * l1 / 3.0, m2 * l1 / 6.0
+    for i in range(3):
+        column_i = (jacobian[0, i], jacobian[1, i], jacobian[2, i])
+        for j in range(i, 3):
+            column_j = (jacobian[0, j], jacobian[1, j], jacobian[2, j])
+            value = moving * dot(column_i, column_j) + coupling * (dot(e[i], column_j) + dot(e[j], column_i))
+            if i == j:
+                value += own
+            inertia[i, j] = value
+            inertia[j, i] = value
+
+
+@compiled
+def task_inertia(constants: FloatArray, e: Triad, inverse: FloatArray, inertia: FloatArray) -> None:
+    """J_c⁻ᵀ M_y J_c⁻¹, the inertia felt at the tool, with rows w_i of J_c⁻¹ and no further inversion.
+
+    (mp + m2) I + (I1 + m2 l1²/3) Σ w_i w_iᵀ + (m2 l1 / 6) Σ (e_i w_iᵀ + w_i e_iᵀ)
+
+    Args:
+        constants: of the model.
+        e: unit vectors in which the elbows move.
+        inverse: shape (3, 3), J_c⁻¹ [rad/m].
+        inertia: shape (3, 3), out [kg].
+    """
+    l1, m2 = constants[PROXIMAL], constants[DISTAL_MASS]
+    own, coupling = constants[HINGE_INERTIA] + m2 * l1 * l1 / 3.0, m2 * l1 / 6.0
+    for j in range(3):
+        for k in range(j, 3):
+            value = m2 + constants[PLATFORM_MASS] if j == k else 0.0
+            for i in range(3):
+                value += own * inverse[i, j] * inverse[i, k]
+                value += coupling * (e[i][j] * inverse[i, k] + inverse[i, j] * e[i][k])
+            inertia[j, k] = value
+            inertia[k, j] = value
+
+
+@compiled
+def gravity_torque(constants: FloatArray, e: Triad, jacobian: FloatArray, torque: FloatArray) -> None:
+    """τ_g = Tᵀ G, what holds the robot against gravity; equals τ_u of (15) without solving.
+
+    Half of each bar's and rod's weight acts at the elbow, the other half of the rods' with the platform's at the tool.
+
+    Args:
+        constants: of the model.
+        e: unit vectors in which the elbows move; their z3 is cos y_i.
+        jacobian: shape (3, 3), J_c [m/rad].
+        torque: shape (3,), out [N m].
+    """
+    m2, g = constants[DISTAL_MASS], constants[GRAVITY]
+    at_elbow = g * constants[PROXIMAL] * (constants[PROXIMAL_MASS] + m2) / 2.0
+    at_tool = g * (constants[PLATFORM_MASS] + 1.5 * m2)
+    for i in range(3):
+        torque[i] = -at_elbow * e[i][2] - at_tool * jacobian[2, i]

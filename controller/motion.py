@@ -1,0 +1,112 @@
+"""The motion under way: its announcement and the ring of its samples, filled in any order, read in one.
+
+Repeated, late or reordered samples change nothing: the first copy of each index counts.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.protocol.messages import Announce, Samples
+from controller.safety import COLUMNS, SampleCheck, Violation, rows_from_samples
+
+
+class MotionBuffer:
+    """Samples of the announced motion; allocated once.
+
+    Attributes:
+        announced: the motion, ``None`` when there is none.
+        received: contiguous samples received, all within their limits.
+        executed: samples executed.
+    """
+
+    def __init__(self, capacity: int, check: SampleCheck) -> None:
+        self.announced: Announce | None = None
+        self.received = 0
+        self.executed = 0
+        self._capacity = capacity
+        self._check = check
+        self._rows = np.zeros((capacity, COLUMNS))
+        self._present = np.zeros(capacity, dtype=np.bool_)
+        self._early = 0
+
+    def announce(self, motion: Announce) -> None:
+        """Start with an empty ring."""
+        self.announced = motion
+        self.received = self.executed = self._early = 0
+        self._present[:] = False
+
+    def clear(self) -> None:
+        """No motion any more."""
+        self.announced = None
+
+    def row(self, index: int) -> NDArray[np.float64]:
+        """Sample ``index``, shape (19,); a view that lasts until it is overwritten ``capacity`` samples later."""
+        row: NDArray[np.float64] = self._rows[index % self._capacity]
+        return row
+
+    def store(self, samples: Samples, reference: NDArray[np.float64]) -> Violation | None:
+        """Take samples in; those beyond the motion or the ring are left for the sender to repeat.
+
+        Args:
+            samples: of the announced motion.
+            reference: where the motion must start, shape (3,) [m].
+
+        Returns:
+            The first violation among the samples that became contiguous; they do not count as received.
+        """
+        motion = self.announced
+        if motion is None:
+            return None
+        first = max(samples.start, self.received)
+        # one place stays free, so that the row before the first new one is still there to be compared with
+        end = min(samples.start + len(samples.rows), motion.length, self.executed + self._capacity - 1)
+        if first >= end:
+            return None
+        self._write(first, samples.rows[first - samples.start : end - samples.start])
+        before = self.received
+        if first > before:
+            return None
+        ready = self._contiguous(end)
+        trouble = self._verify(before, ready, reference)
+        if trouble is None:
+            self.received = ready
+        return trouble
+
+    def _write(self, first: int, samples: NDArray[Any]) -> None:
+        rows = rows_from_samples(samples)
+        places = np.arange(first, first + len(rows)) % self._capacity
+        if first > self.received or self._early:
+            missing = ~self._present[places]
+            places, rows = places[missing], rows[missing]
+            self._present[places] = True
+            self._early += len(places)
+        self._rows[places] = rows
+
+    def _contiguous(self, end: int) -> int:
+        """How many samples are there without a gap, at least ``end``; forgets which of them came early."""
+        if self._early:
+            self._early -= self._forget(self.received, end)
+            while self._early and self._present[end % self._capacity]:
+                self._early -= self._forget(end, end + 1)
+                end += 1
+        return end
+
+    def _forget(self, first: int, end: int) -> int:
+        places = np.arange(first, end) % self._capacity
+        count = int(np.count_nonzero(self._present[places]))
+        self._present[places] = False
+        return count
+
+    def _verify(self, first: int, end: int, reference: NDArray[np.float64]) -> Violation | None:
+        rows = self._rows[np.arange(first, end) % self._capacity]
+        previous = self.row(first - 1) if first else None
+        trouble = self._check.rows(rows, previous)
+        if trouble is None and first == 0:
+            trouble = self._check.start(rows[0], reference)
+        if trouble is None and self.announced is not None and end == self.announced.length:
+            trouble = self._check.end(rows[-1])
+        return trouble

@@ -1,0 +1,25 @@
+"""The wire between the app and the controller; ``docs/protocol.md`` describes it for other languages."""
+
+from controller.protocol.layout import (
+    SAMPLE,
+    SAMPLES_PER_DATAGRAM,
+    VERSION,
+    CommandCode,
+    Flag,
+    Guard,
+    Kind,
+    MotionFlag,
+    Result,
+)
+
+__all__ = [
+    "SAMPLE",
+    "SAMPLES_PER_DATAGRAM",
+    "VERSION",
+    "CommandCode",
+    "Flag",
+    "Guard",
+    "Kind",
+    "MotionFlag",
+    "Result",
+]

@@ -1,0 +1,101 @@
+"""Sealing and opening datagrams: header, keyed tag, and which sequence numbers are still new."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+from enum import IntEnum, unique
+from typing import NamedTuple
+
+from controller.protocol.layout import HEADER, MAGIC, MAX_DATAGRAM, PAYLOADS, SAMPLE, TAG_SIZE, VERSION, Kind
+
+_HEADER = HEADER.struct
+_OVERHEAD = HEADER.size + TAG_SIZE
+_SIZES: dict[int, int] = {int(kind): layout.size for kind, layout in PAYLOADS.items()}
+_SAMPLES = int(Kind.SAMPLES)
+_WINDOW = 256
+"""Sequence numbers remembered behind the newest one; a datagram later than that is dropped and sent again anew."""
+
+
+@unique
+class Drop(IntEnum):
+    """Why a datagram was dropped; the telemetry counts each."""
+
+    SIZE = 0
+    VERSION = 1
+    TAG = 2
+    SESSION = 3
+    SEQUENCE = 4
+    CONTENT = 5
+
+
+class Opened(NamedTuple):
+    """A datagram whose tag is right."""
+
+    kind: int
+    session: int
+    sequence: int
+    payload: memoryview
+
+
+class Envelope:
+    """Seals and opens datagrams with one key."""
+
+    def __init__(self, key: bytes) -> None:
+        self._keyed = hashlib.blake2s(key=key, digest_size=TAG_SIZE)
+
+    def _tag(self, data: bytes | memoryview) -> bytes:
+        tag = self._keyed.copy()
+        tag.update(data)
+        return tag.digest()
+
+    def seal(self, kind: Kind, session: int, sequence: int, payload: bytes) -> bytes:
+        """A whole datagram: header, payload, tag over both."""
+        size = _OVERHEAD + len(payload)
+        body = _HEADER.pack(MAGIC, VERSION, kind, size, session, sequence) + payload
+        return body + self._tag(body)
+
+    def open(self, data: memoryview) -> Opened | Drop:
+        """Check size, magic, version, tag and the payload's size, in this order."""
+        length = len(data)
+        if not _OVERHEAD <= length <= MAX_DATAGRAM:
+            return Drop.SIZE
+        magic, version, kind, size, session, sequence = _HEADER.unpack_from(data)
+        if magic != MAGIC or size != length:
+            return Drop.SIZE
+        if version != VERSION:
+            return Drop.VERSION
+        if not hmac.compare_digest(self._tag(data[:-TAG_SIZE]), data[-TAG_SIZE:]):
+            return Drop.TAG
+        if not _payload_fits(kind, length - _OVERHEAD):
+            return Drop.CONTENT
+        return Opened(kind, session, sequence, data[HEADER.size : -TAG_SIZE])
+
+
+def _payload_fits(kind: int, size: int) -> bool:
+    fixed = _SIZES.get(kind)
+    if fixed is None:
+        return False
+    if kind == _SAMPLES:
+        return size > fixed and (size - fixed) % SAMPLE.itemsize == 0
+    return size == fixed
+
+
+class SequenceWindow:
+    """Accepts each sequence number once; reordering is fine as long as it is not too old."""
+
+    def __init__(self) -> None:
+        self._newest = 0
+        self._seen = 1
+
+    def accept(self, sequence: int) -> bool:
+        """Whether this number is new; it is remembered then."""
+        ahead = sequence - self._newest
+        if ahead > 0:
+            self._seen = ((self._seen << ahead) | 1) & ((1 << _WINDOW) - 1) if ahead < _WINDOW else 1
+            self._newest = sequence
+            return True
+        if ahead <= -_WINDOW or self._seen >> -ahead & 1:
+            return False
+        self._seen |= 1 << -ahead
+        return True

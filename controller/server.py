@@ -1,0 +1,256 @@
+"""The controller process: one loop that ticks with the plant and serves one client over UDP.
+
+Exchange with the drives, estimate, protect, law, limit (all in ``Supervisor.advance``), serve the socket, publish. The
+torque computed from the measurement of tick k is given to the drives with the exchange that brings tick k+1.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Final
+
+from controller.causes import Cause, explain
+from controller.door import Door, PortInUse
+from controller.law import TaskSpaceController
+from controller.model.constants import DeltaModel
+from controller.protocol.key import KEY_FILE, KeyFileError, load_key
+from controller.protocol.layout import COMMAND, HEARTBEAT, VERSION, CommandCode, Kind
+from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
+from controller.report import report
+from controller.safety import Limits, Violation, check_limits, default_limits
+from controller.settings import ControllerSettings
+from controller.states import State
+from controller.supervisor import Supervisor
+from hardware.interfaces import BusLost, Command, ServoBus
+from hardware.parameters import RobotParameters
+from hardware.table import TableSettings
+
+CONTROLLER_FILE = "controller.json"
+_NO_TORQUE = (0.0, 0.0, 0.0)
+_COMMANDS: Final = {int(code): code for code in CommandCode}
+_BRAKE: Final = Command(_NO_TORQUE, 0.0, brake=True, enable=False, busy=False)
+
+
+def serve(
+    bus: ServoBus,
+    parameters: RobotParameters,
+    settings: ControllerSettings,
+    run_directory: Path,
+    limits: Limits | None = None,
+) -> int:
+    """Run the controller until it is shut down, and leave the arm on its brakes.
+
+    Args:
+        bus: drives, gripper and sensors; closed at the end.
+        parameters: of the robot.
+        settings: of this process.
+        run_directory: holds the key file; ``controller.json`` is written there as soon as clients are welcome.
+        limits: of the protection; by default those of the robot and the default table.
+
+    Returns:
+        Exit status: 0 the arm rests on its brakes, 1 the drives were lost or the arm did not come to rest, 2 set-up.
+    """
+    limits = limits or default_limits(parameters, TableSettings())
+    try:
+        check_limits(limits)
+        key = load_key(run_directory / KEY_FILE)
+        law = TaskSpaceController(DeltaModel(parameters))
+        server = Server(bus, law, limits, settings, key, run_directory)
+    except (KeyFileError, PortInUse, ValueError) as error:
+        bus.close()
+        return _complain(f"the controller cannot start: {error}", 2)
+    with _ending_by_signal(server), _quiet_memory():
+        try:
+            server.run()
+        except BusLost as error:
+            return _complain(f"the controller ends because the drives are lost: {error}", 1)
+        finally:
+            server.close()
+    if server.supervisor.exhausted:
+        return _complain(f"the controller ends on its brakes: {explain(*server.supervisor.cause[:3])}", 1)
+    return 0
+
+
+class Server:
+    """Bus, supervisor and socket tied together by the loop.
+
+    Args:
+        bus: drives, gripper and sensors.
+        law: estimator and law.
+        limits: of the protection.
+        settings: of this process.
+        key: secret shared with the clients.
+        run_directory: where ``controller.json`` goes.
+
+    Raises:
+        PortInUse: the UDP port is taken.
+    """
+
+    def __init__(
+        self,
+        bus: ServoBus,
+        law: TaskSpaceController,
+        limits: Limits,
+        settings: ControllerSettings,
+        key: bytes,
+        run_directory: Path,
+    ) -> None:
+        self.supervisor = Supervisor(law, limits, settings, bus.period, bus.lockstep)
+        self.ending = False
+        self._bus = bus
+        self._settings = settings
+        self._file = run_directory / CONTROLLER_FILE
+        self._door = Door(settings.host, settings.port, key, settings.lease, self._welcome)
+        self._booted = False
+        self._alone_since = 0.0
+        self._ping = 0
+        self._echo = 0
+        self._published: object = None
+        self._published_tick = -1
+        self._published_at = 0.0
+
+    def run(self) -> None:
+        """The loop; returns when the arm rests on its brakes for good.
+
+        Raises:
+            BusLost: the drives no longer answer.
+        """
+        supervisor, bus, door = self.supervisor, self._bus, self._door
+        budget, handle = self._settings.datagrams_per_tick, self._handle
+        tick = -1
+        while not supervisor.finished:
+            ping = self._ping
+            if supervisor.may_exchange:
+                measurement = bus.exchange(supervisor.command())
+                if measurement.tick != tick:
+                    tick = measurement.tick
+                    supervisor.advance(measurement)
+                else:
+                    supervisor.measurement = measurement
+            else:
+                door.wait(1)
+            self._echo = ping
+            now = time.monotonic()
+            door.drain(now, budget, handle)
+            self._live(now)
+            self._publish(now, tick)
+        self._say_goodbye()
+
+    def close(self) -> None:
+        """Brakes, if the drives still answer; then give socket, file and bus up."""
+        self._file.unlink(missing_ok=True)
+        try:
+            self._bus.exchange(_BRAKE)
+        except BusLost:
+            pass  # the drives' own watchdog brakes
+        finally:
+            self._bus.close()
+            self._door.close()
+
+    def _live(self, now: float) -> None:
+        """What happens by itself: readiness, loss of the client, the end."""
+        supervisor, door = self.supervisor, self._door
+        if not self._booted:
+            self._booted, self._alone_since = self._ready(), now
+        if door.expire(now):
+            self._alone_since = now
+            supervisor.stop(Violation(Cause.CLIENT_LOST, door.silence(now), self._settings.lease))
+        if self.ending or not door.leased and now - self._alone_since > self._settings.linger:
+            supervisor.retire()
+
+    def _ready(self) -> bool:
+        """Tell clients where to find this process once the arm holds (or cannot, which the telemetry explains)."""
+        if self.supervisor.state is State.BOOT:
+            return False
+        host, port = self._door.address
+        content = {"host": host, "port": port, "pid": os.getpid(), "protocol": VERSION}
+        new = self._file.with_suffix(".new")
+        new.write_text(json.dumps(content) + "\n", encoding="utf-8")
+        new.replace(self._file)
+        gc.collect()
+        gc.freeze()
+        return True
+
+    def _welcome(self) -> bytes:
+        bus = self._bus
+        return Welcome(bus.period, self._settings.capacity, bus.lockstep, self.supervisor.last_motion).pack()
+
+    def _handle(self, kind: int, payload: memoryview) -> bool:
+        """Carry a client's datagram out; false where its content is impossible."""
+        if kind == Kind.SAMPLES:
+            samples = Samples.unpack(payload)
+            if samples is None:
+                return False
+            self.supervisor.take_samples(samples)
+        elif kind == Kind.HEARTBEAT:
+            (self._ping,) = HEARTBEAT.struct.unpack(payload)
+        elif kind == Kind.ANNOUNCE:
+            self.supervisor.announce(Announce.unpack(payload))
+        elif kind == Kind.COMMAND:
+            code = _COMMANDS.get(COMMAND.struct.unpack(payload)[0])
+            if code is None:
+                return False
+            self.supervisor.obey(code)
+        else:
+            return False
+        return True
+
+    def _publish(self, now: float, tick: int) -> None:
+        """Telemetry on every change, every so many ticks, and at least every so often in wall time."""
+        supervisor, settings = self.supervisor, self._settings
+        change = (supervisor.state, supervisor.ended, supervisor.may_exchange, supervisor.admitting, self._echo)
+        due = tick - self._published_tick >= settings.telemetry_ticks
+        if due or now - self._published_at >= settings.telemetry_interval or change != self._published:
+            self._published, self._published_tick, self._published_at = change, tick, now
+            self._door.send(Kind.TELEMETRY, self._telemetry().pack())
+
+    def _telemetry(self) -> Telemetry:
+        return report(self.supervisor, self._bus.lockstep, self._echo, self._door.dropped)
+
+    def _say_goodbye(self) -> None:
+        """Tell the client that the arm rests; some copies, as one may get lost."""
+        telemetry = self._telemetry().pack()
+        for _ in range(5):
+            self._door.send(Kind.TELEMETRY, telemetry)
+
+
+def _complain(sentence: str, status: int) -> int:
+    print(sentence, file=sys.stderr, flush=True)
+    return status
+
+
+@contextlib.contextmanager
+def _ending_by_signal(server: Server) -> Iterator[None]:
+    """SIGINT and SIGTERM have the effect of a shutdown (only the main thread may ask for that)."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def end(_number: int, _frame: FrameType | None) -> None:
+        server.ending = True
+
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def _quiet_memory() -> Iterator[None]:
+    """What was allocated before the loop is never looked at by the garbage collector (frozen once the arm holds)."""
+    try:
+        yield
+    finally:
+        gc.unfreeze()

@@ -1,0 +1,53 @@
+"""Settings of the controller process."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict, NonNegativeInt, PositiveFloat, PositiveInt
+
+
+class ControllerSettings(BaseModel):
+    """How the controller process listens, holds, stops and ends."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    host: str = "127.0.0.1"
+    """IPv4 address to listen at."""
+    port: NonNegativeInt = 0
+    """UDP port; 0 takes a free one, which is written to ``controller.json``."""
+    lease: PositiveFloat = 1.0
+    """Wall time of silence after which the client counts as lost [s]."""
+    linger: PositiveFloat = 30.0
+    """Wall time without a client after which the process ends on its own [s]; ``inf`` never."""
+    hold_stiffness: PositiveFloat = 4900.0
+    """k_p of each axis until the first motion sets its own: ω = 70 rad/s [1/s²]."""
+    hold_damping: PositiveFloat = 140.0
+    """k_v of each axis until the first motion sets its own: 2ω [1/s]."""
+    stop_stiffness: PositiveFloat = 400.0
+    """Least k_p of each axis during and after an own stop: ω = 20 rad/s, firm enough to rest, too soft to press
+    hard [1/s²]."""
+    stop_damping: PositiveFloat = 40.0
+    """Least k_v of each axis during and after an own stop [1/s]."""
+    stop_acceleration: PositiveFloat = 25.0
+    """Bound of the own stop [m/s²]; from 0.8 m/s it takes 57 ms and 27 mm."""
+    stop_jerk: PositiveFloat = 1000.0
+    """Bound of the own stop [m/s³]."""
+    capacity: PositiveInt = 8192
+    """Samples kept ahead [samples]: 7.2 s."""
+    max_lead: PositiveInt = 11364
+    """How far ahead a motion may be announced [ticks]: 10 s."""
+    max_length: PositiveInt = 1_000_000
+    """Longest motion [samples]: 15 minutes."""
+    boot_ticks: PositiveInt = 200
+    """How long the drives may take to come to rest, and then to enable [ticks]."""
+    brake_ticks: NonNegativeInt = 34
+    """How long the law goes on holding while the brakes close at the end [ticks]: 30 ms."""
+    rest_ticks: PositiveInt = 2300
+    """How long the arm may take to come to rest on its brakes at the end [ticks]: 2 s."""
+    rest_speed: PositiveFloat = 0.02
+    """A servomotor slower than this rests [rad/s]; one count of the encoder a tick is 0.0017 rad/s."""
+    telemetry_ticks: PositiveInt = 16
+    """Telemetry is sent every so many ticks while plant time runs."""
+    telemetry_interval: PositiveFloat = 0.020
+    """Telemetry is sent at least this often in wall time [s]."""
+    datagrams_per_tick: PositiveInt = 4
+    """Datagrams read in one tick, so that a flood cannot delay it."""

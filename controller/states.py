@@ -1,0 +1,95 @@
+"""States of the controller and the one table of their transitions."""
+
+from __future__ import annotations
+
+from enum import IntEnum, unique
+
+
+@unique
+class State(IntEnum):
+    """What the controller is doing; its number goes over the wire."""
+
+    BOOT = 0
+    """On the brakes: finding the arm's pose, waiting for enable, enabling."""
+    HOLD = 1
+    """Keeps its reference at rest; the only state that admits a motion."""
+    TRACK = 2
+    """A motion was admitted; follows its samples from their first tick on."""
+    STOPPING = 3
+    """Own jerk-limited stop along the direction of travel."""
+    FAULT = 4
+    """On the brakes until the fault is cleared."""
+    OFF = 5
+    """On the brakes for good; the process ends as soon as the arm rests."""
+
+
+@unique
+class Event(IntEnum):
+    """What can happen to the controller."""
+
+    ENABLED = 0
+    """The drives follow and the reference is the measured pose."""
+    ANNOUNCED = 1
+    """A motion was admitted."""
+    ENDED = 2
+    """The motion's last sample or its guard was reached, or it was refused before its start."""
+    STOP = 3
+    """Hold, stop, underrun, sample out of limits, client lost."""
+    TRIP = 4
+    """A limit that wants the brakes once the stop is over."""
+    AT_REST = 5
+    """The own stop is over."""
+    TRIPPED_AT_REST = 6
+    """The own stop is over and brakes are wanted."""
+    BREAK = 7
+    """Something that cannot be controlled any more: brakes at once."""
+    CLEAR = 8
+    """The fault was cleared by command."""
+    RETIRE = 9
+    """Shutdown, and nothing moves."""
+
+
+TRANSITIONS: dict[tuple[State, Event], State] = {
+    (State.BOOT, Event.ENABLED): State.HOLD,
+    (State.BOOT, Event.STOP): State.BOOT,
+    (State.BOOT, Event.BREAK): State.FAULT,
+    (State.BOOT, Event.RETIRE): State.OFF,
+    (State.HOLD, Event.ANNOUNCED): State.TRACK,
+    (State.HOLD, Event.STOP): State.HOLD,
+    (State.HOLD, Event.TRIP): State.FAULT,
+    (State.HOLD, Event.BREAK): State.FAULT,
+    (State.HOLD, Event.RETIRE): State.OFF,
+    (State.TRACK, Event.ENDED): State.HOLD,
+    (State.TRACK, Event.STOP): State.STOPPING,
+    (State.TRACK, Event.TRIP): State.STOPPING,
+    (State.TRACK, Event.BREAK): State.FAULT,
+    (State.STOPPING, Event.STOP): State.STOPPING,
+    (State.STOPPING, Event.TRIP): State.STOPPING,
+    (State.STOPPING, Event.AT_REST): State.HOLD,
+    (State.STOPPING, Event.TRIPPED_AT_REST): State.FAULT,
+    (State.STOPPING, Event.BREAK): State.FAULT,
+    (State.FAULT, Event.STOP): State.FAULT,
+    (State.FAULT, Event.TRIP): State.FAULT,
+    (State.FAULT, Event.BREAK): State.FAULT,
+    (State.FAULT, Event.CLEAR): State.BOOT,
+    (State.FAULT, Event.RETIRE): State.OFF,
+    (State.OFF, Event.STOP): State.OFF,
+    (State.OFF, Event.TRIP): State.OFF,
+    (State.OFF, Event.BREAK): State.OFF,
+    (State.OFF, Event.RETIRE): State.OFF,
+}
+"""Every foreseen pair of state and event."""
+
+BRAKED = frozenset({State.BOOT, State.FAULT, State.OFF})
+"""States in which the brakes are closed, so that there is nothing to stop."""
+
+
+def next_state(state: State, event: Event) -> tuple[State, bool]:
+    """Where an event leads, and whether the table foresees it.
+
+    An event the table does not foresee stops the arm; a state on the brakes stays as it is.
+    """
+    known = TRANSITIONS.get((state, event))
+    if known is not None:
+        return known, True
+    return (state if state in BRAKED else State.STOPPING), False

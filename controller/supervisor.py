@@ -1,0 +1,427 @@
+"""Between a measurement and a command: states, motion, reference, protection, law. Does no input or output itself.
+
+All of it is a function of ticks and messages, so that a run on a lockstep bus repeats exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.causes import Cause
+from controller.law import REFERENCE_SIZE, TaskSpaceController
+from controller.model.kinematics import Status
+from controller.motion import MotionBuffer
+from controller.protocol.layout import CommandCode, Guard, Result
+from controller.protocol.messages import Announce, Samples
+from controller.safety import (
+    DAMPING,
+    FINGER_VELOCITY,
+    POSITION,
+    STIFFNESS,
+    Limits,
+    SampleCheck,
+    Violation,
+    check_drives,
+    check_measurement,
+    check_tracking,
+    clamp_torque,
+)
+from controller.settings import ControllerSettings
+from controller.states import BRAKED, Event, State, next_state
+from controller.stopping import StopPath, plan_stop
+from hardware.interfaces import Command, DriveStatus, Measurement, Triple
+
+_NO_TORQUE: Triple = (0.0, 0.0, 0.0)
+_RATES = slice(3, 9)
+_ENABLED = int(DriveStatus.ENABLED)
+_NOTHING = Violation(Cause.NONE, 0.0, 0.0)
+
+
+class Ended(NamedTuple):
+    """How the last motion ended; ticks, measured tool point [m] and finger position [m] at the end."""
+
+    motion: int = 0
+    result: Result = Result.NONE
+    reason: Violation = _NOTHING
+    first_tick: int = 0
+    end_tick: int = 0
+    position: Triple = (0.0, 0.0, 0.0)
+    finger_position: float = 0.0
+
+
+class Supervisor:
+    """The controller without its bus and socket.
+
+    Attributes:
+        state: what it is doing.
+        cause: why it stopped or faulted last.
+        measurement: the last one.
+        torque: of the next exchange, within its limits [N m].
+        reference: (16,), what the law follows; see ``controller.law``.
+        finger_velocity: of the next exchange [m/s].
+        motion: the announced motion and its samples.
+        last_motion: highest motion id seen.
+        ended: how the last motion ended.
+        peak_torque: largest torque commanded in the present, else the last motion [N m].
+        peak_tactile: largest tactile force in the present, else the last motion [N].
+        clamped: ticks in which a torque was clamped.
+        admitting: no hold is in force.
+        awaiting: a FOLLOWED motion succeeded and the next one is not announced yet.
+        finished: the arm rests on its brakes for good.
+        exhausted: the arm did not come to rest on its brakes.
+    """
+
+    def __init__(
+        self, law: TaskSpaceController, limits: Limits, settings: ControllerSettings, period: float, lockstep: bool
+    ) -> None:
+        self.state = State.BOOT
+        self.cause = _NOTHING
+        self.measurement = Measurement(-1, _NO_TORQUE, _NO_TORQUE, 0.0, (0.0, 0.0), DriveStatus.OK)
+        self.torque = _NO_TORQUE
+        self.reference = np.zeros(REFERENCE_SIZE)
+        self.finger_velocity = 0.0
+        self.motion = MotionBuffer(settings.capacity, SampleCheck(limits, period))
+        self.last_motion = 0
+        self.ended = Ended()
+        self.peak_torque = self.peak_tactile = 0.0
+        self.clamped = 0
+        self.admitting = True
+        self.awaiting = False
+        self.finished = self.exhausted = False
+        self.law = law
+        self._limits = limits
+        self._settings = settings
+        self._period = period
+        self._lockstep = lockstep
+        self._armed = True
+        self._retiring = False
+        self._energised = False
+        self._since = -1
+        self._stop: StopPath | None = None
+        self._stop_tick = 0
+        self._reference_tick = 0
+        self._braked = True
+        self._trip = False
+
+    # what the loop asks
+
+    @property
+    def busy(self) -> bool:
+        """Whether plant time must go on: booting, a motion, a stop, the way to the end."""
+        state = self.state
+        if state is State.BOOT:
+            return self._armed
+        return state is State.TRACK or state is State.STOPPING or state is State.OFF or self.awaiting
+
+    @property
+    def may_exchange(self) -> bool:
+        """False on a lockstep bus while a due sample, or the motion after a FOLLOWED one, is not there yet."""
+        if not self._lockstep:
+            return True
+        motion = self.motion.announced
+        if motion is not None:
+            return self.measurement.tick + 1 - motion.first_tick < self.motion.received
+        return not self.awaiting
+
+    def command(self) -> Command:
+        """What to ask of the drives next."""
+        braked = self._braked
+        return Command(self.torque, self.finger_velocity, braked, self._energised or not braked, self.busy)
+
+    # one tick
+
+    def advance(self, measurement: Measurement) -> None:
+        """Take a new tick's measurement in: estimate, protect, refer, law, limit."""
+        if self._since < 0:
+            self._since = measurement.tick
+        self.measurement = measurement
+        trouble = check_measurement(measurement) or self._estimate(measurement)
+        state = self.state
+        if state is State.HOLD or state is State.TRACK or state is State.STOPPING:
+            self._control(measurement, trouble or check_drives(int(measurement.status)))
+        elif state is State.BOOT:
+            self._boot(measurement, trouble)
+        elif state is State.OFF:
+            self._switch_off(measurement, trouble)
+        self._retire_at_rest()
+
+    def _estimate(self, measurement: Measurement) -> Violation | None:
+        status = self.law.update(measurement.angle, measurement.velocity)
+        return None if status is Status.OK else Violation(Cause.MODEL, float(status), 0.0)
+
+    def _control(self, measurement: Measurement, trouble: Violation | None) -> None:
+        if trouble is not None:
+            self._break(trouble)
+            return
+        moving = self.state is not State.HOLD
+        if self.state is State.TRACK:
+            self._follow(measurement)
+        if self.state is State.STOPPING:
+            self._slow_down(measurement.tick)
+        self._reference_tick = measurement.tick
+        if not self._trip:
+            self._watch()
+        if not self._braked:
+            self._output(measurement.tactile)
+        if moving:
+            self._note_peaks(measurement.tactile)
+
+    def _follow(self, measurement: Measurement) -> None:
+        """Reference of this tick from the motion's sample; its guard or its end."""
+        buffer = self.motion
+        motion = buffer.announced
+        assert motion is not None
+        index = min(measurement.tick - motion.first_tick, motion.length - 1)
+        if index < 0:
+            return
+        if index >= buffer.received:
+            self.stop(Violation(Cause.UNDERRUN, float(index), float(buffer.received)))
+            return
+        row = buffer.row(index)
+        self.reference[:] = row[:REFERENCE_SIZE]
+        buffer.executed = index + 1
+        self.finger_velocity, guard, level = row[FINGER_VELOCITY:].tolist()
+        right, left = measurement.tactile
+        if guard == Guard.GRIP and right >= level and left >= level:
+            self._succeed(Result.GRIPPED)
+        elif index == motion.length - 1:
+            self._succeed(Result.DONE)
+
+    def _slow_down(self, tick: int) -> None:
+        """Reference of this tick from the own stop."""
+        stop = self._stop
+        assert stop is not None
+        time = (tick - self._stop_tick) * self._period
+        position, velocity, acceleration = stop.at(time)
+        self.reference[0:3], self.reference[3:6], self.reference[6:9] = position, velocity, acceleration
+        if time >= stop.duration:
+            self._stop = None
+            self._enter(Event.TRIPPED_AT_REST if self._trip else Event.AT_REST)
+
+    def _watch(self) -> None:
+        trouble = check_tracking(
+            self.law.state.position.tolist(), self.reference[POSITION].tolist(), self._limits.tracking
+        )
+        if trouble is not None:
+            self.stop(trouble, Event.TRIP)
+
+    def _output(self, tactile: tuple[float, float]) -> None:
+        """Law and limits: the torque of the next exchange."""
+        torque = self.law.torque(self.reference, tactile)
+        if not math.isfinite(torque[0] + torque[1] + torque[2]):
+            self._break(Violation(Cause.BAD_TORQUE, math.nan, 0.0))
+            return
+        limits = self._limits
+        self.torque, clamped = clamp_torque(torque, self.torque, limits.torque, limits.torque_rate)
+        self.clamped += clamped
+
+    def _note_peaks(self, tactile: tuple[float, float]) -> None:
+        a, b, c = self.torque
+        self.peak_torque = max(self.peak_torque, a, -a, b, -b, c, -c)
+        self.peak_tactile = max(self.peak_tactile, *tactile)
+
+    # on the brakes
+
+    def _boot(self, measurement: Measurement, trouble: Violation | None) -> None:
+        """Brakes until the arm rests and its pose is known, then enable, then hold where it is."""
+        waited, patience = measurement.tick - self._since, self._settings.boot_ticks
+        speed = _fastest(measurement)
+        if trouble is not None or speed > self._settings.rest_speed:
+            self._energised, self.torque = False, _NO_TORQUE
+            if waited > patience:
+                self._break(trouble or Violation(Cause.NOT_AT_REST, speed, float(patience)))
+            return
+        if not self._armed or not self._energised:
+            # a tick with the drives disabled comes first: it clears what their watchdog remembers
+            self._energised, self._since = self._armed and waited > 0, measurement.tick
+            return
+        self._hold_here()
+        self._output(measurement.tactile)
+        drives, status = check_drives(int(measurement.status)), int(measurement.status)
+        if drives is None and status & _ENABLED:
+            self._enter(Event.ENABLED)
+        elif waited > patience:
+            self._break(drives or Violation(Cause.NOT_ENABLED, float(status), float(patience)))
+
+    def _hold_here(self) -> None:
+        """Reference at rest where the tool is; gains of the settings."""
+        self.reference[:] = 0.0
+        self.reference[POSITION] = self.law.state.position
+        self.reference[STIFFNESS] = self._settings.hold_stiffness
+        self.reference[DAMPING] = self._settings.hold_damping
+
+    def _switch_off(self, measurement: Measurement, trouble: Violation | None) -> None:
+        """Goes on holding while the brakes close, then disables and waits for rest."""
+        waited, speed = measurement.tick - self._since, _fastest(measurement)
+        if self._energised and trouble is None and waited < self._settings.brake_ticks:
+            self._output(measurement.tactile)
+            return
+        self._energised, self.torque = False, _NO_TORQUE
+        if waited > self._settings.brake_ticks and speed <= self._settings.rest_speed:
+            self.finished = True
+        elif waited > self._settings.rest_ticks:
+            self.cause = Violation(Cause.NOT_AT_REST, speed, float(self._settings.rest_ticks))
+            self.finished = self.exhausted = True
+
+    # messages of the client
+
+    def announce(self, motion: Announce) -> None:
+        """Admit or refuse a motion; a repetition changes nothing."""
+        if motion.motion <= self.last_motion:
+            return
+        self.last_motion = motion.motion
+        refusal = self._refusal(motion)
+        if refusal is not None:
+            self._record(motion, Result.REFUSED, refusal)
+            return
+        self.motion.announce(motion)
+        self.cause = _NOTHING
+        self.peak_torque = self.peak_tactile = 0.0
+        self._enter(Event.ANNOUNCED)
+
+    def _refusal(self, motion: Announce) -> Violation | None:
+        tick = self.measurement.tick
+        current = self.motion.announced
+        if current is not None:
+            return Violation(Cause.OCCUPIED, current.motion, 0.0)
+        if self.state is not State.HOLD:
+            return Violation(Cause.NOT_HOLDING, self.state, State.HOLD)
+        if not self.admitting or self._retiring:
+            return Violation(Cause.SHUTDOWN if self._retiring else Cause.NOT_ADMITTED, 0.0, 0.0)
+        if not 1 <= motion.length <= self._settings.max_length:
+            return Violation(Cause.LENGTH, motion.length, self._settings.max_length)
+        if motion.first_tick <= tick:
+            return Violation(Cause.LATE, motion.first_tick, tick)
+        if motion.first_tick - tick > self._settings.max_lead:
+            return Violation(Cause.TOO_EARLY, motion.first_tick - tick, self._settings.max_lead)
+        return None
+
+    def take_samples(self, samples: Samples) -> None:
+        """Store samples of the announced motion; those of any other are stale and change nothing."""
+        motion = self.motion.announced
+        if motion is None or samples.motion != motion.motion:
+            return
+        trouble = self.motion.store(samples, self.reference[POSITION])
+        if trouble is None:
+            return
+        if self.motion.executed:
+            self.stop(trouble)
+            return
+        self._end(Result.REFUSED, trouble)
+        self._enter(Event.ENDED)
+
+    def obey(self, code: CommandCode) -> None:
+        """Carry a command out; repeating it changes nothing."""
+        if code is CommandCode.HOLD:
+            self.admitting = False
+            self.stop(Violation(Cause.HOLD_COMMAND, 0.0, 0.0))
+        elif code is CommandCode.STOP:
+            self.stop(Violation(Cause.STOP_COMMAND, 0.0, 0.0))
+        elif code is CommandCode.RESUME:
+            self.admitting = True
+        elif code is CommandCode.SHUTDOWN:
+            self.retire()
+        elif code is CommandCode.ENABLE and self.state is State.BOOT and not self._armed:
+            self._armed, self._since = True, self.measurement.tick
+        elif code is CommandCode.CLEAR_FAULT and self.state is State.FAULT:
+            self._armed = self._trip = False
+            self._enter(Event.CLEAR)
+
+    # stops and ends
+
+    def stop(self, cause: Violation, event: Event = Event.STOP) -> None:
+        """Drop the motion and come to rest along the direction of travel.
+
+        Args:
+            cause: why.
+            event: STOP to hold afterwards, TRIP to brake afterwards.
+        """
+        self._trip = self._trip or event is Event.TRIP
+        self.awaiting = False
+        if self.state in BRAKED:
+            return
+        self.cause = cause
+        if self.motion.announced is not None:
+            self._end(Result.STOPPED, cause)
+        self._enter(event)
+        self._soften()
+
+    def retire(self) -> None:
+        """Stop, then brakes for good."""
+        if self._retiring:
+            return
+        self._retiring = True
+        self.stop(Violation(Cause.SHUTDOWN, 0.0, 0.0))
+        self._retire_at_rest()
+
+    def _retire_at_rest(self) -> None:
+        if not self._retiring or self.state in (State.OFF, State.TRACK, State.STOPPING):
+            return
+        self._energised = self.state is State.HOLD
+        self._since = self.measurement.tick
+        self._enter(Event.RETIRE)
+
+    def _plan_stop(self) -> None:
+        settings = self._settings
+        r = self.reference
+        self._stop_tick = self._reference_tick
+        self._stop = plan_stop(r[0:3], r[3:6], r[6:9], settings.stop_acceleration, settings.stop_jerk)
+
+    def _soften(self) -> None:
+        """Gains firm enough to rest without a client; fingers may go on closing, not opening."""
+        settings, r = self._settings, self.reference
+        np.maximum(r[STIFFNESS], settings.stop_stiffness, out=r[STIFFNESS])
+        np.maximum(r[DAMPING], settings.stop_damping, out=r[DAMPING])
+        self.finger_velocity = min(0.0, self.finger_velocity)
+
+    def _break(self, cause: Violation) -> None:
+        """Brakes at once."""
+        if self.motion.announced is not None:
+            self._end(Result.STOPPED, cause)
+        self.awaiting = False
+        self.cause = cause
+        self._stop = None
+        self._energised, self.torque = False, _NO_TORQUE
+        self.finger_velocity = min(0.0, self.finger_velocity)
+        self._enter(Event.BREAK)
+
+    def _succeed(self, result: Result) -> None:
+        """The motion reached its end or its guard: the reference rests there, gains and fingers stay."""
+        motion = self.motion.announced
+        assert motion is not None
+        self.reference[_RATES] = 0.0
+        self._end(result, _NOTHING)
+        self.awaiting = motion.followed
+        self._enter(Event.ENDED)
+
+    def _end(self, result: Result, reason: Violation) -> None:
+        motion = self.motion.announced
+        assert motion is not None
+        self._record(motion, result, reason)
+        self.motion.clear()
+
+    def _record(self, motion: Announce, result: Result, reason: Violation) -> None:
+        x, y, z = self.law.state.position.tolist()
+        measured = self.measurement
+        self.ended = Ended(
+            motion.motion, result, reason, motion.first_tick, measured.tick, (x, y, z), measured.finger_position
+        )
+
+    def _enter(self, event: Event) -> None:
+        before = self.state
+        self.state, foreseen = next_state(before, event)
+        self._braked = self.state in BRAKED
+        if not foreseen:
+            self.cause = Violation(Cause.UNKNOWN_EVENT, float(event), float(before))
+        if self.state is State.STOPPING and self._stop is None:
+            self._plan_stop()
+        if self.state is State.FAULT:
+            self._energised, self.torque = False, _NO_TORQUE
+
+
+def _fastest(measurement: Measurement) -> float:
+    """Speed of the fastest servomotor [rad/s]."""
+    return max(abs(rate) for rate in measurement.velocity)

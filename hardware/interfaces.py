@@ -1,0 +1,159 @@
+"""Seams to the devices: few verbs, typed and frozen results. Simulated, fake and real devices implement these.
+
+Units are SI. Arms are numbered 1 to 3 as in the paper; triples are in that order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntFlag
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Triple = tuple[float, float, float]
+
+
+class HardwareError(Exception):
+    """A device failed or is not there; the message is one sentence with the next step."""
+
+
+class BusLost(HardwareError):
+    """The drives no longer answer."""
+
+
+class StaleFrame(HardwareError):
+    """A camera frame is older than its reader accepts."""
+
+    def __init__(self, age: float, limit: float) -> None:
+        super().__init__(
+            f"the newest camera frame is {age:.3f} s old, at most {limit:.3f} s is accepted: is the camera running?"
+        )
+        self.age = age
+        self.limit = limit
+
+
+class DriveStatus(IntFlag):
+    """What the drives say of themselves; also whether plant time stands still."""
+
+    OK = 0
+    ENABLED = 1
+    """Amplifiers follow the torque command."""
+    BRAKED = 2
+    """Power-off brakes are closed."""
+    SATURATED = 4
+    """A torque command was cut at the drive's peak in this tick."""
+    WATCHDOG = 8
+    """The drives braked because no command came; cleared by disabling and enabling."""
+    FAULT = 16
+    """A drive reports a fault of its own."""
+    STANDING = 32
+    """Plant time did not advance at this exchange (pace fast: all is at rest and nobody waits for time)."""
+    OVERSPEED = 64
+    """A servomotor exceeded its speed limit; the drives braked."""
+
+
+class Command(NamedTuple):
+    """What the controller asks of the drives for one tick."""
+
+    torque: Triple
+    """Servomotor torques u [N m]."""
+    finger_velocity: float
+    """Velocity of each finger, positive opening [m/s]."""
+    brake: bool
+    enable: bool
+    busy: bool
+    """The controller is not done: motion announced, stopping or homing. Keeps plant time going in pace fast."""
+
+
+class Measurement(NamedTuple):
+    """What the drives and sensors say at one tick."""
+
+    tick: int
+    """Counts periods of the motion board since the plant was switched on."""
+    angle: Triple
+    """Servomotor angles y = (q11, q21, q31) [rad], from the horizontal, positive down."""
+    velocity: Triple
+    """Servomotor velocities [rad/s]."""
+    finger_position: float
+    """z4: a pad's front edge from the tool centre, the same for both fingers [m]."""
+    tactile: tuple[float, float]
+    """Forces on the right (+z1) and left (-z1) pad [N], pressing positive."""
+    status: DriveStatus
+
+
+class ServoBus(Protocol):
+    """Drives, gripper and tactile sensors behind one exchange a tick. The plant is the clock."""
+
+    @property
+    def lockstep(self) -> bool:
+        """True where plant time waits for the next exchange, so that nothing can be late (pace fast)."""
+
+    @property
+    def period(self) -> float:
+        """Length of one tick [s]."""
+
+    def exchange(self, command: Command) -> Measurement:
+        """Hand over a command and block until the next tick's measurement.
+
+        Raises:
+            BusLost: the plant no longer answers.
+        """
+
+    def close(self) -> None:
+        """Give the drives up; they brake by themselves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Intrinsics:
+    """Pinhole camera: size [px], focal lengths and principal point [px]; no distortion."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    def matrix(self) -> NDArray[np.float64]:
+        """Camera matrix K, shape (3, 3) [px]."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One picture: colour (h, w, 3) uint8 RGB, depth (h, w) float32 [m] aligned to it, stamp of exposure [s]."""
+
+    colour: NDArray[np.uint8]
+    depth: NDArray[np.float32] | None
+    intrinsics: Intrinsics
+    stamp: float
+
+
+class Camera(Protocol):
+    """An RGB-D camera looking at the board."""
+
+    def read(self, max_age: float) -> Frame:
+        """The newest frame.
+
+        Args:
+            max_age: oldest acceptable exposure, counted back from now [s].
+
+        Raises:
+            StaleFrame: no frame that young is to be had.
+            HardwareError: the camera does not answer.
+        """
+
+    def close(self) -> None:
+        """Release the device."""
+
+
+class Clock(Protocol):
+    """Plant time: simulated in rig ``sim``, the wall clock in a lab."""
+
+    def now(self) -> float:
+        """Plant time [s]."""
+
+    def sleep(self, duration: float) -> None:
+        """Wait until ``duration`` [s] of plant time has passed."""

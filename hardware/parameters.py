@@ -1,0 +1,130 @@
+"""Parameters of the robot, read from one TOML file: geometry, inertia, friction, drives, gripper, pads.
+
+All values are SI. ``parameters.toml`` beside this module is the default set and says of each value where it comes
+from; a lab's own file has the same form.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt, ValidationError
+
+DEFAULT_FILE = Path(__file__).with_name("parameters.toml")
+
+
+class ParametersError(ValueError):
+    """A parameter file is missing, malformed or holds an impossible value; the message names file and field."""
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Geometry(_Frozen):
+    """Lengths of Table 1 [m]: l0, l1, l2, l3, l4 in this order."""
+
+    base_radius: PositiveFloat
+    proximal_length: PositiveFloat
+    distal_length: PositiveFloat
+    flange_radius: PositiveFloat
+    gripper_height: PositiveFloat
+
+
+class Inertia(_Frozen):
+    """Masses [kg] and the rotor's inertia about its axis [kg m²]."""
+
+    proximal_mass: PositiveFloat
+    distal_pair_mass: PositiveFloat
+    rotor_inertia: PositiveFloat
+    flange_mass: PositiveFloat
+    gripper_body_mass: PositiveFloat
+    finger_mass: PositiveFloat
+
+    @property
+    def moving_platform_mass(self) -> float:
+        """Everything that translates with the tool: flange, gripper body, both fingers [kg]."""
+        return self.flange_mass + self.gripper_body_mass + 2.0 * self.finger_mass
+
+
+class Friction(_Frozen):
+    """Friction of one servomotor shaft: viscous [N m s/rad] and Coulomb [N m]."""
+
+    viscous: float
+    coulomb: float
+
+
+class Drive(_Frozen):
+    """Servomotor and amplifier: torques [N m], encoder, speed limit [rad/s], tick [s], watchdog [ticks]."""
+
+    rated_torque: PositiveFloat
+    peak_torque: PositiveFloat
+    brake_torque: PositiveFloat
+    encoder_bits: PositiveInt
+    max_speed: PositiveFloat
+    tick: PositiveFloat
+    watchdog_ticks: PositiveInt
+
+
+class Gripper(_Frozen):
+    """Parallel gripper; positions are of one pad's front edge from the tool centre, forces of one finger."""
+
+    stroke: PositiveFloat
+    velocity_gain: PositiveFloat
+    max_force: PositiveFloat
+    max_speed: PositiveFloat
+    reflected_mass: PositiveFloat
+    coupling_stiffness: PositiveFloat
+
+
+class Pads(_Frozen):
+    """V-groove pads: half width and height of the groove [m], face angle [rad], back [m], friction coefficient."""
+
+    half_width: PositiveFloat
+    half_height: PositiveFloat
+    groove_angle: PositiveFloat
+    back: PositiveFloat
+    friction: PositiveFloat
+
+
+class Tactile(_Frozen):
+    """Tactile sensor: first-order bandwidth [rad/s]."""
+
+    bandwidth: PositiveFloat
+
+
+class RobotParameters(_Frozen):
+    """The whole parameter set of one robot."""
+
+    geometry: Geometry
+    inertia: Inertia
+    friction: Friction
+    drive: Drive
+    gripper: Gripper
+    pads: Pads
+    tactile: Tactile
+
+
+@cache
+def load_parameters(path: Path = DEFAULT_FILE) -> RobotParameters:
+    """Read a parameter file.
+
+    Args:
+        path: TOML file in the form of the default ``parameters.toml``.
+
+    Raises:
+        ParametersError: the file cannot be read, is no TOML, lacks a field, has an unknown one or an impossible value.
+    """
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+        return RobotParameters.model_validate(raw)
+    except OSError as error:
+        raise ParametersError(f"parameter file {path} cannot be read: {error.strerror}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ParametersError(f"parameter file {path} is not valid TOML: {error}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(str(part) for part in first["loc"])
+        raise ParametersError(f"parameter file {path}: {field}: {first['msg']} (compare {DEFAULT_FILE.name})") from error

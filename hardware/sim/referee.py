@@ -1,0 +1,45 @@
+"""The referee: the only door to the simulated world's ground truth.
+
+For tests, figures, records and the exit status. Nothing that chooses a move, a grasp or a motion may import this.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from hardware.sim import wire
+from hardware.sim.truth import PiecePose, Truth
+
+
+@dataclass(frozen=True, slots=True)
+class RunSpeed:
+    """Plant time run so far [s] and the wall time it took while ticks ran [s]."""
+
+    plant: float
+    wall: float
+
+    @property
+    def ratio(self) -> float:
+        """How many times faster than life."""
+        return self.plant / self.wall if self.wall > 0.0 else 0.0
+
+
+class Referee:
+    """Asks the world for the truth."""
+
+    def __init__(self, run_dir: Path) -> None:
+        """Connect to the world of a run directory."""
+        self._link, answer = wire.connect(run_dir, "referee")
+        self._period = float(answer["period"])
+
+    def look(self, reset_peak: bool = False) -> tuple[Truth, RunSpeed]:
+        """The world as it is; optionally start counting the peak contact force anew."""
+        answer = wire.ask(self._link, {"reset_peak": reset_peak})
+        speed = RunSpeed(answer.pop("ran_ticks") * self._period, answer.pop("ran_wall"))
+        pieces = tuple(PiecePose(*row) for row in answer.pop("pieces"))
+        return Truth(pieces=pieces, **answer), speed
+
+    def close(self) -> None:
+        """Let the world go."""
+        self._link.close()

@@ -1,0 +1,109 @@
+"""Renders the simulated cameras in a process of its own, so that pictures never hold up the plant's ticks.
+
+The world sends joint positions over an inherited socket; pictures go into a file in the run directory that the
+camera's client maps, and a short answer says which.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.interfaces import HardwareError, Intrinsics
+
+MODEL_FILE = "world.mjb"
+WIDTH, HEIGHT = 640, 480
+REQUEST = struct.Struct("<I8s?")
+"""Slot, name of the camera, depth wanted; the positions follow as float64."""
+REPLY = struct.Struct("<I")
+READY = b"ready"
+START_TIMEOUT = 60.0
+GL_REMEDY = (
+    "pictures need OpenGL through EGL, and it does not start here ({}): "
+    "install it with 'sudo apt-get install libegl1 libgl1-mesa-dri'"
+)
+
+
+def frame_bytes() -> int:
+    """Size of one stored frame: RGB, then depth as float32."""
+    return WIDTH * HEIGHT * 3 + WIDTH * HEIGHT * 4
+
+
+def frame_path(run_dir: Path, slot: int) -> Path:
+    """File into which a slot's frames are written."""
+    return run_dir / f"frame-{slot}.bin"
+
+
+def intrinsics_for(vertical_field_of_view: float) -> Intrinsics:
+    """Pinhole of a rendered frame; angle in rad."""
+    focal = 0.5 * HEIGHT / float(np.tan(0.5 * vertical_field_of_view))
+    return Intrinsics(WIDTH, HEIGHT, focal, focal, 0.5 * (WIDTH - 1), 0.5 * (HEIGHT - 1))
+
+
+class Renderer:
+    """The renderer process as the world sees it: send positions, later take the answer."""
+
+    def __init__(self, run_dir: Path) -> None:
+        """Start the process; call ``wait_ready`` before the first request."""
+        self._link, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        environment = {**os.environ, "MUJOCO_GL": "egl", "LP_NUM_THREADS": "1"}
+        with (run_dir / "renderer.log").open("wb") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "hardware.sim.drawing", str(run_dir), str(far.fileno())],
+                pass_fds=[far.fileno()], stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment,
+            )  # fmt: skip
+        far.close()
+        self._run_dir = run_dir
+        self._ready = False
+
+    def wait_ready(self) -> None:
+        """Block until the first picture could be drawn.
+
+        Raises:
+            HardwareError: there is no OpenGL here.
+        """
+        if self._ready:
+            return
+        self._link.settimeout(START_TIMEOUT)
+        try:
+            answer = self._link.recv(1024)
+        except OSError:
+            answer = b""
+        if answer != READY:
+            self.close()
+            lines = (self._run_dir / "renderer.log").read_text(errors="replace").strip().splitlines()
+            raise HardwareError(GL_REMEDY.format(lines[-1][:200] if lines else "no answer"))
+        self._ready = True
+
+    def request(self, slot: int, camera: str, depth: bool, positions: NDArray[np.float64]) -> None:
+        """Ask for a picture of the world at these joint positions."""
+        self.wait_ready()
+        self._link.send(REQUEST.pack(slot, camera.encode(), depth) + positions.tobytes())
+
+    def fileno(self) -> int:
+        """For polling."""
+        return self._link.fileno()
+
+    def take(self) -> int:
+        """Block for the next finished picture; its slot."""
+        message = self._link.recv(REPLY.size)
+        if not message:
+            raise HardwareError("the renderer has ended; renderer.log in the run directory says why")
+        slot: int = REPLY.unpack(message)[0]
+        return slot
+
+    def close(self) -> None:
+        """End the process."""
+        self._link.close()
+        try:
+            self._process.wait(5.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()

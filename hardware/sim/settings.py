@@ -1,0 +1,78 @@
+"""What a simulated world is made of; written by the app into the run directory, read by the world's process."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, NonNegativeFloat, NonNegativeInt, PositiveFloat, ValidationError
+
+from hardware.interfaces import HardwareError
+from hardware.parameters import DEFAULT_FILE
+from hardware.sim.scene import StandingPiece
+from hardware.table import PieceSpec, TableSettings
+
+FILE_NAME = "world.json"
+
+
+class Pace(StrEnum):
+    """How plant time goes."""
+
+    REAL = "real"
+    """By the wall clock."""
+    FAST = "fast"
+    """As fast as the processes can, standing still while all rests."""
+
+
+class WorldSettings(BaseModel):
+    """Settings of one simulated world."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    pieces: tuple[PieceSpec, ...]
+    home: tuple[float, float, float]
+    """Tool point at the start, base frame [m]."""
+    table: TableSettings = TableSettings()
+    parameters_file: Path = DEFAULT_FILE
+    pace: Pace = Pace.REAL
+    seed: NonNegativeInt = 0
+    linger: NonNegativeFloat = 30.0
+    """After the controller is lost, wait this long for another one [s, wall]."""
+    placement_sigma: NonNegativeFloat = 0.0007
+    """Pieces are set up by hand: standard deviation of their offset from the centre in x and y [m]."""
+    placement_limit: NonNegativeFloat = 0.002
+    """No offset is larger than this [m]."""
+    camera_latency: PositiveFloat = 0.060
+    """From exposure to delivery of a frame, plant time [s]."""
+    cameras: bool = True
+    """False: no renderer, and no OpenGL needed."""
+
+
+def load_settings(run_dir: Path) -> WorldSettings:
+    """Read the settings the app left in the run directory.
+
+    Raises:
+        HardwareError: they are missing or malformed.
+    """
+    path = run_dir / FILE_NAME
+    try:
+        return WorldSettings.model_validate_json(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise HardwareError(f"no world settings at {path}: start the world through 'touchmove demo'") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise HardwareError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+
+
+def stand_pieces(settings: WorldSettings) -> tuple[StandingPiece, ...]:
+    """Put every piece near the centre of its place, off by a human amount, turned at random; decided by the seed."""
+    rng = np.random.default_rng(settings.seed)
+    standing = []
+    for spec in settings.pieces:
+        x, y = settings.table.xy(spec.place)
+        offset = rng.normal(0.0, settings.placement_sigma, 2) if settings.placement_sigma else np.zeros(2)
+        offset = offset.clip(-settings.placement_limit, settings.placement_limit)
+        yaw = float(rng.uniform(-np.pi, np.pi))
+        standing.append(StandingPiece(spec, x + float(offset[0]), y + float(offset[1]), yaw))
+    return tuple(standing)

@@ -1,0 +1,32 @@
+"""What is really so in the simulated world: for the referee alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class PiecePose:
+    """True pose of a piece: centre of its foot in the board frame [m], tilt from upright [rad]."""
+
+    name: str
+    x: float
+    y: float
+    z: float
+    tilt: float
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What only the referee sees."""
+
+    tick: int
+    pieces: tuple[PiecePose, ...]
+    peak_contact_force: float
+    """Largest single contact force on deck or tool since the last reset of the peak [N]."""
+    closure_error: float
+    """Largest gap of a closed loop now [m]."""
+    arm_speed: float
+    """Fastest joint of arm and gripper [rad/s, m/s]."""
+    state_sha256: str
+    """Digest of all positions and velocities."""

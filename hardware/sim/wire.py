@@ -1,0 +1,119 @@
+"""Messages between the world's process and its clients, over a Unix socket in the run directory.
+
+The socket keeps message borders (SEQPACKET). A client's first message is JSON with its role; servo messages are then
+packed structs, all others JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import struct
+import time
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+from hardware.interfaces import Command, DriveStatus, HardwareError, Measurement
+
+SOCKET_NAME = "world.sock"
+FRAME_FILE = "frame-{}.bin"
+LARGEST_MESSAGE = 1 << 16
+
+COMMAND = struct.Struct("<4dB")
+MEASUREMENT = struct.Struct("<Q9dI")
+GOODBYE = b"bye"
+
+_BRAKE, _ENABLE, _BUSY = 1, 2, 4
+
+
+class Hello(BaseModel):
+    """First message of a client."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    role: str
+
+
+def pack_command(command: Command) -> bytes:
+    """A command as sent by the servo client."""
+    flags = _BRAKE * command.brake + _ENABLE * command.enable + _BUSY * command.busy
+    return COMMAND.pack(*command.torque, command.finger_velocity, flags)
+
+
+def unpack_command(message: bytes) -> Command:
+    """Inverse of ``pack_command``.
+
+    Raises:
+        ValueError: the message has another size.
+    """
+    if len(message) != COMMAND.size:
+        raise ValueError(f"a servo command has {COMMAND.size} bytes, this message {len(message)}")
+    u1, u2, u3, finger, flags = COMMAND.unpack(message)
+    return Command((u1, u2, u3), finger, bool(flags & _BRAKE), bool(flags & _ENABLE), bool(flags & _BUSY))
+
+
+def pack_measurement(m: Measurement) -> bytes:
+    """A measurement as sent by the world."""
+    return MEASUREMENT.pack(m.tick, *m.angle, *m.velocity, m.finger_position, *m.tactile, m.status)
+
+
+def unpack_measurement(message: bytes) -> Measurement:
+    """Inverse of ``pack_measurement``."""
+    tick, a1, a2, a3, w1, w2, w3, finger, right, left, status = MEASUREMENT.unpack(message)
+    return Measurement(tick, (a1, a2, a3), (w1, w2, w3), finger, (right, left), DriveStatus(status))
+
+
+def connect(run_dir: Path, role: str, timeout: float = 30.0) -> tuple[socket.socket, dict[str, Any]]:
+    """Connect to the world and say who we are; waits for a world that is still starting.
+
+    Returns:
+        The socket and the world's answer (pace, period, …).
+
+    Raises:
+        HardwareError: no world answers in time, or it refuses the role.
+    """
+    path = run_dir / SOCKET_NAME
+    deadline = time.monotonic() + timeout
+    link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    while True:
+        try:
+            link.connect(str(path))
+            break
+        except (FileNotFoundError, ConnectionRefusedError) as error:
+            if time.monotonic() > deadline:
+                link.close()
+                raise HardwareError(
+                    f"no world answers at {path} after {timeout:.0f} s: is it running? Its log is beside the socket."
+                ) from error
+            time.sleep(0.02)
+    link.settimeout(timeout)
+    link.send(json.dumps({"role": role}).encode())
+    try:
+        answer = json.loads(link.recv(LARGEST_MESSAGE) or b'{"error": "it closed the connection"}')
+    except OSError as error:
+        link.close()
+        raise HardwareError(f"the world does not answer as {role}: {error}") from error
+    if "error" in answer:
+        link.close()
+        raise HardwareError(f"the world refuses the role {role}: {answer['error']}")
+    return link, answer
+
+
+def ask(link: socket.socket, request: dict[str, Any]) -> dict[str, Any]:
+    """One JSON question and its answer.
+
+    Raises:
+        HardwareError: the world is gone or refuses the question.
+    """
+    try:
+        link.send(json.dumps(request).encode())
+        message = link.recv(LARGEST_MESSAGE)
+    except OSError as error:
+        raise HardwareError(f"the world does not answer: {error}") from error
+    if not message:
+        raise HardwareError("the world has ended; its log is in the run directory")
+    answer: dict[str, Any] = json.loads(message)
+    if "error" in answer:
+        raise HardwareError(f"the world refuses: {answer['error']}")
+    return answer

@@ -1,0 +1,203 @@
+"""A plant for the controller's tests, and a controller that ticks with it in a thread."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from controller.client import ControllerClient
+from controller.law import TaskSpaceController
+from controller.model.constants import DeltaModel
+from controller.model.reach import posture_at
+from controller.protocol import SAMPLE, Guard
+from controller.protocol.key import KEY_FILE, create_key
+from controller.safety import Limits
+from controller.server import CONTROLLER_FILE, serve
+from controller.settings import ControllerSettings
+from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Triple
+from hardware.parameters import RobotParameters, load_parameters
+
+HOME = (0.0, 0.0, 0.35)
+
+
+class FakeBus:
+    """A frictionless arm (no Coriolis terms) behind a bus; a lockstep bus stands when nobody is busy.
+
+    Attributes:
+        log: every new tick's measurement with the command that led to it.
+        object_at: finger position at which the fingers meet an object [m].
+        jammed: the arm cannot move.
+        lost: the next exchange raises BusLost.
+        status: added to the drives' status.
+    """
+
+    def __init__(self, parameters: RobotParameters, lockstep: bool = True, point: Triple = HOME) -> None:
+        self.lockstep = lockstep
+        self.period = parameters.drive.tick
+        self.log: list[tuple[Measurement, Command]] = []
+        self.object_at = 0.0
+        self.jammed = self.lost = self.closed = False
+        self.status = DriveStatus.OK
+        self.unpowered = False
+        self.hurry = 1.0
+        self.on_tick: Callable[[int], None] = lambda tick: None
+        self._parameters = parameters
+        model = DeltaModel(parameters)
+        self._body = TaskSpaceController(model)
+        self._angle = posture_at(model, np.array(point)).y
+        self._rate = np.zeros(3)
+        self._finger = parameters.gripper.stroke
+        self._tactile = (0.0, 0.0)
+        self._tick = 1000
+        self._next = time.monotonic()
+        self.last = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=False, busy=True)
+
+    @property
+    def rate(self) -> NDArray[np.float64]:
+        """Servomotor velocities [rad/s]."""
+        return self._rate
+
+    def exchange(self, command: Command) -> Measurement:
+        """One tick, or none if all stands."""
+        if self.lost or self.closed:
+            raise BusLost("the plant has ended: start it again")
+        self.last = command
+        if self.lockstep and not command.busy and np.abs(self._rate).max() < 1e-3:
+            time.sleep(0.0005)
+            return self._measure(command, DriveStatus.STANDING)
+        self._pace()
+        self._move(command)
+        self._tick += 1
+        self.on_tick(self._tick)
+        measurement = self._measure(command, DriveStatus.OK)
+        self.log.append((measurement, command))
+        return measurement
+
+    def close(self) -> None:
+        """No exchange after this."""
+        self.closed = True
+
+    def _pace(self) -> None:
+        if not self.lockstep:
+            self._next = max(self._next + self.period / self.hurry, time.monotonic() - 0.01)
+            time.sleep(max(0.0, self._next - time.monotonic()))
+
+    def _move(self, command: Command) -> None:
+        if command.brake or self.jammed or not command.enable:
+            self._rate[:] = 0.0
+        else:
+            body = self._body
+            assert body.update(_triple(self._angle), _triple(self._rate)) == 0
+            torque = np.clip(command.torque, -8.4, 8.4)
+            self._rate = self._rate + self.period * np.linalg.solve(body.state.inertia, torque - body.state.gravity)
+            self._angle = self._angle + self.period * self._rate
+        gripper = self._parameters.gripper
+        wanted = self._finger + self.period * command.finger_velocity
+        self._finger = float(np.clip(wanted, self.object_at, gripper.stroke))
+        force = gripper.velocity_gain * max(0.0, -command.finger_velocity) if wanted < self.object_at else 0.0
+        self._tactile = (force, force)
+
+    def _measure(self, command: Command, status: DriveStatus) -> Measurement:
+        status |= self.status
+        if command.enable and not self.unpowered:
+            status |= DriveStatus.ENABLED
+        if command.brake:
+            status |= DriveStatus.BRAKED
+        angle, rate = _triple(self._angle), _triple(self._rate)
+        return Measurement(self._tick, angle, rate, self._finger, self._tactile, status)
+
+
+class Running:
+    """A controller in a thread, with its bus and run directory."""
+
+    def __init__(self, bus: FakeBus, directory: Path, settings: ControllerSettings, limits: Limits | None) -> None:
+        self.bus = bus
+        self.directory = directory
+        self.status: int | None = None
+        self.error: BaseException | None = None
+        self._arguments = (bus, load_parameters(), settings, directory, limits)
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+        wait_until(lambda: (directory / CONTROLLER_FILE).exists() or not self._thread.is_alive())
+
+    def client(self, **options: Any) -> ControllerClient:
+        """A client of it, not connected."""
+        return ControllerClient.from_run_directory(self.directory, **options)
+
+    def join(self, timeout: float = 5.0) -> int | None:
+        """Wait for its end; the exit status."""
+        self._thread.join(timeout)
+        assert not self._thread.is_alive(), "the controller did not end"
+        return self.status
+
+    def kill(self) -> None:
+        """Take its drives away."""
+        self.bus.lost = True
+        self._thread.join(5.0)
+
+    def _run(self) -> None:
+        try:
+            self.status = serve(*self._arguments)
+        except BaseException as error:
+            self.error = error
+
+
+Launch = Callable[..., Running]
+
+
+@pytest.fixture
+def launch(tmp_path: Path) -> Iterator[Launch]:
+    """Starts controllers, each in a run directory of its own; ends them all."""
+    started: list[Running] = []
+
+    def start(bus: FakeBus | None = None, limits: Limits | None = None, **settings: Any) -> Running:
+        directory = tmp_path / f"run{len(started)}"
+        directory.mkdir(mode=0o700)
+        create_key(directory / KEY_FILE)
+        started.append(
+            Running(bus or FakeBus(load_parameters()), directory, ControllerSettings(**settings), limits),
+        )
+        return started[-1]
+
+    yield start
+    for running in started:
+        running.kill()
+
+
+def wait_until(condition: Callable[[], bool], timeout: float = 5.0) -> None:
+    """Wait for something that another thread does."""
+    end = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.002)
+
+
+def line(start: Triple, end: Triple, ticks: int, period: float = 0.00088) -> NDArray[Any]:
+    """A straight minimum-jerk motion, sampled once a tick, (ticks + 1,) samples of type SAMPLE."""
+    t = np.linspace(0.0, 1.0, ticks + 1)[:, None]
+    way, duration = np.subtract(end, start), ticks * period
+    samples = np.zeros(ticks + 1, dtype=SAMPLE)
+    samples["position"] = np.asarray(start) + way * (10 * t**3 - 15 * t**4 + 6 * t**5)
+    samples["velocity"] = way * (30 * t**2 - 60 * t**3 + 30 * t**4) / duration
+    samples["acceleration"] = way * (60 * t - 180 * t**2 + 120 * t**3) / duration**2
+    samples["stiffness"], samples["damping"] = 4900.0, 140.0
+    return samples
+
+
+def grip(point: Triple, ticks: int, velocity: float = -0.025, level: float = 3.0) -> NDArray[Any]:
+    """Stand still and close the fingers until both pads feel ``level`` [N]."""
+    samples = line(point, point, ticks)
+    samples["finger_velocity"], samples["guard"], samples["guard_level"] = velocity, Guard.GRIP, level
+    return samples
+
+
+def _triple(values: NDArray[np.float64]) -> Triple:
+    a, b, c = values.tolist()
+    return a, b, c

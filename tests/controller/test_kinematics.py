@@ -1,0 +1,298 @@
+"""Kinematics: laws before samples, every derivative against one taken numerically."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from controller.model.compiled import FloatArray
+from controller.model.constants import DISTAL, DeltaModel
+from controller.model.kinematics import (
+    MAX_ITERATIONS,
+    TOLERANCE,
+    Status,
+    arm_directions,
+    control_jacobian,
+    forward_kinematics,
+    forward_kinematics_closed,
+    inverse_kinematics,
+    joint_rates,
+    newton_step,
+    spheres_meet,
+)
+from controller.model.reach import Posture, Unreachable, posture_at, tool_point_at
+from hardware.parameters import load_parameters
+
+MODEL = DeltaModel(load_parameters())
+COMPLEX_STEP = 1e-30
+
+
+def workspace() -> list[FloatArray]:
+    """Points over the reach of the tool, from the centre to where J_c has a condition number of about 7."""
+    around = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False) + 0.1
+    return [
+        np.array([radius * np.cos(phi), radius * np.sin(phi), depth])
+        for depth in (0.35, 0.40, 0.45, 0.50)
+        for radius in (0.0, 0.08, 0.16, 0.24, 0.28)
+        for phi in around
+    ]
+
+
+def psi(arm: int, q1: complex, q2: complex, q3: complex) -> np.ndarray:
+    """(1) as printed, with the arm's rotation; takes complex angles."""
+    g = MODEL.parameters.geometry
+    turn = (0.0, -2.0 * np.pi / 3.0, 2.0 * np.pi / 3.0)[arm]
+    rotation = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    l0, l1, l2, l3, l4 = g.base_radius, g.proximal_length, g.distal_length, g.flange_radius, g.gripper_height
+    local = [
+        l2 * np.sin(q2) * np.sin(q3),
+        l0 - l3 + l1 * np.cos(q1) + l2 * np.cos(q2),
+        l4 + l1 * np.sin(q1) + l2 * np.sin(q2) * np.cos(q3),
+    ]
+    return rotation @ np.array(local)
+
+
+def constraint(y: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """(3) in the order of (6)."""
+    tips = [psi(arm, y[arm], x[2 * arm], x[2 * arm + 1]) for arm in range(3)]
+    return np.concatenate([tips[0] - tips[1], tips[0] - tips[2]])
+
+
+def complex_step(function, at: FloatArray) -> FloatArray:
+    """Jacobian of a function that takes complex arguments, exact to rounding."""
+    unit = np.eye(at.size)
+    columns = [np.imag(function(at + 1j * COMPLEX_STEP * u)) / COMPLEX_STEP for u in unit]
+    return np.stack(columns, axis=1)
+
+
+def jacobians(y: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """J_c and J_c⁻¹ of a pose that must be regular."""
+    jacobian, inverse = np.empty((3, 3)), np.empty((3, 3))
+    d, e = arm_directions(MODEL.constants, y, tuple(z.tolist()))
+    status, _, _ = control_jacobian(MODEL.constants, d, e, jacobian, inverse)
+    assert status == Status.OK
+    return jacobian, inverse
+
+
+@pytest.mark.parametrize("arm", [0, 1, 2])
+def test_all_arms_meet_at_the_tool_point_of_eq_1(arm: int) -> None:
+    for z in workspace():
+        y, x = posture_at(MODEL, z)
+        np.testing.assert_allclose(psi(arm, y[arm], x[2 * arm], x[2 * arm + 1]), z, rtol=0, atol=1e-14)
+
+
+def test_forward_after_inverse_is_the_identity() -> None:
+    for z in workspace():
+        y, x = posture_at(MODEL, z)
+        np.testing.assert_allclose(tool_point_at(MODEL, y), z, rtol=0, atol=1e-10)
+        start = x + np.array([0.02, -0.03, 0.01, 0.04, -0.02, 0.03])
+        status, _ = forward_kinematics(MODEL.constants, y, start)
+        assert status == Status.OK
+        np.testing.assert_allclose(psi(0, y[0], start[0], start[1]), z, rtol=0, atol=1e-10)
+
+
+def test_inverse_after_forward_is_the_identity() -> None:
+    angles = np.linspace(-0.3, 1.3, 7)
+    checked = 0
+    for y in (np.array([a, b, c]) for a in angles for b in angles for c in angles):
+        status, z = spheres_meet(MODEL.constants, *y)
+        if status != Status.OK:
+            continue
+        d, e = arm_directions(MODEL.constants, y, z)
+        regular, _, transmission = control_jacobian(MODEL.constants, d, e, np.empty((3, 3)), np.empty((3, 3)))
+        if regular != Status.OK or transmission < 0.1:
+            continue  # an arm stretched or folded inward is not on the outward branch
+        checked += 1
+        np.testing.assert_allclose(posture_at(MODEL, np.array(z)).y, y, rtol=0, atol=1e-10)
+    assert checked > 250
+
+
+def test_newton_agrees_with_the_closed_form() -> None:
+    for z in workspace():
+        y, x = posture_at(MODEL, z)
+        closed, newton = np.empty(6), x + 0.05
+        assert forward_kinematics_closed(MODEL.constants, y, closed) == Status.OK
+        assert forward_kinematics(MODEL.constants, y, newton)[0] == Status.OK
+        np.testing.assert_allclose(newton, closed, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(closed, x, rtol=0, atol=1e-10)
+
+
+def test_newton_step_is_the_step_of_eq_7() -> None:
+    shift = np.array([0.05, -0.04, 0.03, 0.06, -0.02, 0.05])
+    for z in workspace():
+        y, x = posture_at(MODEL, z)
+        start = x + shift
+        h_x = complex_step(lambda w, y=y: constraint(y, w), start)
+        expected = start + np.linalg.solve(h_x, -constraint(y, start))
+        stepped = start.copy()
+        status, residual = newton_step(MODEL.constants, y, stepped)
+        assert status == Status.OK
+        assert residual == pytest.approx(np.abs(constraint(y, start)).max(), abs=1e-15)
+        np.testing.assert_allclose(stepped, expected, rtol=0, atol=1e-12)
+
+
+def test_newton_converges_quadratically() -> None:
+    y, x = posture_at(MODEL, np.array([0.1, -0.05, 0.45]))
+    x += 0.1
+    residuals = []
+    while not residuals or residuals[-1] > TOLERANCE:
+        residuals.append(newton_step(MODEL.constants, y, x)[1])
+    orders = [np.log(b) / np.log(a) for a, b in pairwise(residuals[1:]) if b > 1e-15]
+    assert len(residuals) <= 6
+    assert min(orders) > 1.5
+
+
+def test_warm_start_takes_at_most_two_steps_at_the_practical_top_speed() -> None:
+    y, x = posture_at(MODEL, np.array([0.15, 0.0, 0.45]))
+    tick, most = MODEL.parameters.drive.tick, 0
+    for k in range(300):
+        y = y + 5.0 * tick * np.cos(0.05 * k + np.array([0.0, 2.0, 4.0]))
+        status, steps = forward_kinematics(MODEL.constants, y, x)
+        assert status == Status.OK
+        most = max(most, steps)
+    assert most == 2
+
+
+def test_a_solved_posture_needs_no_step() -> None:
+    y, x = posture_at(MODEL, np.array([0.0, 0.0, 0.45]))
+    assert forward_kinematics(MODEL.constants, y, x.copy()) == (Status.OK, 0)
+
+
+def test_elbows_point_outward() -> None:
+    for z in workspace():
+        y, _ = posture_at(MODEL, z)
+        d, e = arm_directions(MODEL.constants, y, tuple(z.tolist()))
+        assert min(np.dot(d[i], e[i]) for i in range(3)) > 0.0
+        np.testing.assert_allclose([np.linalg.norm(d[i]) for i in range(3)], 1.0, atol=1e-12)
+
+
+def test_arm_1_lies_along_y_and_arm_2_towards_positive_x() -> None:
+    base = posture_at(MODEL, np.array([0.0, 0.0, 0.45])).y
+    assert posture_at(MODEL, np.array([0.0, -0.05, 0.45])).y[0] > base[0]  # left behind, arm 1 swings in and down
+    assert np.argmax(posture_at(MODEL, np.array([-0.05, 0.0, 0.45])).y) == 1
+
+
+def test_control_jacobian_is_eq_13_and_its_inverse_is_the_inverse() -> None:
+    for z in workspace():
+        y, x = posture_at(MODEL, z)
+        jacobian, inverse = jacobians(y, z)
+        h_x = complex_step(lambda w, y=y: constraint(y, w), x)
+        h_y = complex_step(lambda w, x=x: constraint(w, x), y)
+        g_y = -np.linalg.solve(h_x, h_y)
+        psi_x = complex_step(lambda w, y=y: psi(0, y[0], w[0], w[1]), x)
+        psi_y = complex_step(lambda w, x=x: psi(0, w[0], x[0], x[1]), y)
+        np.testing.assert_allclose(jacobian, psi_x @ g_y + psi_y, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(jacobian @ inverse, np.eye(3), rtol=0, atol=1e-12)
+        rates = np.empty((6, 3))
+        joint_rates(MODEL.constants, y, x, jacobian, rates)
+        np.testing.assert_allclose(rates, g_y, rtol=0, atol=1e-11)
+
+
+def test_control_jacobian_against_finite_differences_of_the_closed_form() -> None:
+    step = 1e-5
+    for z in workspace()[::5]:
+        y, _ = posture_at(MODEL, z)
+        jacobian, _ = jacobians(y, z)
+        columns = [
+            (tool_point_at(MODEL, y + step * u) - tool_point_at(MODEL, y - step * u)) / (2 * step) for u in np.eye(3)
+        ]
+        np.testing.assert_allclose(jacobian, np.stack(columns, axis=1), rtol=0, atol=2e-7)
+
+
+def test_reach_matches_the_table_of_condition_numbers() -> None:
+    """The worst condition number on circles, known from a separate computation."""
+    for depth, radius, known in [(0.35, 0.10, 1.5), (0.40, 0.20, 1.9), (0.45, 0.25, 2.8), (0.50, 0.20, 2.6)]:
+        worst = 0.0
+        for phi in np.linspace(0.0, 2.0 * np.pi, 72):
+            z = np.array([radius * np.cos(phi), radius * np.sin(phi), depth])
+            worst = max(worst, float(np.linalg.cond(jacobians(posture_at(MODEL, z).y, z)[0])))
+        assert worst == pytest.approx(known, abs=0.06)
+
+
+def test_newton_reports_a_singular_pose() -> None:
+    y, x = np.zeros(3), np.array([np.pi, 0.0, np.pi, 0.0, np.pi, 0.0])  # rods along the arms: sin q2 = 0
+    assert forward_kinematics(MODEL.constants, y, x)[0] == Status.SINGULAR
+    x = np.full(6, np.pi / 2)  # rods in one plane with the base
+    assert forward_kinematics(MODEL.constants, y, x)[0] == Status.SINGULAR
+
+
+def test_newton_gives_up_where_the_chain_cannot_close() -> None:
+    _, x = posture_at(MODEL, np.array([0.0, 0.0, 0.45]))
+    apart = np.array([-2.5, -1.0, 0.0])
+    assert forward_kinematics_closed(MODEL.constants, apart, np.empty(6)) == Status.UNREACHABLE
+    assert forward_kinematics(MODEL.constants, apart, x)[0] in (Status.NOT_CONVERGED, Status.SINGULAR)
+    _, x = posture_at(MODEL, np.array([0.0, 0.0, 0.45]))
+    status, steps = forward_kinematics(MODEL.constants, np.full(3, np.nan), x)
+    assert (status, steps) == (Status.NOT_CONVERGED, MAX_ITERATIONS)
+
+
+def test_jacobian_reports_the_wrong_side_and_stretched_arms() -> None:
+    y = np.full(3, np.pi / 2)  # arms straight down, tool pulled up between them
+    above = (0.0, 0.0, 0.275 - np.sqrt(0.4**2 - 0.1088**2))
+    d, e = arm_directions(MODEL.constants, y, above)
+    status, volume, transmission = control_jacobian(MODEL.constants, d, e, np.empty((3, 3)), np.empty((3, 3)))
+    assert status == Status.SINGULAR
+    assert volume < -0.1
+    assert transmission > 0.1
+    stretched = np.array([0.0, 0.0, 0.075 + np.sqrt(0.6**2 - 0.1088**2) - 1e-6])
+    y, _ = posture_at(MODEL, stretched)
+    d, e = arm_directions(MODEL.constants, y, tuple(stretched.tolist()))
+    status, _, transmission = control_jacobian(MODEL.constants, d, e, np.empty((3, 3)), np.empty((3, 3)))
+    assert status == Status.SINGULAR
+    assert 0.0 < transmission < 0.01
+
+
+def test_compiled_inverse_names_the_arm() -> None:
+    status, arm = inverse_kinematics(MODEL.constants, (0.0, -0.6, 0.3), np.empty(3), np.empty(6))
+    assert (status, arm) == (Status.UNREACHABLE, 0)
+
+
+@pytest.mark.parametrize(
+    ("point", "message"),
+    [
+        (
+            (0.0, 0.0, 0.9),
+            "point (0.0000, 0.0000, 0.9000) m is out of reach of arm 1: the elbow comes no nearer to it than 0.6321 m "
+            "while the distal link is 0.4000 m long; choose a point nearer to the shoulder of arm 1",
+        ),
+        (
+            (0.0, 0.1, 0.1),
+            "point (0.0000, 0.1000, 0.1000) m is out of reach of arm 1: the elbow gets no farther from it than "
+            "0.2265 m while the distal link is 0.4000 m long; choose a point farther from the shoulder of arm 1",
+        ),
+        (
+            (0.0, float("nan"), 0.1),
+            "point (0.0000, nan, 0.1000) m is not finite: give three finite coordinates in the base frame",
+        ),
+    ],
+)
+def test_unreachable_points_are_named(point: tuple[float, float, float], message: str) -> None:
+    with pytest.raises(Unreachable, match=f"^{re.escape(message)}$"):
+        posture_at(MODEL, np.array(point))
+
+
+def test_impossible_angles_are_named() -> None:
+    with pytest.raises(Unreachable, match=r"servomotor angles \(-2\.5000, -1\.0000, 0\.0000\) rad leave no pose"):
+        tool_point_at(MODEL, np.array([-2.5, -1.0, 0.0]))
+    with pytest.raises(Unreachable, match=r"\(nan, 0\.0000, 0\.0000\) rad are not finite: give three finite angles"):
+        tool_point_at(MODEL, np.array([np.nan, 0.0, 0.0]))
+
+
+def test_payload_must_be_a_mass() -> None:
+    with pytest.raises(ValueError, match=r"^payload is -0\.1 kg, it must be a finite mass of at least 0 kg$"):
+        DeltaModel(load_parameters(), payload=-0.1)
+
+
+def test_constants_are_frozen() -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        MODEL.constants[DISTAL] = 1.0
+
+
+def test_posture_is_named() -> None:
+    posture = posture_at(MODEL, np.array([0.0, 0.0, 0.45]))
+    assert isinstance(posture, Posture)
+    assert posture.y.shape == (3,)
+    assert posture.x.shape == (6,)

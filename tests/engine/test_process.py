@@ -1,0 +1,158 @@
+"""Life and death: the engine never outlives us, and the terminal's Ctrl-C is ours alone."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import chess
+import pytest
+
+from engine.stockfish import Engine, EngineSettings
+
+ROOT = Path(__file__).parents[2]
+
+PARENT = """
+import sys, chess
+from engine.stockfish import Engine, EngineSettings
+engine = Engine(EngineSettings(path=sys.argv[1], nodes=10**12, deadline=60.0)).open()
+print(engine.pid, flush=True)
+"""
+THINK = "engine.choose(chess.Board())"
+THINK_WITHIN = """
+with engine:
+    engine.choose(chess.Board())
+"""
+DEAF = """
+for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
+    signal.signal(number, signal.SIG_IGN)
+"""
+DEAF_AND_BUSY = "while True: time.sleep(1)"
+
+
+def running(pid: int) -> bool:
+    """Whether a process still runs; one that is dead but not yet reaped does not."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return stat.rpartition(")")[2].split()[0] not in "ZX"
+
+
+def gone_within(pid: int, seconds: float) -> bool:
+    end = time.monotonic() + seconds
+    while running(pid):
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+@contextmanager
+def parent_of(path: str, then: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
+    """A Python process in a group of its own that opens an engine and then does something; and the engine's pid."""
+    parent = subprocess.Popen(
+        [sys.executable, "-c", PARENT + then, path],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        text=True,
+    )
+    assert parent.stdout is not None
+    pid = int(parent.stdout.readline())
+    try:
+        yield parent, pid
+    finally:  # a failing test leaves nothing behind either
+        parent.kill()
+        parent.communicate()
+        if running(pid):
+            os.kill(pid, signal.SIGKILL)
+
+
+def test_stockfish_is_gone_within_a_second_of_our_kill_9(stockfish: str) -> None:
+    with parent_of(stockfish, THINK) as (parent, pid):
+        time.sleep(0.2)
+        assert running(pid)
+        parent.kill()
+        assert gone_within(pid, 1.0)
+
+
+def test_an_engine_deaf_to_everything_but_the_kernel_ends_with_us(fake: Callable[..., Any]) -> None:
+    with parent_of(fake(at_start=DEAF, on_go=DEAF_AND_BUSY).path, THINK) as (parent, pid):
+        time.sleep(0.2)
+        assert running(pid)
+        parent.kill()
+        assert gone_within(pid, 1.0)
+
+
+def test_leaving_without_closing_leaves_nothing_running(fake: Callable[..., Any]) -> None:
+    with parent_of(fake(at_start=DEAF).path, "") as (parent, pid):
+        assert parent.wait(timeout=5.0) == 0
+        assert gone_within(pid, 1.0)
+
+
+def test_ctrl_c_in_mid_search_ends_both(stockfish: str) -> None:
+    with parent_of(stockfish, THINK_WITHIN) as (parent, pid):
+        time.sleep(0.2)
+        assert (os.getsid(pid), os.getpgid(pid)) == (pid, pid)
+        os.killpg(parent.pid, signal.SIGINT)
+        assert parent.wait(timeout=3.0) in (1, -signal.SIGINT)  # KeyboardInterrupt went through
+        assert gone_within(pid, 1.0)
+
+
+def test_an_engine_survives_the_thread_that_opened_it(stockfish: str) -> None:
+    engine = Engine(EngineSettings(path=stockfish, nodes=100))
+    thread = threading.Thread(target=engine.open)
+    thread.start()
+    thread.join()
+    pid = engine.pid
+    assert pid is not None
+    time.sleep(0.1)
+    with_answer = engine.choose(chess.Board())
+    assert with_answer.move in chess.Board().legal_moves
+    assert engine.pid == pid
+    engine.close()
+    assert not running(pid)
+
+
+def test_close_ends_process_and_thread_at_once_and_twice_is_harmless(fake: Callable[..., Any]) -> None:
+    threads = threading.active_count()
+    engine = Engine(EngineSettings(path=fake(at_start=DEAF).path, nodes=100)).open()
+    pid = engine.pid
+    assert pid is not None
+    began = time.monotonic()
+    engine.close()
+    engine.close()
+    assert time.monotonic() - began < 1.0
+    assert engine.pid is None
+    assert not Path(f"/proc/{pid}").exists()  # reaped as well
+    deadline = time.monotonic() + 2.0
+    while threading.active_count() > threads and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert threading.active_count() == threads
+
+
+def test_a_restart_leaves_no_first_process_behind(fake: Callable[..., Any]) -> None:
+    engine_file = fake(at_start=DEAF, on_go='if start == 1: time.sleep(60)\nelse: say("bestmove e2e4")')
+    with Engine(EngineSettings(path=engine_file.path, nodes=1, deadline=0.4)) as engine:
+        first = engine.pid
+        assert first is not None
+        engine.choose(chess.Board())
+        assert not Path(f"/proc/{first}").exists()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_game_leaves_no_warnings(stockfish: str) -> None:
+    with Engine(EngineSettings(path=stockfish, nodes=100)) as engine:
+        engine.choose(chess.Board())
+        engine.candidates(chess.Board(), lines=2, nodes=100)
