@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntEnum, unique
+
+from controller.states import Event, State
+from hardware.interfaces import DriveStatus
 
 
 @unique
@@ -58,67 +62,78 @@ _SENTENCES: dict[Cause, str] = {
     Cause.NONE: "nothing is wrong",
     Cause.LATE: "the motion was to start at tick {value:.0f}, but tick {limit:.0f} has already begun:"
     " announce it further ahead",
-    Cause.TOO_EARLY: "the motion was to start {value:.0f} ticks ahead, at most {limit:.0f} are accepted: announce"
-    " it later",
+    Cause.TOO_EARLY: "the motion was to start {value:.0f} ticks ahead, at most {limit:.0f} are accepted:"
+    " announce it later",
     Cause.LENGTH: "a motion of {value:.0f} samples was announced, 1 to {limit:.0f} are accepted: split it",
     Cause.OCCUPIED: "motion {value:.0f} is still under way: wait for its end or stop it first",
-    Cause.NOT_HOLDING: "the controller is in state {value:.0f}, motions are admitted only in state {limit:.0f}"
-    " (HOLD): wait for it",
+    Cause.NOT_HOLDING: "the controller is in state {word}, motions are admitted only in state HOLD: wait for it",
     Cause.NOT_ADMITTED: "a hold is in force: send resume before the next motion",
-    Cause.START_POSITION: "the motion starts {value:.3g} m from the present reference, at most {limit:.3g} m is"
-    " accepted:"
-    " plan from the reference in the telemetry",
+    Cause.START_POSITION: "the motion starts {value:.3g} m from the present reference,"
+    " at most {limit:.3g} m is accepted: plan from the reference in the telemetry",
     Cause.START_VELOCITY: "the motion starts with {value:.3g} m/s, at most {limit:.3g} m/s is accepted: start at rest",
-    Cause.START_ACCELERATION: "the motion starts with {value:.3g} m/s², at most {limit:.3g} m/s² is accepted: start at"
-    " rest",
+    Cause.START_ACCELERATION: "the motion starts with {value:.3g} m/s², at most {limit:.3g} m/s² is accepted:"
+    " start at rest",
     Cause.NOT_FINITE: "sample {value:.0f} holds a number that is not finite: mend the planner",
-    Cause.WORKSPACE: "a sample lies {value:.4f} m from the middle of the workspace box along one axis, at most"
-    " {limit:.4f} m is"
-    " accepted: plan inside the box",
-    Cause.REACH: "a sample lies {value:.4f} m from the base's axis, at most {limit:.4f} m is accepted: plan"
-    " inside the reach",
+    Cause.WORKSPACE: "a sample lies {value:.4f} m from the middle of the workspace box along one axis,"
+    " at most {limit:.4f} m is accepted: plan inside the box",
+    Cause.REACH: "a sample lies {value:.4f} m from the base's axis, at most {limit:.4f} m is accepted:"
+    " plan inside the reach",
     Cause.SPEED: "a sample asks for {value:.3f} m/s, at most {limit:.3f} m/s is accepted: slow the motion down",
     Cause.DOWNWARD_SPEED: "a sample goes down at {value:.3f} m/s near the board, at most {limit:.3f} m/s is accepted:"
     " slow the descent down",
-    Cause.ACCELERATION: "a sample asks for {value:.2f} m/s², at most {limit:.2f} m/s² is accepted: slow the motion"
-    " down",
-    Cause.POSITION_STEP: "positions jump by {value:.3g} m beyond what their velocities say, at most {limit:.3g} m is"
-    " accepted:"
-    " sample one continuous path once per tick",
-    Cause.VELOCITY_STEP: "velocities jump by {value:.3g} m/s beyond what their accelerations say, at most {limit:.3g}"
-    " m/s is"
-    " accepted: sample one continuous path once per tick",
-    Cause.STIFFNESS: "a stiffness of {value:.4g} 1/s² was asked, 0 to {limit:.4g} 1/s² are accepted: choose"
-    " softer gains",
+    Cause.ACCELERATION: "a sample asks for {value:.2f} m/s², at most {limit:.2f} m/s² is accepted:"
+    " slow the motion down",
+    Cause.POSITION_STEP: "positions jump by {value:.3g} m beyond what their velocities say,"
+    " at most {limit:.3g} m is accepted: sample one continuous path once per tick",
+    Cause.VELOCITY_STEP: "velocities jump by {value:.3g} m/s beyond what their accelerations say,"
+    " at most {limit:.3g} m/s is accepted: sample one continuous path once per tick",
+    Cause.STIFFNESS: "a stiffness of {value:.4g} 1/s² was asked, 0 to {limit:.4g} 1/s² are accepted:"
+    " choose softer gains",
     Cause.DAMPING: "a damping of {value:.4g} 1/s was asked, 0 to {limit:.4g} 1/s are accepted: choose softer gains",
     Cause.TACTILE_GAIN: "a tactile gain of {value:.3g} 1/kg was asked, 0 to {limit:.3g} 1/kg are accepted: lower it",
-    Cause.FINGER_SPEED: "a finger velocity of {value:.3f} m/s was asked, at most {limit:.3f} m/s is accepted: slow"
-    " the fingers",
+    Cause.FINGER_SPEED: "a finger velocity of {value:.3f} m/s was asked, at most {limit:.3f} m/s is accepted:"
+    " slow the fingers",
     Cause.GUARD: "guard {value:.0f} is not known, 0 to {limit:.0f} are, each with a level of at least 0 N:"
     " mend the planner",
     Cause.ENDS_MOVING: "the motion ends with {value:.3g} m/s, at most {limit:.3g} m/s is accepted: end at rest",
     Cause.HOLD_COMMAND: "a hold was commanded: send resume, then plan anew from the reference in the telemetry",
     Cause.STOP_COMMAND: "a stop was commanded: plan anew from the reference in the telemetry",
     Cause.CLIENT_LOST: "the client was silent for {value:.2f} s, at most {limit:.2f} s is accepted: connect again",
-    Cause.UNDERRUN: "sample {value:.0f} was due, but only {limit:.0f} had arrived: send further ahead or use a"
-    " better network",
+    Cause.UNDERRUN: "sample {value:.0f} was due, but only {limit:.0f} had arrived:"
+    " send further ahead or use a better network",
     Cause.SHUTDOWN: "the controller is shutting down: start it again",
-    Cause.UNKNOWN_EVENT: "event {value:.0f} is not foreseen in state {limit:.0f}: report this as a defect",
+    Cause.UNKNOWN_EVENT: "event {word} is not foreseen in state {limit:.0f}: report this as a defect",
     Cause.TRACKING: "the tool was {value:.4f} m from its reference, at most {limit:.4f} m is accepted:"
     " see what stands in its way, then clear the fault",
-    Cause.MODEL: "the kinematics failed with status {value:.0f}: see whether the arm's geometry is as in the"
-    " parameters",
-    Cause.DRIVE_FAULT: "a drive reports a fault (status {value:.0f}): read its display, then clear the fault",
-    Cause.WATCHDOG: "the drives braked because no command came in time (status {value:.0f}): clear the fault",
-    Cause.OVERSPEED: "a servomotor exceeded its speed limit (status {value:.0f}): clear the fault",
-    Cause.NOT_ENABLED: "the drives did not enable within {limit:.0f} ticks (status {value:.0f}): see their power"
-    " and safety circuit",
+    Cause.MODEL: "the kinematics failed with status {value:.0f} (1 singular, 2 not converged, 3 unreachable):"
+    " compare the arm's geometry with the parameters",
+    Cause.DRIVE_FAULT: "a drive reports a fault ({word}): read its display, then clear the fault",
+    Cause.WATCHDOG: "the drives braked because no command came in time ({word}): clear the fault",
+    Cause.OVERSPEED: "a servomotor exceeded its speed limit ({word}): clear the fault",
+    Cause.NOT_ENABLED: "the drives did not enable within {limit:.0f} ticks ({word}):"
+    " see their power and safety circuit",
     Cause.BAD_MEASUREMENT: "a measurement is not finite: see the encoders and sensors, then clear the fault",
     Cause.BAD_TORQUE: "the law gave a torque that is not finite: report this as a defect, then clear the fault",
     Cause.NOT_AT_REST: "the arm still moved at {value:.3f} rad/s after {limit:.0f} ticks on its brakes: see the brakes",
 }
 
 
+def _drives(value: float) -> str:
+    return DriveStatus(int(value)).name or "OK"
+
+
+_WORDS: dict[Cause, Callable[[float], str]] = {
+    Cause.NOT_HOLDING: lambda value: State(int(value)).name,
+    Cause.UNKNOWN_EVENT: lambda value: Event(int(value)).name,
+    Cause.DRIVE_FAULT: _drives,
+    Cause.WATCHDOG: _drives,
+    Cause.OVERSPEED: _drives,
+    Cause.NOT_ENABLED: _drives,
+}
+"""Causes whose value is a number of an enum."""
+
+
 def explain(cause: Cause, value: float = 0.0, limit: float = 0.0) -> str:
     """One clear sentence: what happened, the value and its limit, the next step."""
-    return _SENTENCES[cause].format(value=value, limit=limit)
+    word = _WORDS.get(cause)
+    return _SENTENCES[cause].format(value=value, limit=limit, word=word(value) if word else "")

@@ -40,6 +40,10 @@ class Door:
         lease: silence after which the client counts as lost [s].
         welcome: makes the payload that greets a new client.
 
+    Attributes:
+        dropped: datagrams dropped, by ``Drop``.
+        last_command: sequence of the client's newest COMMAND carried out.
+
     Raises:
         PortInUse: the port is taken or may not be used.
     """
@@ -60,6 +64,7 @@ class Door:
         self._client: Address = ("0.0.0.0", 0)
         self._window = SequenceWindow()
         self._last_order = 0
+        self.last_command = 0
         self._sent = 0
         self._heard = 0.0
         self.dropped = [0] * len(Drop)
@@ -134,7 +139,11 @@ class Door:
                 return Drop.SEQUENCE
             self._last_order = opened.sequence
         self._heard, self._client = now, address
-        return None if handle(opened.kind, opened.payload) else Drop.CONTENT
+        if not handle(opened.kind, opened.payload):
+            return Drop.CONTENT
+        if opened.kind == Kind.COMMAND:
+            self.last_command = opened.sequence
+        return None
 
     def _greet(self, opened: Opened, address: Address, now: float) -> Drop | None:
         """Challenge, welcome or turn away."""
@@ -159,7 +168,7 @@ class Door:
 
     def _give_lease(self, opened: Opened, name: str) -> None:
         self._session, self._name, self._cookie = opened.session, name, _new_cookie()
-        self._window, self._last_order = SequenceWindow(), 0
+        self._window, self._last_order, self.last_command = SequenceWindow(), 0, 0
         self._window.accept(opened.sequence)
 
     def _send_to(self, address: Address, kind: Kind, session: int, payload: bytes) -> None:

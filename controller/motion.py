@@ -33,9 +33,10 @@ class MotionBuffer:
         self._present = np.zeros(capacity, dtype=np.bool_)
         self._early = 0
 
-    def announce(self, motion: Announce) -> None:
-        """Start with an empty ring."""
+    def announce(self, motion: Announce, reference: NDArray[np.float64]) -> None:
+        """Start with an empty ring a motion that must begin at the reference, shape (3,) [m]."""
         self.announced = motion
+        self._check.begin(reference)
         self.received = self.executed = self._early = 0
         self._present[:] = False
 
@@ -48,12 +49,8 @@ class MotionBuffer:
         row: NDArray[np.float64] = self._rows[index % self._capacity]
         return row
 
-    def store(self, samples: Samples, reference: NDArray[np.float64]) -> Violation | None:
-        """Take samples in; those beyond the motion or the ring are left for the sender to repeat.
-
-        Args:
-            samples: of the announced motion.
-            reference: where the motion must start, shape (3,) [m].
+    def store(self, samples: Samples) -> Violation | None:
+        """Take samples of the announced motion in; those beyond it or the ring are left for the sender to repeat.
 
         Returns:
             The first violation among the samples that became contiguous; they do not count as received.
@@ -71,7 +68,7 @@ class MotionBuffer:
         if first > before:
             return None
         ready = self._contiguous(end)
-        trouble = self._verify(before, ready, reference)
+        trouble = self._verify(before, ready)
         if trouble is None:
             self.received = ready
         return trouble
@@ -101,12 +98,12 @@ class MotionBuffer:
         self._present[places] = False
         return count
 
-    def _verify(self, first: int, end: int, reference: NDArray[np.float64]) -> Violation | None:
+    def _verify(self, first: int, end: int) -> Violation | None:
         rows = self._rows[np.arange(first, end) % self._capacity]
         previous = self.row(first - 1) if first else None
         trouble = self._check.rows(rows, previous)
         if trouble is None and first == 0:
-            trouble = self._check.start(rows[0], reference)
+            trouble = self._check.start(rows[0])
         if trouble is None and self.announced is not None and end == self.announced.length:
             trouble = self._check.end(rows[-1])
         return trouble

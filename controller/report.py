@@ -12,21 +12,23 @@ from hardware.interfaces import DriveStatus, Triple
 _STANDING = int(DriveStatus.STANDING)
 
 
-def report(supervisor: Supervisor, lockstep: bool, echo: int, dropped: Sequence[int]) -> Telemetry:
+def report(supervisor: Supervisor, lockstep: bool, echo: int, command: int, dropped: Sequence[int]) -> Telemetry:
     """The present state of a controller.
 
     Args:
         supervisor: whose state.
         lockstep: whether plant time waits for the controller.
         echo: newest ping answered.
+        command: sequence of the newest command carried out.
         dropped: datagrams dropped, by ``Drop``.
     """
     measured, motion, ended = supervisor.measurement, supervisor.motion, supervisor.ended
     pose = supervisor.law.state
-    reference: list[float] = supervisor.reference[:3].tolist()
+    reference: list[float] = supervisor.reference.position.tolist()
     return Telemetry(
         max(0, measured.tick),
         echo,
+        command,
         supervisor.state,
         _flags(supervisor, lockstep),
         *supervisor.cause[:3],

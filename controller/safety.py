@@ -173,7 +173,20 @@ class SampleCheck:
     def __init__(self, limits: Limits, period: float) -> None:
         self.limits = limits
         self._period = period
-        self._middle, self._half = _ranges(limits)
+        self._middle, self._range = _ranges(limits)
+        self._half, self._reach = self._range, limits.reach
+        self._reference = np.zeros(3)
+
+    def begin(self, reference: NDArray[np.float64]) -> None:
+        """A new motion starts at this reference, shape (3,) [m].
+
+        If a stop or a hand left the arm outside the box, the motion may be as far outside on its way back.
+        """
+        self._reference = reference.copy()
+        self._half = self._range.copy()
+        outside = np.abs(reference - self._middle[POSITION]) + self.limits.start_position
+        np.maximum(self._half[POSITION], outside, out=self._half[POSITION])
+        self._reach = max(self.limits.reach, math.hypot(reference[0], reference[1]) + self.limits.start_position)
 
     def rows(self, rows: NDArray[np.float64], previous: NDArray[np.float64] | None) -> Violation | None:
         """The first violation in consecutive rows (n, 19), or ``None``.
@@ -187,11 +200,11 @@ class SampleCheck:
             return self._out_of_range(rows)
         return self._norms(rows) or self._steps(rows, previous)
 
-    def start(self, row: NDArray[np.float64], reference: NDArray[np.float64]) -> Violation | None:
-        """Whether a motion's first row (19,) continues a reference (3,) [m] at rest."""
+    def start(self, row: NDArray[np.float64]) -> Violation | None:
+        """Whether a motion's first row (19,) continues the reference at rest."""
         limits = self.limits
         for cause, vector, limit in (
-            (Cause.START_POSITION, row[POSITION] - reference, limits.start_position),
+            (Cause.START_POSITION, row[POSITION] - self._reference, limits.start_position),
             (Cause.START_VELOCITY, row[VELOCITY], limits.start_velocity),
             (Cause.START_ACCELERATION, row[ACCELERATION], limits.start_acceleration),
         ):
@@ -223,7 +236,7 @@ class SampleCheck:
     def _norms(self, rows: NDArray[np.float64]) -> Violation | None:
         limits = self.limits
         for cause, columns, limit in (
-            (Cause.REACH, slice(0, 2), limits.reach),
+            (Cause.REACH, slice(0, 2), self._reach),
             (Cause.SPEED, VELOCITY, limits.speed),
             (Cause.ACCELERATION, ACCELERATION, limits.acceleration),
         ):

@@ -20,6 +20,7 @@ from types import FrameType
 from typing import Final
 
 from controller.causes import Cause, explain
+from controller.client import CONTROLLER_FILE
 from controller.door import Door, PortInUse
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
@@ -35,7 +36,6 @@ from hardware.interfaces import BusLost, Command, ServoBus
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 
-CONTROLLER_FILE = "controller.json"
 _NO_TORQUE = (0.0, 0.0, 0.0)
 _COMMANDS: Final = {int(code): code for code in CommandCode}
 _BRAKE: Final = Command(_NO_TORQUE, 0.0, brake=True, enable=False, busy=False)
@@ -65,7 +65,7 @@ def serve(
         check_limits(limits)
         key = load_key(run_directory / KEY_FILE)
         law = TaskSpaceController(DeltaModel(parameters))
-        server = Server(bus, law, limits, settings, key, run_directory)
+        server = Server(bus, law, limits, settings, key=key, run_directory=run_directory)
     except (KeyFileError, PortInUse, ValueError) as error:
         bus.close()
         return _complain(f"the controller cannot start: {error}", 2)
@@ -102,6 +102,7 @@ class Server:
         law: TaskSpaceController,
         limits: Limits,
         settings: ControllerSettings,
+        *,
         key: bytes,
         run_directory: Path,
     ) -> None:
@@ -165,7 +166,7 @@ class Server:
         if door.expire(now):
             self._alone_since = now
             supervisor.stop(Violation(Cause.CLIENT_LOST, door.silence(now), self._settings.lease))
-        if self.ending or not door.leased and now - self._alone_since > self._settings.linger:
+        if self.ending or (not door.leased and now - self._alone_since > self._settings.linger):
             supervisor.retire()
 
     def _ready(self) -> bool:
@@ -208,14 +209,14 @@ class Server:
     def _publish(self, now: float, tick: int) -> None:
         """Telemetry on every change, every so many ticks, and at least every so often in wall time."""
         supervisor, settings = self.supervisor, self._settings
-        change = (supervisor.state, supervisor.ended, supervisor.may_exchange, supervisor.admitting, self._echo)
+        change = (supervisor.state, supervisor.ended, supervisor.may_exchange, self._door.last_command, self._echo)
         due = tick - self._published_tick >= settings.telemetry_ticks
         if due or now - self._published_at >= settings.telemetry_interval or change != self._published:
             self._published, self._published_tick, self._published_at = change, tick, now
             self._door.send(Kind.TELEMETRY, self._telemetry().pack())
 
     def _telemetry(self) -> Telemetry:
-        return report(self.supervisor, self._bus.lockstep, self._echo, self._door.dropped)
+        return report(self.supervisor, self._bus.lockstep, self._echo, self._door.last_command, self._door.dropped)
 
     def _say_goodbye(self) -> None:
         """Tell the client that the arm rests; some copies, as one may get lost."""

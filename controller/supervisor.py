@@ -8,19 +8,14 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from controller.causes import Cause
-from controller.law import REFERENCE_SIZE, TaskSpaceController
+from controller.law import TaskSpaceController
 from controller.model.kinematics import Status
 from controller.motion import MotionBuffer
 from controller.protocol.layout import CommandCode, Guard, Result
 from controller.protocol.messages import Announce, Samples
+from controller.reference import Reference
 from controller.safety import (
-    DAMPING,
-    FINGER_VELOCITY,
-    POSITION,
-    STIFFNESS,
     Limits,
     SampleCheck,
     Violation,
@@ -31,11 +26,9 @@ from controller.safety import (
 )
 from controller.settings import ControllerSettings
 from controller.states import BRAKED, Event, State, next_state
-from controller.stopping import StopPath, plan_stop
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 
 _NO_TORQUE: Triple = (0.0, 0.0, 0.0)
-_RATES = slice(3, 9)
 _ENABLED = int(DriveStatus.ENABLED)
 _NOTHING = Violation(Cause.NONE, 0.0, 0.0)
 
@@ -60,8 +53,7 @@ class Supervisor:
         cause: why it stopped or faulted last.
         measurement: the last one.
         torque: of the next exchange, within its limits [N m].
-        reference: (16,), what the law follows; see ``controller.law``.
-        finger_velocity: of the next exchange [m/s].
+        reference: what the law follows.
         motion: the announced motion and its samples.
         last_motion: highest motion id seen.
         ended: how the last motion ended.
@@ -81,8 +73,7 @@ class Supervisor:
         self.cause = _NOTHING
         self.measurement = Measurement(-1, _NO_TORQUE, _NO_TORQUE, 0.0, (0.0, 0.0), DriveStatus.OK)
         self.torque = _NO_TORQUE
-        self.reference = np.zeros(REFERENCE_SIZE)
-        self.finger_velocity = 0.0
+        self.reference = Reference(settings, period)
         self.motion = MotionBuffer(settings.capacity, SampleCheck(limits, period))
         self.last_motion = 0
         self.ended = Ended()
@@ -94,15 +85,11 @@ class Supervisor:
         self.law = law
         self._limits = limits
         self._settings = settings
-        self._period = period
         self._lockstep = lockstep
         self._armed = True
         self._retiring = False
         self._energised = False
         self._since = -1
-        self._stop: StopPath | None = None
-        self._stop_tick = 0
-        self._reference_tick = 0
         self._braked = True
         self._trip = False
 
@@ -129,7 +116,7 @@ class Supervisor:
     def command(self) -> Command:
         """What to ask of the drives next."""
         braked = self._braked
-        return Command(self.torque, self.finger_velocity, braked, self._energised or not braked, self.busy)
+        return Command(self.torque, self.reference.finger_velocity, braked, self._energised or not braked, self.busy)
 
     # one tick
 
@@ -161,7 +148,7 @@ class Supervisor:
             self._follow(measurement)
         if self.state is State.STOPPING:
             self._slow_down(measurement.tick)
-        self._reference_tick = measurement.tick
+        self.reference.mark(measurement.tick)
         if not self._trip:
             self._watch()
         if not self._braked:
@@ -180,10 +167,8 @@ class Supervisor:
         if index >= buffer.received:
             self.stop(Violation(Cause.UNDERRUN, float(index), float(buffer.received)))
             return
-        row = buffer.row(index)
-        self.reference[:] = row[:REFERENCE_SIZE]
+        guard, level = self.reference.follow(buffer.row(index))
         buffer.executed = index + 1
-        self.finger_velocity, guard, level = row[FINGER_VELOCITY:].tolist()
         right, left = measurement.tactile
         if guard == Guard.GRIP and right >= level and left >= level:
             self._succeed(Result.GRIPPED)
@@ -192,25 +177,18 @@ class Supervisor:
 
     def _slow_down(self, tick: int) -> None:
         """Reference of this tick from the own stop."""
-        stop = self._stop
-        assert stop is not None
-        time = (tick - self._stop_tick) * self._period
-        position, velocity, acceleration = stop.at(time)
-        self.reference[0:3], self.reference[3:6], self.reference[6:9] = position, velocity, acceleration
-        if time >= stop.duration:
-            self._stop = None
+        if self.reference.slow_down(tick):
             self._enter(Event.TRIPPED_AT_REST if self._trip else Event.AT_REST)
 
     def _watch(self) -> None:
-        trouble = check_tracking(
-            self.law.state.position.tolist(), self.reference[POSITION].tolist(), self._limits.tracking
-        )
+        position, reference = self.law.state.position.tolist(), self.reference.position.tolist()
+        trouble = check_tracking(position, reference, self._limits.tracking)
         if trouble is not None:
             self.stop(trouble, Event.TRIP)
 
     def _output(self, tactile: tuple[float, float]) -> None:
         """Law and limits: the torque of the next exchange."""
-        torque = self.law.torque(self.reference, tactile)
+        torque = self.law.torque(self.reference.row, tactile)
         if not math.isfinite(torque[0] + torque[1] + torque[2]):
             self._break(Violation(Cause.BAD_TORQUE, math.nan, 0.0))
             return
@@ -238,20 +216,13 @@ class Supervisor:
             # a tick with the drives disabled comes first: it clears what their watchdog remembers
             self._energised, self._since = self._armed and waited > 0, measurement.tick
             return
-        self._hold_here()
+        self.reference.hold_at(self.law.state.position)
         self._output(measurement.tactile)
         drives, status = check_drives(int(measurement.status)), int(measurement.status)
         if drives is None and status & _ENABLED:
             self._enter(Event.ENABLED)
         elif waited > patience:
             self._break(drives or Violation(Cause.NOT_ENABLED, float(status), float(patience)))
-
-    def _hold_here(self) -> None:
-        """Reference at rest where the tool is; gains of the settings."""
-        self.reference[:] = 0.0
-        self.reference[POSITION] = self.law.state.position
-        self.reference[STIFFNESS] = self._settings.hold_stiffness
-        self.reference[DAMPING] = self._settings.hold_damping
 
     def _switch_off(self, measurement: Measurement, trouble: Violation | None) -> None:
         """Goes on holding while the brakes close, then disables and waits for rest."""
@@ -277,26 +248,31 @@ class Supervisor:
         if refusal is not None:
             self._record(motion, Result.REFUSED, refusal)
             return
-        self.motion.announce(motion)
+        self.motion.announce(motion, self.reference.position)
         self.cause = _NOTHING
         self.peak_torque = self.peak_tactile = 0.0
         self._enter(Event.ANNOUNCED)
 
     def _refusal(self, motion: Announce) -> Violation | None:
-        tick = self.measurement.tick
-        current = self.motion.announced
-        if current is not None:
-            return Violation(Cause.OCCUPIED, current.motion, 0.0)
-        if self.state is not State.HOLD:
-            return Violation(Cause.NOT_HOLDING, self.state, State.HOLD)
-        if not self.admitting or self._retiring:
-            return Violation(Cause.SHUTDOWN if self._retiring else Cause.NOT_ADMITTED, 0.0, 0.0)
-        if not 1 <= motion.length <= self._settings.max_length:
-            return Violation(Cause.LENGTH, motion.length, self._settings.max_length)
-        if motion.first_tick <= tick:
-            return Violation(Cause.LATE, motion.first_tick, tick)
-        if motion.first_tick - tick > self._settings.max_lead:
-            return Violation(Cause.TOO_EARLY, motion.first_tick - tick, self._settings.max_lead)
+        """The first reason against a motion, if any."""
+        tick, current, settings = self.measurement.tick, self.motion.announced, self._settings
+        reasons = (
+            (self._retiring, Cause.SHUTDOWN, 0, 0),
+            (current is not None, Cause.OCCUPIED, current.motion if current else 0, 0),
+            (self.state is not State.HOLD, Cause.NOT_HOLDING, self.state, 0),
+            (not self.admitting, Cause.NOT_ADMITTED, 0, 0),
+            (not 1 <= motion.length <= settings.max_length, Cause.LENGTH, motion.length, settings.max_length),
+            (motion.first_tick <= tick, Cause.LATE, motion.first_tick, tick),
+            (
+                motion.first_tick - tick > settings.max_lead,
+                Cause.TOO_EARLY,
+                motion.first_tick - tick,
+                settings.max_lead,
+            ),
+        )
+        for holds, cause, value, limit in reasons:
+            if holds:
+                return Violation(cause, float(value), float(limit))
         return None
 
     def take_samples(self, samples: Samples) -> None:
@@ -304,7 +280,7 @@ class Supervisor:
         motion = self.motion.announced
         if motion is None or samples.motion != motion.motion:
             return
-        trouble = self.motion.store(samples, self.reference[POSITION])
+        trouble = self.motion.store(samples)
         if trouble is None:
             return
         if self.motion.executed:
@@ -347,7 +323,7 @@ class Supervisor:
         if self.motion.announced is not None:
             self._end(Result.STOPPED, cause)
         self._enter(event)
-        self._soften()
+        self.reference.relax()
 
     def retire(self) -> None:
         """Stop, then brakes for good."""
@@ -364,35 +340,21 @@ class Supervisor:
         self._since = self.measurement.tick
         self._enter(Event.RETIRE)
 
-    def _plan_stop(self) -> None:
-        settings = self._settings
-        r = self.reference
-        self._stop_tick = self._reference_tick
-        self._stop = plan_stop(r[0:3], r[3:6], r[6:9], settings.stop_acceleration, settings.stop_jerk)
-
-    def _soften(self) -> None:
-        """Gains firm enough to rest without a client; fingers may go on closing, not opening."""
-        settings, r = self._settings, self.reference
-        np.maximum(r[STIFFNESS], settings.stop_stiffness, out=r[STIFFNESS])
-        np.maximum(r[DAMPING], settings.stop_damping, out=r[DAMPING])
-        self.finger_velocity = min(0.0, self.finger_velocity)
-
     def _break(self, cause: Violation) -> None:
         """Brakes at once."""
         if self.motion.announced is not None:
             self._end(Result.STOPPED, cause)
         self.awaiting = False
         self.cause = cause
-        self._stop = None
+        self.reference.abandon()
         self._energised, self.torque = False, _NO_TORQUE
-        self.finger_velocity = min(0.0, self.finger_velocity)
         self._enter(Event.BREAK)
 
     def _succeed(self, result: Result) -> None:
         """The motion reached its end or its guard: the reference rests there, gains and fingers stay."""
         motion = self.motion.announced
         assert motion is not None
-        self.reference[_RATES] = 0.0
+        self.reference.rest()
         self._end(result, _NOTHING)
         self.awaiting = motion.followed
         self._enter(Event.ENDED)
@@ -416,8 +378,8 @@ class Supervisor:
         self._braked = self.state in BRAKED
         if not foreseen:
             self.cause = Violation(Cause.UNKNOWN_EVENT, float(event), float(before))
-        if self.state is State.STOPPING and self._stop is None:
-            self._plan_stop()
+        if self.state is State.STOPPING:
+            self.reference.begin_stop()
         if self.state is State.FAULT:
             self._energised, self.torque = False, _NO_TORQUE
 

@@ -231,6 +231,7 @@ TELEMETRY = Layout(
     (
         Field("tick", "Q", "tick", "tick of the last measurement"),
         Field("echo", "I", "", "newest ping received before the last exchange"),
+        Field("command", "Q", "", "sequence of the newest COMMAND carried out"),
         Field("state", "H", "", "state of the controller"),
         Field("flags", "H", "", "flags"),
         Field("cause", "H", "", "why it stopped or faulted last, 0 once a motion is admitted"),
@@ -289,8 +290,8 @@ SAMPLE: np.dtype[Any] = SAMPLE_LAYOUT.dtype
 def layout_version() -> int:
     """32-bit hash of every layout and enum; both sides must have the same."""
     parts = [layout.signature() for layout in (HEADER, SAMPLE_LAYOUT, *PAYLOADS.values())]
-    for numbers in (Kind, CommandCode, MotionFlag, Guard, Result, Flag, State, Cause):
-        parts.append(numbers.__name__ + ",".join(f"{member.name}={member.value}" for member in numbers))
+    enums = (Kind, CommandCode, MotionFlag, Guard, Result, Flag, State, Cause)
+    parts += [enum.__name__ + ",".join(f"{member.name}={member.value}" for member in enum) for enum in enums]
     text = ";".join(parts)
     return int.from_bytes(hashlib.blake2s(text.encode(), digest_size=4).digest(), "little")
 

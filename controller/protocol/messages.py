@@ -131,6 +131,7 @@ class Telemetry(NamedTuple):
 
     tick: int
     echo: int
+    command: int
     state: State
     flags: Flag
     cause: Cause

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hardware.interfaces import Frame, HardwareError, Intrinsics, StaleFrame
 from hardware.sim import wire
@@ -35,6 +37,42 @@ class SimClock:
         if ticks > 0:
             with self._lock:
                 wire.ask(self._link, {"sleep_ticks": ticks})
+
+    def close(self) -> None:
+        """Let the world go."""
+        self._link.close()
+
+
+class FrameStream:
+    """Frames of one view at fixed intervals of plant time, while it runs; for films."""
+
+    def __init__(self, run_dir: Path, camera: str, ticks: int) -> None:
+        """Subscribe: one frame each so many ticks."""
+        self._link, answer = wire.connect(run_dir, "camera")
+        self._slot = int(answer["slot"])
+        self._path = frame_path(run_dir, self._slot)
+        self._cancelled = False
+        self._link.settimeout(0.2)
+        self._link.send(json.dumps({"camera": camera, "slot": self._slot, "stream_ticks": ticks}).encode())
+
+    def next(self) -> NDArray[np.uint8] | None:
+        """The next frame, RGB (h, w, 3); None when the stream was cancelled or the world has ended."""
+        while not self._cancelled:
+            try:
+                if not self._link.recv(wire.LARGEST_MESSAGE):
+                    return None
+                pixels = np.fromfile(self._path, dtype=np.uint8, count=3 * WIDTH * HEIGHT)
+                self._link.send(b'{"taken": true}')
+            except TimeoutError:
+                continue
+            except OSError:
+                return None
+            return pixels.reshape(HEIGHT, WIDTH, 3)
+        return None
+
+    def cancel(self) -> None:
+        """Let ``next`` return None, from another thread."""
+        self._cancelled = True
 
     def close(self) -> None:
         """Let the world go."""

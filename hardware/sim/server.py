@@ -40,6 +40,18 @@ _ROLES = ("servo", "camera", "clock", "referee")
 
 
 @dataclass(slots=True)
+class _Stream:
+    """A client that gets a frame each so many ticks while plant time runs; it acknowledges each."""
+
+    link: socket.socket
+    slot: int
+    camera: str
+    ticks: int
+    drawing: bool = False
+    free: bool = True
+
+
+@dataclass(slots=True)
 class _Waiting:
     """A client that waits for plant time: a sleeper, or a camera whose frame is due."""
 
@@ -93,6 +105,7 @@ class World:
         self._missed = 0
         self._clients: dict[int, tuple[socket.socket, str]] = {}
         self._waiting: list[_Waiting] = []
+        self._streams: dict[int, _Stream] = {}
         self._finished_frames: set[int] = set()
         self._next_slot = 0
         self._speed = _Speed()
@@ -104,7 +117,8 @@ class World:
         path = self._run_dir / wire.SOCKET_NAME
         path.unlink(missing_ok=True)
         self._door = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._door.bind(str(path))
+        with wire.socket_address(self._run_dir) as address:
+            self._door.bind(address)
         self._door.listen(8)
         self._poll.register(self._door, select.POLLIN)
 
@@ -154,6 +168,7 @@ class World:
         link, role = self._clients.pop(fd)
         self._poll.unregister(fd)
         self._waiting = [w for w in self._waiting if w.link is not link]
+        self._streams.pop(fd, None)
         link.close()
         if role == "servo":
             self._servo, self._command = None, None
@@ -163,7 +178,7 @@ class World:
         if fd == self._door.fileno():
             self._accept()
         elif self._renderer is not None and fd == self._renderer.fileno():
-            self._finished_frames.add(self._renderer.take())
+            self._take_frame()
         elif fd in self._clients:
             link, role = self._clients[fd]
             try:
@@ -210,9 +225,15 @@ class World:
 
     def _answer_camera(self, link: socket.socket, request: dict[str, Any]) -> dict[str, Any] | None:
         assert self._renderer is not None
+        if "taken" in request:
+            self._streams[link.fileno()].free = True
+            return None
         camera, slot = str(request["camera"]), int(request["slot"])
         if camera not in CAMERAS:
             return {"error": f"no camera '{camera}': there are {', '.join(CAMERAS)}"}
+        if "stream_ticks" in request:
+            self._streams[link.fileno()] = _Stream(link, slot, camera, max(1, int(request["stream_ticks"])))
+            return None
         latency = round(self._settings.camera_latency / self._period)
         self._renderer.request(slot, camera, bool(request["depth"]), self.plant.positions())
         self._waiting.append(_Waiting(link, self.plant.tick + latency, {"exposed": self.plant.tick}, slot))
@@ -228,15 +249,41 @@ class World:
             "ran_wall": speed.wall,
         }
 
+    def _take_frame(self) -> None:
+        assert self._renderer is not None
+        slot = self._renderer.take()
+        for stream in list(self._streams.values()):
+            if stream.slot == slot:
+                stream.drawing, stream.free = False, False
+                self._reply(stream.link, {"tick": self.plant.tick})
+                return
+        self._finished_frames.add(slot)
+
+    def _serve_streams(self) -> None:
+        """Expose the frames due now; in pace fast, plant time waits until the one before was drawn and taken."""
+        for fd, stream in list(self._streams.items()):
+            if self.plant.tick % stream.ticks:
+                continue
+            deadline = time.monotonic() + SILENCE
+            while self._fast and (stream.drawing or not stream.free) and fd in self._streams:
+                self._speed.stood()
+                self._pump(5)
+                self._last_heard = time.monotonic()
+                if time.monotonic() > deadline:
+                    self._drop(fd)
+            if fd in self._streams and not stream.drawing and stream.free:
+                assert self._renderer is not None
+                self._renderer.request(stream.slot, stream.camera, False, self.plant.positions())
+                stream.drawing = True
+
     def _serve_waiting(self) -> None:
         """Answer those whose plant time has come; in pace fast, plant time waits for a frame still being drawn."""
         for waiting in [w for w in self._waiting if w.due <= self.plant.tick]:
             if waiting.frame is not None and waiting.frame not in self._finished_frames:
                 if not self._fast:
                     continue
-                assert self._renderer is not None
                 while waiting.frame not in self._finished_frames:
-                    self._finished_frames.add(self._renderer.take())
+                    self._take_frame()
                 self._last_heard = time.monotonic()
                 self._speed.stood()
             if waiting.frame is not None:
@@ -270,6 +317,8 @@ class World:
         self._speed.ticked()
         if self._waiting:
             self._serve_waiting()
+        if self._streams:
+            self._serve_streams()
 
     def _pump(self, timeout_ms: float) -> None:
         for fd, _ in self._poll.poll(timeout_ms):

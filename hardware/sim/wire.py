@@ -7,9 +7,12 @@ packed structs, all others JSON.
 from __future__ import annotations
 
 import json
+import os
 import socket
 import struct
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +21,9 @@ from pydantic import BaseModel, ConfigDict
 from hardware.interfaces import Command, DriveStatus, HardwareError, Measurement
 
 SOCKET_NAME = "world.sock"
-FRAME_FILE = "frame-{}.bin"
 LARGEST_MESSAGE = 1 << 16
+LONGEST_ADDRESS = 100
+"""A Unix socket's address has room for 107 bytes."""
 
 COMMAND = struct.Struct("<4dB")
 MEASUREMENT = struct.Struct("<Q9dI")
@@ -64,6 +68,20 @@ def unpack_measurement(message: bytes) -> Measurement:
     return Measurement(tick, (a1, a2, a3), (w1, w2, w3), finger, (right, left), DriveStatus(status))
 
 
+@contextmanager
+def socket_address(run_dir: Path) -> Iterator[str]:
+    """Address of the world's socket; a long path is reached through an open directory, as addresses are short."""
+    path = run_dir / SOCKET_NAME
+    if len(str(path).encode()) < LONGEST_ADDRESS:
+        yield str(path)
+        return
+    directory = os.open(run_dir, os.O_PATH | os.O_DIRECTORY)
+    try:
+        yield f"/proc/self/fd/{directory}/{SOCKET_NAME}"
+    finally:
+        os.close(directory)
+
+
 def connect(run_dir: Path, role: str, timeout: float = 30.0) -> tuple[socket.socket, dict[str, Any]]:
     """Connect to the world and say who we are; waits for a world that is still starting.
 
@@ -78,7 +96,8 @@ def connect(run_dir: Path, role: str, timeout: float = 30.0) -> tuple[socket.soc
     link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     while True:
         try:
-            link.connect(str(path))
+            with socket_address(run_dir) as address:
+                link.connect(address)
             break
         except (FileNotFoundError, ConnectionRefusedError) as error:
             if time.monotonic() > deadline:

@@ -1,0 +1,134 @@
+"""The command line: ``touchmove COMMAND``. Heavy imports happen inside the commands, so that ``--help`` is quick."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, NoReturn
+
+import typer
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="A delta robot plays chess, in simulation or in the lab.",
+)
+
+RunDir = Annotated[Path, typer.Option("--run-dir", help="Run directory of the game; holds settings, key and sockets.")]
+
+
+def _fail(sentence: str, status: int = 2) -> NoReturn:
+    print(f"touchmove: {sentence}", file=sys.stderr)
+    raise typer.Exit(status)
+
+
+@app.callback()
+def _root() -> None:
+    """A delta robot plays chess, in simulation or in the lab."""
+
+
+@app.command()
+def demo(
+    plies: Annotated[int, typer.Option(min=1, help="End after so many plies.")] = 300,
+    pace: Annotated[str, typer.Option(help="real: by the wall clock; fast: as fast as the machine can.")] = "real",
+    seed: Annotated[int, typer.Option(min=0, help="Chooses the opening and all randomness of the world.")] = 1,
+    fen: Annotated[str | None, typer.Option(help="Start from this position.")] = None,
+    moves: Annotated[str | None, typer.Option(help='Play this line (SAN or UCI), e.g. "e4 d5 exd5".')] = None,
+    white_elo: Annotated[int | None, typer.Option(help="Strength of White; full strength if not given.")] = None,
+    black_elo: Annotated[int | None, typer.Option(help="Strength of Black; full strength if not given.")] = None,
+    movetime: Annotated[float, typer.Option(min=0.001, help="Thinking time per move [s].")] = 0.2,
+    nodes: Annotated[
+        int | None, typer.Option(min=1, help="Think so many nodes instead: a run then repeats exactly.")
+    ] = None,
+    engine: Annotated[str | None, typer.Option(help="Path of a UCI engine; Stockfish by default.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the record; games/<time> by default.")] = None,
+    video: Annotated[bool, typer.Option(help="Film the first part of the game.")] = True,
+    video_length: Annotated[float, typer.Option(min=1.0, help="Longest film, in plant time [s].")] = 40.0,
+    linger: Annotated[
+        float, typer.Option(min=0.0, help="If this program is killed: how long the arm waits for another [s].")
+    ] = 30.0,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="UDP port of the controller; 0: any free one.")] = 0,
+    headless: Annotated[bool, typer.Option("--headless", help="Show nothing while playing.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+) -> None:
+    """Two engines play a game that the arm executes."""
+    if pace not in ("real", "fast"):
+        _fail(f"--pace is '{pace}', choose real or fast")
+
+    from rich.console import Console
+
+    from app import UserError
+    from app.demo import DemoOptions, run_demo
+    from app.faces import Quiet, Terminal
+    from engine.errors import EngineProblem
+    from hardware.sim.settings import Pace
+
+    options = DemoOptions(
+        plies=plies, pace=Pace(pace), seed=seed, fen=fen, moves=moves, white_elo=white_elo, black_elo=black_elo,
+        move_time=movetime, nodes=nodes, engine=engine, out=out, video=video, video_length=video_length,
+        linger=linger, port=port,
+    )  # fmt: skip
+    console = Console(stderr=True)
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        if headless:
+            result = run_demo(options, Quiet())
+        else:
+            with Terminal(console) as terminal:
+                result = run_demo(options, terminal)
+    except (UserError, EngineProblem) as error:
+        _fail(str(error))
+    except KeyboardInterrupt:
+        _fail("interrupted; the arm rests on its brakes and nothing is left running", 130)
+    if as_json:
+        print(result.report.model_dump_json(indent=2))
+    if not headless:
+        report = result.report
+        console.print(f"{report.exit_reason}, result {report.result}, {report.plies} plies; record in {result.folder}")
+    for failure in result.report.failures:
+        console.print(f"[red]failed:[/] {failure.reason}", highlight=False, soft_wrap=True)
+    raise typer.Exit(0 if result.holds else 1)
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+@app.command()
+def controller(run_dir: RunDir) -> None:
+    """The controller process of a rig; started by the app."""
+    from app.processes import run_controller
+
+    _run(lambda: run_controller(run_dir))
+
+
+@app.command()
+def world(run_dir: RunDir) -> None:
+    """The simulated world's process; started by the app."""
+    from app.processes import run_world
+
+    _run(lambda: run_world(run_dir))
+
+
+def _run(process: Callable[[], int]) -> None:
+    from app import UserError
+    from hardware.interfaces import HardwareError
+
+    try:
+        status = process()
+    except (UserError, HardwareError, OSError) as error:
+        _fail(str(error))
+    raise typer.Exit(status)
+
+
+def main() -> None:
+    """Entry point of the command."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

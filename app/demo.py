@@ -1,0 +1,183 @@
+"""The demo: two engine players, or a given line, on one arm."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import chess
+from pydantic import JsonValue
+
+from app import UserError
+from app.faces import Face
+from app.game import EXPECTED_FAILURES, Devices, Game, GameEnd
+from app.layout import start_layout
+from app.lines import parse_line
+from app.manipulation import Inventory
+from app.motion import MotionSettings
+from app.players import EnginePlayer, LinePlayer, Player
+from app.records import GameRecord, GameSetup, RecordError, Report, new_folder, utc_now
+from app.rig import SimRig, SimRigSettings
+from app.video import Film
+from controller.settings import ControllerSettings
+from engine.errors import EngineProblem
+from engine.openings import opening_engine, varied_opening
+from engine.stockfish import Engine, EngineSettings
+from hardware.parameters import load_parameters
+from hardware.sim.settings import Pace, WorldSettings
+from hardware.table import TableSettings
+
+OPENING_PLIES = 8
+HASH_MB = 16
+
+
+@dataclass(frozen=True, slots=True)
+class DemoOptions:
+    """What ``touchmove demo`` was asked for; units as on the command line."""
+
+    plies: int
+    pace: Pace
+    seed: int
+    fen: str | None
+    moves: str | None
+    white_elo: int | None
+    black_elo: int | None
+    move_time: float | None
+    nodes: int | None
+    engine: str | None
+    out: Path | None
+    video: bool
+    video_length: float
+    linger: float
+    port: int
+
+
+@dataclass(frozen=True, slots=True)
+class DemoResult:
+    """The report, where it lies, and whether everything held."""
+
+    report: Report
+    folder: Path
+    holds: bool
+
+
+def run_demo(options: DemoOptions, face: Face) -> DemoResult:
+    """Play one game.
+
+    Raises:
+        UserError: bad options, something missing on this machine, or no space for the record.
+        EngineProblem: Stockfish is missing or fails for good.
+    """
+    board = _start_board(options.fen)
+    line = parse_line(options.moves, board) if options.moves is not None else None
+    table = TableSettings()
+    inventory = Inventory.of(start_layout(board, table), table)
+    with ExitStack() as stack:
+        players = _players(options, board, line, stack, face)
+        folder = options.out if options.out is not None else new_folder(Path("games"), utc_now())
+        setup = GameSetup(players[chess.WHITE].name, players[chess.BLACK].name, options.seed, options.pace.value)
+        record = stack.enter_context(GameRecord(folder, setup, board, inventory, 0.0))
+        motion = MotionSettings()
+        settings = SimRigSettings(
+            world=WorldSettings(
+                pieces=tuple(inventory), home=motion.home, table=table, pace=options.pace, seed=options.seed,
+                linger=options.linger,
+            ),
+            controller=ControllerSettings(linger=max(options.linger, 1e-3), port=options.port),
+        )  # fmt: skip
+        return _on_rig(options, board, inventory, players, record, settings, motion, face)
+
+
+def _start_board(fen: str | None) -> chess.Board:
+    try:
+        board = chess.Board(fen) if fen is not None else chess.Board()
+    except ValueError as error:
+        raise UserError(f"--fen is no position: {error}") from error
+    if not board.is_valid():
+        problem = board.status()
+        raise UserError(f"--fen is no legal position: {str(problem).removeprefix('Status.').lower()}: {fen}")
+    return board
+
+
+def _players(
+    options: DemoOptions, board: chess.Board, line: tuple[chess.Move, ...] | None, stack: ExitStack, face: Face
+) -> dict[chess.Color, Player]:
+    if line is not None:
+        follower = LinePlayer(board, line)
+        return {chess.WHITE: follower, chess.BLACK: follower}
+    engines = {chess.WHITE: options.white_elo, chess.BLACK: options.black_elo}
+    if options.nodes is not None and any(elo is not None for elo in engines.values()):
+        raise UserError("--nodes is for repeatable games at full strength: leave --white-elo and --black-elo out")
+    face.phase("starting Stockfish")
+    opening = () if options.fen is not None else _opening(options, board)
+    players: dict[chess.Color, Player] = {}
+    for colour, elo in engines.items():
+        engine = stack.enter_context(Engine(_engine_settings(options, elo)))
+        name = "Stockfish" if elo is None else f"Stockfish (Elo {elo})"
+        players[colour] = LinePlayer(board, opening, EnginePlayer(engine, name))
+    return players
+
+
+def _engine_settings(options: DemoOptions, elo: int | None) -> EngineSettings:
+    move_time = None if options.nodes is not None else options.move_time
+    return EngineSettings(path=options.engine, elo=elo, hash_mb=HASH_MB, move_time=move_time, nodes=options.nodes)
+
+
+def _opening(options: DemoOptions, board: chess.Board) -> tuple[chess.Move, ...]:
+    with opening_engine(_engine_settings(options, None)) as engine:
+        return varied_opening(engine, board, min(OPENING_PLIES, options.plies), random.Random(options.seed))
+
+
+def _on_rig(
+    options: DemoOptions,
+    board: chess.Board,
+    inventory: Inventory,
+    players: dict[chess.Color, Player],
+    record: GameRecord,
+    settings: SimRigSettings,
+    motion: MotionSettings,
+    face: Face,
+) -> DemoResult:
+    run_dir = record.folder / "run"
+    failures: list[str] = []
+    details: dict[str, JsonValue] = {"opening_plies": OPENING_PLIES if options.moves is None else 0}
+    with SimRig(run_dir, settings, face.phase) as rig:
+        devices = Devices(rig.arm, rig.clock, rig.camera, rig.referee)
+        parameters = load_parameters(settings.world.parameters_file)
+        game = Game(board, inventory, players, devices, record, face, motion, parameters)
+        end = GameEnd("*", "interrupted", False)
+        speed, state, now = None, None, 0.0
+        try:
+            with _filming(options, run_dir, record.folder, failures):
+                end = game.play(options.plies)
+        except RecordError:
+            raise
+        except (*EXPECTED_FAILURES, EngineProblem) as error:
+            failures.append(rig.failure() or str(error))
+            end = GameEnd("*", "failed", False)
+        if rig.failure() is None:
+            rig.arm.state()
+            truth, run = rig.referee.look()
+            speed, state, now = run.ratio, truth.state_sha256, rig.clock.now()
+        face.phase("the arm goes to rest")
+        last = rig.close()
+    if last is None or not last.at_rest:
+        failures.append("the arm did not come to rest on its brakes")
+    details["thinking_s"] = round(game.thinking, 3)
+    report = record.end(
+        end.result, end.reason, now, failures=failures, speed=speed, world_state=state, details=details
+    )  # type: ignore[arg-type]
+    return DemoResult(report, record.folder, end.complete and not failures and report.physical_ok is not False)
+
+
+@contextmanager
+def _filming(options: DemoOptions, run_dir: Path, folder: Path, failures: list[str]) -> Iterator[None]:
+    film = Film(run_dir, folder / "game.webm", options.video_length) if options.video else None
+    try:
+        yield
+    finally:
+        if film is not None:
+            film.finish()

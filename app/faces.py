@@ -1,0 +1,130 @@
+"""What people see of a running game in the terminal."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+from typing import Protocol, Self
+
+import chess
+from rich.console import Console, Group
+from rich.live import Live
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from app.records import PlyEvent
+
+
+class Face(Protocol):
+    """Told what happens; shows it or not."""
+
+    def phase(self, text: str) -> None:
+        """What is being done now."""
+
+    def position(self, board: chess.Board) -> None:
+        """The position on the board."""
+
+    def ply(self, event: PlyEvent, board: chess.Board) -> None:
+        """A ply was done."""
+
+
+class Quiet:
+    """Shows nothing."""
+
+    def phase(self, text: str) -> None:
+        """Nothing."""
+
+    def position(self, board: chess.Board) -> None:
+        """Nothing."""
+
+    def ply(self, event: PlyEvent, board: chess.Board) -> None:
+        """Nothing."""
+
+
+class Terminal:
+    """Board, present phase and the last plies on a terminal; plain lines where the output is none."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._live = Live(console=console, refresh_per_second=8, transient=False) if console.is_terminal else None
+        self._board = chess.Board()
+        self._phase = "starting"
+        self._rows: list[PlyEvent] = []
+        self._since = time.monotonic()
+        self._printed_phase = ""
+
+    def __enter__(self) -> Self:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def phase(self, text: str) -> None:
+        """See ``Face.phase``."""
+        self._phase = text
+        if self._live is not None:
+            self._show()
+        elif not self._rows and text != self._printed_phase:  # start-up takes seconds; later the plies tell
+            self._printed_phase = text
+            self._console.print(text, highlight=False)
+
+    def position(self, board: chess.Board) -> None:
+        """See ``Face.position``."""
+        self._board = board.copy(stack=False)
+        self._show()
+
+    def ply(self, event: PlyEvent, board: chess.Board) -> None:
+        """See ``Face.ply``."""
+        self._rows.append(event)
+        self._board = board.copy(stack=False)
+        if self._live is None:
+            self._console.print(_line(event), highlight=False, soft_wrap=True)
+        self._show()
+
+    def _show(self) -> None:
+        if self._live is not None:
+            self._live.update(self._picture())
+
+    def _picture(self) -> Group:
+        table = Table.grid(padding=(0, 3))
+        squares = Panel(Text(self._board.unicode(borders=False, empty_square="·")), title=_title(self._rows))
+        table.add_row(squares, _plies(self._rows[-8:]))
+        wall = time.monotonic() - self._since
+        return Group(table, Text(f"{self._phase}   ({wall:.0f} s)", style="cyan"))
+
+
+def _title(rows: list[PlyEvent]) -> str:
+    return f"ply {rows[-1].ply}" if rows else "start"
+
+
+def _number(event: PlyEvent) -> str:
+    return f"{(event.ply + 1) // 2}{'.' if event.side == 'white' else '…'}"
+
+
+def _placement(event: PlyEvent) -> str:
+    errors = event.placement_mm
+    return f"{max(errors.values()):.2f} mm" if errors else "-"
+
+
+def _line(event: PlyEvent) -> str:
+    verdict = {True: "ok", False: "WRONG", None: "unjudged"}[event.physical_ok]
+    return (
+        f"ply {event.ply:3d}  {event.side:5}  {event.san:7} {event.kind:10}  "
+        f"{event.real_s:5.2f} s  {_placement(event):>8}  {verdict}"
+    )
+
+
+def _plies(rows: list[PlyEvent]) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for heading in ("", "move", "kind", "time", "placed", "board"):
+        table.add_column(heading, justify="right" if heading in ("time", "placed") else "left")
+    for event in rows:
+        verdict = {True: "[green]ok", False: "[red]wrong", None: "-"}[event.physical_ok]
+        table.add_row(_number(event), event.san, event.kind, f"{event.real_s:.2f} s", _placement(event), verdict)
+    return table

@@ -1,0 +1,203 @@
+"""Rigs: the devices a game runs on. The only place that knows simulated from real.
+
+``SimRig`` starts world and controller as processes of their own, connects to them through the run directory, and sees
+to it that nothing is left running and the arm is at rest, however the game ends.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+from app import UserError
+from app.arm import ControllerArm
+from app.processes import CONTROLLER_SETTINGS_FILE
+from app.records import recording
+from controller.client import ControllerClient, ControllerError
+from controller.protocol.key import KEY_FILE, create_key
+from controller.server import CONTROLLER_FILE
+from controller.settings import ControllerSettings
+from hardware.sim.clients import SimCamera, SimClock
+from hardware.sim.referee import Referee
+from hardware.sim.server import END_FILE
+from hardware.sim.settings import FILE_NAME, WorldSettings
+
+START_TIMEOUT = 120.0
+"""World and controller together; the first start on a machine compiles the law [s, wall]."""
+END_TIMEOUT = 8.0
+"""For each process to end by itself; then it is killed, and the drives' watchdog brakes [s, wall]."""
+
+
+
+class RigFailed(UserError):
+    """A process of the rig did not start or ended unexpectedly; the message holds its last words."""
+
+
+@dataclass(frozen=True, slots=True)
+class EndState:
+    """What the world left behind: at rest on its brakes, or not."""
+
+    at_rest: bool
+    arm_speed: float
+
+
+class SimRigSettings(BaseModel):
+    """A simulated rig: its world and its controller."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    world: WorldSettings
+    controller: ControllerSettings = ControllerSettings()
+
+
+class SimRig:
+    """Simulated devices in processes of their own. Use as a context manager."""
+
+    def __init__(self, run_dir: Path, settings: SimRigSettings, progress: Callable[[str], None]) -> None:
+        """Start everything; returns when the arm holds.
+
+        Args:
+            run_dir: made here; key, sockets, logs and the world's snapshot lie in it.
+            settings: of world and controller.
+            progress: told what is being waited for.
+
+        Raises:
+            RigFailed: a process ended or did not answer in time.
+            RecordError: the run directory cannot be written.
+        """
+        self._run_dir = run_dir
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._client: ControllerClient | None = None
+        self._open = True
+        try:
+            self._prepare(settings)
+            progress("starting the simulated world")
+            self._spawn("world")
+            progress("starting the controller (the first start on a machine compiles its law, about 10 s)")
+            self._spawn("controller")
+            self._await_controller()
+            self._client = ControllerClient.from_run_directory(run_dir, name="touchmove game")
+            self._client.connect()
+            self.arm = ControllerArm(self._client, progress)
+            self.clock = SimClock(run_dir)
+            self.camera = SimCamera(run_dir) if settings.world.cameras else None
+            self.referee = Referee(run_dir)
+        except BaseException:
+            self.close()
+            raise
+
+    def _prepare(self, settings: SimRigSettings) -> None:
+        with recording(self._run_dir):
+            self._run_dir.mkdir(parents=True, mode=0o700)
+            (self._run_dir / FILE_NAME).write_text(settings.world.model_dump_json(), encoding="utf-8")
+            controller = settings.controller.model_dump_json()
+            (self._run_dir / CONTROLLER_SETTINGS_FILE).write_text(controller, encoding="utf-8")
+            create_key(self._run_dir / KEY_FILE)
+
+    def _spawn(self, name: str) -> None:
+        with recording(self._run_dir), self._log(name).open("wb") as log:
+            self._processes[name] = subprocess.Popen(
+                [sys.executable, "-m", "app.cli", name, "--run-dir", str(self._run_dir)],
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+                start_new_session=True,  # Ctrl-C reaches the app alone, which ends the others in order
+            )  # fmt: skip
+
+    def _log(self, name: str) -> Path:
+        return self._run_dir / f"{name}.log"
+
+    def _await_controller(self) -> None:
+        deadline = time.monotonic() + START_TIMEOUT
+        while not (self._run_dir / CONTROLLER_FILE).exists():
+            # the world first: a controller without one only reports what the world died of
+            for name, process in self._processes.items():
+                if process.poll() is not None:
+                    raise RigFailed(self._last_words(name))
+            if time.monotonic() > deadline:
+                raise RigFailed(f"the controller is not ready after {START_TIMEOUT:.0f} s; logs are in {self._run_dir}")
+            time.sleep(0.02)
+
+    def _last_words(self, name: str) -> str:
+        lines = self._log(name).read_text(errors="replace").strip().splitlines()
+        said = lines[-1] if lines else f"it said nothing (exit status {self._processes[name].returncode})"
+        return f"the {name} could not start: {said}"
+
+    def __enter__(self) -> SimRig:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def failure(self) -> str | None:
+        """A sentence on a process that has ended unexpectedly, None while all run."""
+        for name, process in self._processes.items():
+            if process.poll() is not None:
+                return self._last_words(name).replace("could not start", "has ended")
+        return None
+
+    def close(self) -> EndState | None:
+        """Stop the arm, brake, end every process; nothing is left running. A second call does nothing.
+
+        Returns:
+            The world's last state, None where it could not say.
+        """
+        if not self._open:
+            return None
+        self._open = False
+        with _uninterrupted():
+            for device in ("camera", "clock", "referee"):
+                if getattr(self, device, None) is not None:
+                    getattr(self, device).close()
+            if self._client is not None:
+                try:
+                    self._client.shutdown()
+                except ControllerError:
+                    self._client.close()  # it is gone or deaf: signals and watchdogs do the rest
+            for name in ("controller", "world"):
+                self._end(name)
+            (self._run_dir / KEY_FILE).unlink(missing_ok=True)
+        return self._end_state()
+
+    def _end(self, name: str) -> None:
+        process = self._processes.get(name)
+        if process is None:
+            return
+        orderly = self._client is not None
+        if not orderly:
+            process.terminate()
+        try:
+            process.wait(END_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+    def _end_state(self) -> EndState | None:
+        path = self._run_dir / END_FILE
+        if not path.exists():
+            return None
+        summary = json.loads(path.read_text(encoding="utf-8"))
+        return EndState(bool(summary["at_rest"] and summary["braked"]), float(summary["arm_speed"]))
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """A second Ctrl-C must not leave processes behind."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def new_run_dir(folder: Path | None) -> Path:
+    """The run directory of a game's folder, or a temporary one."""
+    return folder / "run" if folder is not None else Path(tempfile.mkdtemp(prefix="touchmove-")) / "run"

@@ -1,0 +1,61 @@
+"""What can go wrong between a client and the controller; each message is one sentence with the next step.
+
+```
+ControllerError
+├── ControllerUnavailable   nobody answers, or not in this version of the protocol
+├── ControllerBusy          another client holds the lease
+├── ControllerLost          it answered once and does no more
+├── CommandFailed           a command has no effect in the controller's present state
+├── MotionRefused           the motion was not begun
+└── MotionStopped           the motion was begun and not finished
+```
+"""
+
+from __future__ import annotations
+
+from controller.protocol.messages import Busy, Telemetry
+
+
+class ControllerError(Exception):
+    """Something about the controller; the message is one sentence with the next step."""
+
+
+class ControllerUnavailable(ControllerError):
+    """Nobody answers, or in another version of the protocol."""
+
+
+class ControllerBusy(ControllerError):
+    """Another client holds the lease."""
+
+    def __init__(self, where: str, busy: Busy) -> None:
+        super().__init__(
+            f"the controller at {where} is held by {busy.name} ({busy.address}:{busy.port}, heard {busy.silence:.2f} s "
+            "ago): end that program or wait until it is done"
+        )
+
+
+class ControllerLost(ControllerError):
+    """The controller answered once and does no more."""
+
+
+class CommandFailed(ControllerError):
+    """A command had no effect."""
+
+
+class MotionRefused(ControllerError):
+    """The motion was not begun."""
+
+    def __init__(self, telemetry: Telemetry) -> None:
+        super().__init__(f"the controller refused motion {telemetry.ended_motion}: {telemetry.explain_reason()}")
+        self.cause = telemetry.reason
+
+
+class MotionStopped(ControllerError):
+    """The motion was begun and not finished; the arm is at rest or comes to rest."""
+
+    def __init__(self, telemetry: Telemetry) -> None:
+        super().__init__(
+            f"the controller stopped motion {telemetry.ended_motion} at tick {telemetry.end_tick}: "
+            f"{telemetry.explain_reason()}"
+        )
+        self.cause = telemetry.reason
