@@ -18,7 +18,7 @@ from app.manipulation import Inventory, Ply, transfers
 from app.motion import MotionSettings, plan_ply
 from app.players import Player
 from app.records import GameRecord, PlyOutcome, Report, recording
-from controller.client import ControllerError
+from controller.errors import ControllerError
 from hardware.interfaces import Camera, Clock, Frame, HardwareError
 from hardware.parameters import RobotParameters
 from hardware.sim.referee import Referee

@@ -23,7 +23,8 @@ from app import UserError
 from app.arm import ControllerArm
 from app.processes import CONTROLLER_SETTINGS_FILE
 from app.records import recording
-from controller.client import ControllerClient, ControllerError
+from controller.client import ControllerClient
+from controller.errors import ControllerError
 from controller.protocol.key import KEY_FILE, create_key
 from controller.server import CONTROLLER_FILE
 from controller.settings import ControllerSettings

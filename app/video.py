@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from app.records import RecordError, recording
 from hardware.sim.clients import FrameStream
+from hardware.sim.renderer import HEIGHT, WIDTH
 
 FRAME_TICKS = 45
 """One frame each 45 ticks of 0.88 ms: 25 a second, as fast as life."""
@@ -52,11 +53,11 @@ class Film:
             stream.bit_rate = 1_200_000
             stream.time_base = Fraction(1, RATE)
             stream.options = {"deadline": "realtime", "cpu-used": "8", "row-mt": "0"}
+            stream.width, stream.height = WIDTH, HEIGHT
             for index in range(self._frames):
                 picture = self._stream.next()
                 if picture is None:
                     break
-                stream.height, stream.width = picture.shape[:2]
                 container.mux(stream.encode(_video_frame(picture, index)))
             container.mux(stream.encode(None))
 

@@ -133,6 +133,11 @@ _WORDS: dict[Cause, Callable[[float], str]] = {
 """Causes whose value is a number of an enum."""
 
 
+def template(cause: Cause) -> str:
+    """The sentence of a cause with places for its value, its limit and a word."""
+    return _SENTENCES[cause]
+
+
 def explain(cause: Cause, value: float = 0.0, limit: float = 0.0) -> str:
     """One clear sentence: what happened, the value and its limit, the next step."""
     word = _WORDS.get(cause)

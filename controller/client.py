@@ -30,11 +30,9 @@ from controller.protocol.layout import (
     Result,
 )
 from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
+from controller.settings import CONTROLLER_FILE
 from controller.states import State
 from hardware.interfaces import Triple
-
-CONTROLLER_FILE = "controller.json"
-"""Written by the controller into the run directory when clients are welcome."""
 
 _RESEND = 0.03
 """A sample not acknowledged is sent again after this [s]."""

@@ -132,12 +132,8 @@ class Door:
             return self._greet(opened, address, now)
         if opened.session != self._session or self._session == 0:
             return Drop.SESSION
-        if not self._window.accept(opened.sequence):
+        if not self._is_new(opened):
             return Drop.SEQUENCE
-        if opened.kind in _ORDERS:
-            if opened.sequence < self._last_order:
-                return Drop.SEQUENCE
-            self._last_order = opened.sequence
         self._heard, self._client = now, address
         if not handle(opened.kind, opened.payload):
             return Drop.CONTENT
@@ -145,31 +141,35 @@ class Door:
             self.last_command = opened.sequence
         return None
 
+    def _is_new(self, opened: Opened) -> bool:
+        """Whether this number was not seen before, and for an order, whether no newer order came before it."""
+        if not self._window.accept(opened.sequence):
+            return False
+        if opened.kind in _ORDERS:
+            if opened.sequence < self._last_order:
+                return False
+            self._last_order = opened.sequence
+        return True
+
     def _greet(self, opened: Opened, address: Address, now: float) -> Drop | None:
         """Challenge, welcome or turn away."""
         hello = Hello.unpack(opened.payload)
         if opened.session in (0, self._spent):
             return Drop.SESSION
-        if self._session not in (0, opened.session):
-            busy = Busy(self._name, *self._client, self.silence(now))
-            self._send_to(address, Kind.BUSY, opened.session, busy.pack())
-            return None
+        if self._session == 0 and hello.cookie == self._cookie:
+            self._session, self._name, self._cookie = opened.session, hello.name, _new_cookie()
+            self._window, self._last_order, self.last_command = SequenceWindow(), 0, 0
         if self._session == opened.session:
             if not self._window.accept(opened.sequence):
                 return Drop.SEQUENCE
-        elif hello.cookie != self._cookie:
+            self._heard, self._client = now, address
+            self.send(Kind.WELCOME, self._welcome())
+        elif self._session == 0:
             self._send_to(address, Kind.CHALLENGE, opened.session, CHALLENGE.struct.pack(self._cookie))
-            return None
         else:
-            self._give_lease(opened, hello.name)
-        self._heard, self._client = now, address
-        self.send(Kind.WELCOME, self._welcome())
+            busy = Busy(self._name, *self._client, self.silence(now))
+            self._send_to(address, Kind.BUSY, opened.session, busy.pack())
         return None
-
-    def _give_lease(self, opened: Opened, name: str) -> None:
-        self._session, self._name, self._cookie = opened.session, name, _new_cookie()
-        self._window, self._last_order, self.last_command = SequenceWindow(), 0, 0
-        self._window.accept(opened.sequence)
 
     def _send_to(self, address: Address, kind: Kind, session: int, payload: bytes) -> None:
         self._sent += 1

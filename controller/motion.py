@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.protocol.messages import Announce, Samples
-from controller.safety import COLUMNS, SampleCheck, Violation, rows_from_samples
+from controller.safety import Violation
+from controller.sample_check import COLUMNS, SampleCheck, rows_from_samples
 
 
 class MotionBuffer:

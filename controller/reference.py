@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.law import REFERENCE_SIZE
-from controller.safety import DAMPING, FINGER_VELOCITY, POSITION, STIFFNESS
+from controller.sample_check import DAMPING, FINGER_VELOCITY, POSITION, STIFFNESS
 from controller.settings import ControllerSettings
 from controller.stopping import StopPath, plan_stop
 

@@ -20,7 +20,6 @@ from types import FrameType
 from typing import Final
 
 from controller.causes import Cause, explain
-from controller.client import CONTROLLER_FILE
 from controller.door import Door, PortInUse
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
@@ -29,7 +28,7 @@ from controller.protocol.layout import COMMAND, HEARTBEAT, VERSION, CommandCode,
 from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
 from controller.report import report
 from controller.safety import Limits, Violation, check_limits, default_limits
-from controller.settings import ControllerSettings
+from controller.settings import CONTROLLER_FILE, ControllerSettings
 from controller.states import State
 from controller.supervisor import Supervisor
 from hardware.interfaces import BusLost, Command, ServoBus

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict, NonNegativeInt, PositiveFloat, PositiveInt
 
+CONTROLLER_FILE = "controller.json"
+"""Written by the controller into the run directory when clients are welcome: host, port, pid, protocol version."""
+
 
 class ControllerSettings(BaseModel):
     """How the controller process listens, holds, stops and ends."""

@@ -40,7 +40,7 @@ class Event(IntEnum):
     AT_REST = 5
     """The own stop is over."""
     TRIPPED_AT_REST = 6
-    """The own stop is over and brakes are wanted."""
+    """The own stop that a TRIP began is over."""
     BREAK = 7
     """Something that cannot be controlled any more: brakes at once."""
     CLEAR = 8

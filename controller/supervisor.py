@@ -17,13 +17,13 @@ from controller.protocol.messages import Announce, Samples
 from controller.reference import Reference
 from controller.safety import (
     Limits,
-    SampleCheck,
     Violation,
     check_drives,
     check_measurement,
     check_tracking,
     clamp_torque,
 )
+from controller.sample_check import SampleCheck
 from controller.settings import ControllerSettings
 from controller.states import BRAKED, Event, State, next_state
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple

@@ -35,7 +35,7 @@ class SimServoBus:
         """See ``ServoBus.exchange``."""
         try:
             self._link.send(wire.pack_command(command))
-            answer = self._link.recv(wire.LARGEST_MESSAGE)
+            answer = (self._lockstep and wire.spin(self._link)) or self._link.recv(wire.MEASUREMENT.size)
         except OSError as error:
             raise BusLost(f"the simulated drives do not answer: {error or 'timed out'}") from error
         if not answer:

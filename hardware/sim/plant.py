@@ -53,7 +53,7 @@ class Plant:
     def _index(self) -> None:
         model, data = self.model, self.data
         joints = [model.joint(f"servo{i}") for i in (1, 2, 3)]
-        self._servo_q = np.array([j.qposadr[0] for j in joints])
+        self._servo_q = tuple(int(j.qposadr[0]) for j in joints)
         self._servo_v = np.array([j.dofadr[0] for j in joints])
         self._finger_q = [int(model.joint(f"finger_{side}").qposadr[0]) for side in ("right", "left")]
         arm_names = [f"{name}" for name in ("platform_x", "platform_y", "platform_z", "finger_right", "finger_left")]
@@ -68,8 +68,9 @@ class Plant:
         self._closures = [(a.xpos, b.xpos) for a, b in ends]
 
     def _encoder_counts(self) -> tuple[int, int, int]:
-        q = self.data.qpos[self._servo_q] * self._counts_per_rad
-        return round(float(q[0])), round(float(q[1])), round(float(q[2]))
+        item, scale = self.data.qpos.item, self._counts_per_rad  # a tick is short: plain numbers beat small arrays
+        a, b, c = self._servo_q
+        return round(item(a) * scale), round(item(b) * scale), round(item(c) * scale)
 
     def _set_brake(self, closed: bool) -> None:
         drive, friction = self.parameters.drive, self.parameters.friction

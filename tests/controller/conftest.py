@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import heapq
+import json
+import random
+import select
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -19,8 +25,8 @@ from controller.model.reach import posture_at
 from controller.protocol import SAMPLE, Guard
 from controller.protocol.key import KEY_FILE, create_key
 from controller.safety import Limits
-from controller.server import CONTROLLER_FILE, serve
-from controller.settings import ControllerSettings
+from controller.server import serve
+from controller.settings import CONTROLLER_FILE, ControllerSettings
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters, load_parameters
 
@@ -122,14 +128,32 @@ class Running:
         self.directory = directory
         self.status: int | None = None
         self.error: BaseException | None = None
+        self._clients: list[ControllerClient] = []
         self._arguments = (bus, load_parameters(), settings, directory, limits)
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
         wait_until(lambda: (directory / CONTROLLER_FILE).exists() or not self._thread.is_alive())
 
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        port: int = json.loads((self.directory / CONTROLLER_FILE).read_text())["port"]
+        return port
+
+    @property
+    def key(self) -> bytes:
+        """Its secret."""
+        return (self.directory / KEY_FILE).read_bytes()
+
     def client(self, **options: Any) -> ControllerClient:
-        """A client of it, not connected."""
-        return ControllerClient.from_run_directory(self.directory, **options)
+        """A client of it, not connected; closed with the controller."""
+        self._clients.append(ControllerClient.from_run_directory(self.directory, **options))
+        return self._clients[-1]
+
+    def client_through(self, link: LossyLink, **options: Any) -> ControllerClient:
+        """A client of it behind a link, not connected; closed with the controller."""
+        self._clients.append(ControllerClient("127.0.0.1", link.port, self.key, **options))
+        return self._clients[-1]
 
     def join(self, timeout: float = 5.0) -> int | None:
         """Wait for its end; the exit status."""
@@ -138,7 +162,9 @@ class Running:
         return self.status
 
     def kill(self) -> None:
-        """Take its drives away."""
+        """Take its drives and clients away."""
+        for client in self._clients:
+            client.close()
         self.bus.lost = True
         self._thread.join(5.0)
 
@@ -150,6 +176,7 @@ class Running:
 
 
 Launch = Callable[..., Running]
+Line = Callable[..., NDArray[Any]]
 
 
 @pytest.fixture
@@ -171,16 +198,135 @@ def launch(tmp_path: Path) -> Iterator[Launch]:
         running.kill()
 
 
-def wait_until(condition: Callable[[], bool], timeout: float = 5.0) -> None:
-    """Wait for something that another thread does."""
-    end = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
-        time.sleep(0.002)
+class LossyLink:
+    """A UDP relay that loses, repeats and delays datagrams in both directions, by a seeded script.
+
+    Args:
+        port: of the controller.
+        loss: share of the datagrams lost.
+        repeats: share sent twice.
+        delay: longest delay, so that they overtake each other [s].
+        veto: true for datagrams of the client that never pass.
+    """
+
+    def __init__(
+        self,
+        port: int,
+        *,
+        loss: float = 0.0,
+        repeats: float = 0.0,
+        delay: float = 0.0,
+        veto: Callable[[bytes], bool] = lambda data: False,
+    ) -> None:
+        self.seen: list[bytes] = []
+        self._loss, self._repeats, self._delay, self._veto = loss, repeats, delay, veto
+        self._random = random.Random(7)
+        self._front = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._front.bind(("127.0.0.1", 0))
+        self._back = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._back.connect(("127.0.0.1", port))
+        self._client: Any = None
+        self._late: list[tuple[float, int, bytes, bool]] = []
+        self._count = 0
+        self._open = True
+        self._thread = threading.Thread(target=self._relay, daemon=True)
+        self._thread.start()
+
+    @property
+    def port(self) -> int:
+        """Where the client should go."""
+        port: int = self._front.getsockname()[1]
+        return port
+
+    def send(self, data: bytes) -> None:
+        """Put a datagram of anybody's on the way to the controller."""
+        self._back.send(data)
+
+    def close(self) -> None:
+        """Cut the link."""
+        self._open = False
+        self._thread.join()
+
+    def _relay(self) -> None:
+        with self._front, self._back:
+            while self._open:
+                wait = 0.05 if not self._late else min(0.05, max(0.0, self._late[0][0] - time.monotonic()))
+                readable, _, _ = select.select([self._front, self._back], [], [], wait)
+                for end in readable:
+                    self._take(end)
+                while self._late and self._late[0][0] <= time.monotonic():
+                    _, _, data, forth = heapq.heappop(self._late)
+                    self._pass(data, forth)
+
+    def _take(self, end: socket.socket) -> None:
+        try:
+            data, address = end.recvfrom(2048)
+        except ConnectionRefusedError:
+            return
+        forth = end is self._front
+        if forth:
+            self._client = address
+            self.seen.append(data)
+        if (forth and self._veto(data)) or self._random.random() < self._loss:
+            return
+        for _ in range(2 if self._random.random() < self._repeats else 1):
+            self._count += 1
+            due = time.monotonic() + self._random.random() * self._delay
+            heapq.heappush(self._late, (due, self._count, data, forth))
+
+    def _pass(self, data: bytes, forth: bool) -> None:
+        with contextlib.suppress(ConnectionRefusedError):
+            if forth:
+                self._back.send(data)
+            else:
+                self._front.sendto(data, self._client)
 
 
-def line(start: Triple, end: Triple, ticks: int, period: float = 0.00088) -> NDArray[Any]:
-    """A straight minimum-jerk motion, sampled once a tick, (ticks + 1,) samples of type SAMPLE."""
+@pytest.fixture
+def lossy_link() -> Iterator[Callable[..., LossyLink]]:
+    """Makes lossy links to a controller's port; cuts them all at the end."""
+    links: list[LossyLink] = []
+
+    def make(port: int, **options: Any) -> LossyLink:
+        links.append(LossyLink(port, **options))
+        return links[-1]
+
+    yield make
+    for link in links:
+        link.close()
+
+
+@pytest.fixture
+def fake_bus() -> Callable[..., FakeBus]:
+    """Makes plants; options as of ``FakeBus``."""
+    return lambda **options: FakeBus(load_parameters(), **options)
+
+
+@pytest.fixture
+def until() -> Callable[..., None]:
+    """Waits for something that another thread does."""
+    return wait_until
+
+
+@pytest.fixture
+def line() -> Line:
+    """Makes a straight minimum-jerk motion, sampled once a tick: (start, end, ticks) to (ticks + 1,) samples."""
+    return _line
+
+
+@pytest.fixture
+def grip() -> Line:
+    """Makes a motion that stands and closes the fingers: (point, ticks) to samples, guard at 3 N."""
+
+    def make(point: Triple, ticks: int, velocity: float = -0.025, level: float = 3.0) -> NDArray[Any]:
+        samples = _line(point, point, ticks)
+        samples["finger_velocity"], samples["guard"], samples["guard_level"] = velocity, Guard.GRIP, level
+        return samples
+
+    return make
+
+
+def _line(start: Triple, end: Triple, ticks: int, period: float = 0.00088) -> NDArray[Any]:
     t = np.linspace(0.0, 1.0, ticks + 1)[:, None]
     way, duration = np.subtract(end, start), ticks * period
     samples = np.zeros(ticks + 1, dtype=SAMPLE)
@@ -191,11 +337,12 @@ def line(start: Triple, end: Triple, ticks: int, period: float = 0.00088) -> NDA
     return samples
 
 
-def grip(point: Triple, ticks: int, velocity: float = -0.025, level: float = 3.0) -> NDArray[Any]:
-    """Stand still and close the fingers until both pads feel ``level`` [N]."""
-    samples = line(point, point, ticks)
-    samples["finger_velocity"], samples["guard"], samples["guard_level"] = velocity, Guard.GRIP, level
-    return samples
+def wait_until(condition: Callable[[], bool], timeout: float = 5.0) -> None:
+    """Wait for something that another thread does."""
+    end = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.002)
 
 
 def _triple(values: NDArray[np.float64]) -> Triple:
