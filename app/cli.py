@@ -73,7 +73,8 @@ def demo(
         linger=linger, port=port,
     )  # fmt: skip
     console = Console(stderr=True)
-    signal.signal(signal.SIGTERM, _interrupt)
+    for number in (signal.SIGINT, signal.SIGTERM):  # SIGINT too: a shell's background job starts with it ignored
+        signal.signal(number, _interrupt)
     try:
         if headless:
             result = run_demo(options, Quiet())

@@ -151,7 +151,7 @@ def _on_rig(
         end = GameEnd("*", "interrupted", False)
         speed, state, now = None, None, 0.0
         try:
-            with _filming(options, run_dir, record.folder, failures):
+            with _filming(options, run_dir, record.folder, parameters.drive.tick):
                 end = game.play(options.plies)
         except RecordError:
             raise
@@ -174,8 +174,9 @@ def _on_rig(
 
 
 @contextmanager
-def _filming(options: DemoOptions, run_dir: Path, folder: Path, failures: list[str]) -> Iterator[None]:
-    film = Film(run_dir, folder / "game.webm", options.video_length) if options.video else None
+def _filming(options: DemoOptions, run_dir: Path, folder: Path, tick: float) -> Iterator[None]:
+    length, path = options.video_length, folder / "game.webm"
+    film = Film(run_dir, path, length, options.pace, tick) if options.video else None
     try:
         yield
     finally:

@@ -23,8 +23,8 @@ from hardware.interfaces import Camera, Clock, Frame, HardwareError
 from hardware.parameters import RobotParameters
 from hardware.sim.referee import Referee
 
-FRAME_AGE = 0.25
-"""The picture of a ply is no older than this [s]."""
+FRAME_AGE = 1.0
+"""The picture of a ply is no older than this; it shows a board at rest, and a busy machine draws slowly [s]."""
 
 
 @dataclass(frozen=True, slots=True)

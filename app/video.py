@@ -2,37 +2,41 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from fractions import Fraction
 from pathlib import Path
 
 import av
-import numpy as np
-from numpy.typing import NDArray
 
 from app.records import RecordError, recording
 from hardware.sim.clients import FrameStream
 from hardware.sim.renderer import HEIGHT, WIDTH
+from hardware.sim.settings import Pace
 
-FRAME_TICKS = 45
-"""One frame each 45 ticks of 0.88 ms: 25 a second, as fast as life."""
-RATE = 25
+FRAME_TICKS = {Pace.FAST: 45, Pace.REAL: 135}
+"""A frame each so many ticks of 0.88 ms: 25 a second; in pace real 8, to leave the cores to the plant's ticks."""
+TIME_BASE = Fraction(1, 1000)
+NICE = 10
+"""The film's thread steps back behind everything else [steps of the scheduler's niceness]."""
 
 
 class Film:
     """Takes frames from a stream in a thread of its own and encodes them, up to a length."""
 
-    def __init__(self, run_dir: Path, path: Path, longest: float) -> None:
+    def __init__(self, run_dir: Path, path: Path, longest: float, pace: Pace, tick: float) -> None:
         """Start filming.
 
         Args:
             run_dir: of the running world.
             path: the file to write.
             longest: the film ends after this much plant time [s].
+            pace: of the world.
+            tick: its length [s].
         """
         self._path = path
-        self._frames = int(longest * RATE)
-        self._stream = FrameStream(run_dir, "film", FRAME_TICKS)
+        self._longest, self._tick = longest, tick
+        self._stream = FrameStream(run_dir, "film", FRAME_TICKS[pace])
         self._error: RecordError | None = None
         self._thread = threading.Thread(target=self._film, name="film", daemon=True)
         self._thread.start()
@@ -47,18 +51,23 @@ class Film:
             self._stream.close()
 
     def _encode(self) -> None:
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)  # of this thread alone, on Linux
         with av.open(str(self._path), "w", format="webm") as container:
-            stream = container.add_stream("libvpx-vp9", rate=RATE)
-            stream.pix_fmt = "yuv420p"
-            stream.bit_rate = 1_200_000
-            stream.time_base = Fraction(1, RATE)
-            stream.options = {"deadline": "realtime", "cpu-used": "8", "row-mt": "0"}
+            stream = container.add_stream("libvpx-vp9", rate=25)
+            stream.pix_fmt, stream.bit_rate = "yuv420p", 800_000
             stream.width, stream.height = WIDTH, HEIGHT
-            for index in range(self._frames):
-                picture = self._stream.next()
-                if picture is None:
+            stream.time_base = TIME_BASE
+            stream.options = {"deadline": "realtime", "cpu-used": "8", "row-mt": "0"}
+            first: int | None = None
+            while (shot := self._stream.next()) is not None:
+                picture, tick = shot
+                first = tick if first is None else first
+                seconds = (tick - first) * self._tick
+                if seconds > self._longest:
                     break
-                container.mux(stream.encode(_video_frame(picture, index)))
+                frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
+                frame.pts, frame.time_base = round(seconds / TIME_BASE), TIME_BASE
+                container.mux(stream.encode(frame))
             container.mux(stream.encode(None))
 
     def finish(self) -> Path | None:
@@ -72,9 +81,3 @@ class Film:
         if self._error is not None:
             raise self._error
         return self._path if self._path.exists() else None
-
-
-def _video_frame(picture: NDArray[np.uint8], index: int) -> av.VideoFrame:
-    frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
-    frame.pts, frame.time_base = index, Fraction(1, RATE)
-    return frame

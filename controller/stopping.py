@@ -48,9 +48,9 @@ class AxisStop:
 
     def at(self, time: float) -> AxisState:
         """State at a time from the start of the stop [s]; at rest from ``duration`` on."""
-        state, left = self.start, time
+        state, left, over = self.start, time, time >= self.duration
         for phase in self.phases:
-            if left < phase.duration:
+            if left < phase.duration and not over:
                 return _advance(state, left, phase.jerk)
             state = _advance(state, phase.duration, phase.jerk)
             left -= phase.duration

@@ -12,8 +12,11 @@ from enum import IntEnum, IntFlag
 from pathlib import Path
 
 from controller.causes import Cause, template
+from controller.protocol.envelope import Envelope
 from controller.protocol.layout import (
     HEADER,
+    HEARTBEAT,
+    KEY_SIZE,
     PAYLOADS,
     SAMPLE_LAYOUT,
     VERSION,
@@ -50,11 +53,18 @@ def _parts() -> dict[str, str]:
         "version": f"Version of this page: `0x{VERSION:08x}`.",
         **{layout.name: _layout_table(layout) for layout in layouts},
         **{enum.__name__: _number_table(enum) for enum in enums},
+        "example": _example(),
         "State": _number_table(State),
         "transitions": _transition_table(),
         "Cause": _cause_table(),
         "limits": _limit_table(),
     }
+
+
+def _example() -> str:
+    datagram = Envelope(bytes(range(KEY_SIZE))).seal(Kind.HEARTBEAT, 1, 2, HEARTBEAT.struct.pack(7)).hex(" ")
+    lines = [datagram[start : start + 48].strip() for start in range(0, len(datagram), 48)]
+    return "\n".join(["```", *lines, "```"])
 
 
 def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:

@@ -55,11 +55,12 @@ class FrameStream:
         self._link.settimeout(0.2)
         self._link.send(json.dumps({"camera": camera, "slot": self._slot, "stream_ticks": ticks}).encode())
 
-    def next(self) -> NDArray[np.uint8] | None:
-        """The next frame, RGB (h, w, 3); None when the stream was cancelled or the world has ended."""
+    def next(self) -> tuple[NDArray[np.uint8], int] | None:
+        """The next frame, RGB (h, w, 3), and its tick; None when the stream was cancelled or the world has ended."""
         while not self._cancelled:
             try:
-                if not self._link.recv(wire.LARGEST_MESSAGE):
+                message = self._link.recv(wire.LARGEST_MESSAGE)
+                if not message:
                     return None
                 pixels = np.fromfile(self._path, dtype=np.uint8, count=3 * WIDTH * HEIGHT)
                 self._link.send(b'{"taken": true}')
@@ -67,7 +68,7 @@ class FrameStream:
                 continue
             except OSError:
                 return None
-            return pixels.reshape(HEIGHT, WIDTH, 3)
+            return pixels.reshape(HEIGHT, WIDTH, 3), int(json.loads(message)["tick"])
         return None
 
     def cancel(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import socket
 import sys
@@ -16,6 +17,8 @@ from hardware.sim.renderer import HEIGHT, MODEL_FILE, READY, REPLY, REQUEST, WID
 ROD_HALF_DISTANCE = 0.024
 """Between the rods of a pair, each from the middle [m]; they are drawn, the physics lumps them."""
 ROD_RADIUS = 0.004
+NICE = 5
+"""Pictures step back behind the plant's ticks [steps of the scheduler's niceness]."""
 
 
 def _draw_rods(scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
@@ -69,6 +72,7 @@ def main() -> None:
     run_dir, number = Path(sys.argv[1]), int(sys.argv[2])
     # Only the world ends this process, by closing the socket; Ctrl-C in a terminal must not tear a picture.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(NICE)
     _serve(run_dir, socket.socket(fileno=number))
 
 

@@ -117,7 +117,12 @@ class Plant:
         ctrl[3] = command.finger_velocity
 
     def trip_watchdog(self) -> None:
-        """No command came for too long: the drives switch off and brake, the gripper keeps its grip."""
+        """No command came for too long: the drives switch off and brake, the gripper keeps its grip.
+
+        Drives that were never enabled, or are disabled, stand on their brakes and wait for no command.
+        """
+        if not self._enabled:
+            return
         self._latched |= DriveStatus.WATCHDOG
         self._enabled = False
         self._set_brake(True)

@@ -368,6 +368,7 @@ class World:
         return True
 
     def _real_turn(self, boundary: float) -> None:
+        self._pump(0)
         while (left := boundary - time.monotonic()) > 0.0:
             self._pump(max(0.0, left * 1e3 - 0.1) if left > 2e-4 else 0)
         if self._command is not None:
@@ -423,7 +424,8 @@ class World:
                 elif self._fast:
                     self._fast_turn()
                 else:
-                    boundary = max(boundary + self._period, time.monotonic() - 0.1)
+                    # late by more than a tick: plant time slips; catching up in a burst would outrun the controller
+                    boundary = max(boundary + self._period, time.monotonic() - self._period)
                     self._real_turn(boundary)
                 if self._servo is not None and self._lost():
                     self._drop(self._servo.fileno())

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -29,6 +30,9 @@ from controller.server import serve
 from controller.settings import CONTROLLER_FILE, ControllerSettings
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters, load_parameters
+
+hypothesis.settings.register_profile("controller", deadline=None, derandomize=True)
+hypothesis.settings.load_profile("controller")
 
 HOME = (0.0, 0.0, 0.35)
 

@@ -1,0 +1,35 @@
+# make demo    two engines play a game that the arm executes; options in ARGS, e.g. make demo ARGS="--pace fast --plies 20"
+# make test    all tests; ARGS go to pytest
+# make check   format, lint, strict types
+# make clean   back to a fresh clone; records in games/ stay
+# make constraints   pin the newest versions that the ranges in pyproject.toml admit
+#
+# Each target sets up by itself what it needs (.ci/setup).
+
+ARGS ?=
+
+.PHONY: demo test check clean constraints
+
+demo:
+	@bash .ci/setup demo
+	@.venv/bin/touchmove demo $(ARGS)
+
+test:
+	@bash .ci/setup dev
+	@.venv/bin/python -m pytest $(ARGS)
+
+check:
+	@bash .ci/setup dev
+	.venv/bin/ruff format --check .
+	.venv/bin/ruff check .
+	.venv/bin/mypy
+
+clean:
+	rm -rf .venv build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+constraints:
+	rm -rf .venv
+	echo '# Made by "make constraints": all packages of a new environment with the dev extras, as pip freeze lists them.' > constraints.txt
+	bash .ci/setup dev
+	.venv/bin/python -m pip freeze --all --exclude pip --exclude-editable >> constraints.txt

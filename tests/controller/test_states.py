@@ -1,0 +1,46 @@
+"""The transition table: complete where it must be, and safe where it is silent."""
+
+from __future__ import annotations
+
+import pytest
+
+from controller.states import BRAKED, TRANSITIONS, Event, State, next_state
+
+PAIRS = [(state, event) for state in State for event in Event]
+
+
+@pytest.mark.parametrize(("state", "event"), PAIRS)
+def test_what_is_not_foreseen_stops_the_arm(state: State, event: Event) -> None:
+    after, foreseen = next_state(state, event)
+    if foreseen:
+        assert after is TRANSITIONS[state, event]
+    else:
+        assert after is (state if state in BRAKED else State.STOPPING)
+
+
+@pytest.mark.parametrize("state", State)
+def test_every_state_knows_stop_and_break(state: State) -> None:
+    assert TRANSITIONS[state, Event.STOP] in BRAKED | {State.HOLD, State.STOPPING}
+    assert TRANSITIONS[state, Event.BREAK] in BRAKED
+
+
+def test_motions_begin_only_in_hold_and_off_is_for_good() -> None:
+    assert [state for state in State if next_state(state, Event.ANNOUNCED)[0] is State.TRACK] == [State.HOLD]
+    assert {next_state(State.OFF, event)[0] for event in Event} == {State.OFF}
+
+
+def test_brakes_open_only_by_way_of_boot() -> None:
+    opening = [(a, b) for a in BRAKED for event in Event if (b := next_state(a, event)[0]) not in BRAKED]
+    assert opening == [(State.BOOT, State.HOLD)]
+
+
+def test_every_state_can_be_reached() -> None:
+    reached, waiting = {State.BOOT}, [State.BOOT]
+    while waiting:
+        state = waiting.pop()
+        for event in Event:
+            after = next_state(state, event)[0]
+            if after not in reached:
+                reached.add(after)
+                waiting.append(after)
+    assert reached == set(State)
