@@ -97,8 +97,8 @@ def _start_board(fen: str | None) -> chess.Board:
     except ValueError as error:
         raise UserError(f"--fen is no position: {error}") from error
     if not board.is_valid():
-        problem = board.status()
-        raise UserError(f"--fen is no legal position: {str(problem).removeprefix('Status.').lower()}: {fen}")
+        problems = ", ".join(str(flag.name).lower().replace("_", " ") for flag in board.status())
+        raise UserError(f"--fen is no legal position ({problems}): {fen}: set it up in any chess program and copy it")
     return board
 
 

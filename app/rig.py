@@ -119,13 +119,19 @@ class SimRig:
     def _await_controller(self) -> None:
         deadline = time.monotonic() + START_TIMEOUT
         while not (self._run_dir / CONTROLLER_FILE).exists():
-            # the world first: a controller without one only reports what the world died of
-            for name, process in self._processes.items():
-                if process.poll() is not None:
-                    raise RigFailed(self._last_words(name))
+            if culprit := self._culprit():
+                raise RigFailed(self._last_words(culprit))
             if time.monotonic() > deadline:
                 raise RigFailed(f"the controller is not ready after {START_TIMEOUT:.0f} s; logs are in {self._run_dir}")
             time.sleep(0.02)
+
+    def _culprit(self) -> str | None:
+        """The process that ended by itself and took others along: one with a failure, the world before others."""
+        status = {name: process.poll() for name, process in self._processes.items()}
+        failed = [name for name, code in status.items() if code]
+        if not failed and status and None not in status.values():
+            failed = list(status)
+        return failed[0] if failed else None
 
     def _last_words(self, name: str) -> str:
         lines = self._log(name).read_text(errors="replace").strip().splitlines()
@@ -140,10 +146,8 @@ class SimRig:
 
     def failure(self) -> str | None:
         """A sentence on a process that has ended unexpectedly, None while all run."""
-        for name, process in self._processes.items():
-            if process.poll() is not None:
-                return self._last_words(name).replace("could not start", "has ended")
-        return None
+        culprit = self._culprit()
+        return self._last_words(culprit).replace("could not start", "has ended") if culprit else None
 
     def close(self) -> EndState | None:
         """Stop the arm, brake, end every process; nothing is left running. A second call does nothing.

@@ -30,7 +30,8 @@ class MotionBuffer:
         self.executed = 0
         self._capacity = capacity
         self._check = check
-        self._rows = np.zeros((capacity, COLUMNS))
+        # filled, not only reserved: the first touch of a page costs more than a sample
+        self._rows = np.full((capacity, COLUMNS), np.nan)
         self._present = np.zeros(capacity, dtype=np.bool_)
         self._early = 0
 

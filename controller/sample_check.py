@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -37,8 +38,11 @@ class SampleCheck:
         self.limits = limits
         self._period = period
         self._middle, self._range = _ranges(limits)
-        self._half, self._reach = self._range, limits.reach
+        self._half = self._range
         self._reference = np.zeros(3)
+        self._norm_bounds = np.array([limits.reach, limits.speed, limits.acceleration])
+        self._down_bound = np.array([limits.downward_speed])
+        self._step_bounds = np.repeat([limits.position_step, limits.velocity_step], 3)
 
     def begin(self, reference: NDArray[np.float64]) -> None:
         """A new motion starts at this reference, shape (3,) [m].
@@ -49,7 +53,8 @@ class SampleCheck:
         self._half = self._range.copy()
         outside = np.abs(reference - self._middle[POSITION]) + self.limits.start_position
         np.maximum(self._half[POSITION], outside, out=self._half[POSITION])
-        self._reach = max(self.limits.reach, math.hypot(reference[0], reference[1]) + self.limits.start_position)
+        axis_distance = math.hypot(reference[0], reference[1]) + self.limits.start_position
+        self._norm_bounds[0] = max(self.limits.reach, axis_distance)
 
     def rows(self, rows: NDArray[np.float64], previous: NDArray[np.float64] | None) -> Violation | None:
         """The first violation in consecutive rows (n, 19), or ``None``.
@@ -97,39 +102,40 @@ class SampleCheck:
         )
 
     def _norms(self, rows: NDArray[np.float64]) -> Violation | None:
-        limits = self.limits
-        for cause, columns, limit in (
-            (Cause.REACH, slice(0, 2), self._reach),
-            (Cause.SPEED, VELOCITY, limits.speed),
-            (Cause.ACCELERATION, ACCELERATION, limits.acceleration),
-        ):
-            part = rows[:, columns]
-            squares = np.einsum("ij,ij->i", part, part)
-            if squares.max() > limit * limit:
-                offset = int(np.argmax(squares > limit * limit))
-                return Violation(cause, math.sqrt(float(squares[offset])), limit, offset)
-        down = np.where(rows[:, 2] >= limits.near_depth, rows[:, 5], 0.0)
-        if down.max() > limits.downward_speed:
-            offset = int(np.argmax(down > limits.downward_speed))
-            return Violation(Cause.DOWNWARD_SPEED, float(down[offset]), limits.downward_speed, offset)
-        return None
+        """Lengths of vectors: from the base's axis, of velocity, of acceleration, and downward speed near the board."""
+        lengths = np.sqrt((rows[:, :9] * rows[:, :9]) @ _GROUPS)
+        found = _first(lengths, self._norm_bounds, (Cause.REACH, Cause.SPEED, Cause.ACCELERATION))
+        if found is not None:
+            return found
+        down = rows[:, 5] * (rows[:, 2] >= self.limits.near_depth)
+        return _first(down[:, None], self._down_bound, (Cause.DOWNWARD_SPEED,))
 
     def _steps(self, rows: NDArray[np.float64], previous: NDArray[np.float64] | None) -> Violation | None:
         """Whether positions follow from velocities and velocities from accelerations (trapezoidal rule)."""
         motion = rows[:, :9] if previous is None else np.concatenate((previous[None, :9], rows[:, :9]))
-        if len(motion) < 2:
-            return None
-        change = motion[1:, :6] - motion[:-1, :6] - 0.5 * self._period * (motion[1:, 3:9] + motion[:-1, 3:9])
-        excess = np.abs(change)
-        for cause, columns, limit in (
-            (Cause.POSITION_STEP, POSITION, self.limits.position_step),
-            (Cause.VELOCITY_STEP, VELOCITY, self.limits.velocity_step),
-        ):
-            worst = excess[:, columns].max(axis=1)
-            if worst.max() > limit:
-                offset = int(np.argmax(worst > limit))
-                return Violation(cause, float(worst[offset]), limit, offset + (previous is None))
+        before, after = motion[:-1], motion[1:]
+        excess = np.abs(after[:, :6] - before[:, :6] - 0.5 * self._period * (after[:, 3:] + before[:, 3:]))
+        found = _first(excess, self._step_bounds, _STEP_CAUSES)
+        if found is None or previous is not None:
+            return found
+        return found._replace(offset=found.offset + 1)
+
+
+_GROUPS = np.zeros((9, 3))
+"""Sums squares of columns: position across the axis, velocity, acceleration."""
+_GROUPS[0:2, 0] = _GROUPS[3:6, 1] = _GROUPS[6:9, 2] = 1.0
+
+_STEP_CAUSES = (Cause.POSITION_STEP,) * 3 + (Cause.VELOCITY_STEP,) * 3
+
+
+def _first(values: NDArray[np.float64], bounds: NDArray[np.float64], causes: Sequence[Cause]) -> Violation | None:
+    """The first row of ``values`` (n, m) beyond one of its ``bounds`` (m,), if any."""
+    beyond = values > bounds
+    if not beyond.any():
         return None
+    offset = int(np.argmax(beyond.any(axis=1)))
+    column = int(np.argmax(beyond[offset]))
+    return Violation(causes[column], float(values[offset, column]), float(bounds[column]), offset)
 
 
 _COLUMN_CAUSE: dict[int, Cause] = {

@@ -1,32 +1,99 @@
-"""What holds for all tests: pictures without a screen, and a renderer where this machine has OpenGL."""
+"""Helpers for tests that run the whole program in processes of its own."""
 
 from __future__ import annotations
 
+import json
 import os
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it when it is imported first
+
+class Run:
+    """One started ``touchmove`` command in a process group of its own."""
+
+    def __init__(self, arguments: list[str], folder: Path, environment: dict[str, str] | None = None) -> None:
+        self.folder = folder
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "app.cli", *arguments],
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            env={**os.environ, **(environment or {})}, start_new_session=True,
+        )  # fmt: skip
+
+    def wait(self, timeout: float = 240.0) -> tuple[int, str, str]:
+        out, err = self.process.communicate(timeout=timeout)
+        return self.process.returncode, out, err
+
+    def signal(self, number: int) -> None:
+        self.process.send_signal(number)
+
+    def helpers(self) -> dict[str, int]:
+        """Pids of the processes that belong to this run: by run directory, or children of the app."""
+        found = {}
+        for entry in Path("/proc").iterdir():
+            if not entry.name.isdigit():
+                continue
+            try:
+                command = (entry / "cmdline").read_bytes().split(b"\0")
+                status = (entry / "stat").read_text()
+            except (FileNotFoundError, ProcessLookupError):
+                continue
+            state, parent = status.rsplit(")", 1)[1].split()[:2]
+            if state == "Z":
+                continue
+            mine = any(str(self.folder).encode() in part for part in command)
+            if int(entry.name) != self.process.pid and (mine or int(parent) == self.process.pid):
+                name = next((w for w in ("world", "controller", "drawing", "stockfish")
+                             if any(w.encode() in part for part in command[:4])), "other")  # fmt: skip
+                found[name] = int(entry.name)
+        return found
+
+    def plies(self) -> int:
+        events = self.folder / "events.jsonl"
+        return events.read_text().count('"event":"ply"') if events.exists() else 0
+
+    def until(self, condition: Callable[[], Any], what: str, timeout: float = 60.0) -> Any:
+        deadline = time.monotonic() + timeout
+        while True:
+            if value := condition():
+                return value
+            if self.process.poll() is not None:
+                pytest.fail(f"the program ended before {what}: {self.process.communicate()}")
+            if time.monotonic() > deadline:
+                pytest.fail(f"no {what} within {timeout} s")
+            time.sleep(0.02)
+
+    def world_end(self, timeout: float = 30.0) -> dict[str, Any]:
+        """The world's snapshot, once it is there."""
+        path = self.folder / "run" / "world_end.json"
+        deadline = time.monotonic() + timeout
+        while not path.exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return dict(json.loads(path.read_text()))
 
 
 @pytest.fixture
-def renderer() -> Iterator[Callable[..., Any]]:
-    """Makes MuJoCo renderers (model, height, width) and closes them afterwards."""
-    import mujoco
+def demo(tmp_path: Path) -> Iterator[Callable[..., Run]]:
+    """Start ``touchmove demo`` into a folder of the test's own; whatever is left of it is killed afterwards."""
+    runs: list[Run] = []
 
-    made: list[Any] = []
+    def start(*arguments: str, name: str = "game", environment: dict[str, str] | None = None) -> Run:
+        folder = tmp_path / name
+        run = Run(["demo", "--out", str(folder), "--headless", "--json", *arguments], folder, environment)
+        runs.append(run)
+        return run
 
-    def make(model: mujoco.MjModel, height: int, width: int) -> Any:
-        try:
-            made.append(mujoco.Renderer(model, height, width))
-        except Exception as error:
-            if os.environ.get("CI"):
-                raise
-            pytest.skip(f"no OpenGL through EGL here ({error}): apt-get install libegl1 libgl1-mesa-dri")
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.close()
+    yield start
+    for run in runs:
+        for pid in [*run.helpers().values(), *([run.process.pid] if run.process.poll() is None else [])]:
+            os.kill(pid, signal.SIGKILL)
+        run.process.wait()
+        for pipe in (run.process.stdout, run.process.stderr):
+            if pipe is not None:
+                pipe.close()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -170,7 +170,14 @@ class Telemetry(NamedTuple):
 
     def pack(self) -> bytes:
         """Payload on the wire."""
-        return TELEMETRY.struct.pack(*_flat(self, TELEMETRY))
+        values: tuple[Any, ...] = self
+        flat: list[Any] = []
+        for value, is_vector in zip(values, _TELEMETRY_VECTORS, strict=True):
+            if is_vector:
+                flat += value
+            else:
+                flat.append(value)
+        return TELEMETRY.struct.pack(*flat)
 
     @classmethod
     def unpack(cls, payload: bytes | memoryview) -> Self:
@@ -225,16 +232,7 @@ def _places(layout: Layout) -> list[tuple[int | slice, Callable[[Any], Any]]]:
 
 
 _TELEMETRY_PLACES = _places(TELEMETRY)
-
-
-def _flat(message: Iterable[Any], layout: Layout) -> list[Any]:
-    flat: list[Any] = []
-    for value, field in zip(message, layout.fields, strict=True):
-        if field.count > 1:
-            flat += value
-        else:
-            flat.append(value)
-    return flat
+_TELEMETRY_VECTORS = tuple(field.count > 1 for field in TELEMETRY.fields)
 
 
 def _text(name: str, size: int) -> bytes:

@@ -1,0 +1,312 @@
+"""Who may import whom, walked in the syntax trees; and what lies at the top of the repository.
+
+All imports count for arrows between rooms and for the referee's rule, wherever they stand. For cycles only those count
+that run when a module is loaded: one inside a function runs when the function is called, after everything is loaded.
+The program uses those in the command line alone, so that ``--help`` and each process load only what they need.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+from collections.abc import Iterator
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+ROOMS = ("app", "controller", "engine", "hardware", "vision")
+
+ALLOWED = {
+    "app": ROOMS,
+    "controller": ("controller", "hardware.interfaces", "hardware.parameters", "hardware.table"),
+    "engine": ("engine",),
+    "hardware": ("hardware",),
+    "vision": ("vision", "hardware.interfaces", "hardware.table"),
+}
+"""The arrows: a room and the modules, with all below them, that it may import."""
+
+KNOW_THE_SIMULATION = {
+    "app.cli": "names the paces among its options",
+    "app.demo": "composes the settings of the world",
+    "app.processes": "runs world and controller in their processes",
+    "app.rig": "the factory of devices",
+    "app.video": "films the world",
+    "app.game": "hands the referee's truth to the judge",
+    "app.judging": "compares truth and game",
+}
+"""The only modules of ``app`` that may import ``hardware.sim``, and what for. No other room may."""
+
+KNOW_THE_TRUTH = {
+    "app.game",
+    "app.judging",
+    "app.rig",
+    "hardware.sim.plant",
+    "hardware.sim.referee",
+}
+"""The only modules that may import ``hardware.sim.referee`` or ``hardware.sim.truth``."""
+
+CHOOSERS = (
+    "app.arm",
+    "app.layout",
+    "app.lines",
+    "app.manipulation",
+    "app.motion",
+    "app.players",
+    "controller",
+    "engine",
+    "vision",
+)
+"""Choose a move, a grasp or a motion, or carry one out: must not know, even by others, what is really so."""
+
+TOP_LEVEL = {
+    "pyproject.toml", "app", "controller", "vision", "engine", "hardware", "tests", "README.md",
+    "docs", "Makefile", "LICENSE", "CHANGELOG.md", "constraints.txt",
+}  # fmt: skip
+"""What may lie at the top of the repository, beside dot files."""
+
+
+class Import(NamedTuple):
+    """One module of ours imported by another; ``deferred`` inside a function."""
+
+    importer: str
+    imported: str
+    line: int
+    deferred: bool
+
+    def __str__(self) -> str:
+        return f"{self.importer}:{self.line} imports {self.imported}"
+
+
+def module_name(path: Path) -> str:
+    """Dotted name of a source file; a package is named like its folder."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+@cache
+def sources() -> dict[str, ast.Module]:
+    """Syntax tree of every module of the program."""
+    paths = [path for room in ROOMS for path in sorted((ROOT / room).rglob("*.py"))]
+    return {module_name(path): ast.parse(path.read_text(encoding="utf-8"), str(path)) for path in paths}
+
+
+def below(module: str, *names: str) -> bool:
+    """Whether a module is one of these, or lies in one of these packages."""
+    return any(module == name or module.startswith(f"{name}.") for name in names)
+
+
+def imports_of(importer: str, tree: ast.Module, modules: set[str]) -> Iterator[Import]:
+    """Imports of one module; ``from package import module`` counts as an import of that module."""
+
+    def walk(node: ast.AST, deferred: bool) -> Iterator[tuple[str, int, bool]]:
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, node.lineno, deferred
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{importer}:{node.lineno}: imports are absolute"
+            assert node.module is not None
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                yield (inner if inner in modules else node.module), node.lineno, deferred
+        deferred = deferred or isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+        for child in ast.iter_child_nodes(node):
+            yield from walk(child, deferred)
+
+    for name, line, deferred in walk(tree, False):
+        if below(name, *ROOMS):
+            yield Import(importer, name, line, deferred)
+
+
+@cache
+def all_imports() -> tuple[Import, ...]:
+    """Every import of ours by ours."""
+    modules = set(sources())
+    found = [one for name, tree in sources().items() for one in imports_of(name, tree, modules)]
+    unknown = [str(one) for one in found if one.imported not in modules]
+    assert not unknown, f"these imports lead nowhere: {unknown}"
+    return tuple(found)
+
+
+def reached_from(module: str) -> dict[str, str]:
+    """All modules that a module makes load, each with the one that imports it; a module loads its packages too."""
+    edges: dict[str, set[str]] = {}
+    for one in all_imports():
+        edges.setdefault(one.importer, set()).add(one.imported)
+    came: dict[str, str] = {}
+    todo = [module]
+    while todo:
+        here = todo.pop()
+        packages = {here.rsplit(".", n)[0] for n in range(1, here.count(".") + 1)}
+        for there in edges.get(here, set()) | packages:
+            if there not in came and there != module:
+                came[there] = here
+                todo.append(there)
+    return came
+
+
+def way(came: dict[str, str], start: str, end: str) -> str:
+    """How a module is reached."""
+    chain = [end]
+    while chain[-1] != start:
+        chain.append(came[chain[-1]])
+    return " → ".join(reversed(chain))
+
+
+# ----------------------------------------------------------------------------------------------------- the walk itself
+
+
+def test_the_walk_sees_every_kind_of_import() -> None:
+    text = """
+import app.one
+from app import two
+from app.three import function
+if True:
+    import app.four as four
+def f():
+    from app import five
+    class Inner:
+        import app.six
+import numpy
+"""
+    modules = {f"app.{name}" for name in ("one", "two", "three", "four", "five", "six")} | {"app"}
+    found = {(one.imported, one.deferred) for one in imports_of("app.x", ast.parse(text), modules)}
+    assert found == {
+        ("app.one", False), ("app.two", False), ("app.three", False), ("app.four", False),
+        ("app.five", True), ("app.six", True),
+    }  # fmt: skip
+
+
+def test_the_walk_reaches_all_rooms() -> None:
+    assert {name.split(".")[0] for name in sources()} == set(ROOMS)
+    assert len(all_imports()) > 100
+    reached = reached_from("app.cli")
+    assert {"hardware.sim.server", "controller.law", "engine.process", "hardware.sim.referee"} <= set(reached)
+    assert way(reached, "app.cli", "engine.process").startswith("app.cli → ")
+
+
+@pytest.mark.parametrize("module", sorted(sources()))
+def test_nothing_is_imported_behind_the_walks_back(module: str) -> None:
+    names = {node.id for node in ast.walk(sources()[module]) if isinstance(node, ast.Name)}
+    names |= {node.attr for node in ast.walk(sources()[module]) if isinstance(node, ast.Attribute)}
+    names |= {a.name for n in ast.walk(sources()[module]) if isinstance(n, ast.Import) for a in n.names}
+    assert not names & {"__import__", "import_module", "importlib", "exec", "eval", "runpy"}
+
+
+# --------------------------------------------------------------------------------------------------------------- rooms
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_imports_only_what_it_may(room: str) -> None:
+    wrong = [str(one) for one in all_imports() if below(one.importer, room) and not below(one.imported, *ALLOWED[room])]
+    assert not wrong
+
+
+def test_no_cycles() -> None:
+    graph: dict[str, set[str]] = {name: set() for name in sources()}
+    for one in all_imports():
+        if not one.deferred:
+            graph[one.importer].add(one.imported)
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail("these import each other: " + " ← ".join(error.args[1]))
+
+
+def test_imports_inside_functions_are_for_the_command_line_alone() -> None:
+    assert {one.importer for one in all_imports() if one.deferred} <= {"app.cli", "app.processes"}
+
+
+def test_mujoco_stays_behind_the_seam() -> None:
+    for module, tree in sources().items():
+        names = {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
+        names |= {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and n.module}
+        assert below(module, "hardware.sim") or not any(below(name, "mujoco") for name in names), module
+
+
+# ------------------------------------------------------------------------------------------------ simulation and truth
+
+
+def test_few_know_the_simulation() -> None:
+    outside = {
+        one.importer
+        for one in all_imports()
+        if below(one.imported, "hardware.sim") and not below(one.importer, "hardware.sim")
+    }
+    assert outside <= set(KNOW_THE_SIMULATION), "hardware.sim may be known only to those listed here"
+
+
+def test_few_know_the_truth() -> None:
+    doors = ("hardware.sim.referee", "hardware.sim.truth")
+    assert {one.importer for one in all_imports() if below(one.imported, *doors)} <= KNOW_THE_TRUTH
+
+
+@pytest.mark.parametrize("module", sorted(name for name in sources() if below(name, *CHOOSERS)))
+def test_what_chooses_never_sees_the_truth(module: str) -> None:
+    """Neither the referee nor anything else of the simulation is reached, by no number of steps."""
+    came = reached_from(module)
+    seen = [way(came, module, there) for there in came if below(there, "hardware.sim")]
+    assert not seen
+
+
+@pytest.mark.parametrize("chooser", CHOOSERS)
+def test_every_chooser_exists(chooser: str) -> None:
+    assert any(below(name, chooser) for name in sources())
+
+
+# ------------------------------------------------------------------------------------------------------ the repository
+
+
+@cache
+def tracked() -> tuple[Path, ...]:
+    """Files that the repository holds."""
+    command = ["git", "-c", "safe.directory=*", "ls-files", "-z"]
+    listing = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    if listing.returncode:
+        pytest.skip(f"this is no git checkout: {listing.stderr.strip()}")
+    return tuple(path for name in listing.stdout.split("\0") if name and (path := ROOT / name).is_file())
+
+
+def test_the_top_level_holds_only_what_it_may() -> None:
+    top = {path.relative_to(ROOT).parts[0] for path in tracked()}
+    assert {name for name in top if not name.startswith(".")} <= TOP_LEVEL
+    assert all((ROOT / name).exists() for name in TOP_LEVEL)
+
+
+FORBIDDEN = {
+    "a path of one machine": re.compile(r"(?<![\w./:-])/(?:work|root|home/\w+|Users/\w+)(?![\w.-])"),
+    "a package registry": re.compile(
+        r"\b(?:pypi\.(?:org|python)|pythonhosted\.org|conda\.anaconda|deb\.debian|ghcr\.io)"
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("see " + "/wo" + "rk/main/x", "a path of one machine"),
+        ("'/ro" + "ot'", "a path of one machine"),
+        ("https://py" + "pi.org/simple", "a package registry"),
+    ],
+)
+def test_the_search_finds(text: str, kind: str) -> None:
+    assert FORBIDDEN[kind].search(text)
+
+
+def test_no_file_names_a_machine_or_a_registry() -> None:
+    found = []
+    for path in tracked():
+        try:
+            text = path.read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            continue  # a picture
+        found += [
+            f"{path.relative_to(ROOT)} names {kind}: {match.group()}"
+            for kind, pattern in FORBIDDEN.items()
+            for match in pattern.finditer(text)
+        ]
+    assert not found

@@ -1,0 +1,86 @@
+"""Whole games through every real part: engine, manipulation, motion, UDP, controller, world, record."""
+
+from __future__ import annotations
+
+import json
+
+import chess.pgn
+import pytest
+
+from app.records import read_events
+
+FAST = ("--pace", "fast", "--no-video")
+PROMOTIONS = "1r6/P1P5/5k2/8/8/5K2/p1p5/1R6 w - - 0 1"
+
+
+def finished(run):
+    status, out, err = run.wait()
+    assert status == 0, err
+    report = json.loads(out)
+    assert report["physical_ok"] is True
+    assert report["failures"] == []
+    assert not run.helpers(), "nothing is left running"
+    assert run.world_end()["at_rest"]
+    return report
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "moves"),
+    [
+        ("castling", "e4 e5 Nf3 Nf6 Bc4 Bc5 O-O O-O"),
+        ("castling", "d4 d5 Nc3 Nc6 Bf4 Bf5 Qd2 Qd7 O-O-O O-O-O"),
+        ("en_passant", "e4 a6 e5 d5 exd6 h5 a3 h4 g4 hxg3"),
+    ],
+)
+def test_special_moves_of_both_colours(demo, kind, moves):
+    report = finished(demo(*FAST, "--moves", moves))
+    assert report["plies"] == len(moves.split())
+    assert report["kinds"][kind]["n"] == 2
+    assert report["placement_mm"]["max"] < 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("piece", ["Q", "R", "B", "N"])
+def test_promotions_with_and_without_capture_of_both_colours(demo, piece):
+    moves = f"axb8={piece} axb1={piece} c8={piece} c1={piece}"
+    report = finished(demo(*FAST, "--fen", PROMOTIONS, "--moves", moves))
+    assert report["kinds"]["promotion"]["n"] == 4
+
+
+@pytest.mark.slow
+def test_a_seeded_game_repeats_exactly_and_is_recorded(demo):
+    options = (*FAST, "--seed", "4", "--nodes", "2000", "--plies", "10")
+    first, second = demo(*options, name="first"), demo(*options, name="second")
+    one, two = finished(first), finished(second)
+    for field in ("world_state", "sim_s", "kinds", "placement_mm", "peak_torque_Nm", "peak_force_N"):
+        assert one[field] == two[field], field
+    pgns = [chess.pgn.read_game((run.folder / "game.pgn").open()) for run in (first, second)]
+    assert [str(m) for m in pgns[0].mainline_moves()] == [str(m) for m in pgns[1].mainline_moves()]
+    events = read_events(first.folder / "events.jsonl")
+    plies = [e for e in events if e.event == "ply"]
+    assert [e.uci for e in plies] == [m.uci() for m in pgns[0].mainline_moves()]
+    for ply in plies:
+        assert (first.folder / ply.frame).stat().st_size > 10_000
+        assert ply.real_s == pytest.approx(ply.planned_s, rel=0.1)
+        assert 1.0 < ply.peak_torque_Nm < 8.4
+        assert 2.0 < ply.peak_force_N < 15.0
+        assert max(ply.placement_mm.values()) < 1.0
+    assert json.loads((first.folder / "report.json").read_text()) == one
+    other = finished(demo(*FAST, "--seed", "5", "--nodes", "2000", "--plies", "8", name="other"))
+    assert other["world_state"] != one["world_state"]
+
+
+@pytest.mark.slow
+def test_a_film_is_written_in_pace_real(demo):
+    import av
+
+    run = demo("--pace", "real", "--moves", "d4", "--video-length", "2")
+    report = finished(run)
+    assert 0.5 < report["speed"] < 1.02
+    with av.open(str(run.folder / "game.webm")) as film:
+        stream = film.streams.video[0]
+        assert stream.codec_context.name == "vp9"
+        frames = [frame.to_ndarray(format="gray") for frame in film.decode(stream)]
+    assert len(frames) >= 4
+    assert abs(frames[-1].astype(int) - frames[0]).max() > 60, "the arm moved"

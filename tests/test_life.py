@@ -1,0 +1,146 @@
+"""Life and death of the processes: whatever ends, nothing is left running and the arm is at rest."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import time
+
+import pytest
+
+GAME = ("--pace", "fast", "--no-video", "--plies", "200", "--movetime", "0.02", "--linger", "1")
+
+
+def in_mid_game(run):
+    run.until(lambda: run.plies() >= 1, "the first ply")
+    time.sleep(0.15)  # into the next ply
+
+
+def gone(run, within):
+    deadline = time.monotonic() + within
+    while run.helpers() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not run.helpers()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_ends_everything_within_five_seconds(demo, number):
+    run = demo(*GAME)
+    in_mid_game(run)
+    asked = time.monotonic()
+    run.signal(number)
+    status, _, err = run.wait(20)
+    assert time.monotonic() - asked < 5.0
+    assert status == 130
+    assert err.strip() == "touchmove: interrupted; the arm rests on its brakes and nothing is left running"
+    assert not run.helpers()
+    end = run.world_end()
+    assert end["at_rest"]
+    assert end["arm_speed"] < 1e-3
+
+
+@pytest.mark.slow
+def test_an_interrupt_while_starting_leaves_nothing(demo):
+    run = demo(*GAME)
+    run.until(lambda: "world" in run.helpers(), "the world")
+    run.signal(signal.SIGINT)
+    assert run.wait(20)[0] == 130
+    assert not run.helpers()
+
+
+@pytest.mark.slow
+def test_kill_9_of_the_app_stops_the_arm_and_ends_everything(demo):
+    run = demo(*GAME)
+    in_mid_game(run)
+    assert {"world", "controller", "stockfish"} <= run.helpers().keys()
+    run.signal(signal.SIGKILL)
+    run.process.wait()
+    time.sleep(0.5)
+    assert "stockfish" not in run.helpers(), "the engine ends at once"
+    assert {"world", "controller"} <= run.helpers().keys(), "the arm is held while it waits for another client"
+    gone(run, 15)
+    end = run.world_end()
+    assert end["at_rest"]
+    assert end["arm_speed"] < 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("victim", ["controller", "world"])
+def test_kill_9_of_a_process_ends_the_game_with_a_sentence(demo, victim):
+    run = demo(*GAME)
+    in_mid_game(run)
+    os.kill(run.helpers()[victim], signal.SIGKILL)
+    status, out, err = run.wait(30)
+    assert status == 1
+    assert f"the {victim} has ended" in err
+    assert "Traceback" not in err
+    report = json.loads(out)
+    assert report["exit_reason"] == "failed"
+    assert report["plies"] == run.plies() >= 1
+    assert not run.helpers()
+    if victim == "controller":
+        assert run.world_end()["at_rest"], "the drives' own watchdog brakes"
+
+
+def refused(run):
+    status, out, err = run.wait(60)
+    assert status == 2
+    assert out == ""
+    assert "Traceback" not in err
+    assert not run.helpers()
+    (sentence,) = err.strip().splitlines()
+    return sentence
+
+
+def test_a_missing_stockfish_is_named_with_the_remedy(demo):
+    sentence = refused(demo("--engine", "/nonexistent/stockfish"))
+    assert "/nonexistent/stockfish" in sentence
+    assert "apt-get install stockfish" in sentence
+
+
+@pytest.mark.slow
+def test_no_opengl_is_named_with_the_remedy(demo):
+    # a driver list that does not exist is how a machine without Mesa looks to the loader
+    sentence = refused(demo("--moves", "e4", environment={"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent.json"}))
+    assert "pictures need OpenGL" in sentence
+    assert "apt-get install libegl1 libgl1-mesa-dri" in sentence
+
+
+@pytest.mark.slow
+def test_a_port_in_use_is_named_with_the_remedy(demo):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        sentence = refused(demo("--moves", "e4", "--port", str(port)))
+    assert str(port) in sentence
+    assert "in use" in sentence
+
+
+def test_a_full_disk_is_named_with_the_remedy(demo, tmp_path):
+    folder = tmp_path / "full"
+    folder.mkdir()
+    (folder / "events.jsonl").symlink_to("/dev/full")
+    sentence = refused(demo("--moves", "e4", name="full"))
+    assert "no space left" in sentence
+    assert "--out" in sentence
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--pace", "slow"), ["'slow'", "real or fast"]),
+        (("--fen", "8/8/8/8/8/8/8/8 w - - 0 1"), ["no legal position", "king"]),
+        (("--fen", "nonsense"), ["--fen", "nonsense"]),
+        (("--moves", "e4 e5 Ke3"), ["Ke3", "3"]),
+        (("--nodes", "100", "--white-elo", "1500"), ["--nodes", "--white-elo"]),
+        (("--white-elo", "100"), ["100", "2850"]),
+        (("--fen", "QQQQQ3/8/8/8/8/8/8/K4k2 w - - 0 1"), ["queen", "white"]),
+    ],
+)
+def test_bad_options_get_one_sentence(demo, arguments, words):
+    sentence = refused(demo(*arguments))
+    for word in words:
+        assert word in sentence
