@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import chess
@@ -131,6 +131,21 @@ def _opening(options: DemoOptions, board: chess.Board) -> tuple[chess.Move, ...]
         return varied_opening(engine, board, min(OPENING_PLIES, options.plies), random.Random(options.seed))
 
 
+FAILED = GameEnd("*", "failed", complete=False)
+
+
+@dataclass(slots=True)
+class _Course:
+    """How a game went so far, whatever ends it."""
+
+    end: GameEnd = FAILED
+    failures: list[str] = field(default_factory=list)
+    interrupted: bool = False
+    plant_time: float = 0.0
+    speed: float | None = None
+    world_state: str | None = None
+
+
 def _on_rig(
     options: DemoOptions,
     board: chess.Board,
@@ -141,36 +156,42 @@ def _on_rig(
     motion: MotionSettings,
     face: Face,
 ) -> DemoResult:
+    course = _Course()
     run_dir = record.folder / "run"
-    failures: list[str] = []
-    details: dict[str, JsonValue] = {"opening_plies": OPENING_PLIES if options.moves is None else 0}
+    parameters = load_parameters(settings.world.parameters_file)
     with SimRig(run_dir, settings, face.phase) as rig:
         devices = Devices(rig.arm, rig.clock, rig.camera, rig.referee)
-        parameters = load_parameters(settings.world.parameters_file)
         game = Game(board, inventory, players, devices, record, face, motion, parameters)
-        end = GameEnd("*", "interrupted", False)
-        speed, state, now = None, None, 0.0
         try:
             with _filming(options, run_dir, record.folder, parameters.drive.tick):
-                end = game.play(options.plies)
+                course.end = game.play(options.plies)
+            _take_stock(rig, course)
+        except KeyboardInterrupt:
+            course.end, course.interrupted = GameEnd("*", "interrupted", complete=False), True
         except RecordError:
             raise
         except (*EXPECTED_FAILURES, EngineProblem) as error:
-            failures.append(rig.failure() or str(error))
-            end = GameEnd("*", "failed", False)
-        if rig.failure() is None:
-            rig.arm.state()
-            truth, run = rig.referee.look()
-            speed, state, now = run.ratio, truth.state_sha256, rig.clock.now()
+            course.failures.append(rig.failure() or str(error))
         face.phase("the arm goes to rest")
         last = rig.close()
     if last is None or not last.at_rest:
-        failures.append("the arm did not come to rest on its brakes")
-    details["thinking_s"] = round(game.thinking, 3)
+        course.failures.append("the arm did not come to rest on its brakes")
+    details: dict[str, JsonValue] = {"thinking_s": round(game.thinking, 3)}
     report = record.end(
-        end.result, end.reason, now, failures=failures, speed=speed, world_state=state, details=details
-    )  # type: ignore[arg-type]
-    return DemoResult(report, record.folder, end.complete and not failures and report.physical_ok is not False)
+        course.end.result, course.end.reason, course.plant_time, failures=course.failures, speed=course.speed,
+        world_state=course.world_state, details=details,
+    )  # fmt: skip
+    if course.interrupted:
+        raise KeyboardInterrupt
+    holds = course.end.complete and not course.failures and report.physical_ok is not False
+    return DemoResult(report, record.folder, holds)
+
+
+def _take_stock(rig: SimRig, course: _Course) -> None:
+    """The world's last state; once plant time stands, so that a repeated run ends in the same tick."""
+    rig.arm.state()
+    truth, run = rig.referee.look()
+    course.speed, course.world_state, course.plant_time = run.ratio, truth.state_sha256, rig.clock.now()
 
 
 @contextmanager

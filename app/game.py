@@ -17,7 +17,8 @@ from app.judging import Verdict, judge
 from app.manipulation import Inventory, Ply, transfers
 from app.motion import MotionSettings, plan_ply
 from app.players import Player
-from app.records import GameRecord, PlyOutcome, Report, recording
+from app.records import GameRecord, PlyOutcome, recording
+from app.records.events import Result
 from controller.errors import ControllerError
 from hardware.interfaces import Camera, Clock, Frame, HardwareError
 from hardware.parameters import RobotParameters
@@ -41,7 +42,7 @@ class Devices:
 class GameEnd:
     """Why the loop ended: PGN result, phrase, and whether all that was asked was done."""
 
-    result: str
+    result: Result
     reason: str
     complete: bool
 
@@ -80,7 +81,7 @@ class Game:
         for done in range(plies + 1):
             outcome = self._board.outcome(claim_draw=True)
             if outcome is not None:
-                return GameEnd(outcome.result(), outcome.termination.name.lower().replace("_", " "), True)
+                return GameEnd(_result(outcome), outcome.termination.name.lower().replace("_", " "), True)
             if done == plies:
                 break
             move = self._choose()
@@ -171,6 +172,12 @@ def _moved(verdict: Verdict | None, ply: Ply) -> dict[str, float] | None:
     if verdict is None:
         return None
     return {name: 1e3 * verdict.errors[name] for name in ply.changes() if name in verdict.errors}
+
+
+def _result(outcome: chess.Outcome) -> Result:
+    if outcome.winner is None:
+        return "1/2-1/2"
+    return "1-0" if outcome.winner else "0-1"
 
 
 EXPECTED_FAILURES = (UserError, ControllerError, HardwareError)

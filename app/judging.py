@@ -60,5 +60,7 @@ def _problem(piece: PieceSpec, pose: PiecePose, place: Place, error: float, tabl
     if abs(pose.z) > ON_SURFACE:
         return f"{piece.name} on {place} stands {pose.z * 1e3:.1f} mm above the board"
     if error > limit:
-        return f"{piece.name} is {error * 1e3:.1f} mm from the centre of {place}, at most {limit * 1e3:.0f} mm are allowed"
+        return (
+            f"{piece.name} is {error * 1e3:.1f} mm from the centre of {place}, at most {limit * 1e3:.0f} mm are allowed"
+        )
     return None

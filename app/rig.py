@@ -26,8 +26,7 @@ from app.records import recording
 from controller.client import ControllerClient
 from controller.errors import ControllerError
 from controller.protocol.key import KEY_FILE, create_key
-from controller.server import CONTROLLER_FILE
-from controller.settings import ControllerSettings
+from controller.settings import CONTROLLER_FILE, ControllerSettings
 from hardware.sim.clients import SimCamera, SimClock
 from hardware.sim.referee import Referee
 from hardware.sim.server import END_FILE
@@ -37,7 +36,6 @@ START_TIMEOUT = 120.0
 """World and controller together; the first start on a machine compiles the law [s, wall]."""
 END_TIMEOUT = 8.0
 """For each process to end by itself; then it is killed, and the drives' watchdog brakes [s, wall]."""
-
 
 
 class RigFailed(UserError):

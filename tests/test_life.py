@@ -40,6 +40,8 @@ def test_an_interrupt_ends_everything_within_five_seconds(demo, number):
     end = run.world_end()
     assert end["at_rest"]
     assert end["arm_speed"] < 1e-3
+    report = json.loads((run.folder / "report.json").read_text())
+    assert (report["exit_reason"], report["plies"]) == ("interrupted", run.plies())
 
 
 @pytest.mark.slow

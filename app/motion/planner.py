@@ -1,4 +1,4 @@
-"""Plans of whole plies: each transfer is approach, grasp, and carry-set-down-release-retreat; the last one ends at home.
+"""Plans of whole plies: each transfer is approach, grasp, and carry with set-down and retreat; the last ends at home.
 
 Heights follow from what stands in the way. Fingers move while the arm travels. Between motions the arm rests.
 """

@@ -65,7 +65,6 @@ def test_one_wrong_piece_is_named(change, sentence):
     assert len(verdict.failures) == 1
     assert verdict.failures[0].startswith(PAWN)
 
-
     assert re.search(sentence, verdict.failures[0])
 
 
