@@ -26,10 +26,12 @@ def run_controller(run_dir: Path) -> int:
     """
     from controller.law import TaskSpaceController
     from controller.model.constants import DeltaModel
+    from controller.safety import default_limits
     from controller.server import serve
     from hardware.sim.bus import SimServoBus
 
     settings = ControllerSettings.model_validate_json((run_dir / CONTROLLER_SETTINGS_FILE).read_text(encoding="utf-8"))
-    parameters = load_parameters(load_settings(run_dir).parameters_file)
+    world = load_settings(run_dir)
+    parameters = load_parameters(world.parameters_file)
     TaskSpaceController(DeltaModel(parameters))
-    return serve(SimServoBus(run_dir), parameters, settings, run_dir)
+    return serve(SimServoBus(run_dir), parameters, settings, run_dir, default_limits(parameters, world.table))

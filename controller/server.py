@@ -110,7 +110,9 @@ class Server:
         self._bus = bus
         self._settings = settings
         self._file = run_directory / CONTROLLER_FILE
+        self._prepared = self._file.with_suffix(".new")
         self._door = Door(settings.host, settings.port, key, settings.lease, self._welcome)
+        self._prepare_file()
         self._booted = False
         self._alone_since = 0.0
         self._ping = 0
@@ -148,7 +150,6 @@ class Server:
 
     def close(self) -> None:
         """Brakes, if the drives still answer; then give socket, file and bus up."""
-        self._file.unlink(missing_ok=True)
         try:
             self._bus.exchange(_BRAKE)
         except BusLost:
@@ -156,6 +157,8 @@ class Server:
         finally:
             self._bus.close()
             self._door.close()
+            for file in (self._file, self._prepared):
+                file.unlink(missing_ok=True)
 
     def _live(self, now: float) -> None:
         """What happens by itself: readiness, loss of the client, the end."""
@@ -172,12 +175,15 @@ class Server:
         """Tell clients where to find this process once the arm holds (or cannot, which the telemetry explains)."""
         if self.supervisor.state is State.BOOT:
             return False
+        self._prepared.replace(self._file)
+        return True
+
+    def _prepare_file(self) -> None:
+        """Everything slow about the file, before the first tick; one left by a killed controller misleads nobody."""
+        self._file.unlink(missing_ok=True)
         host, port = self._door.address
         content = {"host": host, "port": port, "pid": os.getpid(), "protocol": VERSION}
-        new = self._file.with_suffix(".new")
-        new.write_text(json.dumps(content) + "\n", encoding="utf-8")
-        new.replace(self._file)
-        return True
+        self._prepared.write_text(json.dumps(content) + "\n", encoding="utf-8")
 
     def _welcome(self) -> bytes:
         bus = self._bus

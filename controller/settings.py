@@ -31,7 +31,7 @@ class ControllerSettings(BaseModel):
     stop_damping: PositiveFloat = 40.0
     """Least k_v of each axis during and after an own stop [1/s]."""
     stop_acceleration: PositiveFloat = 25.0
-    """Bound of the own stop [m/s²]; from 0.8 m/s it takes 57 ms and 27 mm."""
+    """Bound of the own stop [m/s²]; from 0.8 m/s it takes 57 ms and 23 mm."""
     stop_jerk: PositiveFloat = 1000.0
     """Bound of the own stop [m/s³]."""
     capacity: PositiveInt = 8192
