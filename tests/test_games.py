@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 
 import chess.pgn
@@ -55,7 +56,7 @@ def test_a_seeded_game_repeats_exactly_and_is_recorded(demo):
     one, two = finished(first), finished(second)
     for field in ("world_state", "sim_s", "kinds", "placement_mm", "peak_torque_Nm", "peak_force_N"):
         assert one[field] == two[field], field
-    pgns = [chess.pgn.read_game((run.folder / "game.pgn").open()) for run in (first, second)]
+    pgns = [chess.pgn.read_game(io.StringIO((run.folder / "game.pgn").read_text())) for run in (first, second)]
     assert [str(m) for m in pgns[0].mainline_moves()] == [str(m) for m in pgns[1].mainline_moves()]
     events = read_events(first.folder / "events.jsonl")
     plies = [e for e in events if e.event == "ply"]
