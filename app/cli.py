@@ -15,6 +15,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # [s] is a unit
     help="A delta robot plays chess, in simulation or in the lab.",
 )
 

@@ -72,7 +72,7 @@ class Terminal:
             self._show()
         elif not self._rows and text != self._printed_phase:  # start-up takes seconds; later the plies tell
             self._printed_phase = text
-            self._console.print(text, highlight=False)
+            self._console.print(text, highlight=False, soft_wrap=True)
 
     def position(self, board: chess.Board) -> None:
         """See ``Face.position``."""

@@ -106,7 +106,8 @@ class SimRig:
     def _spawn(self, name: str) -> None:
         with recording(self._run_dir), self._log(name).open("wb") as log:
             self._processes[name] = subprocess.Popen(
-                [sys.executable, "-m", "app.cli", name, "--run-dir", str(self._run_dir)],
+                # -P: a folder of the user's named like one of ours must not come first
+                [sys.executable, "-P", "-m", "app.cli", name, "--run-dir", str(self._run_dir)],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log,
                 start_new_session=True,  # Ctrl-C reaches the app alone, which ends the others in order
             )  # fmt: skip
@@ -160,21 +161,28 @@ class SimRig:
             for device in ("camera", "clock", "referee"):
                 if getattr(self, device, None) is not None:
                     getattr(self, device).close()
-            if self._client is not None:
-                try:
-                    self._client.shutdown()
-                except ControllerError:
-                    self._client.close()  # it is gone or deaf: signals and watchdogs do the rest
+            orderly = self._shut_down()
             for name in ("controller", "world"):
-                self._end(name)
+                self._end(name, orderly)
             (self._run_dir / KEY_FILE).unlink(missing_ok=True)
         return self._end_state()
 
-    def _end(self, name: str) -> None:
+    def _shut_down(self) -> bool:
+        """Ask the controller to brake and end; the world follows it. False where nobody can be asked."""
+        if self._client is None:
+            return False
+        try:
+            self._client.shutdown()
+        except ControllerError:
+            self._client.close()  # it is gone or deaf: signals and watchdogs do the rest
+            return False
+        return True
+
+    def _end(self, name: str, orderly: bool) -> None:
+        """Wait for a process that was told to end; SIGTERM for one that was not, which brakes as well."""
         process = self._processes.get(name)
         if process is None:
             return
-        orderly = self._client is not None
         if not orderly:
             process.terminate()
         try:

@@ -21,7 +21,7 @@ class Run:
     def __init__(self, arguments: list[str], folder: Path, environment: dict[str, str] | None = None) -> None:
         self.folder = folder
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "app.cli", *arguments],
+            [sys.executable, "-P", "-m", "app.cli", *arguments],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             env={**os.environ, **(environment or {})}, start_new_session=True,
         )  # fmt: skip

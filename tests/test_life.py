@@ -72,7 +72,7 @@ def test_kill_9_of_the_app_stops_the_arm_and_ends_everything(demo):
 @pytest.mark.slow
 @pytest.mark.parametrize("victim", ["controller", "world"])
 def test_kill_9_of_a_process_ends_the_game_with_a_sentence(demo, victim):
-    run = demo(*GAME)
+    run = demo(*GAME, "--linger", "30")  # the app tells the world not to wait
     in_mid_game(run)
     os.kill(run.helpers()[victim], signal.SIGKILL)
     status, out, err = run.wait(30)
@@ -85,6 +85,8 @@ def test_kill_9_of_a_process_ends_the_game_with_a_sentence(demo, victim):
     assert not run.helpers()
     if victim == "controller":
         assert run.world_end()["at_rest"], "the drives' own watchdog brakes"
+        assert len(report["failures"]) == 1
+        assert not {"world.sock", "world.mjb", "frame-0.bin", "key"} & {p.name for p in (run.folder / "run").iterdir()}
 
 
 def refused(run):

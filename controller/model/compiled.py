@@ -29,6 +29,7 @@ SCALAR: Any = _numba.types.float64
 STATUS: Any = _numba.types.int64
 PAIR: Any = _numba.types.UniTuple(SCALAR, 2)
 VECTOR: Any = _numba.types.UniTuple(SCALAR, 3)
+PLACED: Any = _numba.types.UniTuple(VECTOR, 2)
 FROZEN: Any = _numba.types.Array(SCALAR, 1, "C", readonly=True)
 ROW: Any = _numba.types.Array(SCALAR, 1, "C")
 TABLE: Any = _numba.types.Array(SCALAR, 2, "C")

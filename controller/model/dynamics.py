@@ -71,6 +71,17 @@ def arm_gravity(constants: FloatArray, q1: float, q2: float, q3: float) -> Vecto
 
 
 @compiled
+def arm_energy(constants: FloatArray, q: Vector, v: Vector) -> tuple[float, float]:
+    """Kinetic and potential energy of one arm with its third of the platform [J]; the latter but for a constant."""
+    l1, l2, m2, mt = constants[PROXIMAL], constants[DISTAL], constants[DISTAL_MASS], constants[PLATFORM_MASS] / 3.0
+    m11, m12, m13, m22, m33 = arm_inertia(constants, q[0], q[1], q[2])
+    kinetic = 0.5 * (m11 * v[0] * v[0] + m22 * v[1] * v[1] + m33 * v[2] * v[2]) + v[0] * (m12 * v[1] + m13 * v[2])
+    upper = l1 * (constants[PROXIMAL_MASS] / 2.0 + m2 + mt) * math.sin(q[0])
+    lower = l2 * (m2 / 2.0 + mt) * math.sin(q[1]) * math.cos(q[2])
+    return kinetic, -constants[GRAVITY] * (upper + lower)
+
+
+@compiled
 def shaft_friction(velocity: float, viscous: float, coulomb: float, speed: float) -> float:
     """D of one servomotor: viscous and Coulomb friction, the sign smoothed over ``speed`` [rad/s] [N m]."""
     return viscous * velocity + coulomb * math.tanh(velocity / speed)

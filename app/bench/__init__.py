@@ -1,0 +1,1 @@
+"""Measurements that say whether a bar is held: ``touchmove bench NAME``. One module for each bench."""
