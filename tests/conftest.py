@@ -50,7 +50,7 @@ class Run:
             mine = any(str(self.folder).encode() in part for part in command)
             if int(entry.name) != self.process.pid and (mine or int(parent) == self.process.pid):
                 name = next((w for w in ("world", "controller", "drawing", "stockfish")
-                             if any(w.encode() in part for part in command[:4])), "other")  # fmt: skip
+                             if any(w.encode() in part for part in command[:5])), "other")  # fmt: skip
                 found[name] = int(entry.name)
         return found
 
