@@ -10,7 +10,15 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    NonNegativeFloat,
+    PositiveFloat,
+    PositiveInt,
+    ValidationError,
+    model_validator,
+)
 
 DEFAULT_FILE = Path(__file__).with_name("parameters.toml")
 
@@ -20,7 +28,7 @@ class ParametersError(ValueError):
 
 
 class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Geometry(_Frozen):
@@ -52,8 +60,8 @@ class Inertia(_Frozen):
 class Friction(_Frozen):
     """Friction of one servomotor shaft: viscous [N m s/rad] and Coulomb [N m]."""
 
-    viscous: float
-    coulomb: float
+    viscous: NonNegativeFloat
+    coulomb: NonNegativeFloat
 
 
 class Drive(_Frozen):
@@ -66,6 +74,12 @@ class Drive(_Frozen):
     max_speed: PositiveFloat
     tick: PositiveFloat
     watchdog_ticks: PositiveInt
+
+    @model_validator(mode="after")
+    def _peak_above_rated(self) -> Drive:
+        if self.peak_torque < self.rated_torque:
+            raise ValueError(f"peak_torque {self.peak_torque} N m is below rated_torque {self.rated_torque} N m")
+        return self
 
 
 class Gripper(_Frozen):
@@ -118,13 +132,34 @@ def load_parameters(path: Path = DEFAULT_FILE) -> RobotParameters:
         ParametersError: the file cannot be read, is no TOML, lacks a field, has an unknown one or an impossible value.
     """
     try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-        return RobotParameters.model_validate(raw)
+        return RobotParameters.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
     except OSError as error:
         raise ParametersError(f"parameter file {path} cannot be read: {error.strerror}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ParametersError(f"parameter file {path} is not valid TOML: {error}") from error
     except ValidationError as error:
-        first = error.errors()[0]
-        field = ".".join(str(part) for part in first["loc"])
-        raise ParametersError(f"parameter file {path}: {field}: {first['msg']} (compare {DEFAULT_FILE.name})") from error
+        raise ParametersError(f"parameter file {path}: {_explain(error)}") from error
+    except ValueError as error:  # no TOML, or no text at all
+        raise ParametersError(f"parameter file {path} is not valid TOML: {error}") from error
+
+
+def _explain(problem: ValidationError) -> str:
+    """What is wrong, in one sentence; an unknown name first, since it is often the misspelt form of a missing one."""
+    errors = problem.errors(include_url=False)
+    error = next((one for one in errors if one["type"] == "extra_forbidden"), errors[0])
+    field = ".".join(map(str, error["loc"]))
+    if error["type"] == "extra_forbidden":
+        model: type[BaseModel] = RobotParameters
+        for name in error["loc"][:-1]:
+            model = _table(model, str(name))
+        return f"{field} is unknown, there are {', '.join(model.model_fields)}"
+    if error["type"] == "missing":
+        return f"{field} is missing, compare {DEFAULT_FILE.name}"
+    if error["type"] == "value_error":
+        return f"{field}: {error['msg'].removeprefix('Value error, ')}"
+    return f"{field} is {error['input']!r}: {error['msg'].replace('Input', 'it', 1)}"
+
+
+def _table(model: type[BaseModel], name: str) -> type[BaseModel]:
+    table = model.model_fields[name].annotation
+    assert isinstance(table, type)
+    assert issubclass(table, BaseModel)
+    return table

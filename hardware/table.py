@@ -12,6 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
 
+_AXES = np.array([1.0, -1.0, -1.0])
+"""The base frame's axes in the board frame: x = z₁, y = −z₂, z = −z₃."""
+
 
 class Colour(StrEnum):
     """Side of a piece."""
@@ -88,7 +91,7 @@ def square_place(square: int) -> Place:
 
 
 class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class ContactLimits(_Frozen):
@@ -138,11 +141,11 @@ class TableSettings(_Frozen):
             ValueError: there is no such place.
         """
         if place.on_board:
-            if not 0 <= place.index < 64:
-                raise ValueError(f"square {place.index} is not on the board: 0 (a1) to 63 (h8)")
+            square_place(place.index)
             return (place.index % 8 - 3.5) * self.square, (place.index // 8 - 3.5) * self.square
         if place.zone not in ("L", "R") or not 0 <= place.index < self.tray_size:
-            raise ValueError(f"there is no place {place}: trays are L1 to L{self.tray_size} and R1 to R{self.tray_size}")
+            last = self.tray_size
+            raise ValueError(f"there is no place {place}: trays are L1 to L{last} and R1 to R{last}")
         column, row = divmod(place.index, self.tray_rows)
         x = 4.0 * self.square + self.tray_gap + column * self.tray_column_pitch
         y = (row - (self.tray_rows - 1) / 2.0) * self.tray_row_pitch
@@ -150,11 +153,13 @@ class TableSettings(_Frozen):
 
     def base_from_board(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map points (..., 3) from the board frame into the base frame [m]: x = z₁, y = −z₂, z = −z₃."""
-        return np.asarray(self.centre_in_base) + np.asarray(point) * np.array([1.0, -1.0, -1.0])
+        base: NDArray[np.float64] = np.asarray(self.centre_in_base) + np.asarray(point) * _AXES
+        return base
 
     def board_from_base(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map points (..., 3) from the base frame into the board frame [m]."""
-        return (np.asarray(point) - np.asarray(self.centre_in_base)) * np.array([1.0, -1.0, -1.0])
+        board: NDArray[np.float64] = (np.asarray(point) - np.asarray(self.centre_in_base)) * _AXES
+        return board
 
 
 @dataclass(frozen=True, slots=True)

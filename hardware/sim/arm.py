@@ -63,10 +63,10 @@ def inverse_kinematics(parameters: RobotParameters, tool: NDArray[np.float64]) -
         in_plane = g.distal_length**2 - x**2
         if in_plane <= 0.0:
             raise ValueError(f"arm {arm + 1} cannot reach {tool.tolist()} m: {abs(x):.3f} m aside")
-        cosine = (g.proximal_length**2 + reach**2 - in_plane) / (2.0 * g.proximal_length * reach)
-        if abs(cosine) > 1.0:
+        along = (g.proximal_length**2 + reach**2 - in_plane) / (2.0 * g.proximal_length)
+        if abs(along) > reach:
             raise ValueError(f"arm {arm + 1} cannot reach {tool.tolist()} m: {reach:.3f} m away")
-        servo = math.atan2(z, y) - math.acos(cosine)  # outward: the elbow lies outside the line to the flange
+        servo = math.atan2(z, y) - math.acos(along / reach)  # outward: the elbow lies outside the line to the flange
         rod = np.array([x, y - g.proximal_length * math.cos(servo), z - g.proximal_length * math.sin(servo)])
         joints[arm] = servo, math.atan2(rod[2], rod[1]) - servo, -math.asin(rod[0] / g.distal_length)
     return joints
@@ -95,7 +95,7 @@ def _add_leg(base: mujoco.MjsBody, parameters: RobotParameters, arm: int) -> Non
     mount = base.add_body(name=f"mount{arm + 1}", quat=[cos, 0.0, 0.0, sin])
     mount.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CYLINDER, fromto=[-0.045, g.base_radius, 0.0, 0.035, g.base_radius, 0.0],
-        size=[0.028, 0, 0], rgba=[0.25, 0.26, 0.28, 1.0], contype=0, conaffinity=0,
+        size=[0.028, 0, 0], rgba=[0.25, 0.26, 0.28, 1.0], contype=0, conaffinity=0, mass=0.0,
     )  # fmt: skip
     proximal = mount.add_body(name=f"proximal{arm + 1}", pos=[0.0, g.base_radius, 0.0])
     _inertial(
@@ -165,8 +165,9 @@ def _add_platform(base: mujoco.MjsBody, parameters: RobotParameters) -> None:
             name=f"platform_{name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[float(i == axis) for i in range(3)]
         )
     platform.add_geom(
-        name="flange", type=mujoco.mjtGeom.mjGEOM_CYLINDER, fromto=[0, 0, -g.gripper_height - 0.006, 0, 0, -g.gripper_height],
-        size=[g.flange_radius - 0.006, 0, 0], rgba=[0.75, 0.76, 0.78, 1.0], mass=0.0, contype=TOOL_BITS, conaffinity=SCENE_BITS,
+        name="flange", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[g.flange_radius - 0.006, 0, 0], mass=0.0,
+        fromto=[0, 0, -g.gripper_height - 0.006, 0, 0, -g.gripper_height], rgba=[0.75, 0.76, 0.78, 1.0],
+        contype=TOOL_BITS, conaffinity=SCENE_BITS,
     )  # fmt: skip
     platform.add_geom(
         name="gripper_body", type=mujoco.mjtGeom.mjGEOM_BOX, size=list(GRIPPER_BODY_HALF), mass=0.0,
@@ -197,7 +198,8 @@ def _add_gripper_drive(spec: mujoco.MjSpec, parameters: RobotParameters) -> None
     gain = 2.0 * gripper.velocity_gain
     drive = spec.add_actuator(
         name="gripper", target="opening", trntype=mujoco.mjtTrn.mjTRN_TENDON, gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-        biastype=mujoco.mjtBias.mjBIAS_AFFINE, forcelimited=True, forcerange=[-2 * gripper.max_force, 2 * gripper.max_force],
+        biastype=mujoco.mjtBias.mjBIAS_AFFINE, forcelimited=True,
+        forcerange=[-2.0 * gripper.max_force, 2.0 * gripper.max_force],
         ctrllimited=True, ctrlrange=[-gripper.max_speed, gripper.max_speed],
     )  # fmt: skip
     drive.gainprm[0] = gain
@@ -216,7 +218,7 @@ def add_arm(spec: mujoco.MjSpec, parameters: RobotParameters, centre_in_base: tu
     base = spec.worldbody.add_body(name="base", pos=[-x, y, z], quat=[0.0, 1.0, 0.0, 0.0])
     base.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CYLINDER, fromto=[0, 0, -0.025, 0, 0, -0.012], size=[0.15, 0, 0],
-        rgba=[0.30, 0.31, 0.33, 1.0], contype=0, conaffinity=0,
+        rgba=[0.30, 0.31, 0.33, 1.0], contype=0, conaffinity=0, mass=0.0,
     )  # fmt: skip
     for arm in range(3):
         _add_leg(base, parameters, arm)

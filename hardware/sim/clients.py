@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import threading
 from pathlib import Path
 
@@ -13,11 +14,9 @@ from hardware.interfaces import Frame, HardwareError, Intrinsics, StaleFrame
 from hardware.sim import wire
 from hardware.sim.renderer import HEIGHT, WIDTH, frame_bytes, frame_path
 
-FRAME_TIMEOUT = 30.0
-
 
 class SimClock:
-    """``Clock`` on plant time."""
+    """``Clock`` on plant time. Threads may share it: while one sleeps, the others wait."""
 
     def __init__(self, run_dir: Path) -> None:
         """Connect to the world of a run directory."""
@@ -32,8 +31,8 @@ class SimClock:
             return float(wire.ask(self._link, {})["tick"]) * self._period
 
     def sleep(self, duration: float) -> None:
-        """Wait for plant time; in pace fast this makes it run."""
-        ticks = int(np.ceil(duration / self._period))
+        """Wait for plant time, in whole ticks, rounded up; in pace fast this makes it run."""
+        ticks = math.ceil(duration / self._period - 1e-6)  # so that n periods are n ticks
         if ticks > 0:
             with self._lock:
                 wire.ask(self._link, {"sleep_ticks": ticks})
@@ -47,28 +46,33 @@ class FrameStream:
     """Frames of one view at fixed intervals of plant time, while it runs; for films."""
 
     def __init__(self, run_dir: Path, camera: str, ticks: int) -> None:
-        """Subscribe: one frame each so many ticks."""
+        """Subscribe: one frame at every multiple of so many ticks."""
         self._link, answer = wire.connect(run_dir, "camera")
-        self._slot = int(answer["slot"])
-        self._path = frame_path(run_dir, self._slot)
+        self._path = frame_path(run_dir, int(answer["slot"]))
         self._cancelled = False
         self._link.settimeout(0.2)
-        self._link.send(json.dumps({"camera": camera, "slot": self._slot, "stream_ticks": ticks}).encode())
+        self._link.send(json.dumps({"camera": camera, "stream_ticks": ticks}).encode())
 
-    def next(self) -> tuple[NDArray[np.uint8], int] | None:
-        """The next frame, RGB (h, w, 3), and its tick; None when the stream was cancelled or the world has ended."""
+    def next(self) -> NDArray[np.uint8] | None:
+        """The next frame, RGB (h, w, 3); None when the stream was cancelled or the world has ended.
+
+        Raises:
+            HardwareError: the world has no such camera, or no pictures any more.
+        """
         while not self._cancelled:
             try:
                 message = self._link.recv(wire.LARGEST_MESSAGE)
                 if not message:
                     return None
+                if error := json.loads(message).get("error"):
+                    raise HardwareError(f"no more frames: {error}")
                 pixels = np.fromfile(self._path, dtype=np.uint8, count=3 * WIDTH * HEIGHT)
                 self._link.send(b'{"taken": true}')
             except TimeoutError:
                 continue
             except OSError:
                 return None
-            return pixels.reshape(HEIGHT, WIDTH, 3), int(json.loads(message)["tick"])
+            return pixels.reshape(HEIGHT, WIDTH, 3)
         return None
 
     def cancel(self) -> None:
@@ -84,31 +88,40 @@ class SimCamera:
     """``Camera`` looking at the simulated board; every read exposes a new frame."""
 
     def __init__(self, run_dir: Path, camera: str = "camera", depth: bool = True) -> None:
-        """Connect to the world of a run directory; ``camera`` is one of its views."""
+        """Connect to the world of a run directory.
+
+        Args:
+            run_dir: of the world.
+            camera: one of the world's views.
+            depth: whether frames have depth.
+
+        Raises:
+            HardwareError: no world answers, or it has no such camera.
+        """
         self._link, answer = wire.connect(run_dir, "camera")
-        self._link.settimeout(FRAME_TIMEOUT)
         self._period = float(answer["period"])
-        self._camera, self._depth, self._slot = camera, depth, int(answer["slot"])
-        self.intrinsics = Intrinsics(**answer["intrinsics"][camera])
-        self._path = frame_path(run_dir, self._slot)
-        self._pixels: np.memmap[tuple[int], np.dtype[np.uint8]] | None = None
+        views = answer["intrinsics"]
+        if camera not in views:
+            self._link.close()
+            raise HardwareError(f"the world has no camera '{camera}': there are {', '.join(views)}")
+        self.intrinsics = Intrinsics(**views[camera])
+        self._camera, self._depth = camera, depth
+        self._path = frame_path(run_dir, int(answer["slot"]))
 
     def read(self, max_age: float = 0.25) -> Frame:
         """See ``Camera.read``."""
-        answer = wire.ask(self._link, {"camera": self._camera, "slot": self._slot, "depth": self._depth})
-        age = (int(answer["tick"]) - int(answer["exposed"])) * self._period
+        answer = wire.ask(self._link, {"camera": self._camera, "depth": self._depth})
+        exposed = int(answer["exposed"])
+        age = (int(answer["tick"]) - exposed) * self._period
         if age > max_age:
             raise StaleFrame(age, max_age)
-        if self._pixels is None:
-            if self._path.stat().st_size != frame_bytes():
-                raise HardwareError(f"the frame at {self._path} has not {frame_bytes()} bytes")
-            self._pixels = np.memmap(self._path, dtype=np.uint8, mode="r", shape=(frame_bytes(),))
+        pixels = np.fromfile(self._path, dtype=np.uint8)
+        if pixels.size != frame_bytes():
+            raise HardwareError(f"the frame at {self._path} has {pixels.size} bytes, not {frame_bytes()}")
         count = WIDTH * HEIGHT
-        colour = np.array(self._pixels[: 3 * count]).reshape(HEIGHT, WIDTH, 3)
-        depth = None
-        if self._depth:
-            depth = np.array(self._pixels[3 * count :]).view(np.float32).reshape(HEIGHT, WIDTH)
-        return Frame(colour, depth, self.intrinsics, int(answer["exposed"]) * self._period)
+        colour = pixels[: 3 * count].reshape(HEIGHT, WIDTH, 3)
+        depth = pixels[3 * count :].view(np.float32).reshape(HEIGHT, WIDTH) if self._depth else None
+        return Frame(colour, depth, self.intrinsics, exposed * self._period)
 
     def close(self) -> None:
         """Let the world go."""

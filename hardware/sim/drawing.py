@@ -30,9 +30,7 @@ def _draw_rods(scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
             shift = side * ROD_HALF_DISTANCE * tangent
             geom = scene.geoms[scene.ngeom]
             rgba = np.array([0.1, 0.1, 0.11, 1.0], dtype=np.float32)
-            mujoco.mjv_initGeom(
-                geom, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba
-            )
+            mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
             mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, ROD_RADIUS, elbow + shift, flange + shift)
             scene.ngeom += 1
 

@@ -1,18 +1,20 @@
 """The plant itself: MuJoCo stepped by drive commands. Amplifiers, encoders, brakes, gripper and tactile sensors.
 
-No state is written and no external force applied after ``reset``: what happens, happens by torques and contacts.
+No state is written and no external force applied after the start: what happens, happens by torques and contacts.
+A tick is short, so sensors are read as plain numbers through views of MuJoCo's arrays, and drive status is an integer.
 """
 
 from __future__ import annotations
 
 import hashlib
 import math
+from typing import Final, cast
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.interfaces import Command, DriveStatus, Measurement
+from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters
 from hardware.sim.truth import PiecePose, Truth
 
@@ -21,149 +23,191 @@ ARM_TREES = 4
 REST_SPEED = 2e-4
 """All joints of arm and gripper slower than this [rad/s, m/s] count as resting."""
 PIECE_REST_SPEED = 2e-3
-"""An awake piece, held or about to sleep, slower than this [m/s, rad/s scaled] counts as resting."""
+"""An awake piece, held or about to sleep, slower than this [m/s, rad/s] counts as resting."""
 REST_TICKS = 25
+"""Everything must have been resting for so long."""
+
+_ENABLED: Final = int(DriveStatus.ENABLED)
+_BRAKED: Final = int(DriveStatus.BRAKED)
+_SATURATED: Final = int(DriveStatus.SATURATED)
+_WATCHDOG: Final = int(DriveStatus.WATCHDOG)
+_FAULT: Final = int(DriveStatus.FAULT)
+_STANDING: Final = int(DriveStatus.STANDING)
+_OVERSPEED: Final = int(DriveStatus.OVERSPEED)
+_TRIPS: Final = _WATCHDOG | _FAULT | _OVERSPEED
+"""What switches the drives off and stays until they are disabled."""
+_STATUS: Final = tuple(DriveStatus(bits) for bits in range(1 << len(DriveStatus)))
 
 
 class Plant:
-    """The simulated robot and table, advanced one tick at a time."""
+    """The simulated robot and table, advanced one tick at a time.
+
+    Args:
+        model: compiled by ``scene.build_model``; key frame 0 is the start.
+        parameters: robot.
+        pieces: names of all pieces.
+
+    Attributes:
+        model: MuJoCo's; the brakes act as dry friction of the servomotors' joints, nothing else is ever changed.
+        data: MuJoCo's; only its controls are ever written.
+        tick: periods since the start.
+
+    Raises:
+        ValueError: the model's timestep does not divide the tick.
+    """
 
     def __init__(self, model: mujoco.MjModel, parameters: RobotParameters, pieces: tuple[str, ...]) -> None:
         self.model = model
         self.data = mujoco.MjData(model)
         self.parameters = parameters
-        self._pieces = pieces
+        self.tick = 0
         drive = parameters.drive
+        self._steps = _steps_of_a_tick(drive.tick, model.opt.timestep)
         self._counts_per_rad = 2.0**drive.encoder_bits / (2.0 * math.pi)
-        self._steps = max(1, round(drive.tick / model.opt.timestep))
+        self._rad_per_count = 1.0 / self._counts_per_rad
+        self._speed_per_count = 1.0 / (self._counts_per_rad * drive.tick)
         self._filter = 1.0 - math.exp(-parameters.tactile.bandwidth * drive.tick)
-        self._index()
         mujoco.mj_resetDataKeyframe(model, self.data, 0)
         mujoco.mj_forward(model, self.data)
-        self.tick = 0
-        self._latched = DriveStatus.OK
+        self._find(pieces)
+        self._switches = self._latched = 0
         self._resting = 0
-        self._tactile = [0.0, 0.0]
-        self._peak_force = 0.0
-        self._counts = self._encoder_counts()
-        self._speeds = (0.0, 0.0, 0.0)
-        self._set_brake(True)
-        self._enabled = False
+        self._right = self._left = 0.0
+        self._peak_squared = 0.0
+        self._counts = self._read_encoders()
+        self._speeds: Triple = (0.0, 0.0, 0.0)
+        self._switch(enabled=False, brake=True)
 
-    def _index(self) -> None:
+    def _find(self, pieces: tuple[str, ...]) -> None:
+        """Views and addresses of what is read and written in every tick."""
         model, data = self.model, self.data
-        joints = [model.joint(f"servo{i}") for i in (1, 2, 3)]
-        self._servo_q = tuple(int(j.qposadr[0]) for j in joints)
-        self._servo_v = np.array([j.dofadr[0] for j in joints])
-        self._finger_q = [int(model.joint(f"finger_{side}").qposadr[0]) for side in ("right", "left")]
-        arm_names = [f"{name}" for name in ("platform_x", "platform_y", "platform_z", "finger_right", "finger_left")]
-        arm_names += [f"universal{i}{c}" for i in (1, 2, 3) for c in "ab"]
-        self._arm_v = np.array([*self._servo_v, *(model.joint(name).dofadr[0] for name in arm_names)])
-        self._force = {
-            name: data.sensordata[model.sensor(name).adr[0] : model.sensor(name).adr[0] + 3]
-            for name in ("force_right", "force_left", "strongest_deck", "strongest_body")
-        }
-        self._body = {name: model.body(name).id for name in self._pieces}
+        self._positions = cast("memoryview[float]", memoryview(data.qpos).toreadonly())
+        self._sensors = cast("memoryview[float]", memoryview(data.sensordata).toreadonly())
+        self._controls = cast("memoryview[float]", memoryview(data.ctrl))
+        servos = [model.joint(f"servo{i}") for i in (1, 2, 3)]
+        self._servo_q = tuple(int(joint.qposadr[0]) for joint in servos)
+        self._servo_v = np.array([joint.dofadr[0] for joint in servos])
+        self._finger_q = tuple(int(model.joint(f"finger_{side}").qposadr[0]) for side in ("right", "left"))
+        others = ["platform_x", "platform_y", "platform_z", "finger_right", "finger_left"]
+        others += [f"universal{i}{c}" for i in (1, 2, 3) for c in "ab"]
+        self._arm_v = np.array([*self._servo_v, *(model.joint(name).dofadr[0] for name in others)])
+        names = ("force_right", "force_left", "force_deck", "force_body")
+        self._force = tuple(int(model.sensor(name).adr[0]) for name in names)
+        self._piece_q = {name: int(model.joint(name).qposadr[0]) for name in pieces}
         ends = [(data.site(f"rod_end{i}"), data.site(f"flange_joint{i}")) for i in (1, 2, 3)]
         self._closures = [(a.xpos, b.xpos) for a, b in ends]
 
-    def _encoder_counts(self) -> tuple[int, int, int]:
-        item, scale = self.data.qpos.item, self._counts_per_rad  # a tick is short: plain numbers beat small arrays
-        a, b, c = self._servo_q
-        return round(item(a) * scale), round(item(b) * scale), round(item(c) * scale)
+    # what a drive and a sensor do
 
-    def _set_brake(self, closed: bool) -> None:
+    def _read_encoders(self) -> tuple[int, int, int]:
+        q, scale = self._positions, self._counts_per_rad
+        a, b, c = self._servo_q
+        return round(q[a] * scale), round(q[b] * scale), round(q[c] * scale)
+
+    def _switch(self, enabled: bool, brake: bool) -> None:
+        """Amplifiers on or off, brakes closed or open; a closed brake is dry friction on the shaft."""
+        switches = enabled * _ENABLED | brake * _BRAKED
+        if switches == self._switches:
+            return
+        self._switches = switches
         drive, friction = self.parameters.drive, self.parameters.friction
-        self._braked = closed
-        self.model.dof_frictionloss[self._servo_v] = drive.brake_torque if closed else friction.coulomb
+        self.model.dof_frictionloss[self._servo_v] = drive.brake_torque if brake else friction.coulomb
+
+    def _trip(self, cause: int) -> None:
+        """The drives switch themselves off and brake; the gripper keeps its grip, but opens no further."""
+        self._latched |= cause
+        self._switch(enabled=False, brake=True)
+        u = self._controls
+        u[0] = u[1] = u[2] = 0.0
+        u[3] = min(u[3], 0.0)
+
+    @property
+    def braked(self) -> bool:
+        """True while the brakes are closed."""
+        return bool(self._switches & _BRAKED)
 
     def measure(self, standing: bool) -> Measurement:
-        """What encoders, gripper and tactile sensors say now."""
-        status = self._latched
-        if self._enabled:
-            status |= DriveStatus.ENABLED
-        if self._braked:
-            status |= DriveStatus.BRAKED
-        if standing:
-            status |= DriveStatus.STANDING
-        scale = 1.0 / self._counts_per_rad
+        """What encoders, gripper and tactile sensors say now.
+
+        Args:
+            standing: whether the status shall say that plant time stood still.
+        """
         a, b, c = self._counts
-        qpos = self.data.qpos
-        finger = 0.5 * (qpos.item(self._finger_q[0]) + qpos.item(self._finger_q[1]))
+        scale, q, fingers = self._rad_per_count, self._positions, self._finger_q
+        status = self._latched | self._switches | (_STANDING if standing else 0)
         return Measurement(
-            self.tick, (a * scale, b * scale, c * scale), self._speeds, finger,
-            (self._tactile[0], self._tactile[1]), status,
+            self.tick, (a * scale, b * scale, c * scale), self._speeds, 0.5 * (q[fingers[0]] + q[fingers[1]]),
+            (self._right, self._left), _STATUS[status],
         )  # fmt: skip
 
     def apply(self, command: Command) -> None:
-        """Latch a command: amplifiers saturate at the peak torque; not enabled means no torque and closed brakes."""
-        peak = self.parameters.drive.peak_torque
+        """Latch a command for the ticks to come.
+
+        Amplifiers cut torques at their peak. Not enabled means no torque and closed brakes, and clears what tripped
+        the drives. A command that is not finite is a fault.
+        """
         u1, u2, u3 = command.torque
-        self._latched &= ~DriveStatus.SATURATED
-        if abs(u1) > peak or abs(u2) > peak or abs(u3) > peak:
-            self._latched |= DriveStatus.SATURATED
-        if not command.enable:
-            self._latched &= ~(DriveStatus.WATCHDOG | DriveStatus.OVERSPEED)
-        tripped = self._latched & (DriveStatus.WATCHDOG | DriveStatus.OVERSPEED)
-        self._enabled = command.enable and not tripped
-        brake = command.brake or not self._enabled
-        if brake != self._braked:
-            self._set_brake(brake)
-        ctrl = self.data.ctrl
-        if self._enabled:
-            ctrl[0], ctrl[1], ctrl[2] = u1, u2, u3  # the model's actuators cut at the peak
+        finger = command.finger_velocity
+        latched = self._latched & (_TRIPS if command.enable else 0)
+        if not math.isfinite(u1 + u2 + u3 + finger):
+            self._trip(_FAULT)
+            return
+        enabled = command.enable and not latched
+        if enabled:
+            peak = self.parameters.drive.peak_torque
+            if abs(u1) > peak or abs(u2) > peak or abs(u3) > peak:
+                latched |= _SATURATED
         else:
-            ctrl[:3] = 0.0
-        ctrl[3] = command.finger_velocity
+            u1 = u2 = u3 = 0.0
+        self._latched = latched
+        self._switch(enabled, command.brake or not enabled)
+        u = self._controls
+        u[0], u[1], u[2], u[3] = u1, u2, u3, finger  # the model's actuators cut at the peak
 
     def trip_watchdog(self) -> None:
         """No command came for too long: the drives switch off and brake, the gripper keeps its grip.
 
-        Drives that were never enabled, or are disabled, stand on their brakes and wait for no command.
+        Drives that are not enabled stand on their brakes already and have nothing to report.
         """
-        if not self._enabled:
-            return
-        self._latched |= DriveStatus.WATCHDOG
-        self._enabled = False
-        self._set_brake(True)
-        self.data.ctrl[:3] = 0.0
-        self.data.ctrl[3] = min(float(self.data.ctrl[3]), 0.0)
+        self._trip(_WATCHDOG if self._switches & _ENABLED else 0)
+
+    # time
 
     def step(self) -> None:
         """Advance by one tick."""
         for _ in range(self._steps):
             mujoco.mj_step(self.model, self.data)
         self.tick += 1
-        drive = self.parameters.drive
-        old, new = self._counts, self._encoder_counts()
-        scale = 1.0 / (self._counts_per_rad * drive.tick)
-        self._speeds = ((new[0] - old[0]) * scale, (new[1] - old[1]) * scale, (new[2] - old[2]) * scale)
-        self._counts = new
-        if max(map(abs, self._speeds)) > drive.max_speed:
-            self._latched |= DriveStatus.OVERSPEED
-            self._set_brake(True)
-            self.data.ctrl[:3] = 0.0
-        self._sense()
-        self._watch_rest()
+        old, new = self._counts, self._read_encoders()
+        scale = self._speed_per_count
+        a, b, c = (new[0] - old[0]) * scale, (new[1] - old[1]) * scale, (new[2] - old[2]) * scale
+        self._counts, self._speeds = new, (a, b, c)
+        fastest = max(a, -a, b, -b, c, -c)
+        if fastest > self.parameters.drive.max_speed:
+            self._trip(_OVERSPEED)
+        self._feel()
+        self._watch_rest(fastest)
 
-    def _sense(self) -> None:
+    def _feel(self) -> None:
+        """Tactile sensors (first-order lag) and the largest contact force so far."""
+        s = self._sensors.tolist()
+        right, left, deck, body = self._force
         # A finger's sensor sits behind its pad and feels the force along the finger axis, pressing positive.
-        force = self._force
-        right, left = max(0.0, -force["force_right"].item(0)), max(0.0, force["force_left"].item(0))
-        self._tactile[0] += self._filter * (right - self._tactile[0])
-        self._tactile[1] += self._filter * (left - self._tactile[1])
-        for name in ("strongest_deck", "strongest_body"):
-            x, y, z = force[name].tolist()
-            strength = math.sqrt(x * x + y * y + z * z)
-            if strength > self._peak_force:
-                self._peak_force = strength
+        lag = self._filter
+        self._right += lag * (max(0.0, -s[right]) - self._right)
+        self._left += lag * (max(0.0, s[left]) - self._left)
+        for i in (right, left, deck, body):
+            x, y, z = s[i], s[i + 1], s[i + 2]
+            squared = x * x + y * y + z * z
+            if squared > self._peak_squared:  # noqa: PLR1730  # a call of max costs as much as all of this line
+                self._peak_squared = squared
 
-    def _watch_rest(self) -> None:
-        data = self.data
-        if max(map(abs, self._speeds)) > 20.0 * REST_SPEED:  # cheap and usual: the arm is under way
+    def _watch_rest(self, fastest: float) -> None:
+        if fastest > 20.0 * REST_SPEED:  # cheap and usual: the arm is under way
             self._resting = 0
             return
-        quiet = float(np.abs(data.qvel[self._arm_v]).max()) < REST_SPEED
+        data = self.data
+        quiet = self.arm_speed() < REST_SPEED
         if quiet and data.ntree_awake > ARM_TREES:
             awake = data.dof_awake_ind[: data.nv_awake]
             quiet = float(np.abs(data.qvel[awake]).max()) < PIECE_REST_SPEED
@@ -178,18 +222,21 @@ class Plant:
         """Fastest joint of arm and gripper [rad/s, m/s]."""
         return float(np.abs(self.data.qvel[self._arm_v]).max())
 
+    # the truth
+
     def truth(self, reset_peak: bool) -> Truth:
         """Everything the referee may know; optionally start a new peak of the contact force."""
-        peak = self._peak_force
+        peak = math.sqrt(self._peak_squared)
         if reset_peak:
-            self._peak_force = 0.0
-        poses = []
-        for name, body in self._body.items():
-            x, y, z = self.data.xpos[body].tolist()
-            upright = min(1.0, float(self.data.xmat[body, 8]))
-            poses.append(PiecePose(name, x, y, z, math.acos(max(-1.0, upright))))
+            self._peak_squared = 0.0
+        poses = tuple(self._pose(name, start) for name, start in self._piece_q.items())
         gap = max(float(np.linalg.norm(a - b)) for a, b in self._closures)
-        return Truth(self.tick, tuple(poses), peak, gap, self.arm_speed(), self.digest())
+        return Truth(self.tick, poses, peak, gap, self.arm_speed(), self.digest())
+
+    def _pose(self, name: str, start: int) -> PiecePose:
+        x, y, z, _, i, j, _ = self._positions[start : start + 7].tolist()
+        upright = 1.0 - 2.0 * (i * i + j * j)  # of the piece's axis, from its unit quaternion
+        return PiecePose(name, x, y, z, math.acos(max(-1.0, min(1.0, upright))))
 
     def digest(self) -> str:
         """SHA-256 of positions, velocities and tick."""
@@ -201,3 +248,10 @@ class Plant:
     def positions(self) -> NDArray[np.float64]:
         """Copy of all generalised positions, shape (nq,); what a renderer needs."""
         return np.array(self.data.qpos)
+
+
+def _steps_of_a_tick(tick: float, timestep: float) -> int:
+    steps = round(tick / timestep)
+    if steps < 1 or abs(steps * timestep - tick) > 1e-9 * tick:
+        raise ValueError(f"a timestep of {timestep} s does not divide the tick of {tick} s: take a whole fraction")
+    return steps

@@ -25,6 +25,9 @@ REQUEST = struct.Struct("<I8s?")
 REPLY = struct.Struct("<I")
 READY = b"ready"
 START_TIMEOUT = 60.0
+DRAW_TIMEOUT = 4.0
+"""A picture that takes longer does not come; below the time after which clients give the whole world up [s, wall]."""
+LOST = "the renderer has ended or is stuck; renderer.log in the run directory says why"
 GL_REMEDY = (
     "pictures need OpenGL through EGL, and it does not start here ({}): "
     "install it with 'sudo apt-get install libegl1 libgl1-mesa-dri'"
@@ -51,7 +54,7 @@ class Renderer:
     """The renderer process as the world sees it: send positions, later take the answer."""
 
     def __init__(self, run_dir: Path) -> None:
-        """Start the process; call ``wait_ready`` before the first request."""
+        """Start the process; call ``wait_ready`` before anything else."""
         self._link, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         environment = {**os.environ, "MUJOCO_GL": "egl", "LP_NUM_THREADS": "1"}
         with (run_dir / "renderer.log").open("wb") as log:
@@ -61,7 +64,6 @@ class Renderer:
             )  # fmt: skip
         far.close()
         self._run_dir = run_dir
-        self._ready = False
 
     def wait_ready(self) -> None:
         """Block until the first picture could be drawn.
@@ -69,8 +71,6 @@ class Renderer:
         Raises:
             HardwareError: there is no OpenGL here.
         """
-        if self._ready:
-            return
         self._link.settimeout(START_TIMEOUT)
         try:
             answer = self._link.recv(1024)
@@ -80,22 +80,36 @@ class Renderer:
             self.close()
             lines = (self._run_dir / "renderer.log").read_text(errors="replace").strip().splitlines()
             raise HardwareError(GL_REMEDY.format(lines[-1][:200] if lines else "no answer"))
-        self._ready = True
 
     def request(self, slot: int, camera: str, depth: bool, positions: NDArray[np.float64]) -> None:
-        """Ask for a picture of the world at these joint positions."""
-        self.wait_ready()
-        self._link.send(REQUEST.pack(slot, camera.encode(), depth) + positions.tobytes())
+        """Ask for a picture of the world at these joint positions.
 
-    def fileno(self) -> int:
-        """For polling."""
-        return self._link.fileno()
+        Raises:
+            HardwareError: the renderer has ended or is stuck.
+        """
+        try:
+            self._link.send(REQUEST.pack(slot, camera.encode(), depth) + positions.tobytes())
+        except OSError as error:
+            raise HardwareError(LOST) from error
 
-    def take(self) -> int:
-        """Block for the next finished picture; its slot."""
-        message = self._link.recv(REPLY.size)
+    def take(self, wait: bool) -> int | None:
+        """The slot of the next finished picture.
+
+        Args:
+            wait: for a picture under way; else None where none is finished.
+
+        Raises:
+            HardwareError: the renderer has ended or is stuck.
+        """
+        try:
+            self._link.settimeout(DRAW_TIMEOUT if wait else 0.0)
+            message = self._link.recv(REPLY.size)
+        except BlockingIOError:
+            return None
+        except OSError as error:
+            raise HardwareError(LOST) from error
         if not message:
-            raise HardwareError("the renderer has ended; renderer.log in the run directory says why")
+            raise HardwareError(LOST)
         slot: int = REPLY.unpack(message)[0]
         return slot
 

@@ -153,23 +153,39 @@ def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece) -> None:
 
 
 def _add_contact_sensors(spec: mujoco.MjSpec) -> None:
-    """Net forces on each finger from the scene, and the largest contact force on deck and tool."""
-    net, strongest = 3, 2  # reduction of a contact sensor: net force, or the contact with the largest force
-
-    def add(name: str, body: str, reduce: int) -> None:
+    """Net contact forces [N] in the world frame: on each finger, on the gripper's body, on the deck."""
+    net = 3  # reduction of a contact sensor: net force
+    parts = {
+        "force_right": (mujoco.mjtObj.mjOBJ_BODY, "finger_right"),
+        "force_left": (mujoco.mjtObj.mjOBJ_BODY, "finger_left"),
+        "force_body": (mujoco.mjtObj.mjOBJ_BODY, "platform"),
+        "force_deck": (mujoco.mjtObj.mjOBJ_GEOM, "deck"),
+    }
+    for name, (kind, part) in parts.items():
         # data specification: found bit 0, force bit 1; one contact reported
         spec.add_sensor(
-            name=name, type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_BODY, objname=body,
-            reftype=mujoco.mjtObj.mjOBJ_UNKNOWN, intprm=[2, reduce, 1],
+            name=name, type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=kind, objname=part,
+            reftype=mujoco.mjtObj.mjOBJ_UNKNOWN, intprm=[2, net, 1],
         )  # fmt: skip
 
-    add("force_right", "finger_right", net)
-    add("force_left", "finger_left", net)
-    spec.add_sensor(
-        name="strongest_deck", type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_GEOM, objname="deck",
-        reftype=mujoco.mjtObj.mjOBJ_UNKNOWN, intprm=[2, strongest, 1],
-    )  # fmt: skip
-    add("strongest_body", "platform", strongest)
+
+def _add_looks(spec: mujoco.MjSpec) -> None:
+    """Quality of pictures, and the meshes of the pieces."""
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
+    spec.visual.quality.shadowsize = 2048
+    spec.visual.map.znear = 0.02
+    for kind in Kind:
+        vertices, faces = turned_mesh(kind)
+        mesh = spec.add_mesh(name=kind.value)
+        mesh.uservert, mesh.userface = vertices.ravel().tolist(), faces.ravel().tolist()
+        mesh.smoothnormal = True
+
+
+def _drop_looks(spec: mujoco.MjSpec) -> None:
+    """Take out what is only seen; MuJoCo's search for contacts looks at every shape of a body that can touch."""
+    for geom in list(spec.geoms):
+        if geom.contype == 0 and geom.conaffinity == 0:
+            spec.delete(geom)
 
 
 def build_model(
@@ -178,6 +194,8 @@ def build_model(
     pieces: tuple[StandingPiece, ...],
     home: NDArray[np.float64],
     timestep: float | None = None,
+    *,
+    looks: bool = True,
 ) -> mujoco.MjModel:
     """Compile the world.
 
@@ -187,8 +205,12 @@ def build_model(
         pieces: every physical piece with its pose.
         home: tool point in the base frame [m] at which the arm starts; key frame 0 holds the whole start state.
         timestep: integration step [s], default the drive's tick.
+        looks: with all that is only seen. Without it a step is quicker, and what happens is the same.
 
     World frame: the board frame, z up.
+
+    Raises:
+        ValueError: the arm does not reach home.
     """
     spec = mujoco.MjSpec()
     spec.modelname = "touchmove"
@@ -200,20 +222,15 @@ def build_model(
     option.noslip_iterations = 0
     option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     option.sleep_tolerance = SLEEP_TOLERANCE
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
-    spec.visual.quality.shadowsize = 2048
-    spec.visual.map.znear = 0.02
-    for kind in Kind:
-        vertices, faces = turned_mesh(kind)
-        mesh = spec.add_mesh(name=kind.value)
-        mesh.uservert, mesh.userface = vertices.ravel().tolist(), faces.ravel().tolist()
-        mesh.smoothnormal = True
+    _add_looks(spec)
     _add_deck(spec, table)
     _add_surroundings(spec)
     add_arm(spec, parameters, table.centre_in_base)
     for piece in pieces:
         _add_piece(spec, piece)
     _add_contact_sensors(spec)
+    if not looks:
+        _drop_looks(spec)
     model = spec.compile()
     key = spec.add_key(name="start")
     key.qpos = _start_positions(model, parameters, home).tolist()

@@ -37,6 +37,8 @@ class WorldSettings(BaseModel):
     parameters_file: Path = DEFAULT_FILE
     pace: Pace = Pace.REAL
     seed: NonNegativeInt = 0
+    first_controller: NonNegativeFloat = 90.0
+    """A world that no controller has used yet ends after this; compiling a controller's law takes some [s, wall]."""
     linger: NonNegativeFloat = 30.0
     """After the controller is lost, wait this long for another one [s, wall]."""
     placement_sigma: NonNegativeFloat = 0.0007

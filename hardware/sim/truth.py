@@ -23,9 +23,9 @@ class Truth:
     tick: int
     pieces: tuple[PiecePose, ...]
     peak_contact_force: float
-    """Largest single contact force on deck or tool since the last reset of the peak [N]."""
+    """Largest net contact force on the deck, the gripper's body or one finger since the last reset of the peak [N]."""
     closure_error: float
-    """Largest gap of a closed loop now [m]."""
+    """Largest gap of a closed loop at the beginning of the last tick [m]."""
     arm_speed: float
     """Fastest joint of arm and gripper [rad/s, m/s]."""
     state_sha256: str

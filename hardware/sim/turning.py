@@ -13,13 +13,31 @@ SEGMENTS = 20
 
 # Profiles above the foot: (radius in stem radii, height as a fraction from the foot's top to the piece's top).
 _PROFILES: dict[Kind, tuple[tuple[float, float], ...]] = {
-    Kind.PAWN: ((0.95, 0.05), (0.62, 0.35), (0.6, 0.5), (0.95, 0.55), (0.6, 0.6), (0.9, 0.7), (1.0, 0.8), (0.85, 0.92), (0.45, 0.98)),
+    Kind.PAWN: (
+        (0.95, 0.05), (0.62, 0.35), (0.6, 0.5), (0.95, 0.55), (0.6, 0.6), (0.9, 0.7), (1.0, 0.8), (0.85, 0.92),
+        (0.45, 0.98),
+    ),
     Kind.ROOK: ((1.0, 0.05), (0.8, 0.35), (0.78, 0.6), (1.0, 0.7), (1.0, 1.0), (0.65, 1.0), (0.65, 0.88)),
     Kind.KNIGHT: ((1.0, 0.05), (0.85, 0.2), (0.75, 0.3)),
-    Kind.BISHOP: ((1.0, 0.04), (0.6, 0.35), (0.55, 0.55), (0.95, 0.6), (0.55, 0.64), (0.85, 0.74), (0.8, 0.84), (0.35, 0.95), (0.4, 0.97), (0.3, 0.995)),
-    Kind.QUEEN: ((1.0, 0.04), (0.6, 0.35), (0.58, 0.6), (1.0, 0.65), (0.6, 0.69), (0.75, 0.8), (1.0, 0.92), (0.7, 0.93), (0.35, 0.95), (0.4, 0.985)),
-    Kind.KING: ((1.0, 0.04), (0.62, 0.35), (0.6, 0.58), (1.0, 0.63), (0.62, 0.67), (0.75, 0.78), (0.95, 0.88), (0.5, 0.9), (0.2, 0.91), (0.2, 0.99)),
+    Kind.BISHOP: (
+        (1.0, 0.04), (0.6, 0.35), (0.55, 0.55), (0.95, 0.6), (0.55, 0.64), (0.85, 0.74), (0.8, 0.84), (0.35, 0.95),
+        (0.4, 0.97), (0.3, 0.995),
+    ),
+    Kind.QUEEN: (
+        (1.0, 0.04), (0.6, 0.35), (0.58, 0.6), (1.0, 0.65), (0.6, 0.69), (0.75, 0.8), (1.0, 0.92), (0.7, 0.93),
+        (0.35, 0.95), (0.4, 0.985),
+    ),
+    Kind.KING: (
+        (1.0, 0.04), (0.62, 0.35), (0.6, 0.58), (1.0, 0.63), (0.62, 0.67), (0.75, 0.78), (0.95, 0.88), (0.5, 0.9),
+        (0.2, 0.91), (0.2, 0.99),
+    ),
 }  # fmt: skip
+
+# Neck and head of the knight, seen from the side: (y in stem radii, height as above).
+_HORSE = (
+    (-0.95, 0.15), (0.85, 0.15), (0.55, 0.45), (1.0, 0.55), (0.95, 0.72), (0.3, 0.95), (0.1, 1.0), (-0.5, 0.85),
+    (-0.95, 0.5),
+)  # fmt: skip
 
 
 def _profile(kind: Kind) -> list[tuple[float, float]]:
@@ -60,11 +78,10 @@ def _horse_head(kind: Kind) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """A side view of neck and head, cut from a board as thick as the stem; faces +y."""
     shape = PIECE_SHAPES[kind]
     r, low, span = shape.stem_radius, shape.foot_height, shape.height - shape.foot_height
-    outline = [(-0.95, 0.15), (0.85, 0.15), (0.55, 0.45), (1.0, 0.55), (0.95, 0.72), (0.3, 0.95), (0.1, 1.0), (-0.5, 0.85), (-0.95, 0.5)]  # fmt: skip
     sides = []
     for x in (-0.55 * r, 0.55 * r):
-        sides += [[x, y * r, low + f * span] for y, f in outline]
-    n = len(outline)
+        sides += [[x, y * r, low + f * span] for y, f in _HORSE]
+    n = len(_HORSE)
     centres = [[-0.6 * r, 0.0, low + 0.5 * span], [0.6 * r, 0.0, low + 0.5 * span]]
     faces = []
     for i in range(n):

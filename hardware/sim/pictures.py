@@ -1,0 +1,215 @@
+"""What the world does for cameras: single frames, delivered a latency after their exposure, and streams for films.
+
+A single frame lets plant time run until it is due. A stream takes frames of whatever happens, and lets nothing happen.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from hardware.interfaces import HardwareError
+from hardware.sim import wire
+from hardware.sim.plant import Plant
+from hardware.sim.renderer import Renderer, frame_path, intrinsics_for
+from hardware.sim.scene import CAMERAS
+from hardware.sim.services import NEVER, SILENCE
+from hardware.sim.visitors import Refused, Visitor
+
+
+@dataclass(slots=True, eq=False)
+class _View:
+    """A camera's client and the one frame, or the stream, that it waits for."""
+
+    visitor: Visitor
+    slot: int
+    due: int = NEVER
+    """Tick of delivery of a single frame, or of a stream's next exposure."""
+    exposed: int = 0
+    """Tick of a single frame's exposure."""
+    drawing: bool = False
+    camera: str = ""
+    every: int = 0
+    """Ticks from frame to frame of a stream; 0 for single frames."""
+    taken: bool = True
+    """The client of a stream has read its last frame."""
+
+    @property
+    def stuck(self) -> bool:
+        """A stream's last frame is not drawn or not taken yet."""
+        return self.drawing or not self.taken
+
+
+class CameraService:
+    """Frames for cameras.
+
+    Args:
+        facts: about the world that every visitor is told.
+        plant: what is seen.
+        renderer: draws; None in a world without cameras.
+        run_dir: where frames are written.
+        latency: from exposure to delivery [ticks].
+
+    Attributes:
+        due: tick at which the next frame is to be exposed or delivered.
+        waiting: somebody waits for a frame, so that plant time has to run.
+    """
+
+    def __init__(
+        self, facts: dict[str, Any], plant: Plant, renderer: Renderer | None, run_dir: Path, latency: int
+    ) -> None:
+        self.due = NEVER
+        self.waiting = False
+        self._facts = facts
+        self._plant = plant
+        self._renderer = renderer
+        self._run_dir = run_dir
+        self._latency = latency
+        self._views: dict[Visitor, _View] = {}
+        self._slots = 0
+        self._absent = "this world was started without cameras"
+
+    # visitors
+
+    def welcome(self, visitor: Visitor) -> dict[str, Any]:
+        """See ``Service``."""
+        if self._renderer is None:
+            raise Refused(self._absent)
+        slot, self._slots = self._slots, self._slots + 1
+        frame_path(self._run_dir, slot).touch()
+        self._views[visitor] = _View(visitor, slot)
+        intrinsics = {name: asdict(intrinsics_for(pose.field_of_view)) for name, pose in CAMERAS.items()}
+        return {**self._facts, "slot": slot, "intrinsics": intrinsics}
+
+    def hear(self, visitor: Visitor, message: bytes) -> None:
+        """See ``Service``."""
+        request = wire.CAMERA_REQUEST.validate_json(message)
+        view = self._views[visitor]
+        if isinstance(request, wire.Taken):
+            view.taken = True
+        elif self._renderer is None:
+            visitor.tell({"error": self._absent})
+        elif request.camera not in CAMERAS:
+            visitor.tell({"error": f"no camera '{request.camera}': there are {', '.join(CAMERAS)}"})
+        elif view.due != NEVER:
+            visitor.tell({"error": "one frame or stream at a time: this one is under way"})
+        elif isinstance(request, wire.Exposure):
+            view.exposed, view.due = self._plant.tick, self._plant.tick + self._latency
+            self._draw(view, request.camera, request.depth)
+        else:
+            view.camera, view.every = request.camera, request.stream_ticks
+            view.due = self._after(self._plant.tick, view.every)
+        self._plan()
+
+    def leave(self, visitor: Visitor) -> None:
+        """See ``Service``."""
+        del self._views[visitor]
+        self._plan()
+
+    # frames
+
+    def look(self) -> None:
+        """Notice frames that were finished meanwhile."""
+        while any(view.drawing for view in self._views.values()) and self._take(wait=False):
+            pass
+
+    def serve(self, listen: Callable[[float], None] | None) -> bool:
+        """Expose and deliver what is due now.
+
+        Args:
+            listen: hears visitors for a while [s]; plant time then waits for frames and their takers (pace fast).
+                None: what is not drawn yet is delivered later, and streams leave frames out (pace real).
+
+        Returns:
+            Whether plant time had to wait.
+        """
+        tick, waited = self._plant.tick, False
+        for view in [view for view in self._views.values() if view.due <= tick]:
+            if view.every:
+                waited |= self._expose(view, listen)
+            else:
+                waited |= self._deliver(view, wait=listen is not None)
+        self._plan()
+        return waited
+
+    def close(self) -> None:
+        """End the renderer and remove its frames."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+        for slot in range(self._slots):
+            frame_path(self._run_dir, slot).unlink(missing_ok=True)
+
+    def _deliver(self, view: _View, wait: bool) -> bool:
+        waited = False
+        while wait and view.drawing:
+            waited = self._take(wait=True)
+        if not view.drawing and view.due != NEVER:
+            view.due = NEVER
+            view.visitor.tell({"exposed": view.exposed, "tick": self._plant.tick})
+        return waited
+
+    def _expose(self, view: _View, listen: Callable[[float], None] | None) -> bool:
+        waited, give_up = False, time.monotonic() + SILENCE
+        while listen is not None and view.stuck and view.visitor in self._views:
+            waited = True
+            listen(0.005)
+            if time.monotonic() > give_up:
+                view.visitor.dismiss()
+        if view.visitor in self._views and view.due != NEVER:
+            view.due = self._after(self._plant.tick, view.every)
+            if not view.stuck:
+                self._draw(view, view.camera, depth=False)
+        return waited
+
+    def _take(self, wait: bool) -> bool:
+        """Take one finished frame from the renderer, if there is one; False if not."""
+        if self._renderer is None:
+            return False
+        try:
+            slot = self._renderer.take(wait)
+        except HardwareError as error:
+            self._go_blind(error)
+            return False
+        for view in self._views.values():
+            if view.slot == slot:
+                view.drawing = False
+                if view.every:
+                    view.taken = False
+                    view.visitor.tell({"tick": self._plant.tick})
+        return slot is not None
+
+    def _draw(self, view: _View, camera: str, depth: bool) -> None:
+        if self._renderer is None:
+            return
+        view.drawing = True
+        try:
+            self._renderer.request(view.slot, camera, depth, self._plant.positions())
+        except HardwareError as error:
+            self._go_blind(error)
+
+    def _go_blind(self, error: HardwareError) -> None:
+        """The renderer is lost. The arm goes on: it does not need to be seen."""
+        print(f"no more pictures: {error}", file=sys.stderr, flush=True)
+        self._absent = str(error)
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+        for view in self._views.values():
+            if view.due != NEVER:
+                view.due, view.drawing = NEVER, False
+                view.visitor.tell({"error": self._absent})
+
+    def _plan(self) -> None:
+        views = self._views.values()
+        self.due = min((view.due for view in views), default=NEVER)
+        self.waiting = any(view.due != NEVER and not view.every for view in views)
+
+    @staticmethod
+    def _after(tick: int, every: int) -> int:
+        """The first multiple of ``every`` after a tick."""
+        return (tick // every + 1) * every
