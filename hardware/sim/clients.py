@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import socket
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,33 +48,31 @@ class FrameStream:
     """Frames of one view at fixed intervals of plant time, while it runs; for films."""
 
     def __init__(self, run_dir: Path, camera: str, ticks: int) -> None:
-        """Subscribe: one frame at every multiple of so many ticks."""
-        self._link, answer = wire.connect(run_dir, "camera")
+        """Subscribe: one frame at every multiple of so many ticks; raises as ``SimCamera``."""
+        self._link, answer = _connect_camera(run_dir, camera)
         self._path = frame_path(run_dir, int(answer["slot"]))
         self._cancelled = False
         self._link.settimeout(0.2)
         self._link.send(json.dumps({"camera": camera, "stream_ticks": ticks}).encode())
 
-    def next(self) -> NDArray[np.uint8] | None:
-        """The next frame, RGB (h, w, 3); None when the stream was cancelled or the world has ended.
+    def next(self) -> tuple[NDArray[np.uint8], int] | None:
+        """The next frame, RGB (h, w, 3), and its tick.
 
-        Raises:
-            HardwareError: the world has no such camera, or no pictures any more.
+        None when the stream was cancelled, the world has ended, or there are no pictures any more.
         """
         while not self._cancelled:
             try:
                 message = self._link.recv(wire.LARGEST_MESSAGE)
-                if not message:
+                answer = json.loads(message) if message else {}
+                if "exposed" not in answer:
                     return None
-                if error := json.loads(message).get("error"):
-                    raise HardwareError(f"no more frames: {error}")
                 pixels = np.fromfile(self._path, dtype=np.uint8, count=3 * WIDTH * HEIGHT)
                 self._link.send(b'{"taken": true}')
             except TimeoutError:
                 continue
             except OSError:
                 return None
-            return pixels.reshape(HEIGHT, WIDTH, 3)
+            return pixels.reshape(HEIGHT, WIDTH, 3), int(answer["exposed"])
         return None
 
     def cancel(self) -> None:
@@ -98,13 +98,9 @@ class SimCamera:
         Raises:
             HardwareError: no world answers, or it has no such camera.
         """
-        self._link, answer = wire.connect(run_dir, "camera")
+        self._link, answer = _connect_camera(run_dir, camera)
         self._period = float(answer["period"])
-        views = answer["intrinsics"]
-        if camera not in views:
-            self._link.close()
-            raise HardwareError(f"the world has no camera '{camera}': there are {', '.join(views)}")
-        self.intrinsics = Intrinsics(**views[camera])
+        self.intrinsics = Intrinsics(**answer["intrinsics"][camera])
         self._camera, self._depth = camera, depth
         self._path = frame_path(run_dir, int(answer["slot"]))
 
@@ -126,3 +122,12 @@ class SimCamera:
     def close(self) -> None:
         """Let the world go."""
         self._link.close()
+
+
+def _connect_camera(run_dir: Path, camera: str) -> tuple[socket.socket, dict[str, Any]]:
+    link, answer = wire.connect(run_dir, "camera")
+    views = answer["intrinsics"]
+    if camera not in views:
+        link.close()
+        raise HardwareError(f"the world has no camera '{camera}': there are {', '.join(views)}")
+    return link, answer

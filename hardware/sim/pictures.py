@@ -30,7 +30,7 @@ class _View:
     due: int = NEVER
     """Tick of delivery of a single frame, or of a stream's next exposure."""
     exposed: int = 0
-    """Tick of a single frame's exposure."""
+    """Tick of the last frame's exposure."""
     drawing: bool = False
     camera: str = ""
     every: int = 0
@@ -98,7 +98,7 @@ class CameraService:
         elif view.due != NEVER:
             visitor.tell({"error": "one frame or stream at a time: this one is under way"})
         elif isinstance(request, wire.Exposure):
-            view.exposed, view.due = self._plant.tick, self._plant.tick + self._latency
+            view.due = self._plant.tick + self._latency
             self._draw(view, request.camera, request.depth)
         else:
             view.camera, view.every = request.camera, request.stream_ticks
@@ -132,7 +132,7 @@ class CameraService:
             if view.every:
                 waited |= self._expose(view, listen)
             else:
-                waited |= self._deliver(view, wait=listen is not None)
+                waited |= self._deliver(view, listen)
         self._plan()
         return waited
 
@@ -144,10 +144,11 @@ class CameraService:
         for slot in range(self._slots):
             frame_path(self._run_dir, slot).unlink(missing_ok=True)
 
-    def _deliver(self, view: _View, wait: bool) -> bool:
+    def _deliver(self, view: _View, listen: Callable[[float], None] | None) -> bool:
         waited = False
-        while wait and view.drawing:
-            waited = self._take(wait=True)
+        while listen is not None and view.drawing and view.visitor in self._views:
+            waited = True
+            listen(0.005)
         if not view.drawing and view.due != NEVER:
             view.due = NEVER
             view.visitor.tell({"exposed": view.exposed, "tick": self._plant.tick})
@@ -180,13 +181,13 @@ class CameraService:
                 view.drawing = False
                 if view.every:
                     view.taken = False
-                    view.visitor.tell({"tick": self._plant.tick})
+                    view.visitor.tell({"exposed": view.exposed})
         return slot is not None
 
     def _draw(self, view: _View, camera: str, depth: bool) -> None:
         if self._renderer is None:
             return
-        view.drawing = True
+        view.drawing, view.exposed = True, self._plant.tick
         try:
             self._renderer.request(view.slot, camera, depth, self._plant.positions())
         except HardwareError as error:
@@ -197,7 +198,7 @@ class CameraService:
         print(f"no more pictures: {error}", file=sys.stderr, flush=True)
         self._absent = str(error)
         if self._renderer is not None:
-            self._renderer.close()
+            self._renderer.close(patience=0.0)
             self._renderer = None
         for view in self._views.values():
             if view.due != NEVER:

@@ -43,7 +43,8 @@ class Plant:
     """The simulated robot and table, advanced one tick at a time.
 
     Args:
-        model: compiled by ``scene.build_model``; key frame 0 is the start.
+        model: compiled by ``scene.build_model``, or another one with the same arm; key frame 0 is the start. Contact
+            sensors ``force_right`` and ``force_left`` feel the fingers; these and all others count for the peak.
         parameters: robot.
         pieces: names of all pieces.
 
@@ -91,8 +92,9 @@ class Plant:
         others = ["platform_x", "platform_y", "platform_z", "finger_right", "finger_left"]
         others += [f"universal{i}{c}" for i in (1, 2, 3) for c in "ab"]
         self._arm_v = np.array([*self._servo_v, *(model.joint(name).dofadr[0] for name in others)])
-        names = ("force_right", "force_left", "force_deck", "force_body")
-        self._force = tuple(int(model.sensor(name).adr[0]) for name in names)
+        self._right_pad, self._left_pad = (int(model.sensor(f"force_{side}").adr[0]) for side in ("right", "left"))
+        contacts = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_CONTACT)
+        self._forces = tuple(int(model.sensor_adr[i]) for i in contacts)
         self._piece_q = {name: int(model.joint(name).qposadr[0]) for name in pieces}
         ends = [(data.site(f"rod_end{i}"), data.site(f"flange_joint{i}")) for i in (1, 2, 3)]
         self._closures = [(a.xpos, b.xpos) for a, b in ends]
@@ -191,12 +193,11 @@ class Plant:
     def _feel(self) -> None:
         """Tactile sensors (first-order lag) and the largest contact force so far."""
         s = self._sensors.tolist()
-        right, left, deck, body = self._force
         # A finger's sensor sits behind its pad and feels the force along the finger axis, pressing positive.
         lag = self._filter
-        self._right += lag * (max(0.0, -s[right]) - self._right)
-        self._left += lag * (max(0.0, s[left]) - self._left)
-        for i in (right, left, deck, body):
+        self._right += lag * (max(0.0, -s[self._right_pad]) - self._right)
+        self._left += lag * (max(0.0, s[self._left_pad]) - self._left)
+        for i in self._forces:
             x, y, z = s[i], s[i + 1], s[i + 2]
             squared = x * x + y * y + z * z
             if squared > self._peak_squared:  # noqa: PLR1730  # a call of max costs as much as all of this line

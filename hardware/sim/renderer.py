@@ -113,11 +113,11 @@ class Renderer:
         slot: int = REPLY.unpack(message)[0]
         return slot
 
-    def close(self) -> None:
-        """End the process."""
+    def close(self, patience: float = 5.0) -> None:
+        """End the process, by force if it takes longer than ``patience`` [s]."""
         self._link.close()
         try:
-            self._process.wait(5.0)
+            self._process.wait(patience)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()

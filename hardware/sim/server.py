@@ -82,6 +82,7 @@ class World:
         }  # fmt: skip
         self._visitors = Visitors(run_dir, services)
         self._applied: Command | None = None
+        self._said = b""
         self._reported = -1
         self._missed = 0
         self._turns = 0
@@ -195,8 +196,19 @@ class World:
     def _answer(self) -> None:
         controller, tick = self._drives.controller, self.plant.tick
         if controller is not None:
-            controller.send(wire.pack_measurement(self.plant.measure(standing=tick == self._reported)))
+            self._said = wire.pack_measurement(self.plant.measure(standing=tick == self._reported))
+            controller.send(self._said)
             self._reported = tick
+
+    def _wait_for_picture(self, longest: float) -> None:
+        """Plant time waits: hear others, and tell the controller what it knows, so that it goes on reading its sockets.
+
+        It keeps its command for the tick that comes; the new measurement is told only when that command is taken.
+        """
+        self._listen(longest)
+        if self._drives.take() is not None and self._drives.controller is not None:
+            time.sleep(STANDING_WAIT)
+            self._drives.controller.send(self._said)
 
     def _miss(self) -> None:
         """A tick without a command: the last one stays in force until the watchdog of the drives brakes."""
@@ -211,7 +223,7 @@ class World:
         self._speed.ran()
         if self._clocks.due <= plant.tick:
             self._clocks.serve()
-        if self._cameras.due <= plant.tick and self._cameras.serve(self._listen if self._fast else None):
+        if self._cameras.due <= plant.tick and self._cameras.serve(self._wait_for_picture if self._fast else None):
             self._speed.stood()
             self._drives.excuse()
 
