@@ -24,8 +24,8 @@ from hardware.interfaces import Camera, Clock, Frame, HardwareError
 from hardware.parameters import RobotParameters
 from hardware.sim.referee import Referee
 
-FRAME_AGE = 1.0
-"""The picture of a ply is no older than this; it shows a board at rest, and a busy machine draws slowly [s]."""
+FRAME_AGE = 10.0
+"""The picture of a ply is no older than this: it is exposed when the arm is home, but a busy machine draws slowly [s]."""
 
 
 @dataclass(frozen=True, slots=True)
