@@ -25,7 +25,7 @@ from hardware.parameters import RobotParameters
 from hardware.sim.referee import Referee
 
 FRAME_AGE = 10.0
-"""The picture of a ply is no older than this: it is exposed when the arm is home, but a busy machine draws slowly [s]."""
+"""The picture of a ply is no older than this: exposed with the arm at home, but drawn slowly by a busy machine [s]."""
 
 
 @dataclass(frozen=True, slots=True)
