@@ -127,6 +127,52 @@ def _run(process: Callable[[], int]) -> None:
     raise typer.Exit(status)
 
 
+@app.command()
+def figures(
+    name: Annotated[str, typer.Argument(help="5, 6 or 7 of the paper; newton, encoder or workspace.")],
+    out: Annotated[Path, typer.Option(help="Folder for the pictures and their numbers.")] = Path("games/figures"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print the numbers as JSON.")] = False,
+) -> None:
+    """Compute a figure: pictures, and the numbers as JSON beside them."""
+    import json
+
+    from app import UserError
+    from app.figures import make_figure
+    from hardware.interfaces import HardwareError
+
+    print(f"touchmove: computing figure {name}", file=sys.stderr)
+    try:
+        content = make_figure(name, out)
+    except (UserError, HardwareError) as error:
+        _fail(str(error))
+    if as_json:
+        print(json.dumps(content, indent=2))
+    else:
+        print(f"{content['title']}: {'holds' if content['holds'] else 'does not hold'}; pictures in {out}")
+    raise typer.Exit(0 if content["holds"] else 1)
+
+
+@app.command()
+def bench(
+    name: Annotated[str, typer.Argument(help="What to measure: law.")],
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions: ends within a minute.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
+) -> None:
+    """Measure, and say whether each bar is held."""
+    from app import UserError
+    from app.bench import run_bench
+
+    try:
+        report = run_bench(name, quick, lambda step: print(f"touchmove: {step}", file=sys.stderr))
+    except UserError as error:
+        _fail(str(error))
+    if as_json:
+        print(report.model_dump_json(indent=2))
+    else:
+        print(report.table())
+    raise typer.Exit(0 if report.holds else 1)
+
+
 def main() -> None:
     """Entry point of the command."""
     app()

@@ -1,4 +1,4 @@
-"""The chess controller: approximate feedback linearisation in task space, (23), with gravity compensation (15).
+"""The laws. The chess controller is approximate feedback linearisation in task space, (23), with gravity (15).
 
     u = M_y J_c⁻¹ v + D + τ_g,      v = k_p (r - z) + k_v (ṙ - ż) + r̈ + k* (f_right - f_left) e_1
 
@@ -11,35 +11,62 @@ k* times a difference whose order it does not print; it is f_left - f_right.) Wi
 then accelerates the tool by (1/m + k*) F: the admittance grows by 1 + k* m.
 
 Two compiled calls make a tick, `TaskSpaceController.update` and `.torque`; protection reads `.state` in between.
+
+The exact laws are in `controller.exact_law`; the server does not call them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, PositiveFloat
 
-from controller.model.compiled import FROZEN, PAIR, ROW, STATUS, TABLE, VECTOR, FloatArray, Vector, compiled_as
+from controller.exact_law import exact_joint_law, exact_task_law, neglected_acceleration
+from controller.model.compiled import (
+    PAIR,
+    ROW,
+    STATUS,
+    TABLE,
+    VECTOR,
+    FloatArray,
+    Vector,
+    compiled_as,
+    direct,
+)
 from controller.model.constants import COULOMB, VISCOUS, DeltaModel
 from controller.model.dynamics import gravity_torque, joint_inertia, shaft_friction, task_inertia
 from controller.model.kinematics import (
     OK,
     Status,
-    arm_directions,
-    arm_tool_point,
+    close_chain,
     control_jacobian,
-    forward_kinematics,
+    elbows,
     forward_kinematics_closed,
 )
+from controller.model.state import (
+    ANGLE,
+    ASKED,
+    COMPENSATED,
+    FRICTION,
+    GRAVITY_TORQUE,
+    INERTIA,
+    INVERSE,
+    JACOBIAN,
+    POSITION,
+    QUALITY,
+    RATE,
+    TASK_INERTIA,
+    TORQUE,
+    UNMEASURED,
+    VELOCITY,
+    WARM,
+    blank_state,
+    constants_of,
+    load_model,
+    views,
+)
 from hardware.interfaces import Triple
-
-# rows of the state, a float64 array of three columns
-_X, _ANGLE, _RATE, _POSITION, _VELOCITY = 0, 2, 3, 4, 5
-_JACOBIAN, _INVERSE, _INERTIA, _TASK_INERTIA = 6, 9, 12, 15
-_GRAVITY, _FRICTION, _ASKED, _TORQUE, _QUALITY, _WARM = 18, 19, 20, 21, 22, 23
-_ROWS = 24
 
 REFERENCE_SIZE: Final = 16
 """Numbers in a reference: a contiguous float64 array that begins with r 0:3 [m], ṙ 3:6 [m/s], r̈ 6:9 [m/s²],
@@ -58,110 +85,46 @@ class LawSettings(BaseModel):
     """The Coulomb term's sign is tanh(q̇ / coulomb_speed): no chatter about standstill [rad/s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class ArmState:
-    """What the last `update` and `torque` found: views of one preallocated buffer, rewritten every tick.
-
-    Read them, copy what must last, and never write. Frame base. After an `update` that was not OK only `angle` and
-    `rate` are of that tick.
-    """
-
-    unmeasured: FloatArray
-    """x, shape (3, 2): q_i2 and q_i3 [rad]."""
-    angle: FloatArray
-    """y, shape (3,) [rad]."""
-    rate: FloatArray
-    """ẏ, shape (3,) [rad/s]."""
-    position: FloatArray
-    """z, shape (3,): the tool point [m]."""
-    velocity: FloatArray
-    """ż, shape (3,) [m/s]."""
-    jacobian: FloatArray
-    """J_c = ∂z/∂y, shape (3, 3) [m/rad]."""
-    jacobian_inverse: FloatArray
-    """J_c⁻¹, shape (3, 3) [rad/m]."""
-    inertia: FloatArray
-    """M_y, shape (3, 3) [kg m²]."""
-    task_inertia: FloatArray
-    """J_c⁻ᵀ M_y J_c⁻¹, shape (3, 3) [kg]."""
-    gravity: FloatArray
-    """τ_g, shape (3,): the torques that hold the arm [N m]."""
-    friction: FloatArray
-    """D, shape (3,): friction as compensated; zero when switched off [N m]."""
-    asked: FloatArray
-    """v, shape (3,): tool acceleration that the law last asked for [m/s²]."""
-    torque: FloatArray
-    """u, shape (3,): torques that the law last gave, not limited [N m]."""
-    quality: FloatArray
-    """Shape (3,): volume of the distal directions and least transmission (both 0 at a singularity); Newton steps."""
-
-
-def _views(buffer: FloatArray) -> ArmState:
-    """Name the rows of the buffer."""
-    flat = buffer.reshape(-1)
-
-    def square(row: int) -> FloatArray:
-        return buffer[row : row + 3]
-
-    return ArmState(
-        unmeasured=flat[3 * _X : 3 * _X + 6].reshape(3, 2),
-        angle=buffer[_ANGLE],
-        rate=buffer[_RATE],
-        position=buffer[_POSITION],
-        velocity=buffer[_VELOCITY],
-        jacobian=square(_JACOBIAN),
-        jacobian_inverse=square(_INVERSE),
-        inertia=square(_INERTIA),
-        task_inertia=square(_TASK_INERTIA),
-        gravity=buffer[_GRAVITY],
-        friction=buffer[_FRICTION],
-        asked=buffer[_ASKED],
-        torque=buffer[_TORQUE],
-        quality=buffer[_QUALITY],
-    )
-
-
-@compiled_as(STATUS(FROZEN, ROW, TABLE, VECTOR, VECTOR))
-def estimate(constants: FloatArray, friction: FloatArray, state: FloatArray, angle: Vector, velocity: Vector) -> int:
+@compiled_as(STATUS(TABLE, VECTOR, VECTOR))
+def estimate(state: FloatArray, angle: Vector, velocity: Vector) -> int:
     """Where the arm is, how it moves and what it weighs, from the servomotors' angles and velocities.
 
     Args:
-        constants: of the model.
-        friction: shape (3,): viscous [N m s/rad], Coulomb [N m], speed over which its sign is smoothed [rad/s].
-        state: shape (24, 3), in: the last x as warm start; out: the fields of `ArmState`.
+        state: shape (29, 3), in: the model, the friction to feed forward, the last x as warm start; out: the fields
+            of `ArmState`.
         angle: y [rad].
         velocity: ẏ [rad/s].
 
     Returns:
         Status. After anything but OK the next call starts cold, in closed form.
     """
+    constants, y, x = constants_of(state), state[ANGLE], state[UNMEASURED : UNMEASURED + 2].reshape(6)
     for i in range(3):
-        state[_ANGLE, i] = angle[i]
-        state[_RATE, i] = velocity[i]
-    y, x = state[_ANGLE], state[_X : _X + 2].reshape(6)
-    if state[_WARM, 0] == 0.0:
+        state[ANGLE, i] = angle[i]
+        state[RATE, i] = velocity[i]
+    if state[WARM, 0] == 0.0:
         status = forward_kinematics_closed(constants, y, x)
         if status != OK:
             return status
-    state[_WARM, 0] = 0.0
-    status, steps = forward_kinematics(constants, y, x)
+    state[WARM, 0] = 0.0
+    centres, e = elbows(constants, y)
+    status, steps, z, d = close_chain(constants, centres, x)
     if status != OK:
         return status
-    z = arm_tool_point(constants, 0, y[0], x[0], x[1])
-    d, e = arm_directions(constants, y, z)
-    jacobian, inverse = state[_JACOBIAN : _JACOBIAN + 3], state[_INVERSE : _INVERSE + 3]
+    jacobian, inverse = state[JACOBIAN : JACOBIAN + 3], state[INVERSE : INVERSE + 3]
     status, volume, transmission = control_jacobian(constants, d, e, jacobian, inverse)
     if status != OK:
         return status
+    viscous, coulomb, speed = state[COMPENSATED, 0], state[COMPENSATED, 1], state[COMPENSATED, 2]
     for i in range(3):
-        state[_POSITION, i] = z[i]
-        state[_VELOCITY, i] = jacobian[i, 0] * velocity[0] + jacobian[i, 1] * velocity[1] + jacobian[i, 2] * velocity[2]
-        state[_FRICTION, i] = shaft_friction(velocity[i], friction[0], friction[1], friction[2])
-    joint_inertia(constants, e, jacobian, state[_INERTIA : _INERTIA + 3])
-    task_inertia(constants, e, inverse, state[_TASK_INERTIA : _TASK_INERTIA + 3])
-    gravity_torque(constants, e, jacobian, state[_GRAVITY])
-    state[_QUALITY, 0], state[_QUALITY, 1], state[_QUALITY, 2] = volume, transmission, float(steps)
-    state[_WARM, 0] = 1.0
+        state[POSITION, i] = z[i]
+        state[VELOCITY, i] = jacobian[i, 0] * velocity[0] + jacobian[i, 1] * velocity[1] + jacobian[i, 2] * velocity[2]
+        state[FRICTION, i] = shaft_friction(velocity[i], viscous, coulomb, speed)
+    joint_inertia(constants, e, jacobian, state[INERTIA : INERTIA + 3])
+    task_inertia(constants, e, inverse, state[TASK_INERTIA : TASK_INERTIA + 3])
+    gravity_torque(constants, e, jacobian, state[GRAVITY_TORQUE])
+    state[QUALITY, 0], state[QUALITY, 1], state[QUALITY, 2] = volume, transmission, float(steps)
+    state[WARM, 0] = 1.0
     return OK
 
 
@@ -170,26 +133,31 @@ def task_space_law(state: FloatArray, reference: FloatArray, tactile: tuple[floa
     """(23) on an estimated state.
 
     Args:
-        state: shape (24, 3), as `estimate` left it; the fields ``asked`` and ``torque`` are written.
+        state: shape (29, 3), as `estimate` left it; the fields ``asked`` and ``torque`` are written.
         reference: shape (16,) or longer, see `REFERENCE_SIZE`.
         tactile: forces on the right (+z1) and left (-z1) pad, pressing positive [N].
 
     Returns:
         u [N m], not limited.
+
+    Raises:
+        ValueError: the reference is too short.
     """
+    if reference.size < REFERENCE_SIZE:
+        raise ValueError("a reference has 16 numbers, see REFERENCE_SIZE")
     for i in range(3):
-        position_error = reference[i] - state[_POSITION, i]
-        velocity_error = reference[3 + i] - state[_VELOCITY, i]
-        state[_ASKED, i] = reference[9 + i] * position_error + reference[12 + i] * velocity_error + reference[6 + i]
-    state[_ASKED, 0] += reference[15] * (tactile[0] - tactile[1])
+        position_error = reference[i] - state[POSITION, i]
+        velocity_error = reference[3 + i] - state[VELOCITY, i]
+        state[ASKED, i] = reference[9 + i] * position_error + reference[12 + i] * velocity_error + reference[6 + i]
+    state[ASKED, 0] += reference[15] * (tactile[0] - tactile[1])
     for i in range(3):
-        state[_TORQUE, i] = state[_FRICTION, i] + state[_GRAVITY, i]
+        state[TORQUE, i] = state[FRICTION, i] + state[GRAVITY_TORQUE, i]
     for j in range(3):
-        w = state[_INVERSE + j]
-        rate = w[0] * state[_ASKED, 0] + w[1] * state[_ASKED, 1] + w[2] * state[_ASKED, 2]
+        w = state[INVERSE + j]
+        rate = w[0] * state[ASKED, 0] + w[1] * state[ASKED, 1] + w[2] * state[ASKED, 2]
         for i in range(3):
-            state[_TORQUE, i] += state[_INERTIA + i, j] * rate
-    return state[_TORQUE, 0], state[_TORQUE, 1], state[_TORQUE, 2]
+            state[TORQUE, i] += state[INERTIA + i, j] * rate
+    return state[TORQUE, 0], state[TORQUE, 1], state[TORQUE, 2]
 
 
 def pack_reference(
@@ -222,19 +190,18 @@ class TaskSpaceController:
     """
 
     def __init__(self, model: DeltaModel, settings: LawSettings | None = None) -> None:
-        self._buffer = np.zeros((_ROWS, 3))
+        self._buffer = blank_state()
         self._settings = settings or LawSettings()
-        self._friction = np.zeros(3)
-        self.state = _views(self._buffer)
+        self.state = views(self._buffer)
         self.use(model)
 
     def use(self, model: DeltaModel) -> None:
         """Go on with another model, say with a payload; the estimate stays warm if the lengths are the same."""
         self._model = model
-        self._constants = model.constants
+        load_model(self._buffer, model)
         factor = 1.0 if self._settings.friction_compensation else 0.0
         viscous, coulomb = factor * model.constants[VISCOUS], factor * model.constants[COULOMB]
-        self._friction[:] = viscous, coulomb, self._settings.coulomb_speed
+        self._buffer[COMPENSATED] = viscous, coulomb, self._settings.coulomb_speed
 
     @property
     def model(self) -> DeltaModel:
@@ -243,7 +210,7 @@ class TaskSpaceController:
 
     def reset(self) -> None:
         """Forget the warm start: the next `update` starts from the closed form."""
-        self._buffer[_WARM, 0] = 0.0
+        self._buffer[WARM, 0] = 0.0
 
     def update(self, angle: Triple, velocity: Triple) -> Status:
         """Estimate the state from the servomotors' angles [rad] and velocities [rad/s].
@@ -252,7 +219,7 @@ class TaskSpaceController:
             OK; anything else means that `state` is stale and that no torque may be computed from it. The next call
             then starts cold.
         """
-        return _STATUS[estimate(self._constants, self._friction, self._buffer, angle, velocity)]
+        return _STATUS[_estimate(self._buffer, angle, velocity)]
 
     def torque(self, reference: FloatArray, tactile: tuple[float, float] = (0.0, 0.0)) -> Triple:
         """Torques of (23) for the state of the last `update`, which must have been OK.
@@ -264,7 +231,23 @@ class TaskSpaceController:
         Returns:
             Servomotor torques, not limited [N m].
         """
-        return task_space_law(self._buffer, reference, tactile)
+        return _task_space_law(self._buffer, reference, tactile)
+
+    def exact_joint_torque(self, reference: FloatArray) -> Triple:
+        """Torques of (20), exact in joint space, for the state of the last `update`, not limited [N m].
+
+        Args:
+            reference: as for `torque`, but of the servomotors [rad, rad/s, rad/s²].
+        """
+        return exact_joint_law(self._buffer, reference)
+
+    def exact_task_torque(self, reference: FloatArray, tactile: tuple[float, float] = (0.0, 0.0)) -> Triple:
+        """Torques of (23) with the velocity terms it leaves out; arguments and result as for `torque`."""
+        return exact_task_law(self._buffer, reference, tactile)
+
+    def residual(self) -> Triple:
+        """What (23) neglects at the state of the last `update`, as a tool acceleration [m/s²]."""
+        return neglected_acceleration(self._buffer)
 
     def holding_torque(self) -> Triple:
         """Gravity compensation alone, for the state of the last `update`: the arm floats [N m]."""
@@ -273,3 +256,5 @@ class TaskSpaceController:
 
 
 _STATUS: Final = tuple(Status)
+_estimate: Final = direct(estimate)
+_task_space_law: Final = direct(task_space_law)

@@ -38,6 +38,9 @@ KNOW_THE_SIMULATION = {
     "app.video": "films the world",
     "app.game": "hands the referee's truth to the judge",
     "app.judging": "compares truth and game",
+    "app.bench.recording": "records the law over a plant in the same process",
+    "app.figures.grasp_mujoco": "computes a figure on the plant",
+    "app.figures.grasp_views": "has the plant of a figure drawn",
 }
 """The only modules of ``app`` that may import ``hardware.sim``, and what for. No other room may."""
 

@@ -5,12 +5,15 @@ q = (q_11, q_12, q_13, q_21, …, q_33), shape (9,) [rad]; v = q̇ [rad/s]. `MEA
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from controller.model.compiled import FloatArray
 from controller.model.constants import COULOMB, DISTAL, PROXIMAL, VISCOUS, DeltaModel
 from controller.model.dynamics import arm_coriolis, arm_gravity, arm_inertia, shaft_friction
 from controller.model.kinematics import arm_tool_point, elbow, triad
+from controller.model.second_order import arm_drift, arm_hessian
 
 MEASURED = np.array([0, 3, 6])
 UNMEASURED = np.array([1, 2, 4, 5, 7, 8])
@@ -88,16 +91,7 @@ def constraint_jacobian(model: DeltaModel, q: FloatArray) -> FloatArray:
 
 def constraint_drift(model: DeltaModel, q: FloatArray, v: FloatArray) -> FloatArray:
     """Ḣ v, shape (6,): the constraint's acceleration where q̈ = 0 [m/s²]."""
-    l1, l2 = model.constants[PROXIMAL], model.constants[DISTAL]
-    psi = np.empty((3, 3))
-    for arm in range(3):
-        q1, q2, q3 = _triple(q, 3 * arm)
-        v1, v2, v3 = _triple(v, 3 * arm)
-        p = -np.array(elbow(model.constants, arm, q1 + np.pi / 2.0)[1])
-        d, a, n = (np.array(w) for w in triad(arm, q2, q3))
-        s2, c2 = np.sin(q2), np.cos(q2)
-        bend = -(v2**2 + s2**2 * v3**2) * d - s2 * c2 * v3**2 * a + 2.0 * c2 * v2 * v3 * n
-        psi[arm] = -l1 * v1**2 * p + l2 * bend
+    psi = [np.array(arm_drift(model.constants, arm, _triple(q, 3 * arm), _triple(v, 3 * arm))) for arm in range(3)]
     return np.concatenate([psi[0] - psi[1], psi[0] - psi[2]])
 
 
@@ -125,15 +119,76 @@ def acceleration(
     matrix = np.block([[inertia_matrix(model, q), -h_q.T], [h_q, np.zeros((6, 6))]])
     torque = applied - coriolis_torque(model, q, v) - gravity_torque(model, q)
     closing = -constraint_drift(model, q, v) - alpha[1] * (h_q @ v) - alpha[0] * constraint(model, q)
-    solution = np.linalg.solve(matrix, np.concatenate([torque, closing]))
-    return np.asarray(solution[:9], dtype=np.float64)
+    return _solve(matrix, np.concatenate([torque, closing]))[:9]
+
+
+class Torques(NamedTuple):
+    """What a motion takes: u, shape (3,), of the servomotors [N m], and λ, shape (6,) [N]."""
+
+    torque: FloatArray
+    multiplier: FloatArray
+
+
+def inverse_dynamics(
+    model: DeltaModel, q: FloatArray, v: FloatArray, acceleration: FloatArray, outside: FloatArray
+) -> Torques:
+    """Servomotor torques and λ of (2b) for a motion that keeps the chain closed, by the system [B Hᵀ] of (15).
+
+    Args:
+        model: the robot.
+        q: shape (9,) [rad].
+        v: shape (9,) [rad/s].
+        acceleration: v̇, shape (9,) [rad/s²].
+        outside: shape (9,), torques that are neither in the model nor of the servomotors: J_vᵀ f - D [N m].
+    """
+    needed = inertia_matrix(model, q) @ acceleration + coriolis_torque(model, q, v) + gravity_torque(model, q) - outside
+    solution = _solve(np.hstack([input_matrix(), constraint_jacobian(model, q).T]), needed)
+    return Torques(solution[:3], solution[3:])
 
 
 def gravity_compensation(model: DeltaModel, q: FloatArray) -> FloatArray:
     """τ_u of (15), shape (3,), by the paper's system [B Hᵀ], which is 9x9 [N m]."""
-    system = np.hstack([input_matrix(), constraint_jacobian(model, q).T])
-    solution = np.linalg.solve(system, gravity_torque(model, q))
-    return np.asarray(solution[:3], dtype=np.float64)
+    still = np.zeros(9)
+    return inverse_dynamics(model, q, still, still, still).torque
+
+
+def tangent(model: DeltaModel, q: FloatArray) -> FloatArray:
+    """T = [I; g_y] in the order of q, shape (9, 3), by (14) as printed: v = T ẏ keeps the chain closed."""
+    h_q = constraint_jacobian(model, q)
+    matrix = np.zeros((9, 3))
+    matrix[MEASURED] = np.eye(3)
+    matrix[UNMEASURED] = -_solve(h_q[:, UNMEASURED], h_q[:, MEASURED])
+    return matrix
+
+
+def acceleration_at(model: DeltaModel, q: FloatArray, v: FloatArray, joint_acceleration: FloatArray) -> FloatArray:
+    """v̇, shape (9,), of a closed chain whose servomotors have ÿ, shape (3,) [rad/s²], by (17)."""
+    h_q = constraint_jacobian(model, q)
+    known = h_q[:, MEASURED] @ joint_acceleration + constraint_drift(model, q, v)
+    return coordinates(joint_acceleration, -_solve(h_q[:, UNMEASURED], known))
+
+
+def velocity_torque(model: DeltaModel, q: FloatArray, v: FloatArray) -> FloatArray:
+    """The term a of (18), shape (3,), projected: Tᵀ (C + M (0, ẍ at ÿ = 0)) [N m]."""
+    drift = acceleration_at(model, q, v, np.zeros(3))
+    projected = tangent(model, q).T @ (coriolis_torque(model, q, v) + inertia_matrix(model, q) @ drift)
+    return np.asarray(projected, dtype=np.float64)
+
+
+def constraint_hessian(model: DeltaModel, q: FloatArray) -> FloatArray:
+    """∂²h/∂q², shape (6, 9, 9), component of h first [m/rad²]."""
+    hessian = np.zeros((6, 9, 9))
+    for arm in range(3):
+        own = slice(3 * arm, 3 * arm + 3)
+        block = arm_hessian(model, arm, q[own])
+        for row in range(2):
+            hessian[3 * row : 3 * row + 3, own, own] = _SIGNS[arm][row] * block
+    return hessian
+
+
+def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """The solution of a general linear system."""
+    return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
 
 def _triple(values: FloatArray, start: int) -> tuple[float, float, float]:

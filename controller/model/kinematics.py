@@ -78,7 +78,16 @@ def arm_tool_point(constants: FloatArray, arm: int, q1: float, q2: float, q3: fl
 
 
 @compiled
-def newton_step(constants: FloatArray, y: FloatArray, x: FloatArray) -> tuple[int, float]:
+def elbows(constants: FloatArray, y: FloatArray) -> tuple[Triad, Triad]:
+    """All three of `elbow`: where they are [m] and in which directions they move, for y, shape (3,) [rad]."""
+    c1, e1 = elbow(constants, 0, y[0])
+    c2, e2 = elbow(constants, 1, y[1])
+    c3, e3 = elbow(constants, 2, y[2])
+    return (c1, c2, c3), (e1, e2, e3)
+
+
+@compiled
+def newton_step(constants: FloatArray, centres: Triad, x: FloatArray) -> tuple[int, float, Vector, Triad]:
     """One Newton step of (7), in place, by one 3x3 system in place of the paper's 6x6.
 
     Write z = psi_i + l2 (a_i δq2 + sin q2 n_i δq3) for the tip of arm i in the linearised model. (7) says that the
@@ -90,56 +99,63 @@ def newton_step(constants: FloatArray, y: FloatArray, x: FloatArray) -> tuple[in
 
     Args:
         constants: of the model.
-        y: shape (3,), servomotor angles [rad].
+        centres: of the elbows [m], see `elbows`.
         x: shape (6,), unmeasured angles [rad]; improved in place unless they already close the chain.
 
     Returns:
-        Status and the residual |h| before the step [m]. With a residual within `TOLERANCE` no step is taken.
+        Status; |h| [m], the tip of arm 1 [m] and the distal directions, all before the step. With |h| within
+        `TOLERANCE` no step is taken.
     """
     l2 = constants[DISTAL]
     d1, a1, n1 = triad(0, x[0], x[1])
     d2, a2, n2 = triad(1, x[2], x[3])
     d3, a3, n3 = triad(2, x[4], x[5])
-    p1 = combine(elbow(constants, 0, y[0])[0], l2, d1)
-    p2 = combine(elbow(constants, 1, y[1])[0], l2, d2)
-    p3 = combine(elbow(constants, 2, y[2])[0], l2, d3)
+    p1, p2, p3 = combine(centres[0], l2, d1), combine(centres[1], l2, d2), combine(centres[2], l2, d3)
     residual = max(distance(p1, p2), distance(p1, p3))
     if residual <= TOLERANCE:
-        return OK, residual
+        return OK, residual, p1, (d1, d2, d3)
     determinant, z = common_point(d1, d2, d3, (dot(d1, p1), dot(d2, p2), dot(d3, p3)))
     s1, s2, s3 = l2 * math.sin(x[0]), l2 * math.sin(x[2]), l2 * math.sin(x[4])
     if abs(determinant) < MIN_DETERMINANT or min(abs(s1), abs(s2), abs(s3)) < l2 * MIN_SINE:
-        return SINGULAR, residual
+        return SINGULAR, residual, p1, (d1, d2, d3)
     x[0] += dot(a1, minus(z, p1)) / l2
     x[1] += dot(n1, minus(z, p1)) / s1
     x[2] += dot(a2, minus(z, p2)) / l2
     x[3] += dot(n2, minus(z, p2)) / s2
     x[4] += dot(a3, minus(z, p3)) / l2
     x[5] += dot(n3, minus(z, p3)) / s3
-    return OK, residual
+    return OK, residual, p1, (d1, d2, d3)
 
 
 @compiled
-def forward_kinematics(constants: FloatArray, y: FloatArray, x: FloatArray) -> tuple[int, int]:
+def close_chain(constants: FloatArray, centres: Triad, x: FloatArray) -> tuple[int, int, Vector, Triad]:
     """Newton's iteration (7) from a warm start to |h| <= 1e-10 m.
 
     It stays on the branch of its start if that is near; `forward_kinematics_closed` gives a cold start.
 
     Args:
         constants: of the model.
-        y: shape (3,), servomotor angles [rad].
+        centres: of the elbows [m], see `elbows`.
         x: shape (6,), in: the last solution; out: the unmeasured angles [rad].
 
     Returns:
-        Status and the number of steps taken.
+        Status, the number of steps taken, the tool point [m] and the distal directions.
     """
-    for steps in range(MAX_ITERATIONS + 1):
-        status, residual = newton_step(constants, y, x)
-        if residual <= TOLERANCE:
-            return OK, steps
-        if status != OK:
-            return status, steps
-    return NOT_CONVERGED, MAX_ITERATIONS
+    steps = 0
+    while True:
+        status, residual, z, d = newton_step(constants, centres, x)
+        if residual <= TOLERANCE or status != OK:
+            return status, steps, z, d
+        if steps == MAX_ITERATIONS:
+            return NOT_CONVERGED, steps, z, d
+        steps += 1
+
+
+@compiled
+def forward_kinematics(constants: FloatArray, y: FloatArray, x: FloatArray) -> tuple[int, int]:
+    """`close_chain` for servomotor angles y, shape (3,) [rad]; returns Status and the number of steps taken."""
+    status, steps, _, _ = close_chain(constants, elbows(constants, y)[0], x)
+    return status, steps
 
 
 @compiled
@@ -246,14 +262,12 @@ def joint_rates(constants: FloatArray, y: FloatArray, x: FloatArray, jacobian: F
 @compiled
 def arm_directions(constants: FloatArray, y: FloatArray, z: Vector) -> tuple[Triad, Triad]:
     """(d_1, d_2, d_3) and (e_1, e_2, e_3) from servomotor angles y, shape (3,) [rad], and their tool point z [m]."""
-    c1, e1 = elbow(constants, 0, y[0])
-    c2, e2 = elbow(constants, 1, y[1])
-    c3, e3 = elbow(constants, 2, y[2])
+    centres, e = elbows(constants, y)
     zero, inverse = (0.0, 0.0, 0.0), 1.0 / constants[DISTAL]
-    d1 = combine(zero, inverse, minus(z, c1))
-    d2 = combine(zero, inverse, minus(z, c2))
-    d3 = combine(zero, inverse, minus(z, c3))
-    return (d1, d2, d3), (e1, e2, e3)
+    d1 = combine(zero, inverse, minus(z, centres[0]))
+    d2 = combine(zero, inverse, minus(z, centres[1]))
+    d3 = combine(zero, inverse, minus(z, centres[2]))
+    return (d1, d2, d3), e
 
 
 @compiled

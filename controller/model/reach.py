@@ -1,4 +1,8 @@
-"""Kinematics for planners and people: arrays in, arrays out, one clear sentence where there is no pose."""
+"""Kinematics for planners and people: arrays in, arrays out, one clear sentence where there is no pose.
+
+An arm reaches a wrist at w (its frame, seen from the shoulder) exactly if 4 l1² (l2² - w1²) ≥ (l1² + l2² - |w|²)²; the
+difference of the two sides is (2 l1 l2 d_i·e_i)², so the same formula tells how far an arm is from being stretched.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +13,45 @@ import numpy as np
 
 from controller.model.compiled import FloatArray, Vector
 from controller.model.constants import DISTAL, HEIGHT, PROXIMAL, RADIUS, DeltaModel
-from controller.model.kinematics import OK, inverse_kinematics, spheres_meet
+from controller.model.kinematics import (
+    MIN_DETERMINANT,
+    MIN_TRANSMISSION,
+    OK,
+    UNREACHABLE,
+    arm_directions,
+    control_jacobian,
+    elbow,
+    inverse_kinematics,
+    spheres_meet,
+)
+from controller.model.nearest import nearest_point
 from controller.model.vectors import minus, turn_back
 
 
-class Unreachable(ValueError):
-    """A point or a set of angles has no pose; the message names what fails and by how much."""
+class PoseError(ValueError):
+    """There is no such pose, or none to work with; the message names what fails, by how much, and what is near.
+
+    Attributes:
+        value: what was found.
+        limit: what it must keep to; same unit as the value, which the message names.
+        nearest: shape (3,), the nearest tool point with a regular pose [m], base frame; None if nothing is near to it.
+    """
+
+    def __init__(self, sentence: str, value: float, limit: float, nearest: FloatArray | None) -> None:
+        if nearest is not None:
+            sentence += f"; the nearest point to work at is {_point(nearest)}"
+        super().__init__(sentence)
+        self.value = value
+        self.limit = limit
+        self.nearest = nearest
+
+
+class Unreachable(PoseError):
+    """The links are too long or too short to meet."""
+
+
+class Singular(PoseError):
+    """The pose exists, but is too near a kinematic singularity or beyond it: J_c or its inverse is of no use."""
 
 
 class Posture(NamedTuple):
@@ -22,6 +59,13 @@ class Posture(NamedTuple):
 
     y: FloatArray
     x: FloatArray
+
+
+class Jacobians(NamedTuple):
+    """J_c, shape (3, 3) [m/rad], and its inverse [rad/m]."""
+
+    control: FloatArray
+    inverse: FloatArray
 
 
 def posture_at(model: DeltaModel, point: FloatArray) -> Posture:
@@ -35,10 +79,10 @@ def posture_at(model: DeltaModel, point: FloatArray) -> Posture:
         Unreachable: an arm cannot reach the point, or the point is not finite.
     """
     y, x = np.empty(3), np.empty(6)
-    z = (float(point[0]), float(point[1]), float(point[2]))
+    z = _vector(point)
     status, arm = inverse_kinematics(model.constants, z, y, x)
     if status != OK:
-        raise Unreachable(_why_not(model, z, arm))
+        raise _out_of_reach(model, z, arm)
     return Posture(y, x)
 
 
@@ -54,34 +98,96 @@ def tool_point_at(model: DeltaModel, angle: FloatArray) -> FloatArray:
 
     Raises:
         Unreachable: the chain cannot be closed at these angles.
+        Singular: the elbows lie in one line or in an upright plane.
     """
-    y1, y2, y3 = float(angle[0]), float(angle[1]), float(angle[2])
+    y1, y2, y3 = _vector(angle)
     which = f"servomotor angles ({y1:.4f}, {y2:.4f}, {y3:.4f}) rad"
     if not all(math.isfinite(a) for a in (y1, y2, y3)):
-        raise Unreachable(f"{which} are not finite: give three finite angles")
+        raise Unreachable(f"{which} are not finite: give three finite angles", math.nan, math.inf, None)
     status, z = spheres_meet(model.constants, y1, y2, y3)
     if status != OK:
-        raise Unreachable(
-            f"{which} leave no pose of the tool below the base: the distal links, {model.constants[DISTAL]:.4f} m "
-            "long, cannot meet; choose angles nearer to each other"
-        )
+        raise _no_pose_below(model, which, status, (y1, y2, y3))
     return np.array(z)
 
 
-def _why_not(model: DeltaModel, z: Vector, arm: int) -> str:
-    """One sentence: the point, the arm, how far its elbow can be from the wrist and how long the link is."""
-    where = f"point ({z[0]:.4f}, {z[1]:.4f}, {z[2]:.4f}) m"
+def jacobians_at(model: DeltaModel, point: FloatArray) -> Jacobians:
+    """J_c of (13) and its inverse at a tool point, outward branch.
+
+    Args:
+        model: the robot.
+        point: shape (3,), tool point in the base frame [m].
+
+    Raises:
+        Unreachable: an arm cannot reach the point.
+        Singular: the pose is too near a singularity, or beyond it.
+    """
+    y, _ = posture_at(model, point)
+    control, inverse = np.empty((3, 3)), np.empty((3, 3))
+    z = _vector(point)
+    d, e = arm_directions(model.constants, y, z)
+    status, volume, transmission = control_jacobian(model.constants, d, e, control, inverse)
+    if status == OK:
+        return Jacobians(control, inverse)
+    near = nearest_point(model.constants, z)
+    if transmission < MIN_TRANSMISSION:
+        raise Singular(
+            f"point {_point(z)} leaves an arm stretched: of its elbow's speed it hands on {transmission:.4f} along the "
+            f"distal link, at least {MIN_TRANSMISSION:.4f} is needed",
+            transmission, MIN_TRANSMISSION, near,
+        )  # fmt: skip
+    raise Singular(
+        f"point {_point(z)} lies in or above the plane of the elbows: the distal links span a volume of {volume:.4f}, "
+        f"at least {MIN_DETERMINANT:.4f} is needed",
+        volume, MIN_DETERMINANT, near,
+    )  # fmt: skip
+
+
+def _vector(values: FloatArray) -> Vector:
+    return float(values[0]), float(values[1]), float(values[2])
+
+
+def _point(z: FloatArray | Vector) -> str:
+    x, y, depth = (round(float(c), 4) + 0.0 for c in z)  # no minus zero
+    return f"({x:.4f}, {y:.4f}, {depth:.4f}) m"
+
+
+def _out_of_reach(model: DeltaModel, z: Vector, arm: int) -> Unreachable:
+    """The point, the arm, how far its elbow can be from the wrist and how long the link is."""
+    where = f"point {_point(z)}"
     if not all(math.isfinite(c) for c in z):
-        return f"{where} is not finite: give three finite coordinates in the base frame"
+        return Unreachable(
+            f"{where} is not finite: give three finite coordinates in the base frame", math.nan, math.inf, None
+        )
     l1, l2 = float(model.constants[PROXIMAL]), float(model.constants[DISTAL])
     w = minus(turn_back(arm, z), (0.0, float(model.constants[RADIUS]), float(model.constants[HEIGHT])))
-    nearest = math.hypot(w[0], math.hypot(w[1], w[2]) - l1)
-    farthest = math.hypot(w[0], math.hypot(w[1], w[2]) + l1)
-    if nearest > l2:
-        limit, step = f"comes no nearer to it than {nearest:.4f} m", "nearer to"
+    least = math.hypot(w[0], math.hypot(w[1], w[2]) - l1)
+    most = math.hypot(w[0], math.hypot(w[1], w[2]) + l1)
+    if least > l2:
+        value, limit = least, f"comes no nearer to it than {least:.4f} m"
     else:
-        limit, step = f"gets no farther from it than {farthest:.4f} m", "farther from"
-    return (
-        f"{where} is out of reach of arm {arm + 1}: the elbow {limit} while the distal link is {l2:.4f} m long; "
-        f"choose a point {step} the shoulder of arm {arm + 1}"
-    )
+        value, limit = most, f"gets no farther from it than {most:.4f} m"
+    sentence = f"{where} is out of reach of arm {arm + 1}: the elbow {limit} while the distal link is {l2:.4f} m long"
+    return Unreachable(sentence, value, l2, nearest_point(model.constants, z))
+
+
+def _no_pose_below(model: DeltaModel, which: str, status: int, angle: Vector) -> PoseError:
+    """The radius of the circle through the elbows must not exceed the distal links' length."""
+    l2 = float(model.constants[DISTAL])
+    elbows = [np.array(elbow(model.constants, arm, q)[0]) for arm, q in enumerate(angle)]
+    a, b = elbows[1] - elbows[0], elbows[2] - elbows[0]
+    normal = np.cross(a, b)
+    area = float(np.linalg.norm(normal))
+    if status != UNREACHABLE:
+        upright = float(abs(normal[2])) / area if area > 0.0 else 0.0
+        return Singular(
+            f"{which} leave no pose of the tool below the base: the elbows' plane is upright or a line (cosine to the "
+            f"horizontal {upright:.4f}, at least 0.0010 is needed); choose angles nearer to each other",
+            upright, 1e-3, None,
+        )  # fmt: skip
+    centre = elbows[0] + (np.dot(a, a) * np.cross(b, normal) + np.dot(b, b) * np.cross(normal, a)) / (2.0 * area**2)
+    radius = float(np.linalg.norm(centre - elbows[0]))
+    return Unreachable(
+        f"{which} leave no pose of the tool below the base: no point is nearer than {radius:.4f} m to all three elbows "
+        f"while the distal links are {l2:.4f} m long; choose angles nearer to each other",
+        radius, l2, nearest_point(model.constants, _vector(centre)),
+    )  # fmt: skip

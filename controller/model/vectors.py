@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from controller.model.compiled import Vector, compiled
+from controller.model.compiled import FloatArray, Vector, compiled
 from controller.model.constants import ARM_COS, ARM_SIN
 
 
@@ -42,6 +42,16 @@ def turn_back(arm: int, v: Vector) -> Vector:
     """R_iᵀ v: from the base frame into the frame of an arm."""
     c, s = ARM_COS[arm], ARM_SIN[arm]
     return c * v[0] + s * v[1], -s * v[0] + c * v[1], v[2]
+
+
+@compiled
+def times(matrix: FloatArray, v: Vector) -> Vector:
+    """A 3x3 array times a vector."""
+    return (
+        matrix[0, 0] * v[0] + matrix[0, 1] * v[1] + matrix[0, 2] * v[2],
+        matrix[1, 0] * v[0] + matrix[1, 1] * v[1] + matrix[1, 2] * v[2],
+        matrix[2, 0] * v[0] + matrix[2, 1] * v[1] + matrix[2, 2] * v[2],
+    )
 
 
 @compiled

@@ -15,15 +15,19 @@ from controller.model.kinematics import (
     TOLERANCE,
     Status,
     arm_directions,
+    arm_tool_point,
     control_jacobian,
+    elbows,
     forward_kinematics,
     forward_kinematics_closed,
     inverse_kinematics,
     joint_rates,
     newton_step,
     spheres_meet,
+    triad,
 )
-from controller.model.reach import Posture, Unreachable, posture_at, tool_point_at
+from controller.model.nearest import LEAST_TRANSMISSION, nearest_point, room
+from controller.model.reach import Posture, Singular, Unreachable, jacobians_at, posture_at, tool_point_at
 from hardware.parameters import load_parameters
 
 MODEL = DeltaModel(load_parameters())
@@ -84,6 +88,33 @@ def test_all_arms_meet_at_the_tool_point_of_eq_1(arm: int) -> None:
         np.testing.assert_allclose(psi(arm, y[arm], x[2 * arm], x[2 * arm + 1]), z, rtol=0, atol=1e-14)
 
 
+def whole_workspace() -> list[FloatArray]:
+    """Every 30 mm where the flange is below the base and no arm is stretched beyond d_i·e_i = 0.05."""
+    side, depth = np.arange(-0.48, 0.481, 0.03), np.arange(0.08, 0.70, 0.03)
+    points = (np.array([x, y, z]) for x in side for y in side for z in depth)
+    return [p for p in points if room(MODEL.constants, tuple(p.tolist())).min() >= 0.0]
+
+
+def test_forward_and_inverse_undo_each_other_over_the_whole_workspace() -> None:
+    """FK∘IK, IK∘FK and Newton's FK∘IK, up to 0.44 m from the axis and to the stretched poses, to 1e-10."""
+    points, worst = whole_workspace(), dict.fromkeys(("z", "y", "Newton"), 0.0)
+    for point in points:
+        y, x = posture_at(MODEL, point)
+        closed = tool_point_at(MODEL, y)
+        again = posture_at(MODEL, closed).y
+        start = x + 0.01 * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
+        assert forward_kinematics(MODEL.constants, y, start)[0] == Status.OK
+        found = {"z": closed - point, "y": again - y, "Newton": psi(0, y[0], start[0], start[1]) - closed}
+        worst = {name: max(worst[name], float(np.abs(found[name]).max())) for name in worst}
+    radius = max(float(np.hypot(p[0], p[1])) for p in points)
+    print(f"{len(points)} points up to {radius:.2f} m from the axis: z {worst['z']:.1e} m, y {worst['y']:.1e} rad, "
+          f"Newton against the closed form {worst['Newton']:.1e} m")  # fmt: skip
+    assert len(points) > 2000
+    assert radius > 0.42
+    assert max(worst["z"], worst["y"]) < 1e-10
+    assert worst["Newton"] < 10.0 * TOLERANCE  # which is what it stops at, in |h|
+
+
 def test_forward_after_inverse_is_the_identity() -> None:
     for z in workspace():
         y, x = posture_at(MODEL, z)
@@ -128,10 +159,14 @@ def test_newton_step_is_the_step_of_eq_7() -> None:
         h_x = complex_step(lambda w, y=y: constraint(y, w), start)
         expected = start + np.linalg.solve(h_x, -constraint(y, start))
         stepped = start.copy()
-        status, residual = newton_step(MODEL.constants, y, stepped)
+        status, residual, tip, d = newton_step(MODEL.constants, elbows(MODEL.constants, y)[0], stepped)
         assert status == Status.OK
         assert residual == pytest.approx(np.abs(constraint(y, start)).max(), abs=1e-15)
         np.testing.assert_allclose(stepped, expected, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(tip, arm_tool_point(MODEL.constants, 0, y[0], start[0], start[1]), atol=1e-15)
+        for arm in range(3):
+            along = triad(arm, start[2 * arm], start[2 * arm + 1])[0]
+            np.testing.assert_allclose(d[arm], along, rtol=0, atol=1e-15)
 
 
 def test_newton_converges_quadratically() -> None:
@@ -139,7 +174,7 @@ def test_newton_converges_quadratically() -> None:
     x += 0.1
     residuals = []
     while not residuals or residuals[-1] > TOLERANCE:
-        residuals.append(newton_step(MODEL.constants, y, x)[1])
+        residuals.append(newton_step(MODEL.constants, elbows(MODEL.constants, y)[0], x)[1])
     orders = [np.log(b) / np.log(a) for a, b in pairwise(residuals[1:]) if b > 1e-15]
     assert len(residuals) <= 6
     assert min(orders) > 1.5
@@ -256,12 +291,13 @@ def test_compiled_inverse_names_the_arm() -> None:
         (
             (0.0, 0.0, 0.9),
             "point (0.0000, 0.0000, 0.9000) m is out of reach of arm 1: the elbow comes no nearer to it than 0.6321 m "
-            "while the distal link is 0.4000 m long; choose a point nearer to the shoulder of arm 1",
+            "while the distal link is 0.4000 m long; the nearest point to work at is (0.0000, 0.0000, 0.6649) m",
         ),
         (
             (0.0, 0.1, 0.1),
             "point (0.0000, 0.1000, 0.1000) m is out of reach of arm 1: the elbow gets no farther from it than "
-            "0.2265 m while the distal link is 0.4000 m long; choose a point farther from the shoulder of arm 1",
+            "0.2265 m while the distal link is 0.4000 m long; the nearest point to work at is "
+            "(0.0000, 0.0422, 0.2641) m",
         ),
         (
             (0.0, float("nan"), 0.1),
@@ -274,11 +310,95 @@ def test_unreachable_points_are_named(point: tuple[float, float, float], message
         posture_at(MODEL, np.array(point))
 
 
+def test_an_error_carries_value_limit_and_the_nearest_point() -> None:
+    with pytest.raises(Unreachable) as caught:
+        posture_at(MODEL, np.array([0.0, 0.0, 0.9]))
+    assert caught.value.value == pytest.approx(0.6321, abs=1e-4)
+    assert caught.value.limit == 0.4
+    assert caught.value.nearest is not None
+    jacobians_at(MODEL, caught.value.nearest)
+    jacobians_at(MODEL, caught.value.nearest.round(4))  # the printed one serves too
+    with pytest.raises(Unreachable) as caught:
+        posture_at(MODEL, np.array([np.inf, 0.0, 0.4]))
+    assert caught.value.nearest is None
+
+
+def test_the_nearest_point_is_the_nearest() -> None:
+    """No point of the whole workspace is nearer than the one offered, and one of its limits is just met."""
+    cloud = np.array(whole_workspace())
+    random = np.random.default_rng(6)
+    targets = [(0.0, 0.0, 0.9), (0.5, 0.5, 0.5), (2.0, 0.0, 0.4), (0.0, 0.0, -0.5), (0.0, 0.0, 0.1)]
+    targets += [tuple(p) for p in random.uniform((-0.6, -0.6, 0.0), (0.6, 0.6, 0.8), (15, 3)).tolist()]
+    moved = 0
+    for target in targets:
+        found = nearest_point(MODEL.constants, target)
+        assert found is not None
+        away = float(np.linalg.norm(found - target))
+        assert room(MODEL.constants, tuple(found.tolist())).min() >= 0.0
+        assert away <= np.linalg.norm(cloud - target, axis=1).min() + 1e-9
+        if away > 0.0:
+            moved += 1
+            assert room(MODEL.constants, tuple(found.tolist())).min() < 1e-4
+    assert moved > 10
+
+
+def test_a_point_to_work_at_is_its_own_nearest() -> None:
+    point = np.array([0.1, -0.05, 0.42])
+    np.testing.assert_array_equal(nearest_point(MODEL.constants, tuple(point.tolist())), point)
+
+
+def test_singular_poses_are_named_with_value_limit_and_nearest_point() -> None:
+    stretched = np.array([0.0, 0.0, 0.075 + np.sqrt(0.6**2 - 0.1088**2) - 1e-6])
+    with pytest.raises(
+        Singular,
+        match=r"^point \(0\.0000, 0\.0000, 0\.6651\) m leaves an arm stretched: of its elbow's speed it hands on "
+        r"0\.00\d\d along the distal link, at least 0\.0100 is needed; the nearest point to work at is "
+        r"\(0\.0000, 0\.0000, 0\.6649\) m$",
+    ) as caught:
+        jacobians_at(MODEL, stretched)
+    assert 0.0 < caught.value.value < caught.value.limit == 0.01
+    with pytest.raises(
+        Singular,
+        match=r"lies in or above the plane of the elbows: the distal links span a volume of -\d\.\d{4}, at least "
+        r"0\.0010 is needed; the nearest point to work at is \(",
+    ) as caught:
+        jacobians_at(MODEL, np.array([-0.20, -0.08, -0.28]))
+    assert caught.value.value < caught.value.limit
+    assert caught.value.nearest is not None
+    jacobians_at(MODEL, caught.value.nearest)
+
+
+def test_transmission_in_the_room_is_that_of_the_jacobian() -> None:
+    """The polynomial in the wrist's place is (d_i·e_i)²."""
+    for z in workspace():
+        y = posture_at(MODEL, z).y
+        d, e = arm_directions(MODEL.constants, y, tuple(z.tolist()))
+        squares = room(MODEL.constants, tuple(z.tolist()))[:3] + LEAST_TRANSMISSION**2
+        np.testing.assert_allclose(squares, [np.dot(d[i], e[i]) ** 2 for i in range(3)], rtol=0, atol=1e-12)
+
+
 def test_impossible_angles_are_named() -> None:
-    with pytest.raises(Unreachable, match=r"servomotor angles \(-2\.5000, -1\.0000, 0\.0000\) rad leave no pose"):
+    message = (
+        "servomotor angles (-2.5000, -1.0000, 0.0000) rad leave no pose of the tool below the base: no point is nearer "
+        "than 0.4054 m to all three elbows while the distal links are 0.4000 m long; choose angles nearer to each "
+        "other; the nearest point to work at is ("
+    )
+    with pytest.raises(Unreachable, match=f"^{re.escape(message)}") as caught:
         tool_point_at(MODEL, np.array([-2.5, -1.0, 0.0]))
-    with pytest.raises(Unreachable, match=r"\(nan, 0\.0000, 0\.0000\) rad are not finite: give three finite angles"):
+    assert caught.value.value > caught.value.limit == 0.4
+    with pytest.raises(Unreachable, match=r"\(nan, 0\.0000, 0\.0000\) rad are not finite: give three finite angles$"):
         tool_point_at(MODEL, np.array([np.nan, 0.0, 0.0]))
+
+
+def test_angles_with_the_elbows_in_an_upright_plane_are_named() -> None:
+    with pytest.raises(
+        Singular,
+        match=r"^servomotor angles \(2\.5000, -1\.6000, -1\.6000\) rad leave no pose of the tool below the base: the "
+        r"elbows' plane is upright or a line \(cosine to the horizontal 0\.0002, at least 0\.0010 is needed\); choose",
+    ) as caught:
+        tool_point_at(MODEL, np.array([2.5, -1.6, -1.6]))
+    assert caught.value.value < caught.value.limit == 1e-3
+    assert caught.value.nearest is None
 
 
 def test_payload_must_be_a_mass() -> None:

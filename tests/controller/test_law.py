@@ -12,10 +12,11 @@ from numba.core.runtime import _nrt_python
 from controller import law
 from controller.law import REFERENCE_SIZE, LawSettings, TaskSpaceController, pack_reference
 from controller.model import constrained
-from controller.model.compiled import FROZEN, PAIR, ROW, STATUS, TABLE, VECTOR, FloatArray, Vector, compiled_as
+from controller.model.compiled import PAIR, ROW, STATUS, TABLE, VECTOR, FloatArray, Vector, compiled_as
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import Status
 from controller.model.reach import posture_at
+from controller.model.state import blank_state, load_model
 from hardware.parameters import load_parameters
 
 MODEL = DeltaModel(load_parameters())
@@ -251,19 +252,68 @@ def test_reference_layout_and_longer_rows() -> None:
     assert controller.torque(rows[1], (0.3, 0.1)) == controller.torque(reference, (0.3, 0.1))
 
 
+def moving_controller() -> tuple[TaskSpaceController, FloatArray]:
+    controller = TaskSpaceController(MODEL)
+    assert controller.update(triple(posture_at(MODEL, np.array((0.1, -0.05, 0.42))).y), (1.0, -2.0, 0.5)) is Status.OK
+    reference = pack_reference(
+        (0.11, -0.05, 0.41),
+        acceleration=(1.0, 2.0, -1.0),
+        stiffness=(400.0,) * 3,
+        damping=(40.0,) * 3,
+        tactile_gain=2.0,
+    )
+    return controller, reference
+
+
+def test_exact_task_law_adds_to_the_approximate_one_just_what_that_neglects() -> None:
+    """In the tool's acceleration: u - u' = M_y J_c⁻¹ residual; at rest they are one law."""
+    controller, reference = moving_controller()
+    approximate, exact = (np.array(u) for u in (controller.torque(reference), controller.exact_task_torque(reference)))
+    state = controller.state
+    missed = state.inertia @ state.jacobian_inverse @ np.array(controller.residual())
+    np.testing.assert_allclose(approximate - exact, missed, rtol=0, atol=1e-13)
+    assert np.abs(missed).max() > 0.01
+    controller.update(triple(posture_at(MODEL, np.array(CENTRE)).y), STILL)
+    np.testing.assert_allclose(controller.exact_task_torque(reference), controller.torque(reference), atol=1e-13)
+    assert controller.residual() == (0.0, 0.0, 0.0)
+
+
+def test_exact_laws_are_pure_functions_of_state_and_reference() -> None:
+    controller, reference = moving_controller()
+    controller.torque(reference)
+    before = {name: getattr(controller.state, name).copy() for name in controller.state.__slots__}
+    joints = np.concatenate([controller.state.angle, np.zeros(6), np.full(3, 100.0), np.full(3, 20.0), [9.0]])
+    first = (
+        controller.exact_joint_torque(joints),
+        controller.exact_task_torque(reference, (0.5, 0.1)),
+        controller.residual(),
+    )
+    again = (
+        controller.exact_joint_torque(joints),
+        controller.exact_task_torque(reference, (0.5, 0.1)),
+        controller.residual(),
+    )
+    assert first == again
+    for name, values in before.items():
+        np.testing.assert_array_equal(getattr(controller.state, name), values)
+    pushed, free = (np.array(controller.exact_task_torque(reference, pads)) for pads in ((0.5, 0.1), (0.0, 0.0)))
+    along = controller.state.inertia @ controller.state.jacobian_inverse[:, 0]
+    np.testing.assert_allclose(pushed - free, 2.0 * 0.4 * along, rtol=0, atol=1e-14)
+
+
 def test_settings_refuse_what_they_do_not_know() -> None:
     with pytest.raises(ValueError, match="Extra inputs are not permitted"):
         LawSettings.model_validate({"friction": True})
 
 
-@compiled_as(STATUS(FROZEN, ROW, TABLE, VECTOR, VECTOR))
-def idle(constants: FloatArray, friction: FloatArray, state: FloatArray, angle: Vector, velocity: Vector) -> int:
+@compiled_as(STATUS(TABLE, VECTOR, VECTOR))
+def idle(state: FloatArray, angle: Vector, velocity: Vector) -> int:
     """Takes what `estimate` takes: Numba allocates a handle for each array passed in."""
     return 0
 
 
-@compiled_as(STATUS(FROZEN, ROW, TABLE, VECTOR, VECTOR))
-def wasteful(constants: FloatArray, friction: FloatArray, state: FloatArray, angle: Vector, velocity: Vector) -> int:
+@compiled_as(STATUS(TABLE, VECTOR, VECTOR))
+def wasteful(state: FloatArray, angle: Vector, velocity: Vector) -> int:
     """Makes an array."""
     made = state * 2.0
     made[0, 0] += np.sum(made)
@@ -283,8 +333,9 @@ def test_the_loop_allocates_no_array() -> None:
         call()
         return int(_nrt_python.memsys_get_stats_alloc()) - before
 
-    state, reference = np.zeros((24, 3)), pack_reference(CENTRE)
-    inputs = (MODEL.constants, np.full(3, 0.05), state, (0.5, 0.5, 0.5), STILL)
+    state, reference = blank_state(), pack_reference(CENTRE)
+    load_model(state, MODEL)
+    inputs = (state, (0.5, 0.5, 0.5), STILL)
     _nrt_python.memsys_enable_stats()
     try:
         least = allocations(lambda: idle(*inputs))

@@ -1,0 +1,39 @@
+"""Which benches there are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from app import UserError
+from app.bench.law import law_bench
+from app.bench.report import BenchReport
+
+Progress = Callable[[str], None]
+Bench = Callable[[bool, Progress], BenchReport]
+
+BENCHES: Mapping[str, Bench] = MappingProxyType({"law": law_bench})
+"""By name; each takes ``quick`` and a function that is told what is being done."""
+
+
+class UnknownBench(UserError):
+    """There is no bench of that name."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"there is no bench '{name}', choose from: {', '.join(BENCHES)}")
+
+
+def run_bench(name: str, quick: bool, progress: Progress) -> BenchReport:
+    """Run a bench.
+
+    Args:
+        name: of ``BENCHES``.
+        quick: fewer repetitions; it ends within a minute.
+        progress: told what is being done.
+
+    Raises:
+        UnknownBench: there is none of that name.
+    """
+    if name not in BENCHES:
+        raise UnknownBench(name)
+    return BENCHES[name](quick, progress)

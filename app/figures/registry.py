@@ -1,0 +1,57 @@
+"""Which figures there are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+from pydantic import JsonValue
+
+from app import UserError
+from app.figures.admittance import figure_5
+from app.figures.encoder import encoder
+from app.figures.grasp_motion import figure_6
+from app.figures.grasp_pictures import figure_7
+from app.figures.newton import newton
+from app.figures.result import Result, save
+from app.figures.workspace import workspace
+
+FIGURES: Mapping[str, Callable[[], Result]] = MappingProxyType(
+    {
+        "5": figure_5,
+        "6": figure_6,
+        "7": figure_7,
+        "newton": newton,
+        "encoder": encoder,
+        "workspace": workspace,
+    }
+)
+"""By name; numbers are the paper's."""
+
+
+class UnknownFigure(UserError):
+    """There is no figure of that name."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"there is no figure '{name}', choose from: {', '.join(FIGURES)}")
+
+
+def make_figure(name: str, folder: Path) -> dict[str, JsonValue]:
+    """Compute a figure and write it.
+
+    Args:
+        name: of ``FIGURES``.
+        folder: for ``figure-NAME.png`` and ``figure-NAME.json``.
+
+    Returns:
+        What the JSON file holds; ``holds`` says whether all bars do.
+
+    Raises:
+        UnknownFigure: there is none of that name.
+        FolderUnusable: the folder cannot be written.
+        HardwareError: a figure needs OpenGL, and there is none.
+    """
+    if name not in FIGURES:
+        raise UnknownFigure(name)
+    return save(name, FIGURES[name](), folder)

@@ -1,0 +1,113 @@
+"""The estimated state of the arm: rows of one preallocated array for compiled functions, names for people."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from controller.model.compiled import FloatArray, compiled
+from controller.model.constants import DeltaModel
+
+# First rows of the fields of `ArmState` in a float64 array of three columns, which is all that a tick works on: each
+# array passed to compiled code costs a tenth of a microsecond. WARM holds 1 after a good estimate. COMPENSATED is the
+# friction to be fed forward: viscous [N m s/rad], Coulomb [N m], speed over which its sign is smoothed [rad/s]; from
+# CONSTANTS on lie the model's.
+UNMEASURED: Final = 0
+ANGLE: Final = 2
+RATE: Final = 3
+POSITION: Final = 4
+VELOCITY: Final = 5
+JACOBIAN: Final = 6
+INVERSE: Final = 9
+INERTIA: Final = 12
+TASK_INERTIA: Final = 15
+GRAVITY_TORQUE: Final = 18
+FRICTION: Final = 19
+ASKED: Final = 20
+TORQUE: Final = 21
+QUALITY: Final = 22
+WARM: Final = 23
+COMPENSATED: Final = 24
+CONSTANTS: Final = 25
+ROWS: Final = 29
+
+
+@dataclass(frozen=True, slots=True)
+class ArmState:
+    """What the last tick found: views of one preallocated buffer, rewritten every tick.
+
+    Read them, copy what must last, and never write. Frame base. After an estimate that was not OK only `angle` and
+    `rate` are of that tick.
+    """
+
+    unmeasured: FloatArray
+    """x, shape (3, 2): q_i2 and q_i3 [rad]."""
+    angle: FloatArray
+    """y, shape (3,) [rad]."""
+    rate: FloatArray
+    """ẏ, shape (3,) [rad/s]."""
+    position: FloatArray
+    """z, shape (3,): the tool point [m]."""
+    velocity: FloatArray
+    """ż, shape (3,) [m/s]."""
+    jacobian: FloatArray
+    """J_c = ∂z/∂y, shape (3, 3) [m/rad]."""
+    jacobian_inverse: FloatArray
+    """J_c⁻¹, shape (3, 3) [rad/m]."""
+    inertia: FloatArray
+    """M_y, shape (3, 3) [kg m²]."""
+    task_inertia: FloatArray
+    """J_c⁻ᵀ M_y J_c⁻¹, shape (3, 3) [kg]."""
+    gravity: FloatArray
+    """τ_g, shape (3,): the torques that hold the arm [N m]."""
+    friction: FloatArray
+    """D, shape (3,): friction as compensated; zero when switched off [N m]."""
+    asked: FloatArray
+    """v, shape (3,): tool acceleration that the law last asked for [m/s²]."""
+    torque: FloatArray
+    """u, shape (3,): torques that the law last gave, not limited [N m]."""
+    quality: FloatArray
+    """Shape (3,): volume of the distal directions and least transmission (both 0 at a singularity); Newton steps."""
+
+
+@compiled
+def constants_of(state: FloatArray) -> FloatArray:
+    """The model's constants in a state: shape (12,), of which the last is no constant."""
+    return state[CONSTANTS:ROWS].reshape(12)
+
+
+def blank_state() -> FloatArray:
+    """A state that nothing is known of, shape (29, 3)."""
+    return np.zeros((ROWS, 3))
+
+
+def load_model(state: FloatArray, model: DeltaModel) -> None:
+    """Write a model's constants into a state."""
+    state[CONSTANTS:ROWS].reshape(12)[: len(model.constants)] = model.constants
+
+
+def views(buffer: FloatArray) -> ArmState:
+    """Name the rows of a state, shape (29, 3)."""
+    flat = buffer.reshape(-1)
+
+    def square(row: int) -> FloatArray:
+        return buffer[row : row + 3]
+
+    return ArmState(
+        unmeasured=flat[3 * UNMEASURED : 3 * UNMEASURED + 6].reshape(3, 2),
+        angle=buffer[ANGLE],
+        rate=buffer[RATE],
+        position=buffer[POSITION],
+        velocity=buffer[VELOCITY],
+        jacobian=square(JACOBIAN),
+        jacobian_inverse=square(INVERSE),
+        inertia=square(INERTIA),
+        task_inertia=square(TASK_INERTIA),
+        gravity=buffer[GRAVITY_TORQUE],
+        friction=buffer[FRICTION],
+        asked=buffer[ASKED],
+        torque=buffer[TORQUE],
+        quality=buffer[QUALITY],
+    )

@@ -1,0 +1,166 @@
+"""What the robot can do over a table: reach, condition of J_c, torque that is left over board and trays."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.model.compiled import FloatArray
+from controller.model.constants import DeltaModel
+from controller.model.dynamics import gravity_torque, joint_inertia
+from controller.model.kinematics import OK, arm_directions, control_jacobian, inverse_kinematics
+from hardware.table import PIECE_SHAPES, Place, TableSettings, square_place
+
+CLEARANCE: Final = 0.010
+"""Of a carried piece over the tallest one [m]."""
+LARGEST_CONDITION: Final = 6.0
+"""Of J_c: beyond it a torque or encoder error weighs six times more in one direction than in another."""
+
+
+class BoardDoesNotFit(ValueError):
+    """Somewhere on board or trays the robot cannot work; the message names the squares.
+
+    Attributes:
+        places: those that fail, board first.
+    """
+
+    def __init__(self, sentence: str, places: tuple[Place, ...]) -> None:
+        super().__init__(sentence)
+        self.places = places
+
+
+class PointSurvey(NamedTuple):
+    """What the robot can do at one point."""
+
+    condition: float
+    """Condition number of J_c; infinite where the robot cannot work."""
+    holding_torque: float
+    """Largest servomotor torque that gravity takes [N m]; NaN where the robot cannot work."""
+    acceleration: float
+    """Tool acceleration that the peak torque still gives in every direction from rest [m/s²]; NaN likewise."""
+
+
+NO_WORK: Final = PointSurvey(math.inf, math.nan, math.nan)
+"""Out of reach, or too near a singularity."""
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """Board and trays at several heights of the tool point.
+
+    Attributes:
+        places: n of them, the 64 squares first.
+        height: shape (h,), of the tool point above the playing surface [m].
+        point: shape (n, h, 3), base frame [m].
+        reachable: shape (n, h), whether the robot can work there: within reach, and no singularity near.
+        condition: shape (n, h), of J_c; infinite where not reachable.
+        holding_torque: shape (n, h), largest servomotor torque that gravity takes [N m]; NaN where not reachable.
+        torque_margin: shape (n, h), rated torque less the holding torque [N m].
+        acceleration: shape (n, h), tool acceleration that the peak torque still gives in every direction [m/s²].
+    """
+
+    places: tuple[Place, ...]
+    height: FloatArray
+    point: FloatArray
+    reachable: NDArray[np.bool_]
+    condition: FloatArray
+    holding_torque: FloatArray
+    torque_margin: FloatArray
+    acceleration: FloatArray
+
+
+def working_heights() -> tuple[float, float]:
+    """Of the tool point above the playing surface: gripping the lowest stem, carrying over the tallest piece [m]."""
+    shapes = PIECE_SHAPES.values()
+    carrying = max(s.grip_height for s in shapes) + max(s.height for s in shapes) + CLEARANCE
+    return min(s.grip_height for s in shapes), carrying
+
+
+def survey_point(model: DeltaModel, point: FloatArray) -> PointSurvey:
+    """Condition number, holding torque and what is left for acceleration at a tool point, shape (3,) [m].
+
+    From rest u = M_y J_c⁻¹ z̈ + τ_g. A servomotor's share of the worst z̈ of size a is |row of M_y J_c⁻¹| a.
+    """
+    z = (float(point[0]), float(point[1]), float(point[2]))
+    y, jacobian, inverse = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    if inverse_kinematics(model.constants, z, y, np.empty(6))[0] != OK:
+        return NO_WORK
+    d, e = arm_directions(model.constants, y, z)
+    if control_jacobian(model.constants, d, e, jacobian, inverse)[0] != OK:
+        return NO_WORK
+    inertia, gravity = np.empty((3, 3)), np.empty(3)
+    joint_inertia(model.constants, e, jacobian, inertia)
+    gravity_torque(model.constants, e, jacobian, gravity)
+    left = model.parameters.drive.peak_torque - np.abs(gravity)
+    acceleration = float((left / np.linalg.norm(inertia @ inverse, axis=1)).min())
+    return PointSurvey(float(np.linalg.cond(jacobian)), float(np.abs(gravity).max()), acceleration)
+
+
+def survey(model: DeltaModel, table: TableSettings, heights: Sequence[float] | None = None) -> Survey:
+    """What the robot can do over every square and tray place.
+
+    Args:
+        model: the robot, with what it carries.
+        table: board and trays, and where they stand.
+        heights: of the tool point above the playing surface [m]; default `working_heights`.
+    """
+    places = tuple(square_place(square) for square in range(64)) + table.tray_places()
+    height = np.array(working_heights() if heights is None else heights, dtype=np.float64)
+    on_board = np.array([[(*table.xy(place), h) for h in height] for place in places])
+    point = table.base_from_board(on_board)
+    found = np.array([[survey_point(model, p) for p in row] for row in point])
+    condition, holding, acceleration = np.moveaxis(found, 2, 0)
+    margin = model.parameters.drive.rated_torque - holding
+    return Survey(places, height, point, np.isfinite(condition), condition, holding, margin, acceleration)
+
+
+def require_fit(model: DeltaModel, table: TableSettings, heights: Sequence[float] | None = None) -> Survey:
+    """The survey of a table at which the robot can play.
+
+    Args:
+        model: the robot, with the heaviest thing it carries.
+        table: board and trays.
+        heights: as for `survey`.
+
+    Raises:
+        BoardDoesNotFit: at some height a place is out of reach, J_c is conditioned worse than `LARGEST_CONDITION`, or
+            holding there takes more than the rated torque.
+    """
+    found = survey(model, table, heights)
+    _refuse(found, table, ~found.reachable, "out of reach")
+    worst = float(found.condition.max())
+    _refuse(
+        found, table, found.condition > LARGEST_CONDITION,
+        f"too near a singularity (condition of J_c {worst:.1f} at worst, at most {LARGEST_CONDITION:.1f} is allowed)",
+    )  # fmt: skip
+    rated = model.parameters.drive.rated_torque
+    most = float(found.holding_torque.max())
+    _refuse(
+        found, table, found.torque_margin < 0.0,
+        f"too heavy to hold (up to {most:.2f} N m, the servomotors are rated for {rated:.2f} N m)",
+    )  # fmt: skip
+    return found
+
+
+def _refuse(found: Survey, table: TableSettings, fails: NDArray[np.bool_], why: str) -> None:
+    """One sentence if any place fails."""
+    places = tuple(place for place, bad in zip(found.places, fails, strict=True) if bad.any())
+    if not places:
+        return
+    squares = [str(place) for place in places if place.on_board]
+    trays = [str(place) for place in places if not place.on_board]
+    named = [f"{len(squares)} of 64 squares ({', '.join(squares)})"] if squares else []
+    named += [f"{len(trays)} tray places ({', '.join(trays)})"] if trays else []
+    heights = ", ".join(f"{1e3 * h:.0f}" for h in found.height[fails.any(axis=0)])
+    x, y, z = table.centre_in_base
+    raise BoardDoesNotFit(
+        f"a board of {1e3 * table.square:.1f} mm squares centred at ({x:.3f}, {y:.3f}, {z:.3f}) m does not fit: "
+        f"{' and '.join(named)} {'are' if len(places) > 1 else 'is'} {why} with the tool {heights} mm above the "
+        "board; use smaller squares or trays, or move the board towards the base's axis",
+        places,
+    )
