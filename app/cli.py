@@ -140,9 +140,8 @@ def figures(
     from app.figures import make_figure
     from hardware.interfaces import HardwareError
 
-    print(f"touchmove: computing figure {name}", file=sys.stderr)
     try:
-        content = make_figure(name, out)
+        content = make_figure(name, out, lambda step: print(f"touchmove: {step}", file=sys.stderr))
     except (UserError, HardwareError) as error:
         _fail(str(error))
     if as_json:

@@ -25,12 +25,16 @@ from app.processes import CONTROLLER_SETTINGS_FILE
 from app.records import recording
 from controller.client import ControllerClient
 from controller.errors import ControllerError
+from controller.model.constants import DeltaModel
+from controller.model.workspace import BoardDoesNotFit, require_fit
 from controller.protocol.key import KEY_FILE, create_key
 from controller.settings import CONTROLLER_FILE, ControllerSettings
+from hardware.parameters import load_parameters
 from hardware.sim.clients import SimCamera, SimClock
 from hardware.sim.referee import Referee
 from hardware.sim.server import END_FILE
 from hardware.sim.settings import FILE_NAME, WorldSettings
+from hardware.table import PIECE_SHAPES
 
 START_TIMEOUT = 120.0
 """World and controller together; the first start on a machine compiles the law [s, wall]."""
@@ -71,10 +75,11 @@ class SimRig:
             progress: told what is being waited for.
 
         Raises:
-            RigFailed: a process ended or did not answer in time.
+            RigFailed: the board does not fit the arm, or a process ended or did not answer in time.
             RecordError: the run directory cannot be written.
         """
         self._run_dir = run_dir
+        _require_fit(settings.world)
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._client: ControllerClient | None = None
         self._open = True
@@ -197,6 +202,15 @@ class SimRig:
             return None
         summary = json.loads(path.read_text(encoding="utf-8"))
         return EndState(bool(summary["at_rest"] and summary["braked"]), float(summary["arm_speed"]))
+
+
+def _require_fit(world: WorldSettings) -> None:
+    """Refuse a board on which the arm cannot play with the heaviest piece, before anything starts."""
+    heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
+    try:
+        require_fit(DeltaModel(load_parameters(world.parameters_file), heaviest), world.table)
+    except BoardDoesNotFit as error:
+        raise RigFailed(str(error)) from error
 
 
 @contextmanager

@@ -35,14 +35,14 @@ from controller.model.compiled import (
     direct,
 )
 from controller.model.constants import COULOMB, VISCOUS, DeltaModel
-from controller.model.dynamics import gravity_torque, joint_inertia, shaft_friction, task_inertia
+from controller.model.dynamics import gravity_torque, joint_inertia, shaft_friction
 from controller.model.kinematics import (
     OK,
     Status,
-    close_chain,
     control_jacobian,
     elbows,
-    forward_kinematics_closed,
+    spheres_meet,
+    tool_point_near,
 )
 from controller.model.state import (
     ANGLE,
@@ -56,9 +56,7 @@ from controller.model.state import (
     POSITION,
     QUALITY,
     RATE,
-    TASK_INERTIA,
     TORQUE,
-    UNMEASURED,
     VELOCITY,
     WARM,
     blank_state,
@@ -90,7 +88,7 @@ def estimate(state: FloatArray, angle: Vector, velocity: Vector) -> int:
     """Where the arm is, how it moves and what it weighs, from the servomotors' angles and velocities.
 
     Args:
-        state: shape (29, 3), in: the model, the friction to feed forward, the last x as warm start; out: the fields
+        state: shape (24, 3), in: the model, the friction to feed forward, the last z as warm start; out: the fields
             of `ArmState`.
         angle: y [rad].
         velocity: ẏ [rad/s].
@@ -98,17 +96,18 @@ def estimate(state: FloatArray, angle: Vector, velocity: Vector) -> int:
     Returns:
         Status. After anything but OK the next call starts cold, in closed form.
     """
-    constants, y, x = constants_of(state), state[ANGLE], state[UNMEASURED : UNMEASURED + 2].reshape(6)
+    constants, y = constants_of(state), state[ANGLE]
     for i in range(3):
         state[ANGLE, i] = angle[i]
         state[RATE, i] = velocity[i]
+    near = state[POSITION, 0], state[POSITION, 1], state[POSITION, 2]
     if state[WARM, 0] == 0.0:
-        status = forward_kinematics_closed(constants, y, x)
+        status, near = spheres_meet(constants, angle[0], angle[1], angle[2])
         if status != OK:
             return status
     state[WARM, 0] = 0.0
     centres, e = elbows(constants, y)
-    status, steps, z, d = close_chain(constants, centres, x)
+    status, steps, z, d = tool_point_near(constants, centres, near)
     if status != OK:
         return status
     jacobian, inverse = state[JACOBIAN : JACOBIAN + 3], state[INVERSE : INVERSE + 3]
@@ -121,7 +120,6 @@ def estimate(state: FloatArray, angle: Vector, velocity: Vector) -> int:
         state[VELOCITY, i] = jacobian[i, 0] * velocity[0] + jacobian[i, 1] * velocity[1] + jacobian[i, 2] * velocity[2]
         state[FRICTION, i] = shaft_friction(velocity[i], viscous, coulomb, speed)
     joint_inertia(constants, e, jacobian, state[INERTIA : INERTIA + 3])
-    task_inertia(constants, e, inverse, state[TASK_INERTIA : TASK_INERTIA + 3])
     gravity_torque(constants, e, jacobian, state[GRAVITY_TORQUE])
     state[QUALITY, 0], state[QUALITY, 1], state[QUALITY, 2] = volume, transmission, float(steps)
     state[WARM, 0] = 1.0
@@ -133,7 +131,7 @@ def task_space_law(state: FloatArray, reference: FloatArray, tactile: tuple[floa
     """(23) on an estimated state.
 
     Args:
-        state: shape (29, 3), as `estimate` left it; the fields ``asked`` and ``torque`` are written.
+        state: shape (24, 3), as `estimate` left it; the fields ``asked`` and ``torque`` are written.
         reference: shape (16,) or longer, see `REFERENCE_SIZE`.
         tactile: forces on the right (+z1) and left (-z1) pad, pressing positive [N].
 

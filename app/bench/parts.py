@@ -13,8 +13,8 @@ import numpy as np
 
 from controller.model.compiled import STATUS, TABLE, VECTOR, FloatArray, Vector, compiled, compiled_as, direct
 from controller.model.constants import COULOMB, VISCOUS, DeltaModel
-from controller.model.dynamics import gravity_torque, joint_inertia, shaft_friction, task_inertia
-from controller.model.kinematics import Triad, control_jacobian, forward_kinematics
+from controller.model.dynamics import gravity_torque, joint_inertia, shaft_friction
+from controller.model.kinematics import Triad, control_jacobian, elbows, tool_point_near
 
 BATCH = 100
 """Ticks of one timed loop; its duration divided by this is one value of a part."""
@@ -30,16 +30,14 @@ class Poses(NamedTuple):
     """y, shape (n, 3) [rad]."""
     velocity: FloatArray
     """ẏ, shape (n, 3) [rad/s]."""
-    warm: FloatArray
-    """x from which Newton starts, shape (n, 6) [rad]."""
+    near: FloatArray
+    """z from which Newton starts, shape (n, 3) [m]."""
     rods: FloatArray
     """d_1, d_2, d_3, shape (n, 3, 3)."""
     elbows: FloatArray
     """e_1, e_2, e_3, shape (n, 3, 3)."""
     jacobian: FloatArray
     """J_c, shape (n, 3, 3) [m/rad]."""
-    inverse: FloatArray
-    """J_c⁻¹, shape (n, 3, 3) [rad/m]."""
 
 
 @compiled_as(STATUS(TABLE, VECTOR, VECTOR))
@@ -62,12 +60,12 @@ def _triad(rows: FloatArray) -> Triad:
 
 
 @compiled
-def _newton(constants: FloatArray, angle: FloatArray, warm: FloatArray, x: FloatArray) -> float:
+def _newton(constants: FloatArray, angle: FloatArray, near: FloatArray) -> float:
     total = 0.0
     for k in range(angle.shape[0]):
-        for i in range(6):
-            x[i] = warm[k, i]
-        total += forward_kinematics(constants, angle[k], x)[1] + x[0]
+        centres, _ = elbows(constants, angle[k])
+        _, steps, z, _ = tool_point_near(constants, centres, (near[k, 0], near[k, 1], near[k, 2]))
+        total += steps + z[2]
     return total
 
 
@@ -84,15 +82,6 @@ def _inertia(constants: FloatArray, elbows: FloatArray, jacobian: FloatArray, ro
     total = 0.0
     for k in range(elbows.shape[0]):
         joint_inertia(constants, _triad(elbows[k]), jacobian[k], room[:3])
-        total += room[0, 0]
-    return total
-
-
-@compiled
-def _task_inertia(constants: FloatArray, elbows: FloatArray, inverse: FloatArray, room: FloatArray) -> float:
-    total = 0.0
-    for k in range(elbows.shape[0]):
-        task_inertia(constants, _triad(elbows[k]), inverse[k], room[:3])
         total += room[0, 0]
     return total
 
@@ -117,13 +106,12 @@ def _friction(constants: FloatArray, velocity: FloatArray, viscous: float, coulo
 
 def parts(model: DeltaModel, poses: Poses) -> dict[str, Part]:
     """The parts by name; each runs over a slice of the recorded ticks."""
-    c, p, room, x = model.constants, poses, np.zeros((6, 3)), np.zeros(6)
+    c, p, room = model.constants, poses, np.zeros((6, 3))
     viscous, coulomb = float(c[VISCOUS]), float(c[COULOMB])
     return {
-        "newton": lambda s: _newton(c, p.angle[s], p.warm[s], x),
+        "newton": lambda s: _newton(c, p.angle[s], p.near[s]),
         "jacobian": lambda s: _jacobian(c, p.rods[s], p.elbows[s], room),
         "inertia": lambda s: _inertia(c, p.elbows[s], p.jacobian[s], room),
-        "task_inertia": lambda s: _task_inertia(c, p.elbows[s], p.inverse[s], room),
         "gravity": lambda s: _gravity(c, p.elbows[s], p.jacobian[s], room),
         "friction": lambda s: _friction(c, p.velocity[s], viscous, coulomb, FRICTION_SPEED),
     }

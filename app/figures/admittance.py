@@ -16,7 +16,7 @@ from pydantic import JsonValue
 from app.figures.drawing import DARK, WITH, WITHOUT, axes, picture
 from app.figures.gripper import SPEED, Fingers, TactileLaw, effective_mass, push
 from app.figures.linear import ComplexArray, Linear, linearised
-from app.figures.result import Bar, Picture, Result
+from app.figures.result import Bar, Picture, Progress, Result
 from controller.law import pack_reference
 from controller.model.compiled import FloatArray, Vector
 from controller.model.constants import DeltaModel
@@ -168,10 +168,13 @@ def decibel(gain: ComplexArray) -> FloatArray:
     return np.asarray(20.0 * np.log10(np.abs(gain)))
 
 
-def figure_5() -> Result:
+def figure_5(progress: Progress) -> Result:
     """Compute and draw."""
-    parameters = load_parameters()
-    without, fed_back = (curve(parameters, gain) for gain in GAINS)
+    parameters, curves = load_parameters(), []
+    for gain in GAINS:
+        progress(f"sweeping a sine over the nonlinear model, k* = {gain:g}")
+        curves.append(curve(parameters, gain))
+    without, fed_back = curves
     increase = decibel(fed_back.linear / without.linear)
     at = {omega: float(np.interp(omega, OMEGA, increase)) for omega in (0.1, 1.0, 10.0, 100.0, 1000.0)}
     worst = max(float(np.abs(decibel(one.sweep / one.at_sweep)).max()) for one in (without, fed_back))

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import JsonValue
 
 from app.figures.drawing import axes, board_map, picture
-from app.figures.result import Bar, Picture, Result
+from app.figures.result import Bar, Picture, Progress, Result
 from app.figures.table_grid import TableGrid, table_grid
 from app.motion.reference import Vector
 from controller.model.constants import DeltaModel
@@ -39,8 +39,9 @@ def resolutions(model: DeltaModel, grid: TableGrid, height: float) -> tuple[Vect
     return single, combined
 
 
-def encoder() -> Result:
+def encoder(progress: Progress) -> Result:
     """Compute and draw."""
+    progress("computing J_c over the table")
     model, table = DeltaModel(load_parameters()), TableSettings()
     grid = table_grid(table)
     found = {height: resolutions(model, grid, height) for height in HEIGHTS}

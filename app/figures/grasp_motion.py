@@ -13,7 +13,7 @@ from app.figures.grasp import DAMPING, POINT, Grasp, Run, sliding
 from app.figures.grasp_dae import PAD_DAMPING, PAD_STIFFNESS, run_dae
 from app.figures.grasp_mujoco import MujocoRun, run_mujoco
 from app.figures.gripper import effective_mass
-from app.figures.result import Bar, Picture, Result
+from app.figures.result import Bar, Picture, Progress, Result
 from app.figures.sensitivity import GAINS, Case, draw_study, study
 from controller.model.constants import DeltaModel
 from controller.tactile import grip_force, least_contact_damping
@@ -29,10 +29,13 @@ class Grasps(NamedTuple):
     mujoco: tuple[MujocoRun, MujocoRun]
 
 
-def both_grasps() -> Grasps:
+def both_grasps(progress: Progress) -> Grasps:
     """Run both models for both gains."""
     without, fed_back = (Grasp(gain) for gain in GAINS)
-    return Grasps((run_dae(without), run_dae(fed_back)), (run_mujoco(without), run_mujoco(fed_back)))
+    progress("simulating the grasp on the constrained dynamics")
+    dae = run_dae(without), run_dae(fed_back)
+    progress("simulating the grasp in MuJoCo")
+    return Grasps(dae, (run_mujoco(without), run_mujoco(fed_back)))
 
 
 def bars(grasps: Grasps) -> dict[str, Bar]:
@@ -55,12 +58,13 @@ def run_numbers(run: Run) -> dict[str, JsonValue]:
     }
 
 
-def figure_6() -> Result:
+def figure_6(progress: Progress) -> Result:
     """Compute and draw."""
-    grasps = both_grasps()
+    grasps = both_grasps(progress)
     mass = effective_mass(DeltaModel(Grasp(0.0).parameters), POINT)
-    cases = study(mass)
+    cases = study(mass, progress)
     title = "Soft grasp of a wooden block, 10 mm off the middle"
+    progress("simulating the grasp with smaller steps")
     numbers = _numbers(grasps, mass, cases)
     return Result(title, bars(grasps), numbers, {"": _draw(grasps, title), "-sensitivity": draw_study(cases, mass)})
 

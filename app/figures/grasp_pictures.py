@@ -15,7 +15,7 @@ from app.figures.drawing import DARK, GREY, picture
 from app.figures.grasp import HEIGHT, Run
 from app.figures.grasp_motion import Grasps, bars, both_grasps, run_numbers
 from app.figures.grasp_views import views
-from app.figures.result import Picture, Result
+from app.figures.result import Picture, Progress, Result
 from app.figures.sensitivity import GAINS
 
 _WOOD = "#b8864e"
@@ -25,9 +25,9 @@ _ROWS = slice(40, 440)
 """Of a rendered picture: block and pads."""
 
 
-def figure_7() -> Result:
+def figure_7(progress: Progress) -> Result:
     """Compute and draw."""
-    grasps = both_grasps()
+    grasps = both_grasps(progress)
     poses = [grasps.mujoco[0].start, *(one.end for one in grasps.mujoco)]
     start, *ends = views(grasps.mujoco[0].run.grasp, poses)
     names = [f"k*={gain:g}" for gain in GAINS]

@@ -9,13 +9,13 @@ import numpy as np
 from pydantic import JsonValue
 
 from app.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
-from app.figures.result import Bar, Picture, Result
+from app.figures.result import Bar, Picture, Progress, Result
 from app.layout import start_layout
 from app.manipulation import Inventory, transfers
 from app.motion import MotionSettings, plan_ply
 from app.motion.reference import Vector
 from controller.model.constants import DeltaModel
-from controller.model.kinematics import TOLERANCE, elbows, newton_step
+from controller.model.kinematics import TOLERANCE, newton_step
 from controller.model.reach import posture_at
 from hardware.parameters import load_parameters
 from hardware.table import ContactLimits, TableSettings
@@ -73,16 +73,16 @@ def newton_along(model: DeltaModel, angles: Vector, start: Vector) -> Steps:
     residual = np.zeros((len(angles), ENOUGH))
     x = start.copy()
     for k, y in enumerate(angles):
-        centres, _ = elbows(model.constants, y)
         for step in range(ENOUGH):
-            residual[k, step] = newton_step(model.constants, centres, x)[1]
+            residual[k, step] = newton_step(model.constants, y, x)[1]
             if residual[k, step] <= TOLERANCE:
                 break
     return Steps(residual, (residual > DECIMALS).sum(axis=1), (residual > TOLERANCE).sum(axis=1))
 
 
-def newton() -> Result:
+def newton(progress: Progress) -> Result:
     """Compute and draw."""
+    progress("planning a fast move and iterating along it")
     model = DeltaModel(load_parameters())
     tick = model.parameters.drive.tick
     way = fast_way(model)

@@ -14,10 +14,10 @@ from app.figures.encoder import encoder
 from app.figures.grasp_motion import figure_6
 from app.figures.grasp_pictures import figure_7
 from app.figures.newton import newton
-from app.figures.result import Result, save
+from app.figures.result import Progress, Result, save
 from app.figures.workspace import workspace
 
-FIGURES: Mapping[str, Callable[[], Result]] = MappingProxyType(
+FIGURES: Mapping[str, Callable[[Progress], Result]] = MappingProxyType(
     {
         "5": figure_5,
         "6": figure_6,
@@ -37,12 +37,13 @@ class UnknownFigure(UserError):
         super().__init__(f"there is no figure '{name}', choose from: {', '.join(FIGURES)}")
 
 
-def make_figure(name: str, folder: Path) -> dict[str, JsonValue]:
+def make_figure(name: str, folder: Path, progress: Progress) -> dict[str, JsonValue]:
     """Compute a figure and write it.
 
     Args:
         name: of ``FIGURES``.
         folder: for ``figure-NAME.png`` and ``figure-NAME.json``.
+        progress: told what is being computed.
 
     Returns:
         What the JSON file holds; ``holds`` says whether all bars do.
@@ -54,4 +55,4 @@ def make_figure(name: str, folder: Path) -> dict[str, JsonValue]:
     """
     if name not in FIGURES:
         raise UnknownFigure(name)
-    return save(name, FIGURES[name](), folder)
+    return save(name, FIGURES[name](progress), folder)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +16,8 @@ from pydantic import JsonValue
 from app import UserError
 
 Picture = Figure
+Progress = Callable[[str], None]
+"""Told what is being computed."""
 
 
 class Bar(NamedTuple):

@@ -13,7 +13,7 @@ from app.figures.drawing import DARK, WITH, WITHOUT, axes, picture
 from app.figures.grasp import Block, Grasp, sliding
 from app.figures.grasp_dae import run_dae
 from app.figures.grasp_mujoco import run_mujoco
-from app.figures.result import Picture
+from app.figures.result import Picture, Progress
 
 GAINS = (0.0, 2.0)
 """k* [1/kg]."""
@@ -51,9 +51,13 @@ class Case(NamedTuple):
         }
 
 
-def study(mass: float, changes: tuple[tuple[str, Grasp], ...] = CHANGES) -> list[Case]:
+def study(mass: float, progress: Progress, changes: tuple[tuple[str, Grasp], ...] = CHANGES) -> list[Case]:
     """Run all cases; ``mass``: effective, of the arm along z1 [kg]."""
-    return [_case(name, grasp, mass) for name, grasp in changes]
+    cases = []
+    for number, (name, grasp) in enumerate(changes, 1):
+        progress(f"varying an assumed value, {number} of {len(changes)}: {name}")
+        cases.append(_case(name, grasp, mass))
+    return cases
 
 
 def _case(name: str, grasp: Grasp, mass: float) -> Case:

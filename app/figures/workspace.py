@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import JsonValue
 
 from app.figures.drawing import axes, board_map, picture
-from app.figures.result import Bar, Picture, Result
+from app.figures.result import Bar, Picture, Progress, Result
 from app.figures.table_grid import TableGrid, table_grid
 from app.motion import MotionSettings
 from app.motion.reference import Vector
@@ -41,8 +41,9 @@ def maps(model: DeltaModel, grid: TableGrid, height: float) -> Maps:
     return Maps(*found)
 
 
-def workspace() -> Result:
+def workspace(progress: Progress) -> Result:
     """Compute and draw for the heaviest piece at the lowest and the highest height that a game needs."""
+    progress("surveying the table")
     heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
     model, table, asked = DeltaModel(load_parameters(), heaviest), TableSettings(), MotionSettings().acceleration
     places = survey(model, table)

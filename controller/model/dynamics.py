@@ -113,30 +113,6 @@ def joint_inertia(constants: FloatArray, e: Triad, jacobian: FloatArray, inertia
 
 
 @compiled
-def task_inertia(constants: FloatArray, e: Triad, inverse: FloatArray, inertia: FloatArray) -> None:
-    """J_c⁻ᵀ M_y J_c⁻¹, the inertia felt at the tool, with rows w_i of J_c⁻¹ and no further inversion.
-
-    (mp + m2) I + (I1 + m2 l1²/3) Σ w_i w_iᵀ + (m2 l1 / 6) Σ (e_i w_iᵀ + w_i e_iᵀ)
-
-    Args:
-        constants: of the model.
-        e: unit vectors in which the elbows move.
-        inverse: shape (3, 3), J_c⁻¹ [rad/m].
-        inertia: shape (3, 3), out [kg].
-    """
-    l1, m2 = constants[PROXIMAL], constants[DISTAL_MASS]
-    own, coupling = constants[HINGE_INERTIA] + m2 * l1 * l1 / 3.0, m2 * l1 / 6.0
-    for j in range(3):
-        for k in range(j, 3):
-            value = m2 + constants[PLATFORM_MASS] if j == k else 0.0
-            for i in range(3):
-                value += own * inverse[i, j] * inverse[i, k]
-                value += coupling * (e[i][j] * inverse[i, k] + inverse[i, j] * e[i][k])
-            inertia[j, k] = value
-            inertia[k, j] = value
-
-
-@compiled
 def gravity_torque(constants: FloatArray, e: Triad, jacobian: FloatArray, torque: FloatArray) -> None:
     """τ_g = Tᵀ G, what holds the robot against gravity; equals τ_u of (15) without solving.
 

@@ -19,7 +19,7 @@ from typing import Final
 
 from controller.model.compiled import FloatArray, Vector, compiled
 from controller.model.constants import DISTAL, HEIGHT, PROXIMAL, RADIUS
-from controller.model.vectors import combine, common_point, cross, distance, dot, minus, turn, turn_back
+from controller.model.vectors import combine, common_point, cross, distance, dot, minus, scaled, turn, turn_back
 
 Triad = tuple[Vector, Vector, Vector]
 
@@ -87,7 +87,18 @@ def elbows(constants: FloatArray, y: FloatArray) -> tuple[Triad, Triad]:
 
 
 @compiled
-def newton_step(constants: FloatArray, centres: Triad, x: FloatArray) -> tuple[int, float, Vector, Triad]:
+def distal_directions(constants: FloatArray, centres: Triad, z: Vector) -> Triad:
+    """(d_1, d_2, d_3) from elbows [m] and tool point z [m]; base frame."""
+    inverse = 1.0 / constants[DISTAL]
+    return (
+        scaled(inverse, minus(z, centres[0])),
+        scaled(inverse, minus(z, centres[1])),
+        scaled(inverse, minus(z, centres[2])),
+    )
+
+
+@compiled
+def newton_step(constants: FloatArray, y: FloatArray, x: FloatArray) -> tuple[int, float]:
     """One Newton step of (7), in place, by one 3x3 system in place of the paper's 6x6.
 
     Write z = psi_i + l2 (a_i δq2 + sin q2 n_i δq3) for the tip of arm i in the linearised model. (7) says that the
@@ -99,63 +110,95 @@ def newton_step(constants: FloatArray, centres: Triad, x: FloatArray) -> tuple[i
 
     Args:
         constants: of the model.
-        centres: of the elbows [m], see `elbows`.
+        y: shape (3,), servomotor angles [rad].
         x: shape (6,), unmeasured angles [rad]; improved in place unless they already close the chain.
 
     Returns:
-        Status; |h| [m], the tip of arm 1 [m] and the distal directions, all before the step. With |h| within
-        `TOLERANCE` no step is taken.
+        Status and the residual |h| before the step [m]. With a residual within `TOLERANCE` no step is taken.
     """
     l2 = constants[DISTAL]
     d1, a1, n1 = triad(0, x[0], x[1])
     d2, a2, n2 = triad(1, x[2], x[3])
     d3, a3, n3 = triad(2, x[4], x[5])
-    p1, p2, p3 = combine(centres[0], l2, d1), combine(centres[1], l2, d2), combine(centres[2], l2, d3)
-    residual = max(distance(p1, p2), distance(p1, p3))
+    p1 = combine(elbow(constants, 0, y[0])[0], l2, d1)
+    p2 = combine(elbow(constants, 1, y[1])[0], l2, d2)
+    p3 = combine(elbow(constants, 2, y[2])[0], l2, d3)
+    first, second = distance(p1, p2), distance(p1, p3)
+    residual = max(first, second) + 0.0 * (first + second)  # a maximum may overlook a NaN
     if residual <= TOLERANCE:
-        return OK, residual, p1, (d1, d2, d3)
+        return OK, residual
     determinant, z = common_point(d1, d2, d3, (dot(d1, p1), dot(d2, p2), dot(d3, p3)))
     s1, s2, s3 = l2 * math.sin(x[0]), l2 * math.sin(x[2]), l2 * math.sin(x[4])
     if abs(determinant) < MIN_DETERMINANT or min(abs(s1), abs(s2), abs(s3)) < l2 * MIN_SINE:
-        return SINGULAR, residual, p1, (d1, d2, d3)
+        return SINGULAR, residual
     x[0] += dot(a1, minus(z, p1)) / l2
     x[1] += dot(n1, minus(z, p1)) / s1
     x[2] += dot(a2, minus(z, p2)) / l2
     x[3] += dot(n2, minus(z, p2)) / s2
     x[4] += dot(a3, minus(z, p3)) / l2
     x[5] += dot(n3, minus(z, p3)) / s3
-    return OK, residual, p1, (d1, d2, d3)
+    return OK, residual
 
 
 @compiled
-def close_chain(constants: FloatArray, centres: Triad, x: FloatArray) -> tuple[int, int, Vector, Triad]:
+def forward_kinematics(constants: FloatArray, y: FloatArray, x: FloatArray) -> tuple[int, int]:
     """Newton's iteration (7) from a warm start to |h| <= 1e-10 m.
 
     It stays on the branch of its start if that is near; `forward_kinematics_closed` gives a cold start.
 
     Args:
         constants: of the model.
-        centres: of the elbows [m], see `elbows`.
+        y: shape (3,), servomotor angles [rad].
         x: shape (6,), in: the last solution; out: the unmeasured angles [rad].
+
+    Returns:
+        Status and the number of steps taken.
+    """
+    for steps in range(MAX_ITERATIONS + 1):
+        status, residual = newton_step(constants, y, x)
+        if residual <= TOLERANCE:
+            return OK, steps
+        if status != OK:
+            return status, steps
+    return NOT_CONVERGED, MAX_ITERATIONS
+
+
+@compiled
+def tool_point_near(constants: FloatArray, centres: Triad, z: Vector) -> tuple[int, int, Vector, Triad]:
+    """Newton's iteration (7) from a tool point nearby, without angles: what the loop uses.
+
+    In (7) x serves only to say where the distal links point. Let them point at z: d_i = (z - elbow_i) / |z - elbow_i|.
+    The step of (7) is then the point that the planes d_i·z = d_i·elbow_i + l2 have in common, see `newton_step`, and no
+    sine is needed. It lies within |w_i|² / (2 l2) of sphere i, where w_i leads to it from elbow_i + l2 d_i along the
+    plane, so that |z - elbow_i|² = l2² + |w_i|²: how far the chain is closed is known without another step. The
+    iteration ends with |h| <= 1e-10 m.
+
+    Args:
+        constants: of the model.
+        centres: of the elbows [m], see `elbows`.
+        z: where the tool was a moment ago [m].
 
     Returns:
         Status, the number of steps taken, the tool point [m] and the distal directions.
     """
+    l2 = constants[DISTAL]
     steps = 0
     while True:
-        status, residual, z, d = newton_step(constants, centres, x)
-        if residual <= TOLERANCE or status != OK:
-            return status, steps, z, d
+        r1, r2, r3 = minus(z, centres[0]), minus(z, centres[1]), minus(z, centres[2])
+        n1, n2, n3 = math.sqrt(dot(r1, r1)), math.sqrt(dot(r2, r2)), math.sqrt(dot(r3, r3))
+        d1, d2, d3 = scaled(1.0 / n1, r1), scaled(1.0 / n2, r2), scaled(1.0 / n3, r3)
+        if abs(n1 - l2) + abs(n2 - l2) + abs(n3 - l2) <= TOLERANCE:  # a sum, as a maximum may overlook a NaN
+            return OK, steps, z, (d1, d2, d3)
         if steps == MAX_ITERATIONS:
-            return NOT_CONVERGED, steps, z, d
+            return NOT_CONVERGED, steps, z, (d1, d2, d3)
+        planes = (dot(d1, centres[0]) + l2, dot(d2, centres[1]) + l2, dot(d3, centres[2]) + l2)
+        determinant, z = common_point(d1, d2, d3, planes)
+        if abs(determinant) < MIN_DETERMINANT:
+            return SINGULAR, steps, z, (d1, d2, d3)
         steps += 1
-
-
-@compiled
-def forward_kinematics(constants: FloatArray, y: FloatArray, x: FloatArray) -> tuple[int, int]:
-    """`close_chain` for servomotor angles y, shape (3,) [rad]; returns Status and the number of steps taken."""
-    status, steps, _, _ = close_chain(constants, elbows(constants, y)[0], x)
-    return status, steps
+        w1, w2, w3 = minus(z, centres[0]), minus(z, centres[1]), minus(z, centres[2])
+        if dot(w1, w1) + dot(w2, w2) + dot(w3, w3) - 3.0 * l2 * l2 <= l2 * TOLERANCE:
+            return OK, steps, z, (scaled(1.0 / l2, w1), scaled(1.0 / l2, w2), scaled(1.0 / l2, w3))
 
 
 @compiled
@@ -263,11 +306,7 @@ def joint_rates(constants: FloatArray, y: FloatArray, x: FloatArray, jacobian: F
 def arm_directions(constants: FloatArray, y: FloatArray, z: Vector) -> tuple[Triad, Triad]:
     """(d_1, d_2, d_3) and (e_1, e_2, e_3) from servomotor angles y, shape (3,) [rad], and their tool point z [m]."""
     centres, e = elbows(constants, y)
-    zero, inverse = (0.0, 0.0, 0.0), 1.0 / constants[DISTAL]
-    d1 = combine(zero, inverse, minus(z, centres[0]))
-    d2 = combine(zero, inverse, minus(z, centres[1]))
-    d3 = combine(zero, inverse, minus(z, centres[2]))
-    return (d1, d2, d3), e
+    return distal_directions(constants, centres, z), e
 
 
 @compiled
@@ -291,13 +330,14 @@ def control_jacobian(
     """
     l1 = constants[PROXIMAL]
     determinant = dot(d[0], cross(d[1], d[2]))
-    transmission = 1.0
+    transmission, per_volume = 1.0, l1 / determinant
     for i in range(3):
         effect = dot(d[i], e[i])
         transmission = min(transmission, effect)
         column = cross(d[(i + 1) % 3], d[(i + 2) % 3])
+        rate, reach = 1.0 / (l1 * effect), per_volume * effect
         for k in range(3):
-            inverse[i, k] = d[i][k] / (l1 * effect)
-            jacobian[k, i] = l1 * effect * column[k] / determinant
+            inverse[i, k] = rate * d[i][k]
+            jacobian[k, i] = reach * column[k]
     regular = -determinant >= MIN_DETERMINANT and transmission >= MIN_TRANSMISSION
     return (OK if regular else SINGULAR), -determinant, transmission

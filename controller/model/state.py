@@ -14,24 +14,22 @@ from controller.model.constants import DeltaModel
 # array passed to compiled code costs a tenth of a microsecond. WARM holds 1 after a good estimate. COMPENSATED is the
 # friction to be fed forward: viscous [N m s/rad], Coulomb [N m], speed over which its sign is smoothed [rad/s]; from
 # CONSTANTS on lie the model's.
-UNMEASURED: Final = 0
-ANGLE: Final = 2
-RATE: Final = 3
-POSITION: Final = 4
-VELOCITY: Final = 5
-JACOBIAN: Final = 6
-INVERSE: Final = 9
-INERTIA: Final = 12
-TASK_INERTIA: Final = 15
-GRAVITY_TORQUE: Final = 18
-FRICTION: Final = 19
-ASKED: Final = 20
-TORQUE: Final = 21
-QUALITY: Final = 22
-WARM: Final = 23
-COMPENSATED: Final = 24
-CONSTANTS: Final = 25
-ROWS: Final = 29
+ANGLE: Final = 0
+RATE: Final = 1
+POSITION: Final = 2
+VELOCITY: Final = 3
+JACOBIAN: Final = 4
+INVERSE: Final = 7
+INERTIA: Final = 10
+GRAVITY_TORQUE: Final = 13
+FRICTION: Final = 14
+ASKED: Final = 15
+TORQUE: Final = 16
+QUALITY: Final = 17
+WARM: Final = 18
+COMPENSATED: Final = 19
+CONSTANTS: Final = 20
+ROWS: Final = 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +40,6 @@ class ArmState:
     `rate` are of that tick.
     """
 
-    unmeasured: FloatArray
-    """x, shape (3, 2): q_i2 and q_i3 [rad]."""
     angle: FloatArray
     """y, shape (3,) [rad]."""
     rate: FloatArray
@@ -58,8 +54,6 @@ class ArmState:
     """J_c⁻¹, shape (3, 3) [rad/m]."""
     inertia: FloatArray
     """M_y, shape (3, 3) [kg m²]."""
-    task_inertia: FloatArray
-    """J_c⁻ᵀ M_y J_c⁻¹, shape (3, 3) [kg]."""
     gravity: FloatArray
     """τ_g, shape (3,): the torques that hold the arm [N m]."""
     friction: FloatArray
@@ -71,6 +65,11 @@ class ArmState:
     quality: FloatArray
     """Shape (3,): volume of the distal directions and least transmission (both 0 at a singularity); Newton steps."""
 
+    @property
+    def task_inertia(self) -> FloatArray:
+        """Λ = J_c⁻ᵀ M_y J_c⁻¹, shape (3, 3): the inertia felt at the tool [kg]."""
+        return self.jacobian_inverse.T @ self.inertia @ self.jacobian_inverse
+
 
 @compiled
 def constants_of(state: FloatArray) -> FloatArray:
@@ -79,7 +78,7 @@ def constants_of(state: FloatArray) -> FloatArray:
 
 
 def blank_state() -> FloatArray:
-    """A state that nothing is known of, shape (29, 3)."""
+    """A state that nothing is known of, shape (24, 3)."""
     return np.zeros((ROWS, 3))
 
 
@@ -89,14 +88,12 @@ def load_model(state: FloatArray, model: DeltaModel) -> None:
 
 
 def views(buffer: FloatArray) -> ArmState:
-    """Name the rows of a state, shape (29, 3)."""
-    flat = buffer.reshape(-1)
+    """Name the rows of a state, shape (24, 3)."""
 
     def square(row: int) -> FloatArray:
         return buffer[row : row + 3]
 
     return ArmState(
-        unmeasured=flat[3 * UNMEASURED : 3 * UNMEASURED + 6].reshape(3, 2),
         angle=buffer[ANGLE],
         rate=buffer[RATE],
         position=buffer[POSITION],
@@ -104,7 +101,6 @@ def views(buffer: FloatArray) -> ArmState:
         jacobian=square(JACOBIAN),
         jacobian_inverse=square(INVERSE),
         inertia=square(INERTIA),
-        task_inertia=square(TASK_INERTIA),
         gravity=buffer[GRAVITY_TORQUE],
         friction=buffer[FRICTION],
         asked=buffer[ASKED],

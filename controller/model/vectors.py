@@ -25,6 +25,12 @@ def minus(a: Vector, b: Vector) -> Vector:
 
 
 @compiled
+def scaled(s: float, a: Vector) -> Vector:
+    """Vector s a."""
+    return s * a[0], s * a[1], s * a[2]
+
+
+@compiled
 def combine(o: Vector, s: float, a: Vector) -> Vector:
     """Vector o + s a."""
     return o[0] + s * a[0], o[1] + s * a[1], o[2] + s * a[2]
@@ -69,5 +75,5 @@ def common_point(d1: Vector, d2: Vector, d3: Vector, b: Vector) -> tuple[float, 
     """
     d23, d31, d12 = cross(d2, d3), cross(d3, d1), cross(d1, d2)
     determinant = dot(d1, d23)
-    scaled = combine(combine((b[0] * d23[0], b[0] * d23[1], b[0] * d23[2]), b[1], d31), b[2], d12)
-    return determinant, (scaled[0] / determinant, scaled[1] / determinant, scaled[2] / determinant)
+    z = combine(combine(scaled(b[0], d23), b[1], d31), b[2], d12)
+    return determinant, scaled(1.0 / determinant, z)

@@ -84,19 +84,19 @@ def test_the_parts_compute_what_the_tick_does(recording: Recording) -> None:
     model = DeltaModel(recording.parameters)
     _, poses = law_bench._verified(model, recording)
     law = law_bench.replayed(model, recording)
-    expected = dict.fromkeys(("newton", "jacobian", "inertia", "task_inertia", "gravity", "friction"), 0.0)
+    expected = dict.fromkeys(("newton", "jacobian", "inertia", "gravity", "friction"), 0.0)
     for tick in recording.ticks[:50]:
         law.update(tick.angle, tick.velocity)
         state = law.state
         assert found(law).tobytes() == tick.found.tobytes()
-        expected["newton"] += state.quality[2] + state.unmeasured[0, 0]
+        expected["newton"] += state.quality[2] + state.position[2]
         expected["jacobian"] += state.quality[0]
         expected["inertia"] += state.inertia[0, 0]
-        expected["task_inertia"] += state.task_inertia[0, 0]
         expected["gravity"] += state.gravity[0]
         expected["friction"] += state.friction.sum()
     for name, part in parts(model, poses).items():
-        assert part(slice(0, 50)) == pytest.approx(expected[name], rel=1e-12), name
+        # rods are found anew from the closed chain, within Newton's tolerance of those of the tick
+        assert part(slice(0, 50)) == pytest.approx(expected[name], rel=1e-10 if name == "jacobian" else 1e-12), name
 
 
 def test_ticks_are_timed_one_by_one(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,7 +105,7 @@ def test_ticks_are_timed_one_by_one(recording: Recording, monkeypatch: pytest.Mo
     rows = law_bench._timed(DeltaModel(recording.parameters), recording, rounds=2)
     assert rows["tick"].n == 3000
     assert rows["update"].mean == rows["torque"].mean == rows["call"].mean == 1.0
-    assert rows["tick"].p50 == rows["tick"].max == rows["tick_p99_9"].max == 2.0
+    assert rows["tick"].p50 == rows["tick"].max == rows["tick_p99_9"].max == 1.0
     assert rows["tick"].holds
     assert rows["tick"].limit == 3.0
     assert rows["tick_p99_9"].limit == 30.0

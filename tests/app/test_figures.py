@@ -54,7 +54,7 @@ def test_a_folder_that_cannot_be_written_is_named_with_the_remedy(tmp_path: Path
 def test_an_unknown_figure_is_refused_with_the_choices(tmp_path: Path) -> None:
     sentence = "there is no figure '8', choose from: 5, 6, 7, newton, encoder, workspace"
     with pytest.raises(UnknownFigure, match=f"^{sentence}$"):
-        make_figure("8", tmp_path)
+        make_figure("8", tmp_path, print)
     done = CliRunner().invoke(command_line, ["figures", "8", "--out", str(tmp_path)])
     assert done.exit_code == 2
     assert done.stderr.endswith(f"touchmove: {sentence}\n")
@@ -65,7 +65,7 @@ def test_an_unknown_figure_is_refused_with_the_choices(tmp_path: Path) -> None:
 def test_the_command_prints_one_object_and_says_by_its_status_whether_it_holds(
     value: float, status: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.figures.registry.FIGURES", {"line": lambda: sketch(value)})
+    monkeypatch.setattr("app.figures.registry.FIGURES", {"line": lambda progress: sketch(value)})
     done = CliRunner().invoke(command_line, ["figures", "line", "--out", str(tmp_path), "--json"])
     assert done.exit_code == status
     assert json.loads(done.stdout) == json.loads((tmp_path / "figure-line.json").read_text())
@@ -87,7 +87,7 @@ def test_the_docs_show_every_figure_and_it_holds(name: str) -> None:
 @pytest.mark.parametrize("name", ["newton", "encoder", "workspace"])
 def test_the_numbers_in_the_docs_are_those_of_today(name: str, tmp_path: Path) -> None:
     shown = json.loads((PICTURES / f"figure-{name}.json").read_text())
-    assert close(json.loads(json.dumps(make_figure(name, tmp_path))), shown)
+    assert close(json.loads(json.dumps(make_figure(name, tmp_path, print))), shown)
 
 
 def close(one: object, other: object) -> bool:

@@ -49,7 +49,7 @@ def test_a_sweep_of_another_mass_is_noticed() -> None:
 
 @pytest.mark.slow
 def test_figure_5_holds() -> None:
-    result = figure_5()
+    result = figure_5(print)
     assert result.holds
     increase = result.numbers["increase_dB"]
     assert isinstance(increase, dict)

@@ -21,7 +21,7 @@ MASS = effective_mass(DeltaModel(Grasp(0.0).parameters), POINT)
 
 @pytest.fixture(scope="module")
 def grasps() -> Grasps:
-    return both_grasps()
+    return both_grasps(print)
 
 
 def test_the_block_slides_4_mm_without_and_less_than_1_mm_with_feedback_in_both_models(grasps: Grasps) -> None:
@@ -102,7 +102,7 @@ def test_finger_speed_and_shaft_friction_decide() -> None:
     """What the figures rest on: slow fingers leave the block in place, fast ones or sticking shafts do not."""
     slow = Grasp(0.0, finger_speed=0.020)
     sticking = Grasp(0.0, joint_friction=0.02, compensated=False)
-    (slow_case, sticking_case) = study(MASS, (("slow", slow), ("sticking", sticking)))
+    (slow_case, sticking_case) = study(MASS, print, (("slow", slow), ("sticking", sticking)))
     assert abs(slow_case.dae[0]) < 0.5
     assert abs(slow_case.mujoco[0]) < 0.8
     assert slow_case.as_json()["closed_form_mm"] == [0.0, 0.0]
@@ -119,7 +119,7 @@ def test_mujoco_repeats_to_the_bit(grasps: Grasps) -> None:
 
 @pytest.mark.slow
 def test_figure_7_shows_start_and_ends() -> None:
-    result = figure_7()
+    result = figure_7(print)
     assert result.holds
     assert len(result.pictures[""].axes) == 6
     rendered = [np.asarray(axis.images[0].get_array()) for axis in result.pictures[""].axes if axis.images]

@@ -20,7 +20,7 @@ MODEL = DeltaModel(load_parameters())
 
 
 def test_newton_takes_one_or_two_steps_on_a_fast_move() -> None:
-    result = newton()
+    result = newton(print)
     assert result.holds
     numbers = result.numbers
     assert numbers["tool_speed_max_m_s"] == pytest.approx(1.5, abs=0.01), "the move is fast"
@@ -52,7 +52,7 @@ def test_the_counted_steps_are_those_of_the_papers_own_system() -> None:
 
 
 def test_the_encoder_resolves_less_than_5_um_over_the_board() -> None:
-    result = encoder()
+    result = encoder(print)
     assert result.holds
     assert 0.1 < result.bars["worst_resolution"].value < 1.0
 
@@ -83,7 +83,7 @@ def test_the_grid_covers_squares_and_trays() -> None:
 
 
 def test_the_arm_reaches_every_place_with_torque_to_spare() -> None:
-    result = workspace()
+    result = workspace(print)
     assert result.holds
     assert result.numbers["places"] == 64 + 48
 

@@ -15,6 +15,7 @@ from controller.model import constrained
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import Status
+from controller.model.reach import posture_at
 from controller.model.simulation import ConstrainedArm, Moment, Trajectory
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings, square_place
@@ -295,7 +296,7 @@ def test_a_step_in_z1_moves_z2_and_z3_by_less_than_two_per_cent(point: FloatArra
 def printed(control: TaskSpaceController, reference: FloatArray) -> Triple:
     """(23) with (19) to the letter: M̄11 + M̄12 ∂g/∂y for the inertia, D̄1, and gravity by (15)."""
     state = control.state
-    q = constrained.coordinates(state.angle, state.unmeasured.reshape(6))
+    q = constrained.coordinates(state.angle, posture_at(MODEL, state.position).x)
     matrix = constrained.inertia_matrix(MODEL, q)[constrained.MEASURED]
     rates = constrained.tangent(MODEL, q)[constrained.UNMEASURED]
     inertia = matrix[:, constrained.MEASURED] + matrix[:, constrained.UNMEASURED] @ rates

@@ -15,8 +15,8 @@ from controller.model.kinematics import (
     TOLERANCE,
     Status,
     arm_directions,
-    arm_tool_point,
     control_jacobian,
+    distal_angles,
     elbows,
     forward_kinematics,
     forward_kinematics_closed,
@@ -24,6 +24,7 @@ from controller.model.kinematics import (
     joint_rates,
     newton_step,
     spheres_meet,
+    tool_point_near,
     triad,
 )
 from controller.model.nearest import LEAST_TRANSMISSION, nearest_point, room
@@ -159,14 +160,10 @@ def test_newton_step_is_the_step_of_eq_7() -> None:
         h_x = complex_step(lambda w, y=y: constraint(y, w), start)
         expected = start + np.linalg.solve(h_x, -constraint(y, start))
         stepped = start.copy()
-        status, residual, tip, d = newton_step(MODEL.constants, elbows(MODEL.constants, y)[0], stepped)
+        status, residual = newton_step(MODEL.constants, y, stepped)
         assert status == Status.OK
         assert residual == pytest.approx(np.abs(constraint(y, start)).max(), abs=1e-15)
         np.testing.assert_allclose(stepped, expected, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(tip, arm_tool_point(MODEL.constants, 0, y[0], start[0], start[1]), atol=1e-15)
-        for arm in range(3):
-            along = triad(arm, start[2 * arm], start[2 * arm + 1])[0]
-            np.testing.assert_allclose(d[arm], along, rtol=0, atol=1e-15)
 
 
 def test_newton_converges_quadratically() -> None:
@@ -174,7 +171,7 @@ def test_newton_converges_quadratically() -> None:
     x += 0.1
     residuals = []
     while not residuals or residuals[-1] > TOLERANCE:
-        residuals.append(newton_step(MODEL.constants, elbows(MODEL.constants, y)[0], x)[1])
+        residuals.append(newton_step(MODEL.constants, y, x)[1])
     orders = [np.log(b) / np.log(a) for a, b in pairwise(residuals[1:]) if b > 1e-15]
     assert len(residuals) <= 6
     assert min(orders) > 1.5
@@ -191,9 +188,62 @@ def test_warm_start_takes_at_most_two_steps_at_the_practical_top_speed() -> None
     assert most == 2
 
 
+def near_in_the_loop(y: FloatArray, z: FloatArray) -> tuple[int, int, FloatArray, FloatArray]:
+    a, b, c = z.tolist()
+    status, steps, point, d = tool_point_near(MODEL.constants, elbows(MODEL.constants, y)[0], (a, b, c))
+    return status, steps, np.array(point), np.array(d)
+
+
+def test_newton_without_angles_takes_the_step_of_eq_7() -> None:
+    """From angles that point at a point nearby one step of (7) leads all three linearised tips to the same place."""
+    l2 = MODEL.constants[DISTAL]
+    for z in workspace():
+        y, _ = posture_at(MODEL, z)
+        a, b, c = (z + np.array([2e-6, -1e-6, 1.5e-6])).tolist()
+        x = np.array([distal_angles(MODEL.constants, arm, y[arm], (a, b, c)) for arm in range(3)]).reshape(6)
+        step = -np.linalg.solve(complex_step(lambda w, y=y: constraint(y, w), x), constraint(y, x))
+        status, steps, point, _ = near_in_the_loop(y, np.array([a, b, c]))
+        assert (status, steps) == (Status.OK, 1)
+        for arm in range(3):
+            d, across, around = (np.array(w) for w in triad(arm, x[2 * arm], x[2 * arm + 1]))
+            bent = d + step[2 * arm] * across + step[2 * arm + 1] * np.sin(x[2 * arm]) * around
+            linear = np.array(elbows(MODEL.constants, y)[0][arm]) + l2 * bent
+            np.testing.assert_allclose(point, linear, rtol=0, atol=1e-14)
+
+
+def test_newton_without_angles_finds_the_tool_and_the_rods() -> None:
+    for z in workspace():
+        y, x = posture_at(MODEL, z)
+        for shift in (1e-2, 1e-3, 1e-6):
+            status, steps, point, d = near_in_the_loop(y, z + shift * np.array([0.6, -0.5, 0.6]))
+            assert status == Status.OK
+            assert 1 <= steps <= 4
+            np.testing.assert_allclose(point, z, rtol=0, atol=2e-10)
+            for arm in range(3):
+                along = triad(arm, x[2 * arm], x[2 * arm + 1])[0]
+                np.testing.assert_allclose(d[arm], along, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("arm", [0, 1, 2])
+def test_newton_never_calls_a_nan_closed(arm: int) -> None:
+    y, x = posture_at(MODEL, np.array([0.0, 0.0, 0.45]))
+    y[arm] = np.nan
+    assert near_in_the_loop(y, np.array([0.0, 0.0, 0.45]))[0] != Status.OK
+    assert forward_kinematics(MODEL.constants, y, x)[0] != Status.OK
+
+
+def test_newton_without_angles_says_where_it_cannot() -> None:
+    y, _ = posture_at(MODEL, np.array([0.0, 0.0, 0.45]))
+    level = np.array(elbows(MODEL.constants, y)[0][0])[2]
+    assert near_in_the_loop(y, np.array([0.0, 0.0, level]))[0] == Status.SINGULAR
+    apart = np.array([-2.5, -1.0, 0.0])  # no point is near enough to all three elbows
+    assert near_in_the_loop(apart, np.array([0.0, 0.0, 0.45]))[0] in (Status.NOT_CONVERGED, Status.SINGULAR)
+
+
 def test_a_solved_posture_needs_no_step() -> None:
     y, x = posture_at(MODEL, np.array([0.0, 0.0, 0.45]))
     assert forward_kinematics(MODEL.constants, y, x.copy()) == (Status.OK, 0)
+    assert near_in_the_loop(y, np.array([0.0, 0.0, 0.45]))[:2] == (Status.OK, 0)
 
 
 def test_elbows_point_outward() -> None:
