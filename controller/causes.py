@@ -56,6 +56,15 @@ class Cause(IntEnum):
     BAD_MEASUREMENT = 66
     BAD_TORQUE = 67
     NOT_AT_REST = 68
+    ENCODER = 69
+    JOINT_SPEED = 70
+    JOINT_RANGE = 71
+    TOOL_SPEED = 72
+    TOOL_OUTSIDE = 73
+    PRESSING = 74
+    GRIP_FORCE = 75
+    TACTILE_OVERLOAD = 76
+    RMS_TORQUE = 77
 
 
 _SENTENCES: dict[Cause, str] = {
@@ -103,8 +112,8 @@ _SENTENCES: dict[Cause, str] = {
     " send further ahead or use a better network",
     Cause.SHUTDOWN: "the controller is shutting down: start it again",
     Cause.UNKNOWN_EVENT: "event {word} is not foreseen in state {limit:.0f}: report this as a defect",
-    Cause.TRACKING: "the tool was {value:.4f} m from its reference, at most {limit:.4f} m is accepted:"
-    " see what stands in its way, then clear the fault",
+    Cause.TRACKING: "the tool was {value:.4f} m from its reference along one axis, at most {limit:.4f} m is accepted:"
+    " see what stands in its way, then send resume",
     Cause.MODEL: "the kinematics failed with status {value:.0f} (1 singular, 2 not converged, 3 unreachable):"
     " compare the arm's geometry with the parameters",
     Cause.DRIVE_FAULT: "a drive reports a fault ({word}): read its display, then clear the fault",
@@ -114,6 +123,24 @@ _SENTENCES: dict[Cause, str] = {
     " see their power and safety circuit",
     Cause.BAD_MEASUREMENT: "a measurement is not finite: see the encoders and sensors, then clear the fault",
     Cause.BAD_TORQUE: "the law gave a torque that is not finite: report this as a defect, then clear the fault",
+    Cause.ENCODER: "the encoder of servomotor {value:.0f} contradicts itself or stands still while the arm is driven:"
+    " see its cable, then clear the fault",
+    Cause.JOINT_SPEED: "a servomotor turned at {value:.2f} rad/s, at most {limit:.2f} rad/s is accepted:"
+    " see what drove it, then clear the fault",
+    Cause.JOINT_RANGE: "a servomotor stood at {value:.3f} rad, {limit:.3f} rad from the middle of its range is the"
+    " end: move the arm back by hand with the brakes open, then clear the fault",
+    Cause.TOOL_SPEED: "the tool moved at {value:.3f} m/s, at most {limit:.3f} m/s is accepted:"
+    " see what drove it, then send resume",
+    Cause.TOOL_OUTSIDE: "the tool was {value:.4f} m outside the workspace, at most {limit:.4f} m is accepted:"
+    " see what drove it there, then send resume",
+    Cause.PRESSING: "the arm pressed with {value:.1f} N for too long, at most {limit:.1f} N is accepted:"
+    " see what is in its way, then send resume",
+    Cause.GRIP_FORCE: "the fingers gripped with {value:.1f} N for too long, at most {limit:.1f} N is accepted:"
+    " see what is between them, then send resume",
+    Cause.TACTILE_OVERLOAD: "a tactile sensor felt {value:.1f} N, at most {limit:.1f} N is accepted:"
+    " see what is between the fingers, then send resume",
+    Cause.RMS_TORQUE: "a servomotor gave {value:.2f} N m on average over the window, {limit:.2f} N m is its rating:"
+    " let it cool, then clear the fault and move more slowly",
     Cause.NOT_AT_REST: "the arm still moved at {value:.3f} rad/s after {limit:.0f} ticks on its brakes: see the brakes",
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from controller.clock import Pulse
 from controller.protocol.layout import Flag
 from controller.protocol.messages import Telemetry
 from controller.supervisor import Supervisor
@@ -12,7 +13,9 @@ from hardware.interfaces import DriveStatus, Triple
 _STANDING = int(DriveStatus.STANDING)
 
 
-def report(supervisor: Supervisor, lockstep: bool, echo: int, command: int, dropped: Sequence[int]) -> Telemetry:
+def report(
+    supervisor: Supervisor, lockstep: bool, echo: int, command: int, pulse: Pulse, dropped: Sequence[int]
+) -> Telemetry:
     """The present state of a controller.
 
     Args:
@@ -20,6 +23,7 @@ def report(supervisor: Supervisor, lockstep: bool, echo: int, command: int, drop
         lockstep: whether plant time waits for the controller.
         echo: newest ping answered.
         command: sequence of the newest command carried out.
+        pulse: how regularly the loop ticks.
         dropped: datagrams dropped, by ``Drop``.
     """
     measured, motion, ended = supervisor.measurement, supervisor.motion, supervisor.ended
@@ -41,6 +45,7 @@ def report(supervisor: Supervisor, lockstep: bool, echo: int, command: int, drop
         supervisor.torque,
         measured.finger_position,
         measured.tactile,
+        supervisor.force,
         0 if motion.announced is None else motion.announced.motion,
         motion.received,
         motion.executed,
@@ -54,6 +59,10 @@ def report(supervisor: Supervisor, lockstep: bool, echo: int, command: int, drop
         supervisor.peak_torque,
         supervisor.peak_tactile,
         supervisor.clamped,
+        pulse.skipped,
+        pulse.period,
+        pulse.lateness,
+        pulse.work,
         *dropped,
     )
 

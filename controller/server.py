@@ -20,6 +20,7 @@ from types import FrameType
 from typing import Final
 
 from controller.causes import Cause, explain
+from controller.clock import Pulse
 from controller.door import Door, PortInUse
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
@@ -219,7 +220,9 @@ class Server:
             self._door.send(Kind.TELEMETRY, self._telemetry().pack())
 
     def _telemetry(self) -> Telemetry:
-        return report(self.supervisor, self._bus.lockstep, self._echo, self._door.last_command, self._door.dropped)
+        return report(
+            self.supervisor, self._bus.lockstep, self._echo, self._door.last_command, Pulse(), self._door.dropped
+        )
 
     def _say_goodbye(self) -> None:
         """Tell the client that the arm rests; some copies, as one may get lost."""

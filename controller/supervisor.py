@@ -59,6 +59,7 @@ class Supervisor:
         ended: how the last motion ended.
         peak_torque: largest torque commanded in the present, else the last motion [N m].
         peak_tactile: largest tactile force in the present, else the last motion [N].
+        force: on the tool, as torques and motion tell, base frame [N].
         clamped: ticks in which a torque was clamped.
         admitting: no hold is in force.
         awaiting: a FOLLOWED motion succeeded and the next one is not announced yet.
@@ -78,6 +79,7 @@ class Supervisor:
         self.last_motion = 0
         self.ended = Ended()
         self.peak_torque = self.peak_tactile = 0.0
+        self.force = _NO_TORQUE
         self.clamped = 0
         self.admitting = True
         self.awaiting = False

@@ -35,6 +35,7 @@ class Kind(IntEnum):
     COMMAND = 3
     ANNOUNCE = 4
     SAMPLES = 5
+    WATCH = 6
     CHALLENGE = 64
     WELCOME = 65
     BUSY = 66
@@ -68,6 +69,8 @@ class Guard(IntEnum):
     NONE = 0
     GRIP = 1
     """Both tactile forces are at least ``guard_level``."""
+    TOUCH = 2
+    """The table pushes the tool up with ``guard_level`` more than when the guard began."""
 
 
 @unique
@@ -79,6 +82,7 @@ class Result(IntEnum):
     GRIPPED = 2
     STOPPED = 3
     REFUSED = 4
+    TOUCHED = 5
 
 
 class Flag(IntFlag):
@@ -177,7 +181,7 @@ SAMPLE_LAYOUT = Layout(
         Field("damping", "3f", "1/s", "k_v of each axis"),
         Field("tactile_gain", "f", "1/kg", "k*"),
         Field("finger_velocity", "f", "m/s", "of each finger, positive opening"),
-        Field("guard", "B", "", "0 none, 1 grip"),
+        Field("guard", "B", "", "0 none, 1 grip, 2 touch"),
         Field("guard_level", "f", "N", "force that fires the guard"),
     ),
 )
@@ -188,6 +192,7 @@ HELLO = Layout(
         Field("name", "48s", "", "who asks, UTF-8, filled with zero bytes"),
     ),
 )
+WATCH = Layout("WATCH", (Field("cookie", "Q", "", "cookie of the last CHALLENGE, 0 before there was one"),))
 HEARTBEAT = Layout("HEARTBEAT", (Field("ping", "I", "", "number to be echoed in the telemetry"),))
 COMMAND = Layout("COMMAND", (Field("code", "H", "", "command code"),))
 ANNOUNCE = Layout(
@@ -246,6 +251,7 @@ TELEMETRY = Layout(
         Field("torque", "3d", "N m", "torques of the next exchange, after the limits"),
         Field("finger_position", "d", "m", "a pad's front edge from the tool centre"),
         Field("tactile", "2d", "N", "forces on the right and the left pad"),
+        Field("force", "3d", "N", "force on the tool as torques and motion tell, base frame; 0 on the brakes"),
         Field("motion", "I", "", "motion admitted and not ended, else 0"),
         Field("received", "I", "samples", "contiguous samples received of it"),
         Field("executed", "I", "samples", "samples of it executed"),
@@ -261,6 +267,12 @@ TELEMETRY = Layout(
         Field("peak_torque", "d", "N m", "largest torque commanded in the present, else the last motion"),
         Field("peak_tactile", "d", "N", "largest tactile force in the present, else the last motion"),
         Field("clamped", "Q", "ticks", "ticks in which a torque was clamped since the start"),
+        Field("skipped", "Q", "ticks", "ticks that went by without an exchange since the start"),
+        Field("period", "d", "s", "mean wall time between two exchanges in the last second of ticks"),
+        Field(
+            "lateness", "d", "s", "largest delay of a tick against the rhythm of all in that second"
+        ),
+        Field("work", "d", "s", "longest computation of a tick in that second"),
         Field("bad_size", "I", "datagrams", "dropped: size or magic"),
         Field("bad_version", "I", "datagrams", "dropped: version"),
         Field("bad_tag", "I", "datagrams", "dropped: tag"),
@@ -276,6 +288,7 @@ PAYLOADS: dict[Kind, Layout] = {
     Kind.COMMAND: COMMAND,
     Kind.ANNOUNCE: ANNOUNCE,
     Kind.SAMPLES: SAMPLES,
+    Kind.WATCH: WATCH,
     Kind.CHALLENGE: CHALLENGE,
     Kind.WELCOME: WELCOME,
     Kind.BUSY: BUSY,

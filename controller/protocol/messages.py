@@ -146,6 +146,7 @@ class Telemetry(NamedTuple):
     torque: Triple
     finger_position: float
     tactile: tuple[float, float]
+    force: Triple
     motion: int
     received: int
     executed: int
@@ -161,6 +162,10 @@ class Telemetry(NamedTuple):
     peak_torque: float
     peak_tactile: float
     clamped: int
+    skipped: int
+    period: float
+    lateness: float
+    work: float
     bad_size: int
     bad_version: int
     bad_tag: int

@@ -55,6 +55,7 @@ def test_sizes_are_what_a_c_client_compiled_in() -> None:
         "header": 28,
         "sample": 109,
         "HELLO": 56,
+        "WATCH": 8,
         "HEARTBEAT": 4,
         "COMMAND": 2,
         "ANNOUNCE": 18,
@@ -62,7 +63,7 @@ def test_sizes_are_what_a_c_client_compiled_in() -> None:
         "CHALLENGE": 8,
         "WELCOME": 17,
         "BUSY": 62,
-        "TELEMETRY": 344,
+        "TELEMETRY": 400,
     }
     assert HEADER.size + SAMPLES.size + SAMPLES_PER_DATAGRAM * SAMPLE.itemsize + TAG_SIZE <= MAX_DATAGRAM
 

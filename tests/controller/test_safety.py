@@ -106,7 +106,7 @@ FAULTS: list[tuple[str, Any, Cause, str]] = [
     ("damping", (-0.1, 140.0, 140.0), Cause.DAMPING, "damping of -0.1 1/s was asked, 0 to 240 1/s are accepted"),
     ("tactile_gain", 11.0, Cause.TACTILE_GAIN, "tactile gain of 11 1/kg was asked, 0 to 10 1/kg are accepted"),
     ("finger_velocity", -0.13, Cause.FINGER_SPEED, "finger velocity of -0.130 m/s was asked, at most 0.120 m/s"),
-    ("guard", 2, Cause.GUARD, "guard 2 is not known, 0 to 1 are"),
+    ("guard", 3, Cause.GUARD, "guard 3 is not known, 0 to 2 are"),
 ]
 
 
@@ -234,7 +234,7 @@ def test_the_tool_must_be_near_its_reference() -> None:
     assert check_tracking((0.0, 0.0, 0.4), (0.0, 0.009, 0.412), 0.0150001) is None
     found = check_tracking((0.0, 0.0, 0.4), (0.0, 0.012, 0.416), 0.015)
     assert found is not None
-    assert "0.0200 m from its reference, at most 0.0150 m is accepted" in explain(*found[:3])
+    assert "0.0200 m from its reference along one axis, at most 0.0150 m is accepted" in explain(*found[:3])
     assert check_tracking((0.0, 0.0, math.nan), (0.0, 0.0, 0.0), 0.015) is not None
 
 
