@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, NoReturn
@@ -100,6 +101,19 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
+@contextlib.contextmanager
+def _interruptible() -> Iterator[None]:
+    """Ctrl-C and SIGTERM end what runs within in good order, then the program with status 130."""
+    before = {number: signal.signal(number, _interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    except KeyboardInterrupt:
+        _fail("interrupted; nothing is left running", 130)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 @app.command()
 def controller(run_dir: RunDir) -> None:
     """The controller process of a rig; started by the app."""
@@ -153,7 +167,7 @@ def figures(
 
 @app.command()
 def bench(
-    name: Annotated[str, typer.Argument(help="What to measure: law.")],
+    name: Annotated[str, typer.Argument(help="What to measure: law, loop or finger.")],
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions: ends within a minute.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
@@ -162,13 +176,38 @@ def bench(
     from app.bench import run_bench
 
     try:
-        report = run_bench(name, quick, lambda step: print(f"touchmove: {step}", file=sys.stderr))
+        with _interruptible():
+            report = run_bench(name, quick, lambda step: print(f"touchmove: {step}", file=sys.stderr))
     except UserError as error:
         _fail(str(error))
     if as_json:
         print(report.model_dump_json(indent=2))
     else:
         print(report.table())
+    raise typer.Exit(0 if report.holds else 1)
+
+
+@app.command("link-test")
+def link_test(
+    rig: Annotated[str, typer.Option(help="Which rig; sim is started for the test.")] = "sim",
+    duration: Annotated[float, typer.Option(min=2.0, help="How long to measure [s].")] = 10.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
+) -> None:
+    """Say whether this PC and network are good enough for the controller, and what to change."""
+    from rich.console import Console
+
+    from app import UserError
+    from app.link_test import link_test as run_link_test
+
+    try:
+        with _interruptible():
+            report = run_link_test(rig, duration, lambda step: print(f"touchmove: {step}", file=sys.stderr))
+    except UserError as error:
+        _fail(str(error))
+    if as_json:
+        print(report.model_dump_json(indent=2))
+    else:
+        Console().print(report.table())
     raise typer.Exit(0 if report.holds else 1)
 
 

@@ -20,6 +20,7 @@ from app.manipulation import Inventory
 from app.motion import MotionSettings
 from app.players import EnginePlayer, LinePlayer, Player
 from app.records import GameRecord, GameSetup, RecordError, Report, new_folder, utc_now
+from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
 from app.rig import SimRig, SimRigSettings
 from app.video import Film
 from controller.settings import ControllerSettings
@@ -159,7 +160,8 @@ def _on_rig(
     course = _Course()
     run_dir = record.folder / "run"
     parameters = load_parameters(settings.world.parameters_file)
-    with SimRig(run_dir, settings, face.phase) as rig:
+    telemetry = TelemetryRecorder(record.folder / TELEMETRY_FILE, parameters.drive.tick)
+    with telemetry, SimRig(run_dir, settings, face.phase, telemetry.take) as rig:
         devices = Devices(rig.arm, rig.clock, rig.camera, rig.referee)
         game = Game(board, inventory, players, devices, record, face, motion, parameters)
         try:

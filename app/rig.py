@@ -25,6 +25,7 @@ from app.processes import CONTROLLER_SETTINGS_FILE
 from app.records import recording
 from controller.client import ControllerClient
 from controller.errors import ControllerError
+from controller.link import Listener
 from controller.model.constants import DeltaModel
 from controller.model.workspace import BoardDoesNotFit, require_fit
 from controller.protocol.key import KEY_FILE, create_key
@@ -66,13 +67,20 @@ class SimRigSettings(BaseModel):
 class SimRig:
     """Simulated devices in processes of their own. Use as a context manager."""
 
-    def __init__(self, run_dir: Path, settings: SimRigSettings, progress: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        run_dir: Path,
+        settings: SimRigSettings,
+        progress: Callable[[str], None],
+        listener: Listener | None = None,
+    ) -> None:
         """Start everything; returns when the arm holds.
 
         Args:
             run_dir: made here; key, sockets, logs and the world's snapshot lie in it.
             settings: of world and controller.
             progress: told what is being waited for.
+            listener: called with each telemetry of the controller, in a thread of its own.
 
         Raises:
             RigFailed: the board does not fit the arm, or a process ended or did not answer in time.
@@ -90,7 +98,7 @@ class SimRig:
             progress("starting the controller (the first start on a machine compiles its law, about 10 s)")
             self._spawn("controller")
             self._await_controller()
-            self._client = ControllerClient.from_run_directory(run_dir, name="touchmove game")
+            self._client = ControllerClient.from_run_directory(run_dir, name="touchmove game", listener=listener)
             self._client.connect()
             self.arm = ControllerArm(self._client, progress)
             self.clock = SimClock(run_dir)
@@ -152,6 +160,11 @@ class SimRig:
         """A sentence on a process that has ended unexpectedly, None while all run."""
         culprit = self._culprit()
         return self._last_words(culprit).replace("could not start", "has ended") if culprit else None
+
+    def free_lease(self) -> None:
+        """Leave the controller, which holds the arm, to another client; from here this rig only waits for ``close``."""
+        if self._client is not None:
+            self._client.close()
 
     def close(self) -> EndState | None:
         """Stop the arm, brake, end every process; nothing is left running. A second call does nothing.

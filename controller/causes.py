@@ -123,7 +123,7 @@ _SENTENCES: dict[Cause, str] = {
     " see their power and safety circuit",
     Cause.BAD_MEASUREMENT: "a measurement is not finite: see the encoders and sensors, then clear the fault",
     Cause.BAD_TORQUE: "the law gave a torque that is not finite: report this as a defect, then clear the fault",
-    Cause.ENCODER: "the encoder of servomotor {value:.0f} contradicts itself or stands still while the arm is driven:"
+    Cause.ENCODER: "the encoder of servomotor {value:.0f} contradicts itself or stands still while the others move:"
     " see its cable, then clear the fault",
     Cause.JOINT_SPEED: "a servomotor turned at {value:.2f} rad/s, at most {limit:.2f} rad/s is accepted:"
     " see what drove it, then clear the fault",

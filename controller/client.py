@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import socket
 import time
@@ -15,14 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.causes import Cause
-from controller.errors import CommandFailed, ControllerLost, ControllerUnavailable, MotionRefused, MotionStopped
+from controller.contact import find_controller
+from controller.errors import CommandFailed, ControllerLost, MotionRefused, MotionStopped
 from controller.link import REPEAT, Link, Listener
-from controller.protocol.key import KEY_FILE, load_key
 from controller.protocol.layout import (
     COMMAND,
     SAMPLE,
     SAMPLES_PER_DATAGRAM,
-    VERSION,
     CommandCode,
     Flag,
     Kind,
@@ -30,7 +28,6 @@ from controller.protocol.layout import (
     Result,
 )
 from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
-from controller.settings import CONTROLLER_FILE
 from controller.states import State
 from hardware.interfaces import Triple
 
@@ -113,18 +110,7 @@ class ControllerClient:
             ControllerUnavailable: there is no ``controller.json``, or it names another version of the protocol.
             KeyFileError: the key cannot be read.
         """
-        file = directory / CONTROLLER_FILE
-        try:
-            found = json.loads(file.read_text(encoding="utf-8"))
-            host, port, version = str(found["host"]), int(found["port"]), int(found["protocol"])
-        except (OSError, ValueError, KeyError) as error:
-            raise ControllerUnavailable(f"{file} cannot be used ({error}): is the controller running?") from error
-        if version != VERSION:
-            raise ControllerUnavailable(
-                f"the controller speaks protocol {version:08x}, this program {VERSION:08x}: "
-                "start both from the same version"
-            )
-        return cls(host, port, load_key(directory / KEY_FILE), name=name, lead=lead, listener=listener)
+        return cls(*find_controller(directory), name=name, lead=lead, listener=listener)
 
     def __enter__(self) -> Self:
         self.connect()
@@ -140,7 +126,7 @@ class ControllerClient:
         """The newest telemetry.
 
         Raises:
-            ControllerLost: there was none for a second.
+            ControllerLost: there was none for three seconds.
         """
         return self._connected.telemetry
 

@@ -2,22 +2,25 @@
 
 One client holds the lease, from its HELLO until it has been silent for ``lease`` seconds of wall time. A HELLO needs
 the cookie of a CHALLENGE, so that a recorded one opens nothing. Everything that does not belong is counted and dropped.
+Listeners, `controller.audience`, get the telemetry too and have no other effect.
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 import secrets
 import select
 import socket
+import time
 from collections.abc import Callable
 from typing import Final
 
+from controller.audience import Address, Audience
 from controller.protocol.envelope import Drop, Envelope, Opened, SequenceWindow
 from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, Kind
 from controller.protocol.messages import Busy, Hello
 
-Address = tuple[str, int]
 Handler = Callable[[int, memoryview], bool]
 """Takes kind and payload of a datagram; false where its content is impossible."""
 
@@ -31,7 +34,7 @@ class PortInUse(Exception):
 
 
 class Door:
-    """Admits datagrams of the one client and sends to it.
+    """Admits datagrams of the one client and sends to it and to the listeners.
 
     Args:
         host: IPv4 address to listen at.
@@ -67,6 +70,7 @@ class Door:
         self.last_command = 0
         self._sent = 0
         self._heard = 0.0
+        self._audience = Audience(self._send_to)
         self.dropped = [0] * len(Drop)
 
     @property
@@ -95,18 +99,20 @@ class Door:
         """Wait for a datagram, no longer than that."""
         self._poll.poll(milliseconds)
 
-    def drain(self, now: float, budget: int, handle: Handler) -> None:
-        """Read up to ``budget`` waiting datagrams and hand those of the client to ``handle``.
+    def drain(self, now: float, budget: int, handle: Handler, patience: float = math.inf) -> None:
+        """Read up to ``budget`` waiting datagrams and hand those of the client to ``handle``; then, to one listener
+        at most, a copy of the telemetry that it waits for.
 
         Args:
             now: wall time [s].
             budget: datagrams to read at most, also bad ones.
             handle: what to do with a datagram.
+            patience: no further one is read this long after ``now`` [s].
         """
         for _ in range(budget):
             # asking first costs a third of the exception that an empty socket would raise
             if not self._poll.poll(0):
-                return
+                break
             try:
                 size, address = self._socket.recvfrom_into(self._buffer)
             except BlockingIOError:
@@ -114,6 +120,30 @@ class Door:
             drop = self._admit(self._view[:size], address, now, handle)
             if drop is not None:
                 self.dropped[drop] += 1
+            if time.monotonic() - now > patience:
+                break
+        self._audience.relay()
+
+    @property
+    def listeners(self) -> int:
+        """How many are listening."""
+        return len(self._audience)
+
+    def publish(self, telemetry: bytes, now: float) -> None:
+        """Send telemetry to the client at once; to the listeners it goes with the next calls of ``drain``.
+
+        Args:
+            telemetry: its payload.
+            now: wall time [s].
+        """
+        self.send(Kind.TELEMETRY, telemetry)
+        self._audience.publish(telemetry, now)
+
+    def take_leave(self, telemetry: bytes, now: float) -> None:
+        """Send the last telemetry to the client and to every listener, before this returns; arguments as above."""
+        self.publish(telemetry, now)
+        while self._audience.relay():
+            pass
 
     def send(self, kind: Kind, payload: bytes) -> None:
         """Send to the client, if there is one."""
@@ -130,8 +160,14 @@ class Door:
             return opened
         if opened.kind == Kind.HELLO:
             return self._greet(opened, address, now)
+        if opened.kind == Kind.WATCH:
+            return self._listen(opened, address, now)
         if opened.session != self._session or self._session == 0:
             return Drop.SESSION
+        return self._obey(opened, address, now, handle)
+
+    def _obey(self, opened: Opened, address: Address, now: float, handle: Handler) -> Drop | None:
+        """A datagram of the client."""
         if not self._is_new(opened):
             return Drop.SEQUENCE
         self._heard, self._client = now, address
@@ -150,6 +186,10 @@ class Door:
                 return False
             self._last_order = opened.sequence
         return True
+
+    def _listen(self, opened: Opened, address: Address, now: float) -> Drop | None:
+        """A WATCH: no more than a place among the listeners can come of it, and none under the client's session."""
+        return Drop.SESSION if opened.session == self._session else self._audience.admit(opened, address, now)
 
     def _greet(self, opened: Opened, address: Address, now: float) -> Drop | None:
         """Challenge, welcome or turn away."""

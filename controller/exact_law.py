@@ -18,6 +18,7 @@ from controller.model.state import (
     JACOBIAN,
     POSITION,
     RATE,
+    REFERENCE_SIZE,
     VELOCITY,
     constants_of,
 )
@@ -27,6 +28,8 @@ from controller.model.vectors import combine, common_point, minus, times
 @compiled
 def _wanted(reference: FloatArray, position: FloatArray, velocity: FloatArray) -> Vector:
     """The accelerations v of (21)."""
+    if reference.size < REFERENCE_SIZE:
+        raise ValueError("a reference has 16 numbers, see REFERENCE_SIZE")
     return (
         reference[9] * (reference[0] - position[0]) + reference[12] * (reference[3] - velocity[0]) + reference[6],
         reference[10] * (reference[1] - position[1]) + reference[13] * (reference[4] - velocity[1]) + reference[7],

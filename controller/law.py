@@ -56,6 +56,7 @@ from controller.model.state import (
     POSITION,
     QUALITY,
     RATE,
+    REFERENCE_SIZE,
     TORQUE,
     VELOCITY,
     WARM,
@@ -65,11 +66,6 @@ from controller.model.state import (
     views,
 )
 from hardware.interfaces import Triple
-
-REFERENCE_SIZE: Final = 16
-"""Numbers in a reference: a contiguous float64 array that begins with r 0:3 [m], ṙ 3:6 [m/s], r̈ 6:9 [m/s²],
-k_p 9:12 [1/s²], k_v 12:15 [1/s], all in the base frame, and k* at 15 [1/kg]. `pack_reference` makes one; longer rows
-serve too, the law reads no further."""
 
 
 class LawSettings(BaseModel):
@@ -200,6 +196,11 @@ class TaskSpaceController:
         factor = 1.0 if self._settings.friction_compensation else 0.0
         viscous, coulomb = factor * model.constants[VISCOUS], factor * model.constants[COULOMB]
         self._buffer[COMPENSATED] = viscous, coulomb, self._settings.coulomb_speed
+
+    @property
+    def memory(self) -> FloatArray:
+        """All that the last tick left, shape (24, 3), as compiled functions take it; see `controller.model.state`."""
+        return self._buffer
 
     @property
     def model(self) -> DeltaModel:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import secrets
-import socket
 import threading
 import time
 from collections.abc import Callable
 
+from controller.contact import open_socket
 from controller.errors import ControllerBusy, ControllerLost, ControllerUnavailable
 from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.layout import CHALLENGE, HEARTBEAT, MAX_DATAGRAM, Kind
@@ -15,8 +15,9 @@ from controller.protocol.messages import Busy, Hello, Telemetry, Welcome
 
 HEARTBEAT_INTERVAL = 0.1
 """[s]"""
-SILENCE = 1.0
-"""Without telemetry for so long the controller counts as lost [s]."""
+SILENCE = 3.0
+"""Without telemetry for so long the controller counts as lost [s]. The arm is safe without the client, so this may be
+generous: a machine that is busy for a moment ends no game."""
 REPEAT = 0.02
 """What is not answered is repeated after this [s]."""
 _WAKE_SAMPLES = 120
@@ -58,7 +59,7 @@ class Link:
         self._heard = time.monotonic()
         self._refused = False
         self._open = True
-        self._socket = _connect(host, port)
+        self._socket = open_socket(host, port, HEARTBEAT_INTERVAL / 4)
         self._thread = threading.Thread(target=self._listen, name="controller link", daemon=True)
         self._thread.start()
 
@@ -67,7 +68,7 @@ class Link:
         """The newest telemetry.
 
         Raises:
-            ControllerLost: there was none for a second, or the link is closed.
+            ControllerLost: there was none for three seconds, or the link is closed.
         """
         telemetry, silence = self._telemetry, time.monotonic() - self._heard
         if telemetry is None or self._refused or silence > SILENCE or not self._open:
@@ -193,14 +194,3 @@ def _changed(before: Telemetry, now: Telemetry) -> bool:
         or now.motion != before.motion
         or now.ended_motion != before.ended_motion
     )
-
-
-def _connect(host: str, port: int) -> socket.socket:
-    link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    link.settimeout(HEARTBEAT_INTERVAL / 4)
-    try:
-        link.connect((host, port))
-    except OSError as error:
-        link.close()
-        raise ControllerUnavailable(f"{host}:{port} cannot be used: {error}: give the controller's address") from error
-    return link

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.law import REFERENCE_SIZE
+from controller.model.state import REFERENCE_SIZE
 from controller.sample_check import DAMPING, FINGER_VELOCITY, POSITION, STIFFNESS
 from controller.settings import ControllerSettings
 from controller.stopping import StopPath, plan_stop
@@ -67,6 +67,21 @@ class Reference:
         np.maximum(self.row[STIFFNESS], self._settings.stop_stiffness, out=self.row[STIFFNESS])
         np.maximum(self.row[DAMPING], self._settings.stop_damping, out=self.row[DAMPING])
         self.finger_velocity = min(0.0, self.finger_velocity)
+
+    def yield_at(self, position: list[float]) -> None:
+        """No stiffness and no tactile feedback: gravity and damping only; the fingers as in `relax`."""
+        self.row[:] = 0.0
+        self.row[POSITION] = position
+        self.row[DAMPING] = self._settings.yield_damping
+        self.finger_velocity = min(0.0, self.finger_velocity)
+        self._stop = None
+
+    def rest_softly(self, position: list[float]) -> None:
+        """Rest at a position [m] with the gains of an own stop, which a person can push aside."""
+        self.row[:] = 0.0
+        self.row[POSITION] = position
+        self.row[STIFFNESS] = self._settings.stop_stiffness
+        self.row[DAMPING] = self._settings.stop_damping
 
     def begin_stop(self) -> None:
         """Plan an own stop from the last marked tick on, unless one is under way."""

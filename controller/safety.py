@@ -7,14 +7,64 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from enum import IntEnum, unique
 from typing import NamedTuple
 
 import numpy as np
 
 from controller.causes import Cause
+from controller.model.constants import DeltaModel
+from controller.model.kinematics import OK, inverse_kinematics
 from hardware.interfaces import DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
+
+
+@unique
+class Reaction(IntEnum):
+    """What follows from a cause, the mildest first."""
+
+    REFUSE = 0
+    """The motion does not begin; under way it is stopped."""
+    STOP = 1
+    """Own jerk-limited stop, then hold."""
+    LET_GO = 2
+    """The same, and the fingers open."""
+    YIELD = 3
+    """No stiffness, gravity and damping only, until the arm rests; then a soft hold, no motions until resume."""
+    TRIP = 4
+    """Own stop, then brakes."""
+    BREAK = 5
+    """Brakes at once."""
+
+
+REACTIONS: dict[Cause, Reaction] = {
+    Cause.HOLD_COMMAND: Reaction.STOP,
+    Cause.STOP_COMMAND: Reaction.STOP,
+    Cause.CLIENT_LOST: Reaction.STOP,
+    Cause.UNDERRUN: Reaction.STOP,
+    Cause.SHUTDOWN: Reaction.STOP,
+    Cause.UNKNOWN_EVENT: Reaction.STOP,
+    Cause.GRIP_FORCE: Reaction.LET_GO,
+    Cause.TACTILE_OVERLOAD: Reaction.LET_GO,
+    Cause.TRACKING: Reaction.YIELD,
+    Cause.TOOL_SPEED: Reaction.YIELD,
+    Cause.TOOL_OUTSIDE: Reaction.YIELD,
+    Cause.PRESSING: Reaction.YIELD,
+    Cause.RMS_TORQUE: Reaction.TRIP,
+    Cause.MODEL: Reaction.BREAK,
+    Cause.DRIVE_FAULT: Reaction.BREAK,
+    Cause.WATCHDOG: Reaction.BREAK,
+    Cause.OVERSPEED: Reaction.BREAK,
+    Cause.NOT_ENABLED: Reaction.BREAK,
+    Cause.BAD_MEASUREMENT: Reaction.BREAK,
+    Cause.BAD_TORQUE: Reaction.BREAK,
+    Cause.NOT_AT_REST: Reaction.BREAK,
+    Cause.ENCODER: Reaction.BREAK,
+    Cause.JOINT_SPEED: Reaction.BREAK,
+    Cause.JOINT_RANGE: Reaction.BREAK,
+}
+"""By cause; those not named are refusals."""
 
 
 class Violation(NamedTuple):
@@ -47,9 +97,24 @@ class Limits:
     damping: float
     tactile_gain: float
     finger_speed: float
-    tracking: float
+    tracking_acceleration: float
+    tracking_least: float
+    tracking_most: float
+    outside: float
+    tool_speed: float
+    joint_middle: Triple
+    joint_range: float
+    joint_speed: float
+    encoder_jump: float
+    encoder_way: float
+    press_force: float
+    grip_force: float
+    force_ticks: int
+    tactile: float
     torque: float
     torque_rate: float
+    rms_torque: float
+    rms_window: float
 
 
 class Why(NamedTuple):
@@ -90,15 +155,36 @@ WHY: dict[str, Why] = {
     "damping": Why("1/s", "refuse", "2ω at 120 rad/s; beyond it encoder noise shakes the arm"),
     "tactile_gain": Why("1/kg", "refuse", "the paper uses 2; the sensor's lag limits what stays stable"),
     "finger_speed": Why("m/s", "refuse", "the gripper's own limit"),
-    "tracking": Why(
-        "m",
-        "stop, then brakes",
-        "in free air it is below 0.5 mm, at the softest touch-down 10 mm: something is in the way",
+    "tracking_acceleration": Why(
+        "m/s²",
+        "yield",
+        "k_p times the error along an axis: 13 N at 1.08 kg; 2.4 mm in the air, where 0.5 mm are usual",
     ),
+    "tracking_least": Why("m", "-", "an axis however stiff may be so far from its reference"),
+    "tracking_most": Why("m", "yield", "and one however soft no farther: a touch-down wants 10 mm"),
+    "outside": Why("m", "yield", "beyond the workspace box: an own stop near its border ends within 25 mm"),
+    "tool_speed": Why(
+        "m/s", "yield", "measured; the fastest reference and what tracking adds: else something flings it"
+    ),
+    "joint_middle": Why("rad", "-", "servomotor angles with the tool in the middle of the workspace box"),
+    "joint_range": Why(
+        "rad", "brakes", "to either side; within reach in the workspace box angles go from -2.0 to 2.0 rad"
+    ),
+    "joint_speed": Why("rad/s", "brakes", "fast moves reach 9.3 rad/s; the drives' own limit is 20"),
+    "encoder_jump": Why("rad", "brakes", "between an angle's step and its own velocity; counts are 1.5 µrad"),
+    "encoder_way": Why(
+        "rad", "brakes", "asked for without one count of change, while another servomotor moves as asked: 13,000 counts"
+    ),
+    "press_force": Why("N", "yield", "a person's hand bears far more; no motion of ours presses so hard for so long"),
+    "grip_force": Why("N", "let go", "the gripper's motor gives 12 N; a piece is held with 5"),
+    "force_ticks": Why("ticks", "-", "0.3 s: how long either may last"),
+    "tactile": Why("N", "let go", "beyond what the sensors measure; two fingers' motor cannot cause it"),
     "torque": Why("N m", "clamp", "the drives' peak"),
     "torque_rate": Why(
         "N m/tick", "clamp", "half the peak in one tick: no motion and no contact asks for that, a wild law does"
     ),
+    "rms_torque": Why("N m", "stop, then brakes", "what the servomotors are rated for: more overheats them"),
+    "rms_window": Why("s", "-", "time constant of the mean, short against the motors' thermal one"),
 }
 
 
@@ -129,10 +215,39 @@ def default_limits(parameters: RobotParameters, table: TableSettings) -> Limits:
         damping=240.0,
         tactile_gain=10.0,
         finger_speed=parameters.gripper.max_speed,
-        tracking=0.015,
+        tracking_acceleration=12.0,
+        tracking_least=0.002,
+        tracking_most=0.015,
+        outside=0.030,
+        tool_speed=1.25 * contact.tool_speed + 0.2,
+        joint_middle=joint_middle(parameters, (x, y, surface - 0.120)),
+        joint_range=2.2,
+        joint_speed=14.0,
+        encoder_jump=0.01,
+        encoder_way=0.02,
+        press_force=30.0,
+        grip_force=15.0,
+        force_ticks=round(0.3 / parameters.drive.tick),
+        tactile=40.0,
         torque=parameters.drive.peak_torque,
         torque_rate=0.5 * parameters.drive.peak_torque,
+        rms_torque=parameters.drive.rated_torque,
+        rms_window=10.0,
     )
+
+
+def joint_middle(parameters: RobotParameters, point: Triple) -> Triple:
+    """Servomotor angles with the tool at a point, base frame [rad].
+
+    Raises:
+        ValueError: the arm does not reach it.
+    """
+    angles = np.empty(3)
+    status, arm = inverse_kinematics(DeltaModel(parameters).constants, point, angles, np.empty(6))
+    if status != OK:
+        raise ValueError(f"the middle of the workspace {point} m is out of reach of arm {arm + 1}: move the board")
+    a, b, c = angles.tolist()
+    return a, b, c
 
 
 def check_limits(limits: Limits) -> None:
@@ -143,7 +258,7 @@ def check_limits(limits: Limits) -> None:
     """
     for field in fields(limits):
         values = np.atleast_1d(getattr(limits, field.name))
-        positive = field.name == "centre" or bool(np.all(values > 0.0))
+        positive = field.name in ("centre", "joint_middle") or bool(np.all(values > 0.0))
         if not (np.all(np.isfinite(values)) and positive):
             raise ValueError(
                 f"limit {field.name} is {getattr(limits, field.name)}, it must be finite and positive: mend it"
@@ -172,10 +287,42 @@ def check_drives(status: int) -> Violation | None:
     return Violation(cause, float(status), 0.0)
 
 
-def check_tracking(position: Triple | list[float], reference: Triple | list[float], limit: float) -> Violation | None:
-    """Whether the tool is near its reference [m]."""
-    error = math.dist(position, reference)
-    return None if error <= limit else Violation(Cause.TRACKING, error, limit)
+def check_tracking(
+    position: list[float], reference: list[float], stiffness: list[float], limits: Limits
+) -> Violation | None:
+    """Whether the tool is near its reference along each axis, nearer where the gain is high.
+
+    Args:
+        position: of the tool, measured, base frame [m].
+        reference: of the same [m].
+        stiffness: k_p of each axis [1/s²].
+        limits: the error may be tracking_acceleration / k_p, but at least and at most so much.
+    """
+    for is_at, should, gain in zip(position, reference, stiffness, strict=True):
+        error = abs(is_at - should)
+        if error <= limits.tracking_least:
+            continue
+        allowed = max(limits.tracking_least, min(limits.tracking_most, limits.tracking_acceleration / max(gain, 1.0)))
+        if not error <= allowed:
+            return Violation(Cause.TRACKING, error, allowed)
+    return None
+
+
+def check_joints(measurement: Measurement, limits: Limits) -> Violation | None:
+    """Whether the servomotors turn slowly enough and stand within their range."""
+    for speed in measurement.velocity:
+        if not abs(speed) <= limits.joint_speed:
+            return Violation(Cause.JOINT_SPEED, abs(speed), limits.joint_speed)
+    for angle, middle in zip(measurement.angle, limits.joint_middle, strict=True):
+        if not abs(angle - middle) <= limits.joint_range:
+            return Violation(Cause.JOINT_RANGE, angle, limits.joint_range)
+    return None
+
+
+def axis_beyond(position: list[float], limits: Limits) -> float:
+    """How far a point (3,) lies outside the workspace box along its worst axis; negative inside [m]."""
+    (x, y, z), (a, b, c), (p, q, r) = position, limits.centre, limits.half_size
+    return max(abs(x - a) - p, abs(y - b) - q, abs(z - c) - r) + 0.0 * (x + y + z)  # max may overlook a NaN
 
 
 def clamp_torque(torque: Triple, previous: Triple, limit: float, rate: float) -> tuple[Triple, bool]:

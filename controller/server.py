@@ -7,8 +7,8 @@ torque computed from the measurement of tick k is given to the drives with the e
 from __future__ import annotations
 
 import contextlib
-import gc
 import json
+import math
 import os
 import signal
 import sys
@@ -20,13 +20,15 @@ from types import FrameType
 from typing import Final
 
 from controller.causes import Cause, explain
-from controller.clock import Pulse
+from controller.clock import LoopClock, write_pulse
 from controller.door import Door, PortInUse
+from controller.flight import FlightRecorder
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
 from controller.protocol.key import KEY_FILE, KeyFileError, load_key
 from controller.protocol.layout import COMMAND, HEARTBEAT, VERSION, CommandCode, Kind
 from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
+from controller.realtime import set_up_real_time
 from controller.report import report
 from controller.safety import Limits, Violation, check_limits, default_limits
 from controller.settings import CONTROLLER_FILE, ControllerSettings
@@ -69,13 +71,14 @@ def serve(
     except (KeyFileError, PortInUse, ValueError) as error:
         bus.close()
         return _complain(f"the controller cannot start: {error}", 2)
-    with _ending_by_signal(server), _quiet_memory():
+    with _ending_by_signal(server), set_up_real_time(settings, bus.lockstep) as granted:
         try:
             server.run()
         except BusLost as error:
             return _complain(f"the controller ends because the drives are lost: {error}", 1)
         finally:
             server.close()
+            write_pulse(run_directory, server.clock, {"granted": granted.granted, **granted._asdict()})
     if server.supervisor.exhausted:
         return _complain(f"the controller ends on its brakes: {explain(*server.supervisor.cause[:3])}", 1)
     return 0
@@ -91,6 +94,11 @@ class Server:
         settings: of this process.
         key: secret shared with the clients.
         run_directory: where ``controller.json`` goes.
+
+    Attributes:
+        supervisor: what decides.
+        clock: how regularly the loop ticks.
+        ending: set it to end as by a shutdown.
 
     Raises:
         PortInUse: the UDP port is taken.
@@ -108,12 +116,17 @@ class Server:
     ) -> None:
         self.supervisor = Supervisor(law, limits, settings, bus.period, bus.lockstep)
         self.ending = False
+        self.clock = LoopClock(bus.period, bus.lockstep)
         self._bus = bus
         self._settings = settings
         self._file = run_directory / CONTROLLER_FILE
         self._prepared = self._file.with_suffix(".new")
         self._door = Door(settings.host, settings.port, key, settings.lease, self._welcome)
         self._prepare_file()
+        self._flight = FlightRecorder(
+            self.supervisor, run_directory, period=bus.period, duration=settings.flight_time,
+            files=settings.flight_files,
+        )  # fmt: skip
         self._booted = False
         self._alone_since = 0.0
         self._ping = 0
@@ -128,25 +141,37 @@ class Server:
         Raises:
             BusLost: the drives no longer answer.
         """
-        supervisor, bus, door = self.supervisor, self._bus, self._door
-        budget, handle = self._settings.datagrams_per_tick, self._handle
+        supervisor, bus, door, clock = self.supervisor, self._bus, self._door, self.clock
+        budget, handle, monotonic = self._settings.datagrams_per_tick, self._handle, time.monotonic
+        patience = math.inf if bus.lockstep else self._settings.reading_time
+        flight, fresh, answered = self._flight, False, 0.0
         tick = -1
         while not supervisor.finished:
-            ping = self._ping
+            ping, asked, fresh = self._ping, monotonic(), False
             if supervisor.may_exchange:
                 measurement = bus.exchange(supervisor.command())
+                answered = monotonic()
                 if measurement.tick != tick:
                     tick = measurement.tick
                     supervisor.advance(measurement)
+                    clock.ran(tick, asked, answered, monotonic())
+                    fresh = True
                 else:
                     supervisor.measurement = measurement
+                    clock.stood(asked)
             else:
+                clock.stood(asked)
                 door.wait(1)
             self._echo = ping
-            now = time.monotonic()
-            door.drain(now, budget, handle)
+            now = monotonic()
+            door.drain(now, budget, handle, patience)
             self._live(now)
             self._publish(now, tick)
+            if fresh:
+                flight.record(answered)
+            flight.watch(now)
+            if clock.warning_due:
+                clock.warn()
         self._say_goodbye()
 
     def close(self) -> None:
@@ -160,6 +185,7 @@ class Server:
             self._door.close()
             for file in (self._file, self._prepared):
                 file.unlink(missing_ok=True)
+            self._flight.close(abnormal=not self.supervisor.finished)
 
     def _live(self, now: float) -> None:
         """What happens by itself: readiness, loss of the client, the end."""
@@ -200,11 +226,14 @@ class Server:
         elif kind == Kind.HEARTBEAT:
             (self._ping,) = HEARTBEAT.struct.unpack(payload)
         elif kind == Kind.ANNOUNCE:
-            self.supervisor.announce(Announce.unpack(payload))
+            announce = Announce.unpack(payload)
+            self._flight.note(announce)
+            self.supervisor.announce(announce)
         elif kind == Kind.COMMAND:
             code = _COMMANDS.get(COMMAND.struct.unpack(payload)[0])
             if code is None:
                 return False
+            self._flight.note(code)
             self.supervisor.obey(code)
         else:
             return False
@@ -217,18 +246,23 @@ class Server:
         due = tick - self._published_tick >= settings.telemetry_ticks
         if due or now - self._published_at >= settings.telemetry_interval or change != self._published:
             self._published, self._published_tick, self._published_at = change, tick, now
-            self._door.send(Kind.TELEMETRY, self._telemetry().pack())
+            self._door.publish(self._telemetry().pack(), now)
 
     def _telemetry(self) -> Telemetry:
         return report(
-            self.supervisor, self._bus.lockstep, self._echo, self._door.last_command, Pulse(), self._door.dropped
+            self.supervisor,
+            self._bus.lockstep,
+            self._echo,
+            self._door.last_command,
+            self.clock.pulse(),
+            self._door.dropped,
         )
 
     def _say_goodbye(self) -> None:
-        """Tell the client that the arm rests; some copies, as one may get lost."""
+        """Tell client and listeners that the arm rests; some copies, as one may get lost."""
         telemetry = self._telemetry().pack()
         for _ in range(5):
-            self._door.send(Kind.TELEMETRY, telemetry)
+            self._door.take_leave(telemetry, time.monotonic())
 
 
 def _complain(sentence: str, status: int) -> int:
@@ -252,14 +286,3 @@ def _ending_by_signal(server: Server) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-@contextlib.contextmanager
-def _quiet_memory() -> Iterator[None]:
-    """What was allocated before the loop is never looked at by the garbage collector."""
-    gc.collect()  # takes some 50 ms: now, while the drives are not enabled and wait for nothing
-    gc.freeze()
-    try:
-        yield
-    finally:
-        gc.unfreeze()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, NonNegativeInt, PositiveFloat, PositiveInt
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 CONTROLLER_FILE = "controller.json"
 """Written by the controller into the run directory when clients are welcome: host, port, pid, protocol version."""
@@ -30,6 +32,17 @@ class ControllerSettings(BaseModel):
     hard [1/s²]."""
     stop_damping: PositiveFloat = 40.0
     """Least k_v of each axis during and after an own stop [1/s]."""
+    yield_damping: PositiveFloat = 40.0
+    """k_v of each axis while yielding [1/s]: from 0.8 m/s the tool comes to rest within 20 mm, and a finger that pushes
+    it away at 0.1 m/s feels 4 N."""
+    yield_ticks: PositiveInt = 227
+    """The arm yields for at least so long [ticks]: 0.2 s."""
+    yield_speed: PositiveFloat = 0.01
+    """A tool slower than this rests, and yielding ends [m/s]."""
+    letting_go_speed: PositiveFloat = 0.05
+    """Of each finger that opens because it pressed too hard [m/s]."""
+    letting_go_ticks: PositiveInt = 455
+    """For how long at most [ticks]: 0.4 s."""
     stop_acceleration: PositiveFloat = 25.0
     """Bound of the own stop [m/s²]; from 0.8 m/s it takes 57 ms and 23 mm."""
     stop_jerk: PositiveFloat = 1000.0
@@ -54,3 +67,18 @@ class ControllerSettings(BaseModel):
     """Telemetry is sent at least this often in wall time [s]."""
     datagrams_per_tick: PositiveInt = 4
     """Datagrams read in one tick, so that a flood cannot delay it."""
+    reading_time: PositiveFloat = 100e-6
+    """On a bus in real time no further datagram is read in a tick once reading has taken this long [s]: samples are
+    checked as they come, and one datagram of them a tick is ten times what is executed meanwhile."""
+    realtime: bool = True
+    """Ask the system for SCHED_FIFO and locked memory, so that no other program delays a tick; without the privileges
+    it runs, and says what is missing. Never on a lockstep bus, where nothing can be late."""
+    priority: Annotated[int, Field(ge=1, le=98)] = 80
+    """Of SCHED_FIFO: above 50, where Linux with PREEMPT_RT handles interrupts; 99 belongs to the kernel itself."""
+    core: NonNegativeInt | None = None
+    """The only core that the loop runs on, best one kept free by ``isolcpus``; None lets the system choose, which is
+    better where no core is kept free."""
+    flight_time: PositiveFloat = 30.0
+    """What the flight recorder keeps in memory [s]: 13 MB, twice."""
+    flight_files: PositiveInt = 8
+    """So many of its files stay in the run directory, the newest."""

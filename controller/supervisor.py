@@ -9,14 +9,18 @@ import math
 from typing import NamedTuple
 
 from controller.causes import Cause
+from controller.force import ForceObserver
 from controller.law import TaskSpaceController
 from controller.model.kinematics import Status
 from controller.motion import MotionBuffer
+from controller.protection import Protection
 from controller.protocol.layout import CommandCode, Guard, Result
 from controller.protocol.messages import Announce, Samples
 from controller.reference import Reference
 from controller.safety import (
+    REACTIONS,
     Limits,
+    Reaction,
     Violation,
     check_drives,
     check_measurement,
@@ -31,6 +35,8 @@ from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 _NO_TORQUE: Triple = (0.0, 0.0, 0.0)
 _ENABLED = int(DriveStatus.ENABLED)
 _NOTHING = Violation(Cause.NONE, 0.0, 0.0)
+LET_GO_FORCE = 1.0
+"""Fingers that let go open until neither feels more [N]."""
 
 
 class Ended(NamedTuple):
@@ -87,6 +93,13 @@ class Supervisor:
         self.law = law
         self._limits = limits
         self._settings = settings
+        self._observer = ForceObserver(period)
+        self._protection = Protection(limits, period)
+        self._acting: Triple | None = None
+        self._given: Triple | None = None
+        self._guarding = False
+        self._untouched = 0.0
+        self._yielding = self._letting_go = 0
         self._lockstep = lockstep
         self._armed = True
         self._retiring = False
@@ -118,6 +131,8 @@ class Supervisor:
     def command(self) -> Command:
         """What to ask of the drives next."""
         braked = self._braked
+        # what acted during the tick that comes next is what the exchange before took along
+        self._acting, self._given = self._given, None if braked else self.torque
         return Command(self.torque, self.reference.finger_velocity, braked, self._energised or not braked, self.busy)
 
     # one tick
@@ -127,7 +142,7 @@ class Supervisor:
         if self._since < 0:
             self._since = measurement.tick
         self.measurement = measurement
-        trouble = check_measurement(measurement) or self._estimate(measurement)
+        trouble = check_measurement(measurement) or self._estimate(measurement) or self._joints(measurement)
         state = self.state
         if state is State.HOLD or state is State.TRACK or state is State.STOPPING:
             self._control(measurement, trouble or check_drives(int(measurement.status)))
@@ -138,8 +153,18 @@ class Supervisor:
         self._retire_at_rest()
 
     def _estimate(self, measurement: Measurement) -> Violation | None:
+        self.force = self._observer.update(self.law.memory, measurement.velocity, self._acting)
         status = self.law.update(measurement.angle, measurement.velocity)
         return None if status is Status.OK else Violation(Cause.MODEL, float(status), 0.0)
+
+    def _joints(self, measurement: Measurement) -> Violation | None:
+        """Encoders, speed and range of the servomotors; ``asked`` is what the last tick's reference wants of them."""
+        asked = self._asked_rates() if self.state is State.TRACK else _NO_TORQUE
+        return self._protection.joints(measurement, asked)
+
+    def _asked_rates(self) -> Triple:
+        a, b, c = (self.law.state.jacobian_inverse @ self.reference.row[3:6]).tolist()
+        return a, b, c
 
     def _control(self, measurement: Measurement, trouble: Violation | None) -> None:
         if trouble is not None:
@@ -151,8 +176,7 @@ class Supervisor:
         if self.state is State.STOPPING:
             self._slow_down(measurement.tick)
         self.reference.mark(measurement.tick)
-        if not self._trip:
-            self._watch()
+        self._watch(measurement)
         if not self._braked:
             self._output(measurement.tactile)
         if moving:
@@ -174,19 +198,75 @@ class Supervisor:
         right, left = measurement.tactile
         if guard == Guard.GRIP and right >= level and left >= level:
             self._succeed(Result.GRIPPED)
+        elif guard == Guard.TOUCH and self._touches(level):
+            self._succeed(Result.TOUCHED)
         elif index == motion.length - 1:
             self._succeed(Result.DONE)
 
+    def _touches(self, level: float) -> bool:
+        """Whether the table pushes the tool up (to -z3) by so much more than when the guard began [N]."""
+        if not self._guarding:
+            self._guarding, self._untouched = True, self.force[2]
+        return self._untouched - self.force[2] >= level
+
     def _slow_down(self, tick: int) -> None:
-        """Reference of this tick from the own stop."""
-        if self.reference.slow_down(tick):
+        """Reference of this tick from the own stop, or none while yielding."""
+        if self._yielding:
+            self._go_on_yielding()
+        elif self.reference.slow_down(tick):
             self._enter(Event.TRIPPED_AT_REST if self._trip else Event.AT_REST)
 
-    def _watch(self) -> None:
-        position, reference = self.law.state.position.tolist(), self.reference.position.tolist()
-        trouble = check_tracking(position, reference, self._limits.tracking)
+    def _go_on_yielding(self) -> None:
+        """Until the tool rests, but not for too short a time; then hold softly where it is."""
+        self._yielding += 1
+        position, velocity = self.law.state.position.tolist(), self.law.state.velocity.tolist()
+        self.reference.yield_at(position)
+        if self._yielding > self._settings.yield_ticks and math.hypot(*velocity) < self._settings.yield_speed:
+            self._yielding = 0
+            self.reference.rest_softly(position)
+            self._enter(Event.TRIPPED_AT_REST if self._trip else Event.AT_REST)
+
+    def _watch(self, measurement: Measurement) -> None:
+        """Protection that looks at tool, fingers and motors; while the arm yields already, only at the latter two."""
+        trouble = self._protection.fingers(measurement.tactile) or self._protection.motors(self.torque)
+        if not self._yielding:
+            state, row = self.law.state, self.reference.row.tolist()
+            position = state.position.tolist()
+            trouble = (
+                self._protection.tool(position, state.velocity.tolist(), self.force)
+                or check_tracking(position, row[0:3], row[9:12], self._limits)
+                or trouble
+            )
         if trouble is not None:
-            self.stop(trouble, Event.TRIP)
+            self._react(trouble)
+        if self._letting_go:
+            self._letting_go -= 1
+            tight = max(measurement.tactile) > LET_GO_FORCE and self._letting_go > 0
+            self.reference.finger_velocity = self._settings.letting_go_speed if tight else 0.0
+            self._letting_go = self._letting_go if tight else 0
+
+    def _react(self, trouble: Violation) -> None:
+        """Do what a cause asks for; what goes on already is not begun again."""
+        reaction = REACTIONS[trouble.cause]
+        if reaction is Reaction.BREAK:
+            self._break(trouble)
+        elif reaction is Reaction.TRIP:
+            if not self._trip:
+                self.stop(trouble, Event.TRIP)
+        elif reaction is Reaction.YIELD:
+            self._yield(trouble)
+        elif not self._letting_go:
+            self.stop(trouble)
+            self.admitting = False
+            self._letting_go = self._settings.letting_go_ticks
+
+    def _yield(self, cause: Violation) -> None:
+        """Something is in the way: drop the motion and give way."""
+        self._drop(cause)
+        self._yielding = 1
+        self.admitting = False
+        self.reference.yield_at(self.law.state.position.tolist())
+        self._enter(Event.YIELD)
 
     def _output(self, tactile: tuple[float, float]) -> None:
         """Law and limits: the torque of the next exchange."""
@@ -251,7 +331,7 @@ class Supervisor:
             self._record(motion, Result.REFUSED, refusal)
             return
         self.motion.announce(motion, self.reference.position)
-        self.cause = _NOTHING
+        self.cause, self._guarding = _NOTHING, False
         self.peak_torque = self.peak_tactile = 0.0
         self._enter(Event.ANNOUNCED)
 
@@ -321,11 +401,18 @@ class Supervisor:
         self.awaiting = False
         if self.state in BRAKED:
             return
+        if self._yielding:  # that ends at rest, too, and the cause of it matters more
+            return
+        self._drop(cause)
+        self._enter(event)
+        self.reference.relax()
+
+    def _drop(self, cause: Violation) -> None:
+        """End the motion, if there is one, because of a cause."""
+        self.awaiting = False
         self.cause = cause
         if self.motion.announced is not None:
             self._end(Result.STOPPED, cause)
-        self._enter(event)
-        self.reference.relax()
 
     def retire(self) -> None:
         """Stop, then brakes for good."""
@@ -344,11 +431,10 @@ class Supervisor:
 
     def _break(self, cause: Violation) -> None:
         """Brakes at once."""
-        if self.motion.announced is not None:
-            self._end(Result.STOPPED, cause)
-        self.awaiting = False
-        self.cause = cause
+        self._drop(cause)
+        self._yielding = self._letting_go = 0
         self.reference.abandon()
+        self._protection.reset()
         self._energised, self.torque = False, _NO_TORQUE
         self._enter(Event.BREAK)
 
@@ -380,7 +466,7 @@ class Supervisor:
         self._braked = self.state in BRAKED
         if not foreseen:
             self.cause = Violation(Cause.UNKNOWN_EVENT, float(event), float(before))
-        if self.state is State.STOPPING:
+        if self.state is State.STOPPING and not self._yielding:
             self.reference.begin_stop()
         if self.state is State.FAULT:
             self._energised, self.torque = False, _NO_TORQUE

@@ -8,8 +8,9 @@ motor their sum, and the fingers' own motion does not move the arm:
     sensors    ṡ = k_s (f - s)
     gripper    2 (m_f + m_r) z̈4 = f_right + f_left + motor,    motor = 2 k_v4 (ṙ4 - ż4), limited
 
-m is the task-space inertia along z1, m_f a finger's mass, m_r the motor's inertia as one finger feels it through the
-large gear ratio. The second term of the arm is what the law (23) adds to v1, with the sign explained there.
+m is the mass that a force along z1 accelerates, 1/(Λ⁻¹)_11, m_f a finger's mass, m_r the motor's inertia as one finger
+feels it through the large gear ratio. The second term of the arm is what the law (23) adds to v1, with the sign
+explained there.
 """
 
 from __future__ import annotations

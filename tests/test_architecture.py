@@ -23,7 +23,13 @@ ROOMS = ("app", "controller", "engine", "hardware", "vision")
 
 ALLOWED = {
     "app": ROOMS,
-    "controller": ("controller", "hardware.interfaces", "hardware.parameters", "hardware.table"),
+    "controller": (
+        "controller",
+        "hardware.interfaces",
+        "hardware.parameters",
+        "hardware.table",
+        "hardware.realtime",  # what a punctual process asks of its PC: the simulated world asks for the same
+    ),
     "engine": ("engine",),
     "hardware": ("hardware",),
     "vision": ("vision", "hardware.interfaces", "hardware.table"),
@@ -35,9 +41,12 @@ KNOW_THE_SIMULATION = {
     "app.demo": "composes the settings of the world",
     "app.processes": "runs world and controller in their processes",
     "app.rig": "the factory of devices",
+    "app.timed_rig": "composes the settings of a world in pace real",
     "app.video": "films the world",
     "app.game": "hands the referee's truth to the judge",
     "app.judging": "compares truth and game",
+    "app.bench.cell": "runs supervisor and plant in one process",
+    "app.bench.finger": "puts a finger into the world",
     "app.bench.recording": "records the law over a plant in the same process",
     "app.figures.grasp_mujoco": "computes a figure on the plant",
     "app.figures.grasp_views": "has the plant of a figure drawn",

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import chess
 import numpy as np
 
+from app.bench.cell import LEAD, Cell
 from app.layout import start_layout
 from app.lines import parse_line
 from app.manipulation import Inventory, transfers
@@ -18,13 +19,8 @@ from controller.law import TaskSpaceController
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import Status
-from controller.protocol import MotionFlag, Result
-from controller.protocol.messages import Announce, Samples
-from controller.safety import default_limits
-from controller.settings import ControllerSettings
-from controller.states import State
-from controller.supervisor import Supervisor
-from hardware.interfaces import Command, Measurement, Triple
+from controller.protocol import Result
+from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.plant import Plant
 from hardware.sim.scene import build_model
@@ -33,9 +29,6 @@ from hardware.table import TableSettings
 
 LINE = "e4 d5 exd5 Qxd5 Nc3 Qxg2 Bxg2"
 """Quiet moves and captures over near and far squares; as many of its plies are played as ticks are wanted."""
-LEAD = 8
-"""Ticks between an announcement and the first sample, as on any lockstep bus."""
-BOOT_TICKS = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,52 +84,28 @@ def found(law: TaskSpaceController) -> FloatArray:
     return np.concatenate([law.state.position, law.state.velocity, law.state.quality[2:]])
 
 
-class _Cell:
-    """Supervisor and plant, tick by tick."""
+class _RecordedCell(Cell):
+    """Of which every tick is recorded."""
 
     def __init__(self, inventory: Inventory, motion: MotionSettings, seed: int) -> None:
         parameters, table = load_parameters(), inventory.table
         world = WorldSettings(pieces=tuple(inventory), home=motion.home, table=table, seed=seed, cameras=False)
         model = build_model(parameters, table, stand_pieces(world), np.array(motion.home))
         self.parameters = parameters
-        self.plant = Plant(model, parameters, tuple(piece.name for piece in world.pieces))
         self.law = _Listening(DeltaModel(parameters))
-        limits = default_limits(parameters, table)
-        self.supervisor = Supervisor(self.law, limits, ControllerSettings(), parameters.drive.tick, lockstep=True)
-        self._motions = 0
+        super().__init__(Plant(model, parameters, tuple(p.name for p in world.pieces)), parameters, table, self.law)
 
     def tick(self) -> None:
-        """One exchange: the measurement is of the plant before the command acts."""
-        self.supervisor.advance(self._exchange(self.supervisor.command()))
+        super().tick()
         if self.law.ticks[-1].reference is not None:
             self.law.ticks[-1] = replace(self.law.ticks[-1], torque=self.supervisor.torque)
 
-    def _exchange(self, command: Command) -> Measurement:
-        measurement = self.plant.measure(standing=False)
-        self.plant.apply(command)
-        self.plant.step()
-        return measurement
-
-    def boot(self) -> None:
-        """Until the arm holds."""
-        for _ in range(BOOT_TICKS):
-            self.tick()
-            if self.supervisor.state is State.HOLD:
-                return
-        raise RuntimeError(f"the arm does not hold after {BOOT_TICKS} ticks: it is in {self.supervisor.state.name}")
-
-    def execute(self, motion: Motion, followed: bool) -> None:
-        """One motion to its end."""
-        supervisor = self.supervisor
-        self._motions += 1
-        flags = MotionFlag.FOLLOWED if followed else MotionFlag(0)
-        supervisor.announce(Announce(self._motions, supervisor.measurement.tick + LEAD, len(motion.samples), flags))
-        supervisor.take_samples(Samples(self._motions, 0, motion.samples))
-        while supervisor.motion.announced is not None:
-            self.tick()
+    def carry_out(self, motion: Motion, followed: bool) -> None:
+        """One motion of a plan; it must succeed."""
+        ended = self.execute(motion.samples, followed)
         wanted = Result.GRIPPED if motion.grips else Result.DONE
-        if supervisor.ended.result is not wanted:
-            raise RuntimeError(f"{motion.label} ended as {supervisor.ended.result.name}, not {wanted.name}")
+        if ended.result is not wanted:
+            raise RuntimeError(f"{motion.label} ended as {ended.result.name}, not {wanted.name}")
 
 
 def record(ticks: int, seed: int) -> Recording:
@@ -151,7 +120,7 @@ def record(ticks: int, seed: int) -> Recording:
     """
     board, table, settings = chess.Board(), TableSettings(), MotionSettings()
     inventory = Inventory.of(start_layout(board, table), table)
-    cell = _Cell(inventory, settings, seed)
+    cell = _RecordedCell(inventory, settings, seed)
     cell.boot()
     boot = sum(tick.reference is None for tick in cell.law.ticks)
     plies = 0
@@ -161,7 +130,7 @@ def record(ticks: int, seed: int) -> Recording:
         start = cell.supervisor.reference.position.copy()
         plan = plan_ply(ply.san, ply.transfers, inventory, start, finger, settings, cell.parameters, LEAD)
         for index, motion in enumerate(plan.motions):
-            cell.execute(motion, followed=index < len(plan.motions) - 1)
+            cell.carry_out(motion, followed=index < len(plan.motions) - 1)
         plies += 1
         board.push(move)
         inventory = inventory.after(ply)

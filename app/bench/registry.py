@@ -6,13 +6,15 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from app import UserError
+from app.bench.finger import finger_bench
 from app.bench.law import law_bench
+from app.bench.loop import loop_bench
 from app.bench.report import BenchReport
 
 Progress = Callable[[str], None]
 Bench = Callable[[bool, Progress], BenchReport]
 
-BENCHES: Mapping[str, Bench] = MappingProxyType({"law": law_bench})
+BENCHES: Mapping[str, Bench] = MappingProxyType({"law": law_bench, "loop": loop_bench, "finger": finger_bench})
 """By name; each takes ``quick`` and a function that is told what is being done."""
 
 

@@ -8,6 +8,7 @@ sources. Rule that follows: compiled code calls only functions of its own file a
 from __future__ import annotations
 
 import hashlib
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -58,16 +59,34 @@ TABLE: Any = _numba.types.Array(SCALAR, 2, "C")
 _PACKAGE = Path(__file__).resolve().parent
 
 
-def _cache_directory() -> Path:
-    """Where the compiled code of exactly these sources is kept."""
+def _cache_directory() -> Path | None:
+    """Where the compiled code of exactly these sources is kept; None where nothing can be kept.
+
+    Made here: Numba would quietly take another place for one that it cannot write to, and that has no digest.
+    """
     digest = hashlib.sha256()
     for source in sorted(_PACKAGE.glob("*.py")):
         digest.update(source.read_bytes())
-    root = Path(_numba.config.CACHE_DIR) if _numba.config.CACHE_DIR else _PACKAGE / "__pycache__"
-    return root / f"compiled-{digest.hexdigest()[:16]}"
+    asked = _numba.config.CACHE_DIR
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "touchmove"
+    for root in (Path(asked),) if asked else (_PACKAGE / "__pycache__", user):
+        folder = root / f"compiled-{digest.hexdigest()[:16]}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    return None
 
 
 _CACHE = _cache_directory()
+if _CACHE is None:
+    print(
+        "touchmove: compiled code cannot be kept, so every start compiles anew (about 10 s): set NUMBA_CACHE_DIR to a "
+        "folder that can be written",
+        file=sys.stderr,
+    )
 
 
 def compiled(function: Callable[P, R], signature: object = None) -> Callable[P, R]:
@@ -81,9 +100,9 @@ def compiled(function: Callable[P, R], signature: object = None) -> Callable[P, 
         The compiled function under the same type.
     """
     before = _numba.config.CACHE_DIR
-    _numba.config.CACHE_DIR = str(_CACHE)
+    _numba.config.CACHE_DIR = str(_CACHE or "")
     try:
-        decorate = _numba.njit(signature, cache=True, fastmath=False, error_model="numpy")
+        decorate = _numba.njit(signature, cache=_CACHE is not None, fastmath=False, error_model="numpy")
         return cast("Callable[P, R]", decorate(function))
     finally:
         _numba.config.CACHE_DIR = before

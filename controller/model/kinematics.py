@@ -31,7 +31,7 @@ class Status(IntEnum):
     SINGULAR = 1
     """The pose is too near a kinematic singularity, or beyond it."""
     NOT_CONVERGED = 2
-    """Newton's iteration did not close the chain (or an input was not finite)."""
+    """Newton's iteration did not close the chain."""
     UNREACHABLE = 3
     """No pose of the arm fits the input."""
 
@@ -203,21 +203,20 @@ def tool_point_near(constants: FloatArray, centres: Triad, z: Vector) -> tuple[i
 
 @compiled
 def spheres_meet(constants: FloatArray, y1: float, y2: float, y3: float) -> tuple[int, Vector]:
-    """The tool point in closed form: where three spheres of radius l2 about the elbows meet, lower branch.
+    """The tool point in closed form: where three spheres of radius l2 about the elbows meet.
 
-    The centre of the elbows' circumcircle plus a way along its normal. The paper says that no closed form exists;
-    for arms whose rods keep the flange from turning it does.
+    The centre of the elbows' circumcircle plus a way along its normal, to the side on which the tool hangs below level
+    elbows: det [d_1; d_2; d_3] is negative there, however the plane is tipped, and Newton stays on that side. The paper
+    says that no closed form exists; for arms whose rods keep the flange from turning it does.
 
     Returns:
-        Status and z [m], base frame. SINGULAR: elbows in one line, or their plane upright, so that "below" says
-        nothing. UNREACHABLE: the spheres do not meet.
+        Status and z [m], base frame. SINGULAR: elbows in one line. UNREACHABLE: the spheres do not meet.
     """
     c1, c2, c3 = elbow(constants, 0, y1)[0], elbow(constants, 1, y2)[0], elbow(constants, 2, y3)[0]
     u, v = minus(c2, c1), minus(c3, c1)
     normal = cross(u, v)
     square = dot(normal, normal)
-    # ascending z3 is down, so the tool hangs on the side of the plane to which a normal with positive z3 points
-    if not (square > 0.0 and abs(normal[2]) > 1e-3 * math.sqrt(square)):
+    if not square > 0.0:
         return SINGULAR, c1
     uu, vv = dot(u, u), dot(v, v)
     across_u, across_v = cross(v, normal), cross(normal, u)
@@ -225,8 +224,8 @@ def spheres_meet(constants: FloatArray, y1: float, y2: float, y3: float) -> tupl
     height = constants[DISTAL] * constants[DISTAL] - dot(centre, centre)
     if not height >= 0.0:
         return UNREACHABLE, c1
-    along = math.copysign(math.sqrt(height / square), normal[2])
-    return OK, combine(combine(c1, 1.0, centre), along, normal)
+    # z3 points down and the arms follow each other clockwise, so the normal of level elbows points up
+    return OK, combine(combine(c1, 1.0, centre), -math.sqrt(height / square), normal)
 
 
 @compiled
@@ -261,7 +260,8 @@ def inverse_arm(constants: FloatArray, arm: int, z: Vector) -> tuple[int, float]
     ratio = (dot(w, w) + l1 * l1 - l2 * l2) / (2.0 * l1 * math.hypot(w[1], w[2]))
     if not abs(ratio) <= 1.0:
         return UNREACHABLE, 0.0
-    return OK, math.atan2(w[2], w[1]) - math.acos(ratio)
+    q1 = math.atan2(w[2], w[1]) - math.acos(ratio)
+    return OK, q1 if q1 > -math.pi else q1 + 2.0 * math.pi
 
 
 @compiled

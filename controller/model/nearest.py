@@ -50,6 +50,8 @@ def nearest_point(constants: FloatArray, z: Vector) -> FloatArray | None:
     target = np.array(z)
     if not np.isfinite(target).all():
         return None
+    far = 100.0 * float(constants[PROXIMAL] + constants[DISTAL])
+    target = np.clip(target, -far, far)  # seen from there the direction is the same, and squares do not overflow
     inside = _heart(constants)
     scale = float(constants[DISTAL])
     starts = sorted(_grid(constants), key=lambda p: float(np.sum((p - target) ** 2)))[:3]

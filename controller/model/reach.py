@@ -77,17 +77,22 @@ def posture_at(model: DeltaModel, point: FloatArray) -> Posture:
 
     Raises:
         Unreachable: an arm cannot reach the point, or the point is not finite.
+        Singular: it can only with the tool in or above the plane of the elbows, where the robot does not get to.
     """
     y, x = np.empty(3), np.empty(6)
     z = _vector(point)
     status, arm = inverse_kinematics(model.constants, z, y, x)
     if status != OK:
         raise _out_of_reach(model, z, arm)
+    d, e = arm_directions(model.constants, y, z)
+    volume = control_jacobian(model.constants, d, e, np.empty((3, 3)), np.empty((3, 3)))[1]
+    if not volume >= MIN_DETERMINANT:
+        raise _above_the_elbows(model, z, volume)
     return Posture(y, x)
 
 
 def tool_point_at(model: DeltaModel, angle: FloatArray) -> FloatArray:
-    """Forward kinematics in closed form, the pose below the base.
+    """Forward kinematics in closed form, the pose below the elbows.
 
     Args:
         model: the robot.
@@ -98,7 +103,7 @@ def tool_point_at(model: DeltaModel, angle: FloatArray) -> FloatArray:
 
     Raises:
         Unreachable: the chain cannot be closed at these angles.
-        Singular: the elbows lie in one line or in an upright plane.
+        Singular: the elbows lie in one line.
     """
     y1, y2, y3 = _vector(angle)
     which = f"servomotor angles ({y1:.4f}, {y2:.4f}, {y3:.4f}) rad"
@@ -128,17 +133,20 @@ def jacobians_at(model: DeltaModel, point: FloatArray) -> Jacobians:
     status, volume, transmission = control_jacobian(model.constants, d, e, control, inverse)
     if status == OK:
         return Jacobians(control, inverse)
-    near = nearest_point(model.constants, z)
     if transmission < MIN_TRANSMISSION:
         raise Singular(
             f"point {_point(z)} leaves an arm stretched: of its elbow's speed it hands on {transmission:.4f} along the "
             f"distal link, at least {MIN_TRANSMISSION:.4f} is needed",
-            transmission, MIN_TRANSMISSION, near,
+            transmission, MIN_TRANSMISSION, nearest_point(model.constants, z),
         )  # fmt: skip
-    raise Singular(
+    raise _above_the_elbows(model, z, volume)
+
+
+def _above_the_elbows(model: DeltaModel, z: Vector, volume: float) -> Singular:
+    return Singular(
         f"point {_point(z)} lies in or above the plane of the elbows: the distal links span a volume of {volume:.4f}, "
         f"at least {MIN_DETERMINANT:.4f} is needed",
-        volume, MIN_DETERMINANT, near,
+        volume, MIN_DETERMINANT, nearest_point(model.constants, z),
     )  # fmt: skip
 
 
@@ -178,16 +186,14 @@ def _no_pose_below(model: DeltaModel, which: str, status: int, angle: Vector) ->
     normal = np.cross(a, b)
     area = float(np.linalg.norm(normal))
     if status != UNREACHABLE:
-        upright = float(abs(normal[2])) / area if area > 0.0 else 0.0
         return Singular(
-            f"{which} leave no pose of the tool below the base: the elbows' plane is upright or a line (cosine to the "
-            f"horizontal {upright:.4f}, at least 0.0010 is needed); choose angles nearer to each other",
-            upright, 1e-3, None,
+            f"{which} leave no pose of the tool: the elbows lie in one line; choose angles nearer to each other",
+            area, 0.0, None,
         )  # fmt: skip
     centre = elbows[0] + (np.dot(a, a) * np.cross(b, normal) + np.dot(b, b) * np.cross(normal, a)) / (2.0 * area**2)
     radius = float(np.linalg.norm(centre - elbows[0]))
     return Unreachable(
-        f"{which} leave no pose of the tool below the base: no point is nearer than {radius:.4f} m to all three elbows "
-        f"while the distal links are {l2:.4f} m long; choose angles nearer to each other",
-        radius, l2, nearest_point(model.constants, _vector(centre)),
+        f"{which} leave no pose of the tool: no point is nearer than {radius:.4f} m to all three elbows while the "
+        f"distal links are {l2:.4f} m long; choose angles nearer to each other",
+        radius, l2, None,
     )  # fmt: skip

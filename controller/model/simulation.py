@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple, get_args
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -115,6 +115,17 @@ def _fixed_steps(
     return np.array(rows)
 
 
+def _require_positive(name: str, value: float) -> None:
+    if not 0.0 < value < math.inf:
+        raise ValueError(f"{name} is {value} s, it must be positive and finite")
+
+
+def _require_finite(what: str, *rows: Sequence[float] | FloatArray) -> None:
+    for row in rows:
+        if not np.isfinite(row).all():
+            raise SimulationFailed(f"{what} hold a number that is not finite: {np.asarray(row).tolist()}")
+
+
 class ConstrainedArm:
     """The delta robot of (2) with Baumgarte's stabilisation.
 
@@ -127,10 +138,11 @@ class ConstrainedArm:
     def __init__(
         self, model: DeltaModel, *, baumgarte: tuple[float, float] = (4e4, 4e2), coulomb_speed: float = 0.05
     ) -> None:
-        if not (min(baumgarte) > 0.0 and coulomb_speed > 0.0):
+        numbers = (*baumgarte, coulomb_speed)
+        if not all(0.0 < number < math.inf for number in numbers):
             raise ValueError(
-                f"baumgarte {baumgarte} and coulomb_speed {coulomb_speed} rad/s must be positive: a stable s² + α₁ s + "
-                "α₀ pulls the chain together"
+                f"baumgarte {baumgarte} and coulomb_speed {coulomb_speed} rad/s must be positive and finite: a stable "
+                "s² + α₁ s + α₀ pulls the chain together"
             )
         self.model = model
         self.baumgarte = baumgarte
@@ -220,6 +232,8 @@ class ConstrainedArm:
         u1, u2, u3 = torque
         f1, f2, f3 = force
         push = (float(f1), float(f2), float(f3))
+        _require_finite("the state", q, v)
+        _require_finite("torque and force", (u1, u2, u3), (f1, f2, f3))
         applied_torque(model.constants, q, v, (float(u1), float(u2), float(u3)), push, self.coulomb_speed, applied)
         status = constrained_acceleration(model.constants, q, v, applied, self.baumgarte, acceleration, multiplier)
         if status != OK:
@@ -262,19 +276,30 @@ class ConstrainedArm:
         Raises:
             SimulationFailed: the integrator gives up or meets a singularity.
         """
+        _require_positive("duration", duration)
+        _require_positive("step", DEFAULT_STEP if step is None else step)
+        if method not in get_args(Method):
+            raise ValueError(f"there is no method '{method}', choose from: {', '.join(get_args(Method))}")
+        times = None if times is None else np.asarray(times, dtype=np.float64)
         if times is None:
             times = np.linspace(0.0, duration, max(2, round(duration / 1e-3) + 1))
-        if times[0] != 0.0 or times[-1] > duration or (np.diff(times) <= 0.0).any():
-            raise ValueError(
-                f"times must rise from 0 to at most {duration} s, these go from {times[0]} to {times[-1]} s"
-            )
+        if times.size < 2 or not (times[0] == 0.0 and times[-1] <= duration and (np.diff(times) > 0.0).all()):
+            raise ValueError(f"times must be two or more that rise from 0 to at most {duration} s, these are {times} s")
         plant = _Plant(self, torque_law, force_law, attachment)
         state = plant.pack(start)
         if method == "RK4":
-            rows = _fixed_steps(plant.rates, state, times, step or DEFAULT_STEP)
+            rows = _fixed_steps(plant.rates, state, times, DEFAULT_STEP if step is None else step)
         else:
+            largest = LARGEST_STEP if step is None else step
             found = solve_ivp(
-                plant.rates, (0.0, duration), state, method, times, rtol=rtol, atol=atol, max_step=step or LARGEST_STEP
+                plant.rates,
+                (0.0, duration),
+                state,
+                method,
+                times,
+                rtol=rtol,
+                atol=atol,
+                max_step=largest,
             )
             if not found.success:
                 raise SimulationFailed(f"{method} gave up at {found.t[-1]:.6f} s: {found.message}")
@@ -310,7 +335,12 @@ class ConstrainedArm:
         Returns:
             One row at the start of each tick, and one at the end.
         """
-        tick = period or self.model.parameters.drive.tick
+        tick = self.model.parameters.drive.tick if period is None else period
+        _require_positive("period", tick)
+        if ticks < 1 or substeps < 1 or delay < 0:
+            raise ValueError(
+                f"ticks {ticks} and substeps {substeps} must be at least 1, the delay {delay} ticks at least 0"
+            )
         held: list[FloatArray] = []
         plant = _Plant(self, lambda moment: held[0], force_law, attachment)
         state = plant.pack(start)

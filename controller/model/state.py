@@ -32,6 +32,12 @@ CONSTANTS: Final = 20
 ROWS: Final = 24
 
 
+REFERENCE_SIZE: Final = 16
+"""Numbers in a reference: a contiguous float64 array that begins with r 0:3 [m], ṙ 3:6 [m/s], r̈ 6:9 [m/s²],
+k_p 9:12 [1/s²], k_v 12:15 [1/s], all in the base frame, and k* at 15 [1/kg]. `pack_reference` makes one; longer rows
+serve too, the law reads no further."""
+
+
 @dataclass(frozen=True, slots=True)
 class ArmState:
     """What the last tick found: views of one preallocated buffer, rewritten every tick.

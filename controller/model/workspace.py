@@ -147,6 +147,18 @@ def require_fit(model: DeltaModel, table: TableSettings, heights: Sequence[float
     return found
 
 
+def _remedy(found: Survey, fails: NDArray[np.bool_]) -> str:
+    """What would help, from where the places that fail lie: farther out, deeper or higher than those that do not."""
+    good, bad = found.point[~fails], found.point[fails]
+    if good.size == 0:
+        return "put the board below the base, near its axis: the arm works some 0.3 to 0.5 m below it"
+    out, in_ = (float(np.hypot(p[:, 0], p[:, 1]).mean()) for p in (bad, good))
+    deeper = float(bad[:, 2].mean() - good[:, 2].mean())
+    if abs(deeper) > out - in_:
+        return f"move the board {'up, towards' if deeper > 0.0 else 'down, away from'} the base"
+    return "use smaller squares or trays, or move the board towards the base's axis"
+
+
 def _refuse(found: Survey, table: TableSettings, fails: NDArray[np.bool_], why: str) -> None:
     """One sentence if any place fails."""
     places = tuple(place for place, bad in zip(found.places, fails, strict=True) if bad.any())
@@ -161,6 +173,6 @@ def _refuse(found: Survey, table: TableSettings, fails: NDArray[np.bool_], why: 
     raise BoardDoesNotFit(
         f"a board of {1e3 * table.square:.1f} mm squares centred at ({x:.3f}, {y:.3f}, {z:.3f}) m does not fit: "
         f"{' and '.join(named)} {'are' if len(places) > 1 else 'is'} {why} with the tool {heights} mm above the "
-        "board; use smaller squares or trays, or move the board towards the base's axis",
+        f"board; {_remedy(found, fails)}",
         places,
     )

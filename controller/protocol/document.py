@@ -1,6 +1,6 @@
-"""The generated parts of ``docs/protocol.md``: tables of the layouts, numbers, states, causes and limits.
+"""The generated parts of ``docs/protocol.md`` and ``docs/flight.md``: layouts, numbers, states, causes and limits.
 
-``python -m controller.protocol.document docs/protocol.md`` brings the page up to date; a test compares them.
+``python -m controller.protocol.document docs/protocol.md docs/flight.md`` brings the pages up to date; tests compare.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from enum import IntEnum, IntFlag
 from pathlib import Path
 
 from controller.causes import Cause, template
+from controller.flight_file import FLIGHT
 from controller.protocol.envelope import Envelope
 from controller.protocol.layout import (
     HEADER,
@@ -28,7 +29,7 @@ from controller.protocol.layout import (
     MotionFlag,
     Result,
 )
-from controller.safety import WHY, Limits, default_limits
+from controller.safety import REACTIONS, WHY, Limits, Reaction, default_limits
 from controller.states import TRANSITIONS, Event, State
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
@@ -55,9 +56,11 @@ def _parts() -> dict[str, str]:
         **{enum.__name__: _number_table(enum) for enum in enums},
         "example": _example(),
         "State": _number_table(State),
+        "picture": _state_picture(),
         "transitions": _transition_table(),
         "Cause": _cause_table(),
         "limits": _limit_table(),
+        "flight": _layout_table(FLIGHT),
     }
 
 
@@ -96,10 +99,26 @@ def _transition_table() -> str:
     return _table(("state", *(f"`{event.name}`" for event in Event)), rows)
 
 
+def _state_picture() -> str:
+    """The transitions that lead elsewhere, as a diagram in Mermaid, which GitHub and most editors draw."""
+    arrows: dict[tuple[State, State], list[str]] = {}
+    for (state, event), following in TRANSITIONS.items():
+        if state is not following:
+            arrows.setdefault((state, following), []).append(event.name)
+    lines = [f"    {state.name} --> {following.name}: {', '.join(events)}"
+             for (state, following), events in arrows.items()]  # fmt: skip
+    return "\n".join(["```mermaid", "stateDiagram-v2", "    [*] --> BOOT", *lines, "    OFF --> [*]", "```"])
+
+
 def _cause_table() -> str:
-    return _table(
-        ("number", "name", "meaning"), ([str(int(cause)), f"`{cause.name}`", template(cause)] for cause in Cause)
-    )
+    rows = ([str(int(cause)), f"`{cause.name}`", _reaction(cause), template(cause)] for cause in Cause)
+    return _table(("number", "name", "reaction", "meaning"), rows)
+
+
+def _reaction(cause: Cause) -> str:
+    if cause is Cause.NONE:
+        return ""
+    return f"`{REACTIONS.get(cause, Reaction.REFUSE).name}`"
 
 
 def _limit_table() -> str:

@@ -212,7 +212,7 @@ SAMPLES = Layout(
         Field("count", "H", "samples", "number of samples that follow, 1 to 10"),
     ),
 )
-CHALLENGE = Layout("CHALLENGE", (Field("cookie", "Q", "", "put this into the next HELLO"),))
+CHALLENGE = Layout("CHALLENGE", (Field("cookie", "Q", "", "put this into the next HELLO or WATCH"),))
 WELCOME = Layout(
     "WELCOME",
     (
@@ -269,9 +269,7 @@ TELEMETRY = Layout(
         Field("clamped", "Q", "ticks", "ticks in which a torque was clamped since the start"),
         Field("skipped", "Q", "ticks", "ticks that went by without an exchange since the start"),
         Field("period", "d", "s", "mean wall time between two exchanges in the last second of ticks"),
-        Field(
-            "lateness", "d", "s", "largest delay of a tick against the rhythm of all in that second"
-        ),
+        Field("lateness", "d", "s", "largest delay of a tick against the rhythm of all in that second"),
         Field("work", "d", "s", "longest computation of a tick in that second"),
         Field("bad_size", "I", "datagrams", "dropped: size or magic"),
         Field("bad_version", "I", "datagrams", "dropped: version"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -196,6 +197,7 @@ def build_model(
     timestep: float | None = None,
     *,
     looks: bool = True,
+    add: Callable[[mujoco.MjSpec], None] | None = None,
 ) -> mujoco.MjModel:
     """Compile the world.
 
@@ -206,6 +208,7 @@ def build_model(
         home: tool point in the base frame [m] at which the arm starts; key frame 0 holds the whole start state.
         timestep: integration step [s], default the drive's tick.
         looks: with all that is only seen. Without it a step is quicker, and what happens is the same.
+        add: puts something more into the world.
 
     World frame: the board frame, z up.
 
@@ -228,6 +231,8 @@ def build_model(
     add_arm(spec, parameters, table.centre_in_base)
     for piece in pieces:
         _add_piece(spec, piece)
+    if add is not None:
+        add(spec)
     _add_contact_sensors(spec)
     if not looks:
         _drop_looks(spec)

@@ -11,9 +11,12 @@ controller computes from the measurement of tick k thus acts from tick k + 1 on,
 
 from __future__ import annotations
 
+import contextlib
 import json
 import signal
+import sys
 import time
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
@@ -22,6 +25,7 @@ import numpy as np
 
 from hardware.interfaces import Command, HardwareError
 from hardware.parameters import load_parameters
+from hardware.realtime import real_time
 from hardware.sim import wire
 from hardware.sim.pacing import Metronome, SpeedMeter
 from hardware.sim.pictures import CameraService
@@ -42,6 +46,8 @@ OTHERS_EVERY = 8
 """Pace fast, while the controller is busy: others are heard in each so manieth tick; none of them is in a hurry."""
 LONGEST_REST = 20.0
 """Plant time in which everything must have come to rest at the end [s]."""
+REALTIME_PRIORITY = 90
+"""Above the controller's."""
 END_FILE = "world_end.json"
 STATE_FILE = "world_state.npz"
 
@@ -69,6 +75,7 @@ class World:
         model = build_model(parameters, settings.table, pieces, home, looks=False)
         self.plant = Plant(model, parameters, tuple(piece.name for piece in settings.pieces))
         self._fast = settings.pace is Pace.FAST
+        self._realtime = settings.realtime and not self._fast
         self._watchdog_ticks = drive.watchdog_ticks
         self._metronome, self._speed = Metronome(drive.tick), SpeedMeter()
         facts = {"period": drive.tick, "lockstep": self._fast}
@@ -99,12 +106,27 @@ class World:
         try:
             if self._renderer is not None:
                 self._renderer.wait_ready()
-            while not self._ending:
-                self._turn()
+            with self._punctual():
+                while not self._ending:
+                    self._turn()
             self._come_to_rest()
             self._write_snapshot()
         finally:
             self._close()
+
+    @contextlib.contextmanager
+    def _punctual(self) -> Iterator[None]:
+        """Real time where it is wanted: the drives come before the controller that they wake up.
+
+        Never in pace fast, where the loop has no pauses, nor while the world comes to rest.
+        """
+        if not self._realtime:
+            yield
+            return
+        with real_time("the simulated world", REALTIME_PRIORITY) as granted:
+            for note in granted.notes:
+                print(note, file=sys.stderr, flush=True)
+            yield
 
     def _turn(self) -> None:
         """One round of the loop, with at most one tick."""

@@ -49,6 +49,9 @@ class WorldSettings(BaseModel):
     """From exposure to delivery of a frame, plant time [s]."""
     cameras: bool = True
     """False: no renderer, and no OpenGL needed."""
+    realtime: bool = False
+    """Pace real: as punctual as a motion board, by real time where the system grants it; for measurements. Otherwise
+    the world is an ordinary program."""
 
 
 def load_settings(run_dir: Path) -> WorldSettings:

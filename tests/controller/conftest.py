@@ -193,7 +193,12 @@ def launch(tmp_path: Path) -> Iterator[Launch]:
         directory.mkdir(mode=0o700)
         create_key(directory / KEY_FILE)
         started.append(
-            Running(bus or FakeBus(load_parameters()), directory, ControllerSettings(**settings), limits),
+            Running(
+                bus or FakeBus(load_parameters()),
+                directory,
+                ControllerSettings(**{"realtime": False, **settings}),  # this process is not the controller's own
+                limits,
+            ),
         )
         return started[-1]
 

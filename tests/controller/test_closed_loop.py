@@ -294,7 +294,7 @@ def test_a_step_in_z1_moves_z2_and_z3_by_less_than_two_per_cent(point: FloatArra
 
 
 def printed(control: TaskSpaceController, reference: FloatArray) -> Triple:
-    """(23) with (19) to the letter: M̄11 + M̄12 ∂g/∂y for the inertia, D̄1, and gravity by (15)."""
+    """(23) with (19) to the letter: M̄11 + M̄12 ∂g/∂y for the inertia, D̄1, gravity by (15); J_c mended, see (12)."""
     state = control.state
     q = constrained.coordinates(state.angle, posture_at(MODEL, state.position).x)
     matrix = constrained.inertia_matrix(MODEL, q)[constrained.MEASURED]

@@ -10,13 +10,13 @@ import pytest
 from numba.core.runtime import _nrt_python
 
 from controller import law
-from controller.law import REFERENCE_SIZE, LawSettings, TaskSpaceController, pack_reference
+from controller.law import LawSettings, TaskSpaceController, pack_reference
 from controller.model import constrained
 from controller.model.compiled import PAIR, ROW, STATUS, TABLE, VECTOR, FloatArray, Vector, compiled_as
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import Status
 from controller.model.reach import posture_at
-from controller.model.state import blank_state, load_model
+from controller.model.state import REFERENCE_SIZE, blank_state, load_model
 from hardware.parameters import load_parameters
 
 MODEL = DeltaModel(load_parameters())

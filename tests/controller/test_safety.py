@@ -230,12 +230,18 @@ def test_healthy_drives_are_fine() -> None:
     assert check_drives(int(DriveStatus.ENABLED | DriveStatus.SATURATED | DriveStatus.STANDING)) is None
 
 
-def test_the_tool_must_be_near_its_reference() -> None:
-    assert check_tracking((0.0, 0.0, 0.4), (0.0, 0.009, 0.412), 0.0150001) is None
-    found = check_tracking((0.0, 0.0, 0.4), (0.0, 0.012, 0.416), 0.015)
+def test_the_tool_must_be_near_its_reference_nearer_where_it_is_stiff(limits: Limits) -> None:
+    stiff, soft = [4900.0] * 3, [400.0] * 3
+    assert check_tracking([0.0, 0.0, 0.4], [0.0, -0.0024, 0.4024], stiff, limits) is None
+    found = check_tracking([0.0, 0.0, 0.4], [0.0, 0.0, 0.4025], stiff, limits)
     assert found is not None
-    assert "0.0200 m from its reference along one axis, at most 0.0150 m is accepted" in explain(*found[:3])
-    assert check_tracking((0.0, 0.0, math.nan), (0.0, 0.0, 0.0), 0.015) is not None
+    assert "0.0025 m from its reference along one axis, at most 0.0024 m is accepted" in explain(*found[:3])
+    assert check_tracking([0.0, 0.0, 0.4], [0.0, 0.0, 0.4149], soft, limits) is None
+    assert check_tracking([0.0, 0.0, 0.4], [0.0, 0.0151, 0.4], soft, limits) is not None
+    assert check_tracking([0.0, 0.0, 0.4], [0.0151, 0.0, 0.4], [0.0, 4900.0, 4900.0], limits) is not None
+    assert check_tracking([0.0, 0.0, 0.4], [0.0019, 0.0, 0.4], [14400.0] * 3, limits) is None
+    assert check_tracking([0.0, 0.0, 0.4], [0.0021, 0.0, 0.4], [14400.0] * 3, limits) is not None
+    assert check_tracking([0.0, 0.0, math.nan], [0.0, 0.0, 0.0], stiff, limits) is not None
 
 
 @pytest.mark.parametrize("cause", list(Cause))

@@ -35,7 +35,7 @@ from controller.protocol.messages import Hello, Telemetry
 from controller.server import serve
 from controller.settings import CONTROLLER_FILE, ControllerSettings
 from controller.states import State
-from hardware.interfaces import Command
+from hardware.interfaces import Command, DriveStatus
 from hardware.parameters import load_parameters
 
 HOME, AWAY = (0.0, 0.0, 0.35), (0.10, 0.05, 0.40)
@@ -251,13 +251,13 @@ def test_a_fault_is_told_and_can_be_cleared(launch: Launch, line: Line, monkeypa
     monkeypatch.setattr("controller.client._COMMAND_TIMEOUT", 0.2)
     running = launch()
     with running.client() as client:
-        running.bus.on_tick = _At(1400, lambda: setattr(running.bus, "jammed", True))
-        with pytest.raises(MotionStopped, match=r"the tool was 0.01\d\d m from its reference, at most 0.0150 m"):
+        running.bus.on_tick = _At(1400, lambda: setattr(running.bus, "status", DriveStatus.FAULT))
+        with pytest.raises(MotionStopped, match=r"a drive reports a fault"):
             client.execute(line(HOME, AWAY, 900))
-        with pytest.raises(CommandFailed, match=r"enable had no effect within 0.2 s in state FAULT: the tool was"):
+        with pytest.raises(CommandFailed, match=r"enable had no effect within 0.2 s in state FAULT: a drive reports"):
             client.enable()
         assert running.bus.last.brake
-        running.bus.jammed = False
+        running.bus.status = DriveStatus.OK
         client.clear_fault()
         assert running.bus.last.brake
         client.enable()

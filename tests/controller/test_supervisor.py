@@ -11,9 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 from controller.causes import Cause, explain
+from controller.clock import Pulse
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
-from controller.protocol import CommandCode, MotionFlag, Result
+from controller.protocol import CommandCode, Guard, MotionFlag, Result
 from controller.protocol.messages import Announce, Samples
 from controller.report import report
 from controller.safety import Violation, default_limits
@@ -483,24 +484,160 @@ def test_an_event_that_is_not_foreseen_stops(rig: Rig) -> None:
 # faults
 
 
-def test_a_jammed_arm_stops_and_brakes(rig: Rig, line: Line) -> None:
+def test_a_jammed_arm_gives_way_and_admits_nothing_until_resume(rig: Rig, line: Line) -> None:
     rig.boot().begin(line(HOME, AWAY, 500))
     rig.run(200)
     rig.bus.jammed = True
-    rig.run(400)
-    assert State.STOPPING in rig.states
-    assert rig.state is State.FAULT
-    assert "m from its reference, at most 0.0150 m is accepted" in rig.sentence
+    rig.run(30)
+    assert rig.state is State.STOPPING
     assert rig.supervisor.ended.reason.cause is Cause.TRACKING
-    assert rig.supervisor.command() == Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=False, busy=False)
+    assert "m from its reference along one axis, at most 0.0024 m is accepted" in rig.sentence
+    row = rig.supervisor.reference.row
+    assert not row[9:12].any()  # no stiffness
+    assert not row[15]  # no tactile feedback
+    hold = np.array(rig.supervisor.law.holding_torque())
+    np.testing.assert_allclose(rig.supervisor.torque, hold, atol=1e-6)  # gravity only: it does not move
+    rig.run(300)
+    assert rig.state is State.HOLD
+    np.testing.assert_allclose(row[0:3], rig.supervisor.law.state.position, atol=1e-9)
+    assert set(row[9:12]) == {400.0}
+    rig.bus.jammed = False
+    rig.begin(line(tuple(row[0:3].tolist()), AWAY, 500))
+    assert rig.supervisor.ended.reason.cause is Cause.NOT_ADMITTED
+    rig.supervisor.obey(CommandCode.RESUME)
+    rig.begin(line(tuple(row[0:3].tolist()), AWAY, 500))
+    rig.run(600)
+    assert rig.supervisor.ended.result is Result.DONE
 
 
-def test_pushed_away_while_holding_it_brakes(rig: Rig) -> None:
+def test_pushed_away_while_holding_it_gives_way(rig: Rig) -> None:
     rig.boot().supervisor.reference.position[2] += 0.02
     measurement = rig.bus.exchange(rig.supervisor.command()._replace(busy=True))
     rig.supervisor.advance(measurement)
+    assert rig.state is State.STOPPING
+    assert rig.supervisor.busy
+    rig.run(400)
+    assert rig.state is State.HOLD
+    assert rig.supervisor.cause.cause is Cause.TRACKING
+
+
+def test_giving_way_is_not_shortened_by_a_stop_and_ends_a_shutdown_too(rig: Rig) -> None:
+    rig.boot().supervisor.reference.position[2] += 0.02
+    feel(rig)
+    rig.supervisor.stop(STOP)
+    rig.supervisor.retire()
+    assert rig.supervisor.cause.cause is Cause.TRACKING
+    assert not rig.supervisor.reference.stopping
+    rig.run(600)
+    assert rig.supervisor.finished
+    assert not rig.supervisor.exhausted
+
+
+def feel(rig: Rig, **change: Any) -> None:
+    """One tick with a changed measurement."""
+    healthy = rig.bus.exchange(rig.supervisor.command()._replace(busy=True))
+    rig.supervisor.advance(healthy._replace(**change))
+
+
+def test_too_hard_a_grip_is_let_go_after_a_while(rig: Rig) -> None:
+    rig.boot().supervisor.reference.finger_velocity = -0.03
+    for _ in range(341):
+        feel(rig, tactile=(16.0, 15.5))
+    assert rig.supervisor.reference.finger_velocity == -0.03
+    feel(rig, tactile=(16.0, 15.5))
+    assert rig.supervisor.cause.cause is Cause.GRIP_FORCE
+    assert rig.supervisor.reference.finger_velocity == 0.05
+    feel(rig, tactile=(6.0, 5.0))
+    assert rig.supervisor.reference.finger_velocity == 0.05
+    feel(rig, tactile=(0.5, 0.0))
+    assert rig.supervisor.reference.finger_velocity == 0.0
+    assert not rig.supervisor.admitting
+
+
+def test_letting_go_ends_even_if_the_force_stays(rig: Rig) -> None:
+    rig.boot()
+    for _ in range(500):
+        feel(rig, tactile=(41.0, 0.0))
+    assert rig.supervisor.cause.cause is Cause.TACTILE_OVERLOAD
+    opened = []
+    for _ in range(500):
+        feel(rig, tactile=(8.0, 8.0))
+        opened.append(rig.supervisor.reference.finger_velocity)
+    assert opened[-1] == 0.0
+
+
+def test_a_normal_grip_holds_for_ever(rig: Rig) -> None:
+    rig.boot().supervisor.reference.finger_velocity = -0.03
+    for _ in range(2000):
+        feel(rig, tactile=(8.0, 8.0))
+    assert rig.supervisor.reference.finger_velocity == -0.03
+    assert rig.supervisor.cause.cause is Cause.NONE
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    [
+        ({"velocity": (0.0, 14.5, 0.0)}, Cause.ENCODER),
+        ({"velocity": (0.0, -12.0, 0.0)}, Cause.ENCODER),
+    ],
+)
+def test_an_encoder_that_contradicts_itself_brakes(rig: Rig, change: dict[str, Any], cause: Cause) -> None:
+    rig.boot().run(3)
+    feel(rig, **change)
     assert rig.state is State.FAULT
-    assert rig.supervisor.torque == (0.0, 0.0, 0.0)
+    assert rig.supervisor.cause.cause is cause
+
+
+def test_a_frozen_encoder_is_noticed_before_the_tool_is_far_off(rig: Rig, line: Line) -> None:
+    rig.boot().begin(line(HOME, AWAY, 500))
+    rig.run(150)
+    joint = int(np.argmax(np.abs(rig.supervisor._asked_rates())))
+    frozen, start = rig.supervisor.measurement.angle[joint], rig.supervisor.reference.position.copy()
+    while rig.state is State.TRACK:
+        measured = rig.bus.exchange(rig.supervisor.command()._replace(busy=True))
+        angle, velocity = list(measured.angle), list(measured.velocity)
+        angle[joint], velocity[joint] = frozen, 0.0
+        rig.supervisor.advance(measured._replace(angle=tuple(angle), velocity=tuple(velocity)))
+    assert rig.supervisor.cause.cause in (Cause.ENCODER, Cause.TRACKING)
+    assert np.linalg.norm(rig.supervisor.reference.position - start) < 0.01
+
+
+def test_a_motor_that_gives_too_much_for_long_is_stopped_and_braked(rig: Rig) -> None:
+    rig.boot()
+    rig.supervisor._protection._mean.squares[2] = 2.4**2 - 1e-3
+    assert rig.state is State.HOLD
+    for _ in range(50):
+        rig.supervisor._protection._mean.squares[2] += 1e-3
+        feel(rig)
+    assert rig.state is State.FAULT
+    assert "let it cool" in rig.sentence
+
+
+def test_touch_ends_a_motion_in_the_tick_the_force_crosses_its_level(rig: Rig, line: Line) -> None:
+    samples = line(HOME, AWAY, 500)
+    samples["guard"], samples["guard_level"] = int(Guard.TOUCH), 3.0
+    rig.boot().begin(samples)
+    rig.run(100)
+    assert rig.state is State.TRACK
+    baseline = rig.supervisor._untouched
+    rig.supervisor._observer.update = lambda *_: (0.0, 0.0, baseline - 2.99)  # type: ignore[method-assign]
+    rig.run(1)
+    assert rig.state is State.TRACK
+    rig.supervisor._observer.update = lambda *_: (0.0, 0.0, baseline - 3.01)  # type: ignore[method-assign]
+    rig.run(1)
+    assert rig.supervisor.ended.result is Result.TOUCHED
+    assert rig.state is State.HOLD
+
+
+def test_pressing_for_too_long_gives_way(rig: Rig) -> None:
+    rig.boot()
+    rig.supervisor._observer.update = lambda *_: (0.0, 0.0, -31.0)  # type: ignore[method-assign]
+    for _ in range(341):
+        feel(rig)
+    assert rig.state is State.HOLD
+    feel(rig)
+    assert rig.state is State.STOPPING
+    assert rig.supervisor.cause.cause is Cause.PRESSING
 
 
 @pytest.mark.parametrize(
@@ -551,25 +688,25 @@ def test_a_torque_that_is_not_finite_brakes(fake_bus: Callable[..., Any]) -> Non
 
 def test_a_torque_beyond_the_peak_is_clamped_and_counted(rig: Rig, line: Line) -> None:
     rig.boot()
-    rig.supervisor.reference.row[9:12] = 1e5
-    rig.supervisor.reference.position[2] += 0.014
+    rig.supervisor.reference.row[9:12] = 7e5
+    rig.supervisor.reference.position[2] += 0.00199
     rig.supervisor.advance(rig.bus.exchange(rig.supervisor.command()._replace(busy=True)))
     assert rig.supervisor.clamped == 1
     assert max(map(abs, rig.supervisor.torque)) < 8.4
     for _ in range(2):
         rig.supervisor.advance(rig.bus.exchange(rig.supervisor.command()._replace(busy=True)))
     assert max(map(abs, rig.supervisor.torque)) == 8.4
-    assert report(rig.supervisor, True, 0, 0, [0] * 6).clamped == 3
+    assert report(rig.supervisor, True, 0, 0, Pulse(), [0] * 6).clamped == 3
 
 
 def test_a_fault_is_cleared_and_enabled_by_two_commands(rig: Rig, line: Line) -> None:
     rig.boot().begin(line(HOME, AWAY, 500))
     rig.run(200)
-    rig.bus.jammed = True
+    rig.bus.status = DriveStatus.FAULT
     rig.run(400)
     rig.supervisor.obey(CommandCode.ENABLE)
     assert rig.state is State.FAULT
-    rig.bus.jammed = False
+    rig.bus.status = DriveStatus.OK
     rig.supervisor.obey(CommandCode.CLEAR_FAULT)
     assert rig.state is State.BOOT
     assert not rig.supervisor.busy

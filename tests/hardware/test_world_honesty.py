@@ -149,6 +149,8 @@ MAY_WRITE = {
     ("drawing", "_serve", "qpos"),  # the renderer's own copy, in its own process: it is drawn, never stepped
     ("scene", "_start_positions", "qpos"),  # the key frame from which the world starts
     ("scene", "build_model", "qpos"),
+    ("grasp_world", "_start", "qpos"),  # likewise of the figures' block on a surface
+    ("grasp_world", "build_block_world", "qpos"),
 }
 
 MAY_CALL = {
@@ -157,7 +159,7 @@ MAY_CALL = {
     "mj_forward": {("plant", "Plant.__init__"), ("drawing", "_serve")},
     "mj_kinematics": {("drawing", "_serve")},
     "mj_camlight": {("drawing", "_serve")},
-    "mj_saveModel": {("server", "World.__init__")},
+    "mj_saveModel": {("server", "World.__init__"), ("grasp_world", "save_model")},
 }
 """The only functions of MuJoCo that take a whole simulation, and where they are called."""
 
