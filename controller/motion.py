@@ -5,8 +5,6 @@ Repeated, late or reordered samples change nothing: the first copy of each index
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -65,24 +63,38 @@ class MotionBuffer:
         end = min(samples.start + len(samples.rows), motion.length, self.executed + self._capacity - 1)
         if first >= end:
             return None
-        self._write(first, samples.rows[first - samples.start : end - samples.start])
+        rows = rows_from_samples(samples.rows[first - samples.start : end - samples.start])
+        if first == self.received and not self._early:  # as nearly always
+            trouble = self._verify(rows, first, end)
+            if trouble is None:
+                self._put(first, end, rows)
+                self.received = end
+            return trouble
+        self._keep(first, rows)
         before = self.received
         if first > before:
             return None
         ready = self._contiguous(end)
-        trouble = self._verify(before, ready)
+        trouble = self._verify(self._rows[np.arange(before, ready) % self._capacity], before, ready)
         if trouble is None:
             self.received = ready
         return trouble
 
-    def _write(self, first: int, samples: NDArray[Any]) -> None:
-        rows = rows_from_samples(samples)
+    def _put(self, first: int, end: int, rows: NDArray[np.float64]) -> None:
+        """Write consecutive rows into the ring."""
+        place = first % self._capacity
+        if place + end - first <= self._capacity:
+            self._rows[place : place + end - first] = rows
+        else:
+            self._rows[np.arange(first, end) % self._capacity] = rows
+
+    def _keep(self, first: int, rows: NDArray[np.float64]) -> None:
+        """Write rows of which some may have come before; the first copy of each counts."""
         places = np.arange(first, first + len(rows)) % self._capacity
-        if first > self.received or self._early:
-            missing = ~self._present[places]
-            places, rows = places[missing], rows[missing]
-            self._present[places] = True
-            self._early += len(places)
+        missing = ~self._present[places]
+        places, rows = places[missing], rows[missing]
+        self._present[places] = True
+        self._early += len(places)
         self._rows[places] = rows
 
     def _contiguous(self, end: int) -> int:
@@ -100,8 +112,8 @@ class MotionBuffer:
         self._present[places] = False
         return count
 
-    def _verify(self, first: int, end: int) -> Violation | None:
-        rows = self._rows[np.arange(first, end) % self._capacity]
+    def _verify(self, rows: NDArray[np.float64], first: int, end: int) -> Violation | None:
+        """What is wrong with rows that now follow the contiguous ones."""
         previous = self.row(first - 1) if first else None
         trouble = self._check.rows(rows, previous)
         if trouble is None and first == 0:

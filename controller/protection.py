@@ -9,7 +9,10 @@ from __future__ import annotations
 import math
 from typing import Final
 
+import numpy as np
+
 from controller.causes import Cause
+from controller.model.compiled import FloatArray
 from controller.safety import Limits, Violation, axis_beyond, check_joints
 from hardware.interfaces import Measurement, Triple
 
@@ -51,52 +54,47 @@ class Encoders:
     def __init__(self, limits: Limits, period: float) -> None:
         self._limits, self._period = limits, period
         self._tick, self._angle = -1, _NOWHERE
-        self._way = [0.0, 0.0, 0.0]
-        """What was asked of each since the start [rad]."""
         self._since = [(_NOWHERE, _NOWHERE)] * 3
-        """Angles of all, and what had been asked of all, when each last moved."""
+        """Angles of all and the reference when each last moved."""
 
-    def check(self, measurement: Measurement, asked: Triple) -> Violation | None:
+    def check(self, measurement: Measurement, reference: Triple, rates: FloatArray) -> Violation | None:
         """Take a tick in.
 
         Args:
             measurement: of this tick.
-            asked: velocities of the servomotors that the reference asks for [rad/s].
+            reference: where the tool is asked to be [m].
+            rates: J_c⁻¹, shape (3, 3), which turns its way into the servomotors' [rad/m].
         """
         before, after, limits = self._angle, measurement.angle, self._limits
         consecutive = measurement.tick == self._tick + 1
         self._tick, self._angle = measurement.tick, after
         if not consecutive:
-            self._restart(after)
+            self._since = [(after, reference)] * 3
             return None
+        velocity, period, here = measurement.velocity, self._period, (after, reference)
         for i in (0, 1, 2):
-            self._way[i] += asked[i] * self._period
             moved = after[i] - before[i]
-            if abs(moved - measurement.velocity[i] * self._period) > limits.encoder_jump:
+            if abs(moved - velocity[i] * period) > limits.encoder_jump:
                 return Violation(Cause.ENCODER, float(i + 1), limits.encoder_jump)
             if moved != 0.0:
-                self._since[i] = after, self._asked_so_far()
-            elif self._stands_alone(i):
+                self._since[i] = here
+            elif self._stands_alone(i, reference, rates):
                 return Violation(Cause.ENCODER, float(i + 1), limits.encoder_way)
         return None
 
-    def _stands_alone(self, i: int) -> bool:
+    def _stands_alone(self, i: int, reference: Triple, rates: FloatArray) -> bool:
         """Whether servomotor i should have moved and did not, while another one did."""
-        angles, ways = self._since[i]
-        if not abs(self._way[i] - ways[i]) > self._limits.encoder_way:
+        angles, start = self._since[i]
+        if reference == start:
+            return False
+        asked = (rates @ np.subtract(reference, start)).tolist()
+        if not abs(asked[i]) > self._limits.encoder_way:
             return False
         for j in (0, 1, 2):
-            asked, moved = self._way[j] - ways[j], self._angle[j] - angles[j]
-            if j != i and abs(asked) > 0.1 * self._limits.encoder_way and 0.5 < moved / asked < 2.0:
+            moved = self._angle[j] - angles[j]
+            if j != i and abs(asked[j]) > 0.1 * self._limits.encoder_way and 0.5 < moved / asked[j] < 2.0:
                 return True
         return False
-
-    def _asked_so_far(self) -> Triple:
-        a, b, c = self._way
-        return a, b, c
-
-    def _restart(self, angle: Triple) -> None:
-        self._since = [(angle, self._asked_so_far())] * 3
 
     def reset(self) -> None:
         """Forget the angles before."""
@@ -143,9 +141,9 @@ class Protection:
         self._pressing = Overload(limits.press_force, limits.force_ticks)
         self._gripping = Overload(limits.grip_force, limits.force_ticks)
 
-    def joints(self, measurement: Measurement, asked: Triple) -> Violation | None:
-        """What no law can be trusted with: encoders, speed and range of the servomotors."""
-        return self._encoders.check(measurement, asked) or check_joints(measurement, self._limits)
+    def joints(self, measurement: Measurement, reference: Triple, rates: FloatArray) -> Violation | None:
+        """What no law can be trusted with: encoders, speed and range of the servomotors; see `Encoders.check`."""
+        return self._encoders.check(measurement, reference, rates) or check_joints(measurement, self._limits)
 
     def tool(self, position: list[float], velocity: list[float], force: Triple) -> Violation | None:
         """Where the tool is [m], how fast it moves [m/s], and how it presses [N]."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.causes import Cause
+from controller.model.compiled import FINDING, ROW, TABLE, TRUTH, FloatArray, compiled, compiled_as
 from controller.protocol.layout import Guard
 from controller.safety import Limits, Violation
 
@@ -36,13 +36,15 @@ class SampleCheck:
 
     def __init__(self, limits: Limits, period: float) -> None:
         self.limits = limits
-        self._period = period
         self._middle, self._range = _ranges(limits)
         self._half = self._range
         self._reference = np.zeros(3)
-        self._norm_bounds = np.array([limits.reach, limits.speed, limits.acceleration])
-        self._down_bound = np.array([limits.downward_speed])
-        self._step_bounds = np.repeat([limits.position_step, limits.velocity_step], 3)
+        self._bounds = np.array(
+            [
+                limits.reach, limits.speed, limits.acceleration, limits.downward_speed, limits.position_step,
+                limits.velocity_step, limits.near_depth, 0.5 * period,
+            ]
+        )  # fmt: skip
 
     def begin(self, reference: NDArray[np.float64]) -> None:
         """A new motion starts at this reference, shape (3,) [m].
@@ -54,7 +56,7 @@ class SampleCheck:
         outside = np.abs(reference - self._middle[POSITION]) + self.limits.start_position
         np.maximum(self._half[POSITION], outside, out=self._half[POSITION])
         axis_distance = math.hypot(reference[0], reference[1]) + self.limits.start_position
-        self._norm_bounds[0] = max(self.limits.reach, axis_distance)
+        self._bounds[_REACH] = max(self.limits.reach, axis_distance)
 
     def rows(self, rows: NDArray[np.float64], previous: NDArray[np.float64] | None) -> Violation | None:
         """The first violation in consecutive rows (n, 19), or ``None``.
@@ -63,11 +65,16 @@ class SampleCheck:
             rows: samples as float64, columns as on the wire.
             previous: the row (19,) before them, ``None`` at the start of a motion.
         """
-        # one comparison covers every column with a range; NaN fails it too
-        within = np.abs(rows - self._middle) <= self._half
-        if np.count_nonzero(within) < within.size:  # a fifth of the price of all()
-            return self._out_of_range(rows)
-        return self._norms(rows) or self._steps(rows, previous)
+        first = previous is None
+        found, offset, column, value = _first_violation(
+            rows, rows[0] if previous is None else previous, first, self._middle, self._half, self._bounds
+        )
+        if found == _FINE:
+            return None
+        if found == _RANGE:
+            return self._out_of_range(rows[offset], offset, column)
+        cause, bound = _BOUND_CAUSE[found], float(self._bounds[found])
+        return Violation(cause, value, bound, offset)
 
     def start(self, row: NDArray[np.float64]) -> Violation | None:
         """Whether a motion's first row (19,) continues the reference at rest."""
@@ -89,54 +96,68 @@ class SampleCheck:
             Violation(Cause.ENDS_MOVING, speed, self.limits.end_velocity) if speed > self.limits.end_velocity else None
         )
 
-    def _out_of_range(self, rows: NDArray[np.float64]) -> Violation:
-        outside = ~(np.abs(rows - self._middle) <= self._half)
-        offset = int(np.argmax(outside.any(axis=1)))
-        row, column = rows[offset], int(np.argmax(outside[offset]))
+    def _out_of_range(self, row: NDArray[np.float64], offset: int, column: int) -> Violation:
         if not np.isfinite(row).all():
             return Violation(Cause.NOT_FINITE, float(offset), 0.0, offset)
         if column < VELOCITY.start:
             away = abs(float(row[column]) - float(self._middle[column]))
             return Violation(Cause.WORKSPACE, away, float(self._half[column]), offset)
-        return Violation(
-            _COLUMN_CAUSE[column], float(row[column]), float(self._middle[column] + self._half[column]), offset
-        )
-
-    def _norms(self, rows: NDArray[np.float64]) -> Violation | None:
-        """Lengths of vectors: from the base's axis, of velocity, of acceleration, and downward speed near the board."""
-        lengths = np.sqrt((rows[:, :9] * rows[:, :9]) @ _GROUPS)
-        found = _first(lengths, self._norm_bounds, (Cause.REACH, Cause.SPEED, Cause.ACCELERATION))
-        if found is not None:
-            return found
-        down = rows[:, 5] * (rows[:, 2] >= self.limits.near_depth)
-        return _first(down[:, None], self._down_bound, (Cause.DOWNWARD_SPEED,))
-
-    def _steps(self, rows: NDArray[np.float64], previous: NDArray[np.float64] | None) -> Violation | None:
-        """Whether positions follow from velocities and velocities from accelerations (trapezoidal rule)."""
-        motion = rows[:, :9] if previous is None else np.concatenate((previous[None, :9], rows[:, :9]))
-        before, after = motion[:-1], motion[1:]
-        excess = np.abs(after[:, :6] - before[:, :6] - 0.5 * self._period * (after[:, 3:] + before[:, 3:]))
-        found = _first(excess, self._step_bounds, _STEP_CAUSES)
-        if found is None or previous is not None:
-            return found
-        return found._replace(offset=found.offset + 1)
+        bound = float(self._middle[column] + self._half[column])
+        return Violation(_COLUMN_CAUSE[column], float(row[column]), bound, offset)
 
 
-_GROUPS = np.zeros((9, 3))
-"""Sums squares of columns: position across the axis, velocity, acceleration."""
-_GROUPS[0:2, 0] = _GROUPS[3:6, 1] = _GROUPS[6:9, 2] = 1.0
+_REACH, _SPEED, _ACCELERATION, _DOWN, _POSITION_STEP, _VELOCITY_STEP, _NEAR, _HALF_PERIOD = range(8)
+"""Places in the array of bounds; the last two are no bounds, but what they need."""
+_RANGE, _FINE = 8, 9
+_BOUND_CAUSE: Final = (
+    Cause.REACH, Cause.SPEED, Cause.ACCELERATION, Cause.DOWNWARD_SPEED, Cause.POSITION_STEP, Cause.VELOCITY_STEP,
+)  # fmt: skip
 
-_STEP_CAUSES = (Cause.POSITION_STEP,) * 3 + (Cause.VELOCITY_STEP,) * 3
+
+@compiled
+def _too_large(row: FloatArray, bounds: FloatArray) -> tuple[int, float]:
+    """Which length of a row's vectors exceeds its bound, and the length."""
+    aside = math.sqrt(row[0] * row[0] + row[1] * row[1])
+    speed = math.sqrt(row[3] * row[3] + row[4] * row[4] + row[5] * row[5])
+    acceleration = math.sqrt(row[6] * row[6] + row[7] * row[7] + row[8] * row[8])
+    found = _FINE, 0.0
+    if row[2] >= bounds[_NEAR] and not row[5] <= bounds[_DOWN]:
+        found = _DOWN, row[5]
+    if not acceleration <= bounds[_ACCELERATION]:
+        found = _ACCELERATION, acceleration
+    if not speed <= bounds[_SPEED]:
+        found = _SPEED, speed
+    if not aside <= bounds[_REACH]:
+        found = _REACH, aside
+    return found
 
 
-def _first(values: NDArray[np.float64], bounds: NDArray[np.float64], causes: Sequence[Cause]) -> Violation | None:
-    """The first row of ``values`` (n, m) beyond one of its ``bounds`` (m,), if any."""
-    beyond = values > bounds
-    if np.count_nonzero(beyond) == 0:
-        return None
-    offset = int(np.argmax(beyond.any(axis=1)))
-    column = int(np.argmax(beyond[offset]))
-    return Violation(causes[column], float(values[offset, column]), float(bounds[column]), offset)
+@compiled_as(FINDING(TABLE, ROW, TRUTH, ROW, ROW, ROW))
+def _first_violation(
+    rows: FloatArray, previous: FloatArray, first: bool, middle: FloatArray, half: FloatArray, bounds: FloatArray
+) -> tuple[int, int, int, float]:
+    """What is wrong with the first bad row: which bound, offset of the row, column, value.
+
+    Compiled, as a datagram of samples is checked within a tick: ranges of all columns, lengths of vectors, and whether
+    positions follow from velocities and velocities from accelerations by the trapezoidal rule. Comparisons are written
+    so that what is no number fails them.
+    """
+    for k in range(rows.shape[0]):
+        row, before = rows[k], rows[k - 1] if k > 0 else previous
+        for column in range(rows.shape[1]):
+            if not abs(row[column] - middle[column]) <= half[column]:
+                return _RANGE, k, column, row[column]
+        which, length = _too_large(row, bounds)
+        if which != _FINE:
+            return which, k, 0, length
+        if k == 0 and first:
+            continue
+        for column in range(6):
+            step = row[column] - before[column] - bounds[_HALF_PERIOD] * (row[column + 3] + before[column + 3])
+            which = _POSITION_STEP if column < 3 else _VELOCITY_STEP
+            if not abs(step) <= bounds[which]:
+                return which, k, column, abs(step)
+    return _FINE, 0, 0, 0.0
 
 
 _COLUMN_CAUSE: dict[int, Cause] = {
@@ -168,16 +189,15 @@ def _ranges(limits: Limits) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return (low + high) / 2.0, (high - low) / 2.0
 
 
+_COARSE: Final = np.dtype([("doubles", "<f8", (9,)), ("floats", "<f4", (8,)), ("guard", "u1"), ("level", "<f4")])
+"""The wire's sample again, neighbours of one type taken together."""
+
+
 def rows_from_samples(samples: NDArray[Any]) -> NDArray[np.float64]:
     """Samples (n,) of the wire as float64 rows (n, 19) in the same order of columns."""
-    rows = np.empty((len(samples), COLUMNS))
-    rows[:, POSITION] = samples["position"]
-    rows[:, VELOCITY] = samples["velocity"]
-    rows[:, ACCELERATION] = samples["acceleration"]
-    rows[:, STIFFNESS] = samples["stiffness"]
-    rows[:, DAMPING] = samples["damping"]
-    rows[:, TACTILE_GAIN] = samples["tactile_gain"]
-    rows[:, FINGER_VELOCITY] = samples["finger_velocity"]
-    rows[:, GUARD] = samples["guard"]
-    rows[:, GUARD_LEVEL] = samples["guard_level"]
+    rows, coarse = np.empty((len(samples), COLUMNS)), samples.view(_COARSE)
+    rows[:, :9] = coarse["doubles"]
+    rows[:, 9:GUARD] = coarse["floats"]
+    rows[:, GUARD] = coarse["guard"]
+    rows[:, GUARD_LEVEL] = coarse["level"]
     return rows

@@ -158,13 +158,9 @@ class Supervisor:
         return None if status is Status.OK else Violation(Cause.MODEL, float(status), 0.0)
 
     def _joints(self, measurement: Measurement) -> Violation | None:
-        """Encoders, speed and range of the servomotors; ``asked`` is what the last tick's reference wants of them."""
-        asked = self._asked_rates() if self.state is State.TRACK else _NO_TORQUE
-        return self._protection.joints(measurement, asked)
-
-    def _asked_rates(self) -> Triple:
-        a, b, c = (self.law.state.jacobian_inverse @ self.reference.row[3:6]).tolist()
-        return a, b, c
+        """Encoders, speed and range of the servomotors, against what the last tick's reference wants of them."""
+        x, y, z = self.reference.position.tolist()
+        return self._protection.joints(measurement, (x, y, z), self.law.state.jacobian_inverse)
 
     def _control(self, measurement: Measurement, trouble: Violation | None) -> None:
         if trouble is not None:

@@ -52,6 +52,8 @@ STATUS: Any = _numba.types.int64
 PAIR: Any = _numba.types.UniTuple(SCALAR, 2)
 VECTOR: Any = _numba.types.UniTuple(SCALAR, 3)
 PLACED: Any = _numba.types.UniTuple(VECTOR, 2)
+TRUTH: Any = _numba.types.boolean
+FINDING: Any = _numba.types.Tuple((STATUS, STATUS, STATUS, SCALAR))
 FROZEN: Any = _numba.types.Array(SCALAR, 1, "C", readonly=True)
 ROW: Any = _numba.types.Array(SCALAR, 1, "C")
 TABLE: Any = _numba.types.Array(SCALAR, 2, "C")

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from controller.causes import Cause
@@ -38,7 +39,8 @@ def run(encoders: Encoders, angle: Callable[[float], Triple], asked: Triple, tic
     for k in range(ticks):
         here = angle(k * TICK)
         velocity = tuple((a - b) / TICK for a, b in zip(here, before, strict=True))
-        found = encoders.check(measured(k, here, (velocity[0], velocity[1], velocity[2])), asked)
+        way = (asked[0] * k * TICK, asked[1] * k * TICK, asked[2] * k * TICK)
+        found = encoders.check(measured(k, here, (velocity[0], velocity[1], velocity[2])), way, np.eye(3))
         before = here
         if found is not None:
             assert found.cause is Cause.ENCODER
@@ -60,14 +62,14 @@ def test_an_encoder_that_stands_still_while_another_moves_as_asked_is_broken() -
 
 def test_an_encoder_that_jumps_is_broken_but_not_after_a_pause() -> None:
     encoders = Encoders(LIMITS, TICK)
-    assert encoders.check(measured(5, (0.0, 0.0, 0.0)), STILL) is None
-    assert encoders.check(measured(6, (0.0, 0.009, 0.0)), STILL) is None
-    found = encoders.check(measured(7, (0.0, 0.02, 0.0)), STILL)
+    assert encoders.check(measured(5, (0.0, 0.0, 0.0)), STILL, np.eye(3)) is None
+    assert encoders.check(measured(6, (0.0, 0.009, 0.0)), STILL, np.eye(3)) is None
+    found = encoders.check(measured(7, (0.0, 0.02, 0.0)), STILL, np.eye(3))
     assert found is not None
     assert (found.cause, found.value) == (Cause.ENCODER, 2.0)
-    assert encoders.check(measured(9, (0.5, 0.5, 0.5)), STILL) is None  # ticks were skipped
+    assert encoders.check(measured(9, (0.5, 0.5, 0.5)), STILL, np.eye(3)) is None  # ticks were skipped
     encoders.reset()
-    assert encoders.check(measured(10, (0.0, 0.0, 0.0)), STILL) is None
+    assert encoders.check(measured(10, (0.0, 0.0, 0.0)), STILL, np.eye(3)) is None
 
 
 def test_the_mean_torque_is_that_of_a_motor_that_cools() -> None:

@@ -591,7 +591,8 @@ def test_an_encoder_that_contradicts_itself_brakes(rig: Rig, change: dict[str, A
 def test_a_frozen_encoder_is_noticed_before_the_tool_is_far_off(rig: Rig, line: Line) -> None:
     rig.boot().begin(line(HOME, AWAY, 500))
     rig.run(150)
-    joint = int(np.argmax(np.abs(rig.supervisor._asked_rates())))
+    reference = rig.supervisor.reference
+    joint = int(np.argmax(np.abs(rig.supervisor.law.state.jacobian_inverse @ reference.row[3:6])))
     frozen, start = rig.supervisor.measurement.angle[joint], rig.supervisor.reference.position.copy()
     while rig.state is State.TRACK:
         measured = rig.bus.exchange(rig.supervisor.command()._replace(busy=True))
