@@ -164,7 +164,7 @@ class Supervisor:
 
     def _control(self, measurement: Measurement, trouble: Violation | None) -> None:
         if trouble is not None:
-            self._break(trouble)
+            self._react(trouble)
             return
         moving = self.state is not State.HOLD
         if self.state is State.TRACK:

@@ -53,6 +53,11 @@ def test_an_encoder_that_stands_still_while_another_moves_as_asked_is_broken() -
     asked = (1.0, 1.0, 0.5)
     assert run(Encoders(LIMITS, TICK), lambda t: (t, 0.3, 0.5 * t), asked, 1000) is Cause.ENCODER
     assert run(Encoders(LIMITS, TICK), lambda t: (t, t, 0.5 * t), asked, 1000) is None
+    # any other one tells
+    assert run(Encoders(LIMITS, TICK), lambda t: (t, 0.3, 0.0), (1.0, 1.0, 0.0), 1000) is Cause.ENCODER
+    assert run(Encoders(LIMITS, TICK), lambda t: (0.0, 0.3, t), (0.0, 1.0, 1.0), 1000) is Cause.ENCODER
+    # as fast as it gets, and well
+    assert run(Encoders(LIMITS, TICK), lambda t: (10.0 * t, -10.0 * t, t), (10.0, -10.0, 1.0), 200) is None
     # blocked: none moves; not asked for: nothing to be seen
     assert run(Encoders(LIMITS, TICK), lambda t: (0.1, 0.2, 0.3), asked, 1000) is None
     assert run(Encoders(LIMITS, TICK), lambda t: (t, 0.3, 0.5 * t), (1.0, 0.0, 0.5), 1000) is None

@@ -526,6 +526,7 @@ def test_giving_way_is_not_shortened_by_a_stop_and_ends_a_shutdown_too(rig: Rig)
     feel(rig)
     rig.supervisor.stop(STOP)
     rig.supervisor.retire()
+    rig.supervisor.retire()
     assert rig.supervisor.cause.cause is Cause.TRACKING
     assert not rig.supervisor.reference.stopping
     rig.run(600)
@@ -610,8 +611,20 @@ def test_a_motor_that_gives_too_much_for_long_is_stopped_and_braked(rig: Rig) ->
     for _ in range(50):
         rig.supervisor._protection._mean.squares[2] += 1e-3
         feel(rig)
+    assert State.STOPPING not in rig.states, "at rest there is nothing to stop"
     assert rig.state is State.FAULT
     assert "let it cool" in rig.sentence
+
+
+def test_a_motor_that_gives_too_much_in_motion_is_stopped_first(rig: Rig, line: Line) -> None:
+    rig.boot().begin(line(HOME, AWAY, 500))
+    rig.run(200)
+    rig.supervisor._protection._mean.squares[0] = 2.5**2
+    rig.run(1)
+    assert rig.state is State.STOPPING
+    rig.run(300)
+    assert rig.state is State.FAULT
+    assert rig.supervisor.cause.cause is Cause.RMS_TORQUE
 
 
 def test_touch_ends_a_motion_in_the_tick_the_force_crosses_its_level(rig: Rig, line: Line) -> None:
