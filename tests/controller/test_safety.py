@@ -254,7 +254,5 @@ def test_every_cause_has_a_sentence_with_a_next_step(cause: Cause) -> None:
 
 
 def test_a_workspace_out_of_reach_has_no_limits() -> None:
-    with pytest.raises(
-        ValueError, match=r"the middle of the workspace .* m is out of reach of arm 1"
-    ):
+    with pytest.raises(ValueError, match=r"the middle of the workspace .* m is out of reach of arm 1"):
         default_limits(load_parameters(), TableSettings(centre_in_base=(0.0, 0.0, 1.0)))
