@@ -1,0 +1,49 @@
+"""A game over a link that loses, repeats and reorders ends in the same world, to the last bit, as over a good one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.demo import DemoOptions, run_demo
+from app.faces import Quiet
+from controller.client import ControllerClient
+from controller.contact import find_controller
+from hardware.sim.settings import Pace
+
+LINE = "e4 d5 exd5"
+
+
+def play(folder: Path) -> dict[str, Any]:
+    """The line, as ``touchmove demo`` plays it; its report."""
+    options = DemoOptions(
+        plies=3, pace=Pace.FAST, seed=3, fen=None, moves=LINE, white_elo=None, black_elo=None, move_time=None,
+        nodes=None, engine=None, out=folder, video=False, video_length=1.0, linger=5.0, port=0,
+    )  # fmt: skip
+    done = run_demo(options, Quiet())
+    assert done.holds, done.report.failures
+    return done.report.model_dump()
+
+
+@pytest.mark.slow
+def test_a_line_over_a_bad_link_moves_every_piece_in_the_same_way(
+    tmp_path: Path, lossy_link: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    good = play(tmp_path / "good")
+    links = []
+
+    def through_a_bad_link(run_dir: Path, **options: Any) -> ControllerClient:
+        found = find_controller(run_dir)
+        links.append(lossy_link(found.port, loss=0.3, repeats=0.1, delay=0.02))
+        return ControllerClient("127.0.0.1", links[-1].port, found.key, **options)
+
+    monkeypatch.setattr("app.rig.ControllerClient.from_run_directory", through_a_bad_link)
+    bad = play(tmp_path / "bad")
+    assert len(links) == 1
+    assert len(links[0].seen) > 300
+    assert bad["world_state"] == good["world_state"]
+    assert bad["sim_s"] == good["sim_s"]
+    assert bad["kinds"] == good["kinds"]
