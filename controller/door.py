@@ -198,7 +198,8 @@ class Door:
             return Drop.SESSION
         if self._session == 0 and hello.cookie == self._cookie:
             self._session, self._name, self._cookie = opened.session, hello.name, _new_cookie()
-            self._window, self._last_order, self.last_command = SequenceWindow(), 0, 0
+            # what was sent before the lease must not come again and speak for the client
+            self._window, self._last_order, self.last_command = SequenceWindow(opened.sequence - 1), 0, 0
         if self._session == opened.session:
             if not self._window.accept(opened.sequence):
                 return Drop.SEQUENCE

@@ -82,11 +82,15 @@ def _payload_fits(kind: int, size: int) -> bool:
 
 
 class SequenceWindow:
-    """Accepts each sequence number once; reordering is fine as long as it is not too old."""
+    """Accepts each sequence number once; reordering is fine as long as it is not too old.
 
-    def __init__(self) -> None:
-        self._newest = 0
-        self._seen = 1
+    Args:
+        newest: this number and all below it count as seen.
+    """
+
+    def __init__(self, newest: int = 0) -> None:
+        self._newest = newest
+        self._seen = (1 << _WINDOW) - 1
 
     def accept(self, sequence: int) -> bool:
         """Whether this number is new; it is remembered then."""
