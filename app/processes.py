@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from app import UserError
 from controller.settings import ControllerSettings
 from hardware.parameters import load_parameters
 from hardware.sim.settings import load_settings
@@ -34,4 +35,8 @@ def run_controller(run_dir: Path) -> int:
     world = load_settings(run_dir)
     parameters = load_parameters(world.parameters_file)
     TaskSpaceController(DeltaModel(parameters))
-    return serve(SimServoBus(run_dir), parameters, settings, run_dir, default_limits(parameters, world.table))
+    try:
+        limits = default_limits(parameters, world.table)
+    except ValueError as error:  # the board is out of reach: said before the drives are opened
+        raise UserError(str(error)) from error
+    return serve(SimServoBus(run_dir), parameters, settings, run_dir, limits)

@@ -62,8 +62,8 @@ def serve(
     Returns:
         Exit status: 0 the arm rests on its brakes, 1 the drives were lost or the arm did not come to rest, 2 set-up.
     """
-    limits = limits or default_limits(parameters, TableSettings())
     try:
+        limits = limits or default_limits(parameters, TableSettings())
         check_limits(limits)
         key = load_key(run_directory / KEY_FILE)
         law = TaskSpaceController(DeltaModel(parameters))

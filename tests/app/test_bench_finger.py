@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.bench.finger import PROFILES, RELEASED, WITHIN, Felt, Missed, Trial, in_the_air, meet, on_the_board
+from app.bench.finger import PROFILES, RELEASED, WITHIN, Missed, Trial, in_the_air, meet, on_the_board
 from controller.safety import Limits, default_limits
 from hardware.parameters import load_parameters
 from hardware.sim.finger_world import STIFFNESS, Finger, build_finger_world, finger_force
@@ -72,7 +72,3 @@ def test_trials_repeat_with_their_seed(kind: Callable[..., Trial]) -> None:
     np.testing.assert_array_equal(first.start, again.start)
     assert first.finger == again.finger
     assert first.finger != other.finger
-
-
-def test_felt_has_what_the_rows_need() -> None:
-    assert Felt._fields == ("peak", "freed", "pressing", "at_rest")

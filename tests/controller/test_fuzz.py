@@ -8,6 +8,7 @@ import tracemalloc
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 from controller.door import Door
@@ -38,7 +39,7 @@ class House:
             (Kind.HEARTBEAT, HEARTBEAT.struct.pack(3)),
             (Kind.COMMAND, COMMAND.struct.pack(CommandCode.HOLD)),
             (Kind.ANNOUNCE, Announce(1, 1000, 10, MotionFlag.NONE).pack()),
-            (Kind.SAMPLES, Samples(1, 0, pytest.importorskip("numpy").zeros(10, SAMPLE)).pack()),
+            (Kind.SAMPLES, Samples(1, 0, np.zeros(10, SAMPLE)).pack()),
         ):
             self.recorded.append(self.seal(kind, payload))
             assert self.admit(self.recorded[-1]) is None
