@@ -36,11 +36,12 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class ArmState:
-    """Where the arm rests: reference, base frame (3,) [m]; finger position [m]; tick."""
+    """Where the arm rests: reference, base frame (3,) [m]; finger position [m]; tick; what both pads feel [N]."""
 
     reference: Vector
     finger: float
     tick: int
+    felt: float = 0.0
 
 
 class Arm(Protocol):
@@ -51,8 +52,8 @@ class Arm(Protocol):
     def state(self) -> ArmState:
         """The arm at rest; on a simulated rig in pace fast, once plant time stands."""
 
-    def execute(self, plan: Plan) -> Outcome:
-        """Do a whole plan."""
+    def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
+        """Do a whole plan; ``begin`` is told each motion before it is announced."""
 
 
 class ControllerArm:
@@ -67,9 +68,10 @@ class ControllerArm:
     def state(self) -> ArmState:
         """See ``Arm.state``."""
         telemetry = self._client.wait_standing()
-        return ArmState(np.array(telemetry.reference), telemetry.finger_position, telemetry.tick)
+        felt = min(telemetry.tactile)
+        return ArmState(np.array(telemetry.reference), telemetry.finger_position, telemetry.tick, felt)
 
-    def execute(self, plan: Plan) -> Outcome:
+    def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
         """Stream the motions one after the other.
 
         Raises:
@@ -80,6 +82,8 @@ class ControllerArm:
         for index, motion in enumerate(plan.motions):
             if self._progress is not None:
                 self._progress(motion.label)
+            if begin is not None:
+                begin(motion)
             done = self._client.execute(motion.samples, followed=index < len(plan.motions) - 1)
             first_tick = done.first_tick if first_tick is None else first_tick
             end_tick = done.end_tick

@@ -8,9 +8,13 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
+
+if TYPE_CHECKING:
+    from app.faces import Face
+    from app.session import SessionResult
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -36,7 +40,10 @@ def _root() -> None:
 @app.command()
 def demo(
     plies: Annotated[int, typer.Option(min=1, help="End after so many plies.")] = 300,
-    pace: Annotated[str, typer.Option(help="real: by the wall clock; fast: as fast as the machine can.")] = "real",
+    rig: Annotated[str, typer.Option(help="sim, or the TOML file of a lab's rig.")] = "sim",
+    pace: Annotated[
+        str | None, typer.Option(help="real: by the wall clock, the default; fast: as fast as the machine can.")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Chooses the opening and all randomness of the world.")] = 1,
     fen: Annotated[str | None, typer.Option(help="Start from this position.")] = None,
     moves: Annotated[str | None, typer.Option(help='Play this line (SAN or UCI), e.g. "e4 d5 exd5".')] = None,
@@ -58,35 +65,53 @@ def demo(
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
     """Two engines play a game that the arm executes."""
-    if pace not in ("real", "fast"):
+    if pace not in (None, "real", "fast"):
         _fail(f"--pace is '{pace}', choose real or fast")
 
-    from rich.console import Console
-
-    from app import UserError
     from app.demo import DemoOptions, run_demo
-    from app.faces import Quiet, Terminal
-    from engine.errors import EngineProblem
     from hardware.sim.settings import Pace
 
     options = DemoOptions(
-        plies=plies, pace=Pace(pace), seed=seed, fen=fen, moves=moves, white_elo=white_elo, black_elo=black_elo,
+        rig=rig, plies=plies, pace=None if pace is None else Pace(pace), seed=seed, fen=fen, moves=moves, white_elo=white_elo, black_elo=black_elo,
         move_time=movetime, nodes=nodes, engine=engine, out=out, video=video, video_length=video_length,
         linger=linger, port=port,
     )  # fmt: skip
+    _show_game(lambda face: run_demo(options, face), headless=headless, as_json=as_json)
+
+
+@app.command()
+def resume(
+    folder: Annotated[Path, typer.Argument(help="Folder of the game's record.")],
+    headless: Annotated[bool, typer.Option("--headless", help="Show nothing while playing.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+) -> None:
+    """Go on with a game that was interrupted, or whose program, controller or computer died: with the ply under way."""
+    from app.demo import resume_demo
+
+    _show_game(lambda face: resume_demo(folder, face), headless=headless, as_json=as_json)
+
+
+def _show_game(play: Callable[[Face], SessionResult], *, headless: bool, as_json: bool) -> NoReturn:
+    """Play a game before a face; ends the program."""
+    from rich.console import Console
+
+    from app import UserError
+    from app.faces import Quiet, Terminal
+    from engine.errors import EngineProblem
+
     console = Console(stderr=True)
     for number in (signal.SIGINT, signal.SIGTERM):  # SIGINT too: a shell's background job starts with it ignored
         signal.signal(number, _interrupt)
     try:
         if headless:
-            result = run_demo(options, Quiet())
+            result = play(Quiet())
         else:
             with Terminal(console) as terminal:
-                result = run_demo(options, terminal)
+                result = play(terminal)
     except (UserError, EngineProblem) as error:
         _fail(str(error))
     except KeyboardInterrupt:
-        _fail("interrupted; the arm rests on its brakes and nothing is left running", 130)
+        _fail("interrupted; the arm rests and nothing that this program started is left running", 130)
     if as_json:
         print(result.report.model_dump_json(indent=2))
     if not headless:
@@ -115,22 +140,56 @@ def _interruptible() -> Iterator[None]:
 
 
 @app.command()
-def controller(run_dir: RunDir) -> None:
-    """The controller process of a rig; started by the app."""
-    from app.processes import run_controller
+def controller(
+    action: Annotated[
+        str, typer.Argument(help="run, status, enable, hold, resume, stop, clear-fault or shutdown.")
+    ] = "run",
+    rig: Annotated[str, typer.Option(help="sim, or the TOML file of a lab's rig.")] = "sim",
+    run_dir: Annotated[Path | None, typer.Option("--run-dir", hidden=True)] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the telemetry as JSON.")] = False,
+) -> None:
+    """Run a rig's controller until Ctrl-C; or look at one that runs, or command it."""
+    from app.processes import run_controller, run_controller_of_rig
 
-    _run(lambda: run_controller(run_dir))
+    if run_dir is not None:
+        _run(lambda: run_controller(run_dir))
+    if action == "run":
+        _run(lambda: run_controller_of_rig(rig, _say))
+    _operate(action, rig, as_json)
+
+
+def _operate(action: str, rig: str, as_json: bool) -> NoReturn:
+    import json
+
+    from rich.console import Console
+
+    from app import UserError
+    from app.operate import operate, status_table
+
+    try:
+        telemetry = operate(action, rig)
+    except UserError as error:
+        _fail(str(error))
+    if as_json:
+        print(json.dumps(telemetry._asdict(), default=str, indent=2))
+    else:
+        Console().print(status_table(telemetry))
+    raise typer.Exit(0)
+
+
+def _say(step: str) -> None:
+    print(f"touchmove: {step}", file=sys.stderr, flush=True)
 
 
 @app.command()
 def world(run_dir: RunDir) -> None:
-    """The simulated world's process; started by the app."""
+    """The simulated world's process; started by whoever needs one."""
     from app.processes import run_world
 
     _run(lambda: run_world(run_dir))
 
 
-def _run(process: Callable[[], int]) -> None:
+def _run(process: Callable[[], int]) -> NoReturn:
     from app import UserError
     from hardware.interfaces import HardwareError
 
@@ -155,7 +214,7 @@ def figures(
     from hardware.interfaces import HardwareError
 
     try:
-        content = make_figure(name, out, lambda step: print(f"touchmove: {step}", file=sys.stderr))
+        content = make_figure(name, out, _say)
     except (UserError, HardwareError) as error:
         _fail(str(error))
     if as_json:
@@ -177,7 +236,7 @@ def bench(
 
     try:
         with _interruptible():
-            report = run_bench(name, quick, lambda step: print(f"touchmove: {step}", file=sys.stderr))
+            report = run_bench(name, quick, _say)
     except UserError as error:
         _fail(str(error))
     if as_json:
@@ -189,7 +248,9 @@ def bench(
 
 @app.command("link-test")
 def link_test(
-    rig: Annotated[str, typer.Option(help="Which rig; sim is started for the test.")] = "sim",
+    rig: Annotated[
+        str, typer.Option(help="sim, which is started for the test, or the TOML file of a lab's rig.")
+    ] = "sim",
     duration: Annotated[float, typer.Option(min=2.0, help="How long to measure [s].")] = 10.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
 ) -> None:
@@ -201,7 +262,7 @@ def link_test(
 
     try:
         with _interruptible():
-            report = run_link_test(rig, duration, lambda step: print(f"touchmove: {step}", file=sys.stderr))
+            report = run_link_test(rig, duration, _say)
     except UserError as error:
         _fail(str(error))
     if as_json:

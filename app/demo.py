@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from contextlib import ExitStack
 from pathlib import Path
+from typing import Final
 
 import chess
-from pydantic import JsonValue
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from app import UserError
+from app.config import SIMULATED, RigFile
 from app.faces import Face
-from app.game import EXPECTED_FAILURES, Devices, Game, GameEnd
+from app.game import Game, Position
 from app.layout import start_layout
 from app.lines import parse_line
 from app.manipulation import Inventory
 from app.motion import MotionSettings
 from app.players import EnginePlayer, LinePlayer, Player
-from app.records import GameRecord, GameSetup, RecordError, Report, new_folder, utc_now
-from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
-from app.rig import SimRig, SimRigSettings
-from app.video import Film
+from app.records import EVENTS_FILE, GameRecord, GameSetup, new_folder, read_history, utc_now
+from app.records.files import write_atomically
+from app.rig import choose_rig, open_rig
+from app.session import Filming, SessionResult, run_session
+from app.sim_rig import SimRigSettings
 from controller.settings import ControllerSettings
-from engine.errors import EngineProblem
 from engine.openings import opening_engine, varied_opening
 from engine.stockfish import Engine, EngineSettings
 from hardware.parameters import load_parameters
@@ -33,63 +33,121 @@ from hardware.table import TableSettings
 
 OPENING_PLIES = 8
 HASH_MB = 16
+OPTIONS_FILE: Final = "demo.json"
+"""In the folder of a game: what it was started with."""
 
 
-@dataclass(frozen=True, slots=True)
-class DemoOptions:
-    """What ``touchmove demo`` was asked for; units as on the command line."""
+class DemoOptions(BaseModel):
+    """What ``touchmove demo`` was asked for; units as on the command line. Kept in the folder of the game."""
 
-    plies: int
-    pace: Pace
-    seed: int
-    fen: str | None
-    moves: str | None
-    white_elo: int | None
-    black_elo: int | None
-    move_time: float | None
-    nodes: int | None
-    engine: str | None
-    out: Path | None
-    video: bool
-    video_length: float
-    linger: float
-    port: int
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
-
-@dataclass(frozen=True, slots=True)
-class DemoResult:
-    """The report, where it lies, and whether everything held."""
-
-    report: Report
-    folder: Path
-    holds: bool
+    plies: int = 300
+    pace: Pace | None = None
+    """Of a simulation of our own; None: real. A rig file says its own."""
+    seed: int = 1
+    fen: str | None = None
+    moves: str | None = None
+    white_elo: int | None = None
+    black_elo: int | None = None
+    move_time: float | None = 0.2
+    nodes: int | None = None
+    engine: str | None = None
+    out: Path | None = None
+    video: bool = True
+    video_length: float = 40.0
+    linger: float = 30.0
+    port: int = 0
+    rig: str = SIMULATED
 
 
-def run_demo(options: DemoOptions, face: Face) -> DemoResult:
+def run_demo(options: DemoOptions, face: Face) -> SessionResult:
     """Play one game.
 
     Raises:
         UserError: bad options, something missing on this machine, or no space for the record.
         EngineProblem: Stockfish is missing or fails for good.
     """
+    rig = choose_rig(options.rig)
+    if rig is not None and options.pace not in (None, rig.pace):
+        raise UserError(f"rig {options.rig} runs in pace {rig.pace}: leave --pace out, or change its file")
+    pace = rig.pace if rig is not None else options.pace or Pace.REAL
     board = _start_board(options.fen)
     line = parse_line(options.moves, board) if options.moves is not None else None
-    table = TableSettings()
+    table = TableSettings() if rig is None else rig.table
     inventory = Inventory.of(start_layout(board, table), table)
     with ExitStack() as stack:
         players = _players(options, board, line, stack, face)
         folder = options.out if options.out is not None else new_folder(Path("games"), utc_now())
-        setup = GameSetup(players[chess.WHITE].name, players[chess.BLACK].name, options.seed, options.pace.value)
-        record = stack.enter_context(GameRecord(folder, setup, board, inventory, 0.0))
-        motion = MotionSettings()
-        settings = SimRigSettings(
-            world=WorldSettings(
-                pieces=tuple(inventory), home=motion.home, table=table, pace=options.pace, seed=options.seed,
-                linger=options.linger,
-            ),
-            controller=ControllerSettings(linger=max(options.linger, 1e-3), port=options.port),
-        )  # fmt: skip
-        return _on_rig(options, board, inventory, players, record, settings, motion, face)
+        setup = GameSetup(players[chess.WHITE].name, players[chess.BLACK].name, options.seed, pace.value)
+        record = stack.enter_context(GameRecord.begin(folder, setup, board, inventory, 0.0))
+        write_atomically(folder / OPTIONS_FILE, options.model_dump_json(indent=2) + "\n")
+        world = _simulation(options, inventory, pace) if rig is None else None
+        return _play(options, rig, world, players, record, Position(board, inventory), face)
+
+
+def resume_demo(folder: Path, face: Face) -> SessionResult:
+    """Go on with a game whose program, controller or world was killed or interrupted: first with the ply under way.
+
+    Raises:
+        UserError: the folder holds no such game, or the game is over; or as ``run_demo``.
+        EngineProblem: as ``run_demo``.
+    """
+    options = _read_options(folder)
+    rig = choose_rig(options.rig)
+    history = read_history(folder / EVENTS_FILE, TableSettings() if rig is None else rig.table)
+    if history.plies >= options.plies or history.board.is_game_over(claim_draw=True):
+        raise UserError(f"the game in {folder} is over, after {history.plies} plies: start a new one")
+    board = _start_board(options.fen)
+    line = parse_line(options.moves, board) if options.moves is not None else None
+    with ExitStack() as stack:
+        players = _players(options, board, line, stack, face, opened=history.plies > 0)
+        record = stack.enter_context(GameRecord.go_on(folder, history))
+        position = Position(history.board, history.inventory, True, history.unfinished)
+        return _play(options, rig, None, players, record, position, face)
+
+
+def _play(
+    options: DemoOptions,
+    rig: RigFile | None,
+    world: SimRigSettings | None,
+    players: dict[chess.Color, Player],
+    record: GameRecord,
+    position: Position,
+    face: Face,
+) -> SessionResult:
+    """On the rig, from a position on; ``world`` None: what runs, or was left, in the folder's run directory."""
+    run_dir = record.folder / "run"
+    parameters = load_parameters() if rig is None else load_parameters(rig.parameters)
+    filmed = options.video and not position.begun and (rig is None or rig.simulated)
+    pace = Pace(record.start.pace)
+    at = run_dir if rig is None else rig.run_dir
+    filming = Filming(at, record.folder / "game.webm", options.video_length, pace) if filmed else None
+    return run_session(
+        lambda listener: open_rig(rig, run_dir, world, face.phase, listener),
+        lambda devices: Game(position, players, devices, record, face, MotionSettings(), parameters),
+        options.plies, record, parameters.drive.tick, filming, face,
+    )  # fmt: skip
+
+
+def _simulation(options: DemoOptions, inventory: Inventory, pace: Pace) -> SimRigSettings:
+    return SimRigSettings(
+        world=WorldSettings(
+            pieces=tuple(inventory), home=MotionSettings().home, table=inventory.table, pace=pace, seed=options.seed,
+            linger=options.linger,
+        ),
+        controller=ControllerSettings(linger=max(options.linger, 1e-3), port=options.port),
+    )  # fmt: skip
+
+
+def _read_options(folder: Path) -> DemoOptions:
+    path = folder / OPTIONS_FILE
+    try:
+        return DemoOptions.model_validate_json(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror}): name the folder of a game") from error
+    except ValidationError as error:
+        raise UserError(f"{path} is of another version: go on with the version that wrote it") from error
 
 
 def _start_board(fen: str | None) -> chess.Board:
@@ -104,8 +162,15 @@ def _start_board(fen: str | None) -> chess.Board:
 
 
 def _players(
-    options: DemoOptions, board: chess.Board, line: tuple[chess.Move, ...] | None, stack: ExitStack, face: Face
+    options: DemoOptions,
+    board: chess.Board,
+    line: tuple[chess.Move, ...] | None,
+    stack: ExitStack,
+    face: Face,
+    *,
+    opened: bool = False,
 ) -> dict[chess.Color, Player]:
+    """Who plays which colour; ``opened``: the opening is not chosen any more."""
     if line is not None:
         follower = LinePlayer(board, line)
         return {chess.WHITE: follower, chess.BLACK: follower}
@@ -113,7 +178,7 @@ def _players(
     if options.nodes is not None and any(elo is not None for elo in engines.values()):
         raise UserError("--nodes is for repeatable games at full strength: leave --white-elo and --black-elo out")
     face.phase("starting Stockfish")
-    opening = () if options.fen is not None else _opening(options, board)
+    opening = () if opened or options.fen is not None else _opening(options, board)
     players: dict[chess.Color, Player] = {}
     for colour, elo in engines.items():
         engine = stack.enter_context(Engine(_engine_settings(options, elo)))
@@ -130,78 +195,3 @@ def _engine_settings(options: DemoOptions, elo: int | None) -> EngineSettings:
 def _opening(options: DemoOptions, board: chess.Board) -> tuple[chess.Move, ...]:
     with opening_engine(_engine_settings(options, None)) as engine:
         return varied_opening(engine, board, min(OPENING_PLIES, options.plies), random.Random(options.seed))
-
-
-FAILED = GameEnd("*", "failed", complete=False)
-
-
-@dataclass(slots=True)
-class _Course:
-    """How a game went so far, whatever ends it."""
-
-    end: GameEnd = FAILED
-    failures: list[str] = field(default_factory=list)
-    interrupted: bool = False
-    plant_time: float = 0.0
-    speed: float | None = None
-    world_state: str | None = None
-
-
-def _on_rig(
-    options: DemoOptions,
-    board: chess.Board,
-    inventory: Inventory,
-    players: dict[chess.Color, Player],
-    record: GameRecord,
-    settings: SimRigSettings,
-    motion: MotionSettings,
-    face: Face,
-) -> DemoResult:
-    course = _Course()
-    run_dir = record.folder / "run"
-    parameters = load_parameters(settings.world.parameters_file)
-    telemetry = TelemetryRecorder(record.folder / TELEMETRY_FILE, parameters.drive.tick)
-    with telemetry, SimRig(run_dir, settings, face.phase, telemetry.take) as rig:
-        devices = Devices(rig.arm, rig.clock, rig.camera, rig.referee)
-        game = Game(board, inventory, players, devices, record, face, motion, parameters)
-        try:
-            with _filming(options, run_dir, record.folder, parameters.drive.tick):
-                course.end = game.play(options.plies)
-            _take_stock(rig, course)
-        except KeyboardInterrupt:
-            course.end, course.interrupted = GameEnd("*", "interrupted", complete=False), True
-        except RecordError:
-            raise
-        except (*EXPECTED_FAILURES, EngineProblem) as error:
-            course.failures.append(rig.failure() or str(error))
-        face.phase("the arm goes to rest")
-        last = rig.close()
-    if last is None or not last.at_rest:
-        course.failures.append("the arm did not come to rest on its brakes")
-    details: dict[str, JsonValue] = {"thinking_s": round(game.thinking, 3)}
-    report = record.end(
-        course.end.result, course.end.reason, course.plant_time, failures=course.failures, speed=course.speed,
-        world_state=course.world_state, details=details,
-    )  # fmt: skip
-    if course.interrupted:
-        raise KeyboardInterrupt
-    holds = course.end.complete and not course.failures and report.physical_ok is not False
-    return DemoResult(report, record.folder, holds)
-
-
-def _take_stock(rig: SimRig, course: _Course) -> None:
-    """The world's last state; once plant time stands, so that a repeated run ends in the same tick."""
-    rig.arm.state()
-    truth, run = rig.referee.look()
-    course.speed, course.world_state, course.plant_time = run.ratio, truth.state_sha256, rig.clock.now()
-
-
-@contextmanager
-def _filming(options: DemoOptions, run_dir: Path, folder: Path, tick: float) -> Iterator[None]:
-    length, path = options.video_length, folder / "game.webm"
-    film = Film(run_dir, path, length, options.pace, tick) if options.video else None
-    try:
-        yield
-    finally:
-        if film is not None:
-            film.finish()

@@ -11,14 +11,15 @@ import chess
 import cv2
 
 from app import UserError
-from app.arm import Arm, Outcome
+from app.arm import Arm, ArmState, Outcome
 from app.faces import Face
 from app.judging import Verdict, judge
 from app.manipulation import Inventory, Ply, transfers
-from app.motion import MotionSettings, plan_ply
+from app.motion import Motion, MotionSettings, plan_ply, plan_return
 from app.players import Player
-from app.records import GameRecord, PlyOutcome, recording
+from app.records import GameRecord, PlyOutcome, StepEvent, recording
 from app.records.events import Result
+from app.recovery import Progress, progress_of
 from controller.errors import ControllerError
 from hardware.interfaces import Camera, Clock, Frame, HardwareError
 from hardware.parameters import RobotParameters
@@ -39,6 +40,18 @@ class Devices:
 
 
 @dataclass(frozen=True, slots=True)
+class Position:
+    """Where a game stands: the board with its moves, what stands where, whether another program has begun it, and
+    what that had begun of the next ply.
+    """
+
+    board: chess.Board
+    inventory: Inventory
+    begun: bool = False
+    unfinished: StepEvent | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class GameEnd:
     """Why the loop ended: PGN result, phrase, and whether all that was asked was done."""
 
@@ -52,8 +65,7 @@ class Game:
 
     def __init__(
         self,
-        board: chess.Board,
-        inventory: Inventory,
+        position: Position,
         players: Mapping[chess.Color, Player],
         devices: Devices,
         record: GameRecord,
@@ -61,8 +73,9 @@ class Game:
         motion: MotionSettings,
         parameters: RobotParameters,
     ) -> None:
-        self._board = board
-        self._inventory = inventory
+        self._board = position.board
+        self._inventory = position.inventory
+        self._position = position
         self._players = players
         self._devices = devices
         self._record = record
@@ -78,7 +91,9 @@ class Game:
         A ply that fails physically ends the game; what went wrong is in the record.
         """
         self._face.position(self._board)
-        for done in range(plies + 1):
+        if not self._take_up():
+            return WRONG
+        for done in range(len(self._board.move_stack), plies + 1):
             outcome = self._board.outcome(claim_draw=True)
             if outcome is not None:
                 return GameEnd(_result(outcome), outcome.termination.name.lower().replace("_", " "), True)
@@ -88,8 +103,15 @@ class Game:
             if move is None:
                 return GameEnd("*", "end of the given line", True)
             if not self._execute(move):
-                return GameEnd("*", "the board is not as the game says", False)
+                return WRONG
         return GameEnd("*", f"{plies} plies played", True)
+
+    def _take_up(self) -> bool:
+        """Finish what another program has begun. False as of ``_execute``."""
+        position = self._position
+        if position.begun:
+            self._record.resumed(self._devices.clock.now())
+        return position.unfinished is None or self._finish(position.unfinished)
 
     def _choose(self) -> chess.Move | None:
         player = self._players[self._board.turn]
@@ -104,7 +126,20 @@ class Game:
         ply = transfers(self._board, move, self._inventory)
         if self._devices.referee is not None:
             self._devices.referee.look(reset_peak=True)
-        planned, done = self._move_pieces(ply)
+        return self._conclude(move, ply, self._move_pieces(ply, self._devices.arm.state(), None))
+
+    def _finish(self, step: StepEvent) -> bool:
+        """A ply that was broken off: what is left of it, from wherever the arm is. False as of ``_execute``."""
+        move = chess.Move.from_uci(step.uci)
+        ply = transfers(self._board, move, self._inventory)
+        state, table = self._devices.arm.state(), self._inventory.table
+        progress = progress_of(ply, step.transfer, step.stage, state, self._parameters, table)
+        self._face.phase(_explain(ply, progress))
+        return self._conclude(move, ply, self._move_pieces(ply, state, progress), resumed=True)
+
+    def _conclude(self, move: chess.Move, ply: Ply, moved: tuple[float, Outcome], *, resumed: bool = False) -> bool:
+        """After the pieces were moved: look, judge, record."""
+        planned, done = moved
         self._board.push(move)
         self._inventory = self._inventory.after(ply)
         self._inventory.check_against(self._board)
@@ -119,19 +154,32 @@ class Game:
             physical_ok=None if verdict is None else verdict.ok,
             frame=self._keep(frame),
             failures=() if verdict is None else verdict.failures,
+            resumed=resumed,
         )
         event = self._record.ply(ply, outcome, self._devices.clock.now())
         self._face.ply(event, self._board)
         return verdict is None or verdict.ok
 
-    def _move_pieces(self, ply: Ply) -> tuple[float, Outcome]:
-        arm = self._devices.arm
-        state = arm.state()
-        plan = plan_ply(
-            ply.san, ply.transfers, self._inventory, state.reference, state.finger, self._motion, self._parameters,
-            arm.lead_ticks,
-        )  # fmt: skip
-        return plan.expected, arm.execute(plan)
+    def _move_pieces(self, ply: Ply, state: ArmState, broken_off: Progress | None) -> tuple[float, Outcome]:
+        """All transfers of a ply, or what is left of one that was broken off; the duration planned, and what came."""
+        arm, parameters, inventory = self._devices.arm, self._parameters, self._inventory
+        done = 0 if broken_off is None else broken_off.done
+        for transfer in ply.transfers[:done]:
+            inventory = inventory.moved(transfer)
+        if rest := ply.transfers[done:]:
+            plan = plan_ply(
+                ply.san, rest, inventory, state.reference, state.finger, self._motion, parameters, arm.lead_ticks,
+                holding=broken_off is not None and broken_off.holding, low=broken_off is not None,
+            )  # fmt: skip
+        else:
+            kind, table = ply.transfers[-1].kind, inventory.table
+            plan = plan_return(state.reference, state.finger, self._motion, parameters, table, release=kind)
+        return plan.expected, arm.execute(plan, lambda motion: self._note(ply, motion, done))
+
+    def _note(self, ply: Ply, motion: Motion, done: int) -> None:
+        """Record what the arm begins, so that another program can finish it."""
+        if motion.transfer is not None and motion.stage is not None:
+            self._record.step(ply.uci, done + motion.transfer, motion.stage, self._devices.clock.now())
 
     def _look(self) -> Frame | None:
         if self._devices.camera is None:
@@ -168,6 +216,14 @@ def save_picture(path: Path, frame: Frame) -> None:
         path.write_bytes(encoded.tobytes())
 
 
+def _explain(ply: Ply, progress: Progress) -> str:
+    if progress.done == len(ply.transfers):
+        return f"{ply.san} was all but done: the arm goes home"
+    piece = ply.transfers[progress.done]
+    where = "is in the fingers" if progress.holding else f"stands on {piece.source}"
+    return f"going on with {ply.san}: the {piece.kind} for {piece.target} {where}"
+
+
 def _moved(verdict: Verdict | None, ply: Ply) -> dict[str, float] | None:
     if verdict is None:
         return None
@@ -180,5 +236,6 @@ def _result(outcome: chess.Outcome) -> Result:
     return "1-0" if outcome.winner else "0-1"
 
 
+WRONG = GameEnd("*", "the board is not as the game says", False)
 EXPECTED_FAILURES = (UserError, ControllerError, HardwareError)
 """What may go wrong in a running game without a bug: each says in one sentence what and what to do."""

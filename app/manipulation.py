@@ -61,6 +61,17 @@ class MoveKind(StrEnum):
     PROMOTION = "promotion"
 
 
+class Stage(StrEnum):
+    """Parts of a transfer; the arm rests between them."""
+
+    APPROACH = "approach"
+    """Over to the piece and down, with open fingers."""
+    GRASP = "grasp"
+    """The fingers close."""
+    CARRY = "carry"
+    """Up, over, down, open, and away."""
+
+
 @dataclass(frozen=True, slots=True)
 class Transfer:
     """One piece carried from where it stands to a free place."""

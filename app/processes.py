@@ -1,15 +1,32 @@
-"""What runs inside the processes that a rig starts."""
+"""What runs inside the processes that a rig starts, and inside ``touchmove controller``."""
 
 from __future__ import annotations
 
+import contextlib
+import importlib
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Final
 
 from app import UserError
+from app.config import SIMULATED, ConfigError, ControllerSection, RigFile, load_rig
+from controller.protocol.key import KEY_FILE, KeyFileError, create_key
 from controller.settings import ControllerSettings
-from hardware.parameters import load_parameters
-from hardware.sim.settings import load_settings
+from hardware.interfaces import ServoBus
+from hardware.parameters import RobotParameters, load_parameters
+from hardware.sim.settings import FILE_NAME, WorldSettings, load_settings
+from hardware.sim.wire import world_pid
 
 CONTROLLER_SETTINGS_FILE = "controller_settings.json"
+RIG_FILE: Final = "rig.toml"
+WORLD_TIMEOUT: Final = 60.0
+"""A world with cameras takes a few seconds to start [s, wall]."""
+_ALONE: Final = 300.0
+"""How long a world waits for the controller that starts it [s, wall]."""
 
 
 def run_world(run_dir: Path) -> int:
@@ -21,7 +38,51 @@ def run_world(run_dir: Path) -> int:
 
 
 def run_controller(run_dir: Path) -> int:
-    """The controller until it is shut down; exit status.
+    """The controller of a run directory until it is shut down; exit status."""
+    settings = ControllerSettings.model_validate_json((run_dir / CONTROLLER_SETTINGS_FILE).read_text(encoding="utf-8"))
+    world = load_settings(run_dir)
+    rig = RigFile(
+        controller=ControllerSection.model_construct(**settings.model_dump(), key=run_dir / KEY_FILE),
+        run_dir=run_dir, parameters=world.parameters_file, table=world.table,
+    )  # fmt: skip
+    return _serve(rig, lambda _parameters: _simulated_bus(run_dir), lambda _host, _port: None)
+
+
+def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
+    """The controller of a rig until Ctrl-C, SIGTERM or a client's shutdown; exit status.
+
+    A simulated world is started with it, unless one runs already in the rig's run directory: then a controller before
+    this one was killed, and this one goes on with what it held.
+
+    Args:
+        name: ``sim``, or the path of a rig file.
+        progress: told what is being waited for, and where clients find the controller.
+
+    Raises:
+        UserError: the rig file, the key, the driver or the world is not as it should be.
+        HardwareError: the drives do not answer.
+    """
+    with _rig(name) as (rig, file):
+        key = rig.controller.key
+        try:
+            if not key.exists():
+                create_key(key)
+                progress(f"made the key {key}: copy it to every computer that has to reach this controller")
+        except KeyFileError as error:
+            raise UserError(str(error)) from error
+        with contextlib.suppress(FileExistsError):
+            rig.run_dir.mkdir(mode=0o700, parents=True)
+
+        def ready(host: str, port: int) -> None:
+            if name == SIMULATED:
+                file.write_text(_as_toml(host, port), encoding="utf-8")
+            progress(f"the arm holds; clients find it at {host}:{port}, with --rig {file}; Ctrl-C brakes and ends")
+
+        return _serve(rig, _bus(rig, progress), ready)
+
+
+def _serve(rig: RigFile, open_bus: Callable[[RobotParameters], ServoBus], ready: Callable[[str, int], None]) -> int:
+    """Run a controller.
 
     The law is compiled before the drives are opened: they would brake on a controller that says nothing for so long.
     """
@@ -29,14 +90,93 @@ def run_controller(run_dir: Path) -> int:
     from controller.model.constants import DeltaModel
     from controller.safety import default_limits
     from controller.server import serve
-    from hardware.sim.bus import SimServoBus
 
-    settings = ControllerSettings.model_validate_json((run_dir / CONTROLLER_SETTINGS_FILE).read_text(encoding="utf-8"))
-    world = load_settings(run_dir)
-    parameters = load_parameters(world.parameters_file)
+    parameters = load_parameters(rig.parameters)
     TaskSpaceController(DeltaModel(parameters))
     try:
-        limits = default_limits(parameters, world.table)
+        limits = default_limits(parameters, rig.table)
     except ValueError as error:  # the board is out of reach: said before the drives are opened
         raise UserError(str(error)) from error
-    return serve(SimServoBus(run_dir), parameters, settings, run_dir, limits)
+    bus, section = open_bus(parameters), rig.controller
+    return serve(bus, parameters, section, rig.run_dir, limits, key_file=section.key, ready=ready)
+
+
+@contextlib.contextmanager
+def _rig(name: str) -> Iterator[tuple[RigFile, Path]]:
+    """The rig that a name stands for, and its file; of ``sim`` one of its own, which goes with it."""
+    if name != SIMULATED:
+        yield load_rig(Path(name)), Path(name)
+        return
+    with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
+        section = ControllerSection.model_construct(key=Path(folder) / "touchmove.key", port=0)
+        yield RigFile(controller=section, run_dir=Path(folder) / "run"), Path(folder) / RIG_FILE
+
+
+def _as_toml(host: str, port: int) -> str:
+    return f'[controller]\nhost = "{host}"\nport = {port}\n'
+
+
+def _bus(rig: RigFile, progress: Callable[[str], None]) -> Callable[[RobotParameters], ServoBus]:
+    """What opens the rig's drives; a driver that is not there is found out before anything starts."""
+    if not rig.simulated:
+        return _driver(rig.drives.bus)
+
+    def open_simulated(_parameters: RobotParameters) -> ServoBus:
+        if world_pid(rig.run_dir) is None:
+            progress("starting the simulated world")
+            _start_world(rig)
+        else:
+            progress(f"a simulated world runs already in {rig.run_dir}: going on with it")
+        return _simulated_bus(rig.run_dir)
+
+    return open_simulated
+
+
+def _simulated_bus(run_dir: Path) -> ServoBus:
+    from hardware.sim.bus import SimServoBus
+
+    return SimServoBus(run_dir)
+
+
+def _driver(name: str) -> Callable[[RobotParameters], ServoBus]:
+    """A lab's own driver."""
+    module, _, function = name.partition(":")
+    try:
+        opener: Callable[[RobotParameters], ServoBus] = getattr(importlib.import_module(module), function)
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(
+            f"drives.bus is '{name}', which cannot be loaded ({error}): install it, or set PYTHONPATH to its folder"
+        ) from error
+    return opener
+
+
+def _start_world(rig: RigFile) -> None:
+    """Start a simulated world that ends with its controller, and wait until it answers."""
+    import chess
+
+    from app.layout import start_layout
+    from app.motion import MotionSettings
+
+    world = rig.world_section
+    try:
+        board = chess.Board(world.fen) if world.fen is not None else chess.Board()
+    except ValueError as error:
+        raise ConfigError(f"world.fen is no position: {error}") from error
+    settings = WorldSettings(
+        pieces=start_layout(board, rig.table), home=MotionSettings().home, table=rig.table, pace=world.pace,
+        parameters_file=rig.parameters, seed=world.seed, first_controller=_ALONE, cameras=world.cameras,
+    )  # fmt: skip
+    (rig.run_dir / FILE_NAME).write_text(settings.model_dump_json(), encoding="utf-8")
+    log = rig.run_dir / "world.log"
+    with log.open("wb") as said:
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "app.cli", "world", "--run-dir", str(rig.run_dir)],
+            stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True,
+        )  # fmt: skip
+    deadline = time.monotonic() + WORLD_TIMEOUT
+    while world_pid(rig.run_dir) is None:
+        if process.poll() is not None or time.monotonic() > deadline:
+            process.kill()
+            lines = log.read_text(errors="replace").strip().splitlines()
+            raise UserError(lines[-1] if lines else f"the simulated world did not start; see {log}")
+        time.sleep(0.02)

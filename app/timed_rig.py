@@ -16,7 +16,7 @@ from app import UserError
 from app.layout import start_layout
 from app.manipulation import Inventory
 from app.motion import MotionSettings
-from app.rig import SimRig, SimRigSettings
+from app.sim_rig import SimRig, SimRigSettings
 from controller.clock import PULSE_FILE
 from controller.settings import ControllerSettings
 from hardware.sim.settings import Pace, WorldSettings

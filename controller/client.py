@@ -31,10 +31,12 @@ from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
 from controller.states import State
 from hardware.interfaces import Triple
 
-_RESEND = 0.03
+_RESEND = 0.02
 """A sample not acknowledged is sent again after this [s]."""
-_FLIGHT = 48 * SAMPLES_PER_DATAGRAM
-"""Samples sent ahead of the acknowledgement: half a second, well within a socket's buffer."""
+_AHEAD = 20 * SAMPLES_PER_DATAGRAM
+"""Samples sent ahead of the executed one: 0.18 s. A client that dies leaves no more of its motion behind than that, and
+the arm's own stop takes up to 0.1 s more; a loss can be mended by eight repetitions, and a pause of the network, or of
+this process, for so long does not show in the motion."""
 _LEAD_LOCKSTEP = 8
 _LEAD_REAL_TIME = 30
 _COMMAND_TIMEOUT = 5.0
@@ -254,7 +256,7 @@ class ControllerClient:
         self._motion = max(self._motion, now.ended_motion, now.motion) + 1
         flags = MotionFlag.FOLLOWED if followed else MotionFlag.NONE
         announce = Announce(self._motion, now.tick + lead, len(samples), flags)
-        stream = _Stream(link.send, announce, samples, min(_FLIGHT, self._welcome.capacity // 2))
+        stream = _Stream(link.send, announce, samples, min(_AHEAD, self._welcome.capacity // 2))
         while True:
             telemetry = link.telemetry
             if telemetry.ended_motion == announce.motion:
@@ -296,25 +298,25 @@ class _Stream:
     """One motion on its way: what to send next, what again."""
 
     def __init__(
-        self, send: Callable[[Kind, bytes], None], announce: Announce, samples: NDArray[Any], window: int
+        self, send: Callable[[Kind, bytes], None], announce: Announce, samples: NDArray[Any], ahead: int
     ) -> None:
         self._send = send
         self._announce = announce
         self._samples = samples
-        self._window = window
+        self._ahead = ahead
         self._sent_at = np.full(-(-len(samples) // SAMPLES_PER_DATAGRAM), -np.inf)
         self._announced_at = -np.inf
 
     def push(self, telemetry: Telemetry, now: float) -> None:
-        """Announce until admitted; send what is new within the window, and again what was not acknowledged."""
+        """Announce until admitted; send what is due next, and again what was not acknowledged."""
         motion = self._announce.motion
         admitted = telemetry.motion == motion
         if not admitted and now - self._announced_at > REPEAT:
             self._announced_at = now
             self._send(Kind.ANNOUNCE, self._announce.pack())
-        received = telemetry.received if admitted else 0
+        received, executed = (telemetry.received, telemetry.executed) if admitted else (0, 0)
         first = received // SAMPLES_PER_DATAGRAM
-        last = -(-(received + self._window) // SAMPLES_PER_DATAGRAM)
+        last = -(-(executed + self._ahead) // SAMPLES_PER_DATAGRAM)
         due = np.flatnonzero(now - self._sent_at[first:last] > _RESEND) + first
         self._sent_at[due] = now
         for chunk in due.tolist():

@@ -20,8 +20,8 @@ SILENCE = 3.0
 generous: a machine that is busy for a moment ends no game."""
 REPEAT = 0.02
 """What is not answered is repeated after this [s]."""
-_WAKE_SAMPLES = 120
-"""A waiting sender is woken when so many more samples were acknowledged; waking it for each telemetry costs more."""
+_WAKE_SAMPLES = 40
+"""A waiting sender is woken when so many more samples were executed; waking it for each telemetry costs more."""
 
 Listener = Callable[[Telemetry], None]
 
@@ -176,9 +176,9 @@ class Link:
 
     def _take(self, telemetry: Telemetry) -> None:
         before, self._telemetry = self._telemetry, telemetry
-        acknowledged = abs(telemetry.received - self._woken_at) >= _WAKE_SAMPLES
-        if before is None or acknowledged or _changed(before, telemetry):
-            self._woken_at = telemetry.received
+        executed = abs(telemetry.executed - self._woken_at) >= _WAKE_SAMPLES
+        if before is None or executed or _changed(before, telemetry):
+            self._woken_at = telemetry.executed
             with self._news:
                 self._news.notify_all()
         if self._listener is not None:

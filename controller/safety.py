@@ -45,6 +45,7 @@ REACTIONS: dict[Cause, Reaction] = {
     Cause.UNDERRUN: Reaction.STOP,
     Cause.SHUTDOWN: Reaction.STOP,
     Cause.UNKNOWN_EVENT: Reaction.STOP,
+    Cause.PARKED: Reaction.STOP,
     Cause.GRIP_FORCE: Reaction.LET_GO,
     Cause.TACTILE_OVERLOAD: Reaction.LET_GO,
     Cause.TRACKING: Reaction.YIELD,

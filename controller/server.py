@@ -14,7 +14,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Final
@@ -40,7 +40,13 @@ from hardware.table import TableSettings
 
 _NO_TORQUE = (0.0, 0.0, 0.0)
 _COMMANDS: Final = {int(code): code for code in CommandCode}
+Ready = Callable[[str, int], None]
+"""Told address and UDP port of a controller that clients are welcome at."""
 _BRAKE: Final = Command(_NO_TORQUE, 0.0, brake=True, enable=False, busy=False)
+
+
+def _nobody(_host: str, _port: int) -> None:
+    """Whom the default tells that a controller is ready."""
 
 
 def serve(
@@ -49,6 +55,9 @@ def serve(
     settings: ControllerSettings,
     run_directory: Path,
     limits: Limits | None = None,
+    *,
+    key_file: Path | None = None,
+    ready: Ready = _nobody,
 ) -> int:
     """Run the controller until it is shut down, and leave the arm on its brakes.
 
@@ -56,8 +65,10 @@ def serve(
         bus: drives, gripper and sensors; closed at the end.
         parameters: of the robot.
         settings: of this process.
-        run_directory: holds the key file; ``controller.json`` is written there as soon as clients are welcome.
+        run_directory: ``controller.json`` is written there as soon as clients are welcome.
         limits: of the protection; by default those of the robot and the default table.
+        key_file: holds the secret shared with the clients; by default ``key`` in the run directory.
+        ready: told the address once clients are welcome.
 
     Returns:
         Exit status: 0 the arm rests on its brakes, 1 the drives were lost or the arm did not come to rest, 2 set-up.
@@ -65,9 +76,9 @@ def serve(
     try:
         limits = limits or default_limits(parameters, TableSettings())
         check_limits(limits)
-        key = load_key(run_directory / KEY_FILE)
+        key = load_key(key_file or run_directory / KEY_FILE)
         law = TaskSpaceController(DeltaModel(parameters))
-        server = Server(bus, law, limits, settings, key=key, run_directory=run_directory)
+        server = Server(bus, law, limits, settings, key=key, run_directory=run_directory, ready=ready)
     except (KeyFileError, PortInUse, ValueError) as error:
         bus.close()
         return _complain(f"the controller cannot start: {error}", 2)
@@ -94,6 +105,7 @@ class Server:
         settings: of this process.
         key: secret shared with the clients.
         run_directory: where ``controller.json`` goes.
+        ready: told the address once clients are welcome.
 
     Attributes:
         supervisor: what decides.
@@ -113,6 +125,7 @@ class Server:
         *,
         key: bytes,
         run_directory: Path,
+        ready: Ready = _nobody,
     ) -> None:
         self.supervisor = Supervisor(law, limits, settings, bus.period, bus.lockstep)
         self.ending = False
@@ -127,7 +140,7 @@ class Server:
             self.supervisor, run_directory, period=bus.period, duration=settings.flight_time,
             files=settings.flight_files,
         )  # fmt: skip
-        self._booted = False
+        self._booted, self._tell_ready = False, ready
         self._alone_since = 0.0
         self._ping = 0
         self._echo = 0
@@ -195,14 +208,18 @@ class Server:
         if door.expire(now):
             self._alone_since = now
             supervisor.stop(Violation(Cause.CLIENT_LOST, door.silence(now), self._settings.lease))
-        if self.ending or (not door.leased and now - self._alone_since > self._settings.linger):
+        alone = 0.0 if door.leased else now - self._alone_since
+        if self.ending or (alone > self._settings.linger and not self._settings.stays):
             supervisor.retire()
+        elif alone > self._settings.linger:
+            supervisor.park(alone)
 
     def _ready(self) -> bool:
         """Tell clients where to find this process once the arm holds (or cannot, which the telemetry explains)."""
         if self.supervisor.state is State.BOOT:
             return False
         self._prepared.replace(self._file)
+        self._tell_ready(*self._door.address)
         return True
 
     def _prepare_file(self) -> None:

@@ -22,7 +22,9 @@ class ControllerSettings(BaseModel):
     lease: PositiveFloat = 1.0
     """Wall time of silence after which the client counts as lost [s]."""
     linger: PositiveFloat = 30.0
-    """Wall time without a client after which the process ends on its own [s]; ``inf`` never."""
+    """Wall time without a client after which the arm goes on its brakes [s]; ``inf`` never."""
+    stays: bool = False
+    """What comes then: True, the process waits for another client to enable the drives; False, it ends."""
     hold_stiffness: PositiveFloat = 4900.0
     """k_p of each axis until the first motion sets its own: ω = 70 rad/s [1/s²]."""
     hold_damping: PositiveFloat = 140.0
@@ -32,6 +34,10 @@ class ControllerSettings(BaseModel):
     hard [1/s²]."""
     stop_damping: PositiveFloat = 40.0
     """Least k_v of each axis during and after an own stop [1/s]."""
+    held_force: PositiveFloat = 0.5
+    """A controller that starts with both pads feeling this has a piece in its fingers [N] …"""
+    holding_speed: PositiveFloat = 0.025
+    """… and goes on pressing with this velocity of each finger [m/s]: 4 N in stall, what a grasp presses with."""
     yield_damping: PositiveFloat = 40.0
     """k_v of each axis while yielding [1/s]: from 0.8 m/s the tool comes to rest within 20 mm, and a finger that pushes
     it away at 0.1 m/s feels 4 N."""

@@ -20,7 +20,7 @@ class State(IntEnum):
     FAULT = 4
     """On the brakes until the fault is cleared."""
     OFF = 5
-    """On the brakes for good; the process ends as soon as the arm rests."""
+    """Going on the brakes; as soon as the arm rests there, the process ends, or waits for another client (parking)."""
 
 
 @unique
@@ -48,7 +48,9 @@ class Event(IntEnum):
     CLEAR = 8
     """The fault was cleared by command."""
     RETIRE = 9
-    """Shutdown, and nothing moves."""
+    """Shutdown, or parking, and nothing moves."""
+    PARKED = 11
+    """The arm rests on its brakes, and the controller waits for another client to enable it."""
 
 
 TRANSITIONS: dict[tuple[State, Event], State] = {
@@ -85,6 +87,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.OFF, Event.YIELD): State.OFF,
     (State.OFF, Event.BREAK): State.OFF,
     (State.OFF, Event.RETIRE): State.OFF,
+    (State.OFF, Event.PARKED): State.BOOT,
 }
 """Every foreseen pair of state and event."""
 

@@ -102,11 +102,12 @@ class Supervisor:
         self._yielding = self._letting_go = 0
         self._lockstep = lockstep
         self._armed = True
-        self._retiring = False
+        self._retiring = self._parking = False
         self._energised = False
         self._since = -1
         self._braked = True
         self._trip = False
+        self._enable_asked = False
 
     # what the loop asks
 
@@ -285,6 +286,9 @@ class Supervisor:
         """Brakes until the arm rests and its pose is known, then enable, then hold where it is."""
         waited, patience = measurement.tick - self._since, self._settings.boot_ticks
         speed = _fastest(measurement)
+        if min(measurement.tactile) >= self._settings.held_force:
+            # a controller before this one took a piece up: to let go of it would be the worst of beginnings
+            self.reference.finger_velocity = -self._settings.holding_speed
         if trouble is not None or speed > self._settings.rest_speed:
             self._energised, self.torque = False, _NO_TORQUE
             if waited > patience:
@@ -310,7 +314,12 @@ class Supervisor:
             return
         self._energised, self.torque = False, _NO_TORQUE
         if waited > self._settings.brake_ticks and speed <= self._settings.rest_speed:
-            self.finished = True
+            if self._retiring:
+                self.finished = True
+            else:
+                self._armed, self._parking = self._enable_asked, False
+                self._since = measurement.tick
+                self._enter(Event.PARKED)
         elif waited > self._settings.rest_ticks:
             self.cause = Violation(Cause.NOT_AT_REST, speed, float(self._settings.rest_ticks))
             self.finished = self.exhausted = True
@@ -378,8 +387,8 @@ class Supervisor:
             self.admitting = True
         elif code is CommandCode.SHUTDOWN:
             self.retire()
-        elif code is CommandCode.ENABLE and self.state is State.BOOT and not self._armed:
-            self._armed, self._since = True, self.measurement.tick
+        elif code is CommandCode.ENABLE:
+            self._enable()
         elif code is CommandCode.CLEAR_FAULT and self.state is State.FAULT:
             self._armed = self._trip = False
             self._enter(Event.CLEAR)
@@ -418,8 +427,21 @@ class Supervisor:
         self.stop(Violation(Cause.SHUTDOWN, 0.0, 0.0))
         self._retire_at_rest()
 
+    def park(self, alone: float) -> None:
+        """Nobody has needed the arm for so long [s]: brakes, until a client enables it; only from rest."""
+        if self.state is State.HOLD and not self._retiring:
+            self._parking, self._enable_asked = True, False
+            self.cause = Violation(Cause.PARKED, alone, self._settings.linger)
+            self._retire_at_rest()
+
+    def _enable(self) -> None:
+        """Open the brakes, now or as soon as the arm is parked."""
+        if self.state is State.BOOT and not self._armed:
+            self._armed, self._since = True, self.measurement.tick
+        self._enable_asked = self.state is State.OFF and self._parking
+
     def _retire_at_rest(self) -> None:
-        if not self._retiring or self.state in (State.OFF, State.TRACK, State.STOPPING):
+        if not (self._retiring or self._parking) or self.state in (State.OFF, State.TRACK, State.STOPPING):
             return
         self._energised = self.state is State.HOLD
         self._since = self.measurement.tick

@@ -82,6 +82,20 @@ class Place:
             return "abcdefgh"[self.index % 8] + str(self.index // 8 + 1)
         return f"{self.zone}{self.index + 1}"
 
+    @classmethod
+    def parse(cls, text: str) -> Place:
+        """The place that is written so: inverse of ``str``.
+
+        Raises:
+            ValueError: no place is written so.
+        """
+        number = text[1:]
+        if text[:1] in ("L", "R") and number.isdecimal() and not number.startswith("0"):
+            return cls(text[0], int(number) - 1)
+        if len(text) == 2 and text[0] in "abcdefgh" and text[1] in "12345678":
+            return square_place("abcdefgh".index(text[0]) + 8 * (int(text[1]) - 1))
+        raise ValueError(f"'{text}' is no place: e4, L3 and R24 are")
+
 
 def square_place(square: int) -> Place:
     """The place of a square, 0 = a1 … 63 = h8."""

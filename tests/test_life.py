@@ -35,7 +35,9 @@ def test_an_interrupt_ends_everything_within_five_seconds(demo, number):
     status, _, err = run.wait(20)
     assert time.monotonic() - asked < 5.0
     assert status == 130
-    assert err.strip() == "touchmove: interrupted; the arm rests on its brakes and nothing is left running"
+    assert err.strip() == (
+        "touchmove: interrupted; the arm rests and nothing that this program started is left running"
+    )
     assert not run.helpers()
     end = run.world_end()
     assert end["at_rest"]

@@ -8,6 +8,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from app import UserError
+from app.manipulation import Stage
 
 
 class PlanRefused(UserError):
@@ -23,12 +24,16 @@ class Motion:
         samples: shape (n,), dtype ``controller.protocol.SAMPLE``; read-only.
         expected: how long it should take [s]; less than n ticks where a guard ends it.
         grips: the motion must end by its grip guard, else nothing was grasped.
+        transfer: of the plan's transfers it belongs to: which, from 0; None where it belongs to none.
+        stage: of that transfer.
     """
 
     label: str
     samples: NDArray[Any]
     expected: float
     grips: bool = False
+    transfer: int | None = None
+    stage: Stage | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,11 +6,11 @@ Heights follow from what stands in the way. Fingers move while the arm travels. 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from app.manipulation import Inventory, Transfer
+from app.manipulation import Inventory, Stage, Transfer
 from app.motion.gains import scheduled
 from app.motion.obstacles import Standing, blocking_neighbour, closed_position, standing, tallest_on_way
 from app.motion.plan import Motion, Plan, PlanRefused
@@ -18,7 +18,7 @@ from app.motion.reference import Bounds, Segment, Vector, dwell, join, line, to_
 from app.motion.settings import MotionSettings
 from controller.protocol import Guard
 from hardware.parameters import RobotParameters
-from hardware.table import PIECE_SHAPES, PieceShape, Place, TableSettings
+from hardware.table import PIECE_SHAPES, Kind, PieceShape, Place, TableSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +86,11 @@ class _Track:
         ticks = int(np.ceil(duration / self.rig.tick))
         self._add(dwell(self.point, ticks), self._finger_velocity(ticks, finger_target), lowest)
 
+    def open(self, finger_target: float, lowest: float) -> None:
+        """Stay until the fingers have opened to a target, which may be nearer than they are."""
+        grip = self.rig.settings.grip
+        self.rest(max(0.0, finger_target - self.finger) / grip.opening_speed, lowest, max(finger_target, self.finger))
+
     def _finger_velocity(self, ticks: int, target: float | None) -> Vector:
         grip = self.rig.settings.grip
         velocity = np.zeros(ticks)
@@ -117,8 +122,11 @@ def plan_ply(
     settings: MotionSettings,
     parameters: RobotParameters,
     lead_ticks: int = 0,
+    *,
+    holding: bool = False,
+    low: bool = False,
 ) -> Plan:
-    """Plan all transfers of a ply, from where the arm rests to home.
+    """Plan all transfers of a ply, or what is left of them, from where the arm rests to home.
 
     Args:
         label: the move, for people.
@@ -129,6 +137,8 @@ def plan_ply(
         settings: speeds, gains, heights.
         parameters: robot.
         lead_ticks: pause between motions, for announcing the next one.
+        holding: the first transfer's piece is in the fingers already.
+        low: the fingers may still be around a piece that stands: they open before the arm moves.
 
     Raises:
         PlanRefused: open fingers would touch a neighbour.
@@ -138,36 +148,62 @@ def plan_ply(
     point, now = np.asarray(start, dtype=float), finger
     for index, transfer in enumerate(transfers):
         others = standing(((p.place, p.kind) for p in inventory if p.name != transfer.name), inventory.table)
-        approach = _approach(rig, transfer, others, point, now)
-        grasp = _grasp(rig, transfer, approach)
+        if not (holding and index == 0):
+            approach = _approach(rig, transfer, others, point, now, open_first=low and index == 0)
+            grasp = _grasp(rig, transfer, approach)
+            reach = approach.motion(f"to {transfer.source}")
+            motions += [_part(reach, index, Stage.APPROACH), _part(_guarded(rig, grasp, transfer), index, Stage.GRASP)]
+            point = grasp.point
         last = index == len(transfers) - 1
-        carry = _carry(rig, transfer, others, grasp.point, last)
-        motions += [approach.motion(f"to {transfer.source}"), _guarded(rig, grasp, transfer), carry.motion(
-            f"{transfer.kind} {transfer.source} to {transfer.target}" + (", home" if last else ""))]  # fmt: skip
+        carry = _carry(rig, transfer, others, point, last)
+        done = carry.motion(f"{transfer.kind} {transfer.source} to {transfer.target}" + (", home" if last else ""))
+        motions.append(_part(done, index, Stage.CARRY))
         point, now = carry.point, carry.finger
         inventory = inventory.moved(transfer)
     return Plan(label, tuple(motions), lead_ticks * rig.tick)
 
 
-def plan_return(start: Vector, finger: float, settings: MotionSettings, parameters: RobotParameters,
-                table: TableSettings) -> Plan:  # fmt: skip
-    """From anywhere to home: straight up to a safe height first, then over; the fingers stay as they are."""
+def _part(motion: Motion, transfer: int, stage: Stage) -> Motion:
+    return replace(motion, transfer=transfer, stage=stage)
+
+
+def plan_return(
+    start: Vector,
+    finger: float,
+    settings: MotionSettings,
+    parameters: RobotParameters,
+    table: TableSettings,
+    release: Kind | None = None,
+) -> Plan:
+    """From anywhere to home: straight up to a safe height first, then over.
+
+    Args:
+        start: the arm's present reference, base frame (3,) [m].
+        finger: present finger position [m].
+        settings: speeds, gains, heights.
+        parameters: robot.
+        table: board and trays.
+        release: the fingers open from a piece of this kind, which stands, before the arm moves; None: they stay.
+    """
     rig = _Rig(settings, parameters, table)
     point, home = np.asarray(start, dtype=float), np.asarray(settings.home, dtype=float)
     track = _Track(rig, point, finger)
     track.start(0.0)
+    if release is not None:
+        track.open(_opening(rig, release), 0.0)
+        finger = track.finger
     above = np.array([point[0], point[1], min(point[2], home[2])])
     track.go(above, 0.0, finger)
     track.go(home, 0.0, finger)
     return Plan("home", (track.motion("home"),))
 
 
-def _open_position(rig: _Rig, transfer: Transfer) -> float:
+def _opening(rig: _Rig, kind: Kind) -> float:
     pads, gripper = rig.parameters.pads, rig.parameters.gripper
-    position = closed_position(transfer.kind, pads) + rig.settings.grip.opening_margin
+    position = closed_position(kind, pads) + rig.settings.grip.opening_margin
     if position > gripper.stroke:
         raise PlanRefused(
-            f"a {transfer.kind} needs the fingers {position * 1e3:.1f} mm open, the gripper opens "
+            f"a {kind} needs the fingers {position * 1e3:.1f} mm open, the gripper opens "
             f"{gripper.stroke * 1e3:.1f} mm: use thinner pieces or a wider gripper"
         )
     return position
@@ -184,17 +220,21 @@ def _fits(rig: _Rig, transfer: Transfer, place: Place, others: Sequence[Standing
         )
 
 
-def _approach(rig: _Rig, transfer: Transfer, others: Sequence[Standing], point: Vector, finger: float) -> _Track:
+def _approach(
+    rig: _Rig, transfer: Transfer, others: Sequence[Standing], point: Vector, finger: float, *, open_first: bool
+) -> _Track:
     """Over to the piece with the fingers opening, then straight down to the grip height."""
     settings = rig.settings
     shape = PIECE_SHAPES[transfer.kind]
-    opening = _open_position(rig, transfer)
+    opening = _opening(rig, transfer.kind)
     _fits(rig, transfer, transfer.source, others, opening)
     here = rig.table.board_from_base(point)
     passed = tallest_on_way((here[0], here[1]), rig.table.xy(transfer.source), others, settings.corridor)
     top = max(passed, shape.height) + rig.tip + settings.clearance
     track = _Track(rig, point, finger)
     track.start(shape.grip_height)
+    if open_first:
+        track.open(opening, shape.grip_height)
     if rig.height(point) < top - 1e-9:
         track.go(point + np.array([0.0, 0.0, rig.height(point) - top]), shape.grip_height, opening)
     track.go(rig.base(transfer.source, top), shape.grip_height, opening)
@@ -226,19 +266,21 @@ def _guarded(rig: _Rig, track: _Track, transfer: Transfer) -> Motion:
 
 
 def _carry(rig: _Rig, transfer: Transfer, others: Sequence[Standing], point: Vector, home_after: bool) -> _Track:
-    """Lift, over, lower, touch down softly, open, retreat; and home, if it is the last of a ply."""
+    """Lift from where it is, over, lower, touch down softly, open, retreat; and home, if it is the last of a ply."""
     s, shape = rig.settings, PIECE_SHAPES[transfer.kind]
     target = rig.table.xy(transfer.target)
-    opening = _open_position(rig, transfer)
+    opening = _opening(rig, transfer.kind)
     _fits(rig, transfer, transfer.target, others, opening)
-    passed = tallest_on_way(rig.table.xy(transfer.source), target, others, s.corridor)
+    here = rig.table.board_from_base(point)
+    passed = tallest_on_way((here[0], here[1]), target, others, s.corridor)
     top = max(passed + s.clearance + shape.grip_height, passed + rig.tip + s.clearance, shape.grip_height + 0.01)
     low = shape.grip_height
     track = _Track(rig, point, closed_position(transfer.kind, rig.parameters.pads))
     track.start(low)
     track.fingers[-1][:] = -s.grip.closing_speed
     track.rest(s.grip.settle, low)
-    track.go(rig.base(transfer.source, top), low)
+    top = max(top, rig.height(point))
+    track.go(rig.table.base_from_board(np.array([here[0], here[1], top])), low)
     track.go(rig.base(transfer.target, top), low)
     track.go(rig.base(transfer.target, low + s.touch_height), low)
     touch = Bounds(s.touch_speed, s.acceleration, s.jerk)

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from app.records.events import EndEvent, PlyEvent, StartEvent, read_events
+from app.records.events import EndEvent, PlyEvent, StartEvent, StepEvent, read_events
 from app.records.files import RecordError, new_folder, recording
-from app.records.game import GameRecord, GameSetup, PlyOutcome, utc_now
+from app.records.game import EVENTS_FILE, GameRecord, GameSetup, PlyOutcome, utc_now
+from app.records.history import History, read_history
 from app.records.report import Report, summarise
 
 __all__ = [
+    "EVENTS_FILE",
     "EndEvent",
     "GameRecord",
     "GameSetup",
+    "History",
     "PlyEvent",
     "PlyOutcome",
     "RecordError",
     "Report",
     "StartEvent",
+    "StepEvent",
     "new_folder",
     "read_events",
+    "read_history",
     "recording",
     "summarise",
     "utc_now",

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
 
-from app.manipulation import Inventory, MoveKind, Ply
+from app.manipulation import Inventory, MoveKind, Ply, Stage
 from app.records.files import RecordError
 from hardware.table import Colour, Kind
 
@@ -49,7 +49,7 @@ class _Stamped(Record):
     plant_time: FiniteFloat
     """[s] since the plant was switched on."""
     ply: int
-    """Plies done in this record so far, this one included."""
+    """Number of the ply that this belongs to; of the start 0, else of the last ply done."""
 
 
 class StartEvent(_Stamped):
@@ -63,6 +63,17 @@ class StartEvent(_Stamped):
     seed: int
     pace: Pace
     inventory: tuple[PieceRecord, ...]
+
+
+class StepEvent(_Stamped):
+    """The arm begins a part of a ply; written before it does, so that another program can finish the ply."""
+
+    event: Literal["step"] = "step"
+    uci: str
+    """The move."""
+    transfer: int
+    """Of the ply's transfers: which, from 0."""
+    stage: Stage
 
 
 class PlyEvent(_Stamped):
@@ -92,6 +103,14 @@ class PlyEvent(_Stamped):
     """Where each piece that was touched stands now, by name."""
     failures: tuple[str, ...]
     """What went wrong, a sentence each."""
+    resumed: bool = False
+    """Another program finished it: planned, real and peaks are those of its last part."""
+
+
+class ResumeEvent(_Stamped):
+    """Another program goes on with the game."""
+
+    event: Literal["resume"] = "resume"
 
 
 class EndEvent(_Stamped):
@@ -102,8 +121,9 @@ class EndEvent(_Stamped):
     reason: str
 
 
-Event = Annotated[StartEvent | PlyEvent | EndEvent, Field(discriminator="event")]
-_EVENT: TypeAdapter[StartEvent | PlyEvent | EndEvent] = TypeAdapter(Event)
+AnyEvent = StartEvent | StepEvent | PlyEvent | ResumeEvent | EndEvent
+Event = Annotated[AnyEvent, Field(discriminator="event")]
+_EVENT: TypeAdapter[AnyEvent] = TypeAdapter(Event)
 
 
 def piece_records(inventory: Inventory) -> tuple[PieceRecord, ...]:
@@ -120,7 +140,7 @@ def transfer_records(ply: Ply) -> tuple[TransferRecord, ...]:
     )
 
 
-def read_events(path: Path) -> tuple[StartEvent | PlyEvent | EndEvent, ...]:
+def read_events(path: Path) -> tuple[AnyEvent, ...]:
     """Read ``events.jsonl``; a last line that a crash cut short is left out.
 
     Raises:
@@ -136,7 +156,7 @@ def read_events(path: Path) -> tuple[StartEvent | PlyEvent | EndEvent, ...]:
     return tuple(events)
 
 
-def _parse(path: Path, number: int, line: bytes) -> StartEvent | PlyEvent | EndEvent:
+def _parse(path: Path, number: int, line: bytes) -> AnyEvent:
     try:
         return _EVENT.validate_json(line)
     except ValidationError as error:
@@ -146,7 +166,7 @@ def _parse(path: Path, number: int, line: bytes) -> StartEvent | PlyEvent | EndE
         raise RecordError(f"{path}, line {number}, is no event of this version: {reason}") from error
 
 
-def _parse_cut(rest: bytes) -> StartEvent | PlyEvent | EndEvent | None:
+def _parse_cut(rest: bytes) -> AnyEvent | None:
     try:
         return _EVENT.validate_json(rest)
     except ValidationError:

@@ -81,25 +81,37 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 class LineLog:
-    """A file that only grows, line by line; a line is on the disk when :meth:`append` returns."""
+    """A file that only grows, line by line."""
 
-    def __init__(self, path: Path) -> None:
-        """Open a new log.
+    def __init__(self, path: Path, *, go_on: bool = False) -> None:
+        """Open a log.
+
+        Args:
+            path: the file.
+            go_on: it holds lines already, and a last one that a crash cut short is taken back.
 
         Raises:
-            RecordError: it cannot be opened or holds something already.
+            RecordError: it cannot be opened, or holds something already.
         """
         self.path = path
         with recording(path):
-            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
             self._size = os.fstat(self._file).st_size
             _sync_folder(path.parent)
-        if self._size:
+        if go_on:
+            with recording(path):
+                self._size = path.read_bytes().rfind(b"\n") + 1
+                self._take_back()
+        elif self._size:
             self.close()
             raise RecordError(f"{path} holds the record of another game already: choose another folder with --out")
 
-    def append(self, line: str) -> None:
-        """Write one line and wait until it is on the disk.
+    def append(self, line: str, *, durable: bool = True) -> None:
+        """Write one line, which no death of this process loses.
+
+        Args:
+            line: without its end.
+            durable: wait until it is on the disk, so that no power cut loses it either.
 
         Raises:
             RecordError: it cannot be written; the lines before it stay, and what was written of it is taken back.
@@ -110,7 +122,7 @@ class LineLog:
         data = line.encode() + b"\n"
         with recording(self.path):
             try:
-                self._write(data)
+                self._write(data, durable)
             except OSError:
                 self._take_back()
                 raise
@@ -122,11 +134,12 @@ class LineLog:
             os.close(self._file)
             self._file = -1
 
-    def _write(self, data: bytes) -> None:
+    def _write(self, data: bytes, durable: bool) -> None:
         rest = memoryview(data)
         while rest:  # a disk that fills up takes a part of the line first and refuses the next write
             rest = rest[os.write(self._file, rest) :]
-        os.fsync(self._file)
+        if durable:
+            os.fsync(self._file)
 
     def _take_back(self) -> None:
         if stat.S_ISREG(os.fstat(self._file).st_mode):  # a device cannot be cut, and keeps nothing

@@ -11,17 +11,21 @@ from types import TracebackType
 import chess
 from pydantic import JsonValue
 
-from app.manipulation import Inventory, Ply
+from app.manipulation import Inventory, Ply, Stage
 from app.records.events import (
+    AnyEvent,
     EndEvent,
     Pace,
     PlyEvent,
     Result,
+    ResumeEvent,
     StartEvent,
+    StepEvent,
     piece_records,
     transfer_records,
 )
 from app.records.files import LineLog, recording, write_atomically
+from app.records.history import History
 from app.records.pgn import PgnFile
 from app.records.report import Report, summarise
 
@@ -64,6 +68,8 @@ class PlyOutcome:
     frame: str | None = None
     """Name of the camera's picture in the folder."""
     failures: tuple[str, ...] = ()
+    resumed: bool = False
+    """Another program had begun it."""
 
 
 class GameRecord:
@@ -74,7 +80,18 @@ class GameRecord:
     """
 
     def __init__(
-        self,
+        self, folder: Path, log: LineLog, pgn: PgnFile, events: Sequence[AnyEvent], now: Callable[[], datetime]
+    ) -> None:
+        """Of files that are open; use ``begin`` or ``go_on``."""
+        self.folder = folder
+        self._now = now
+        self._log = log
+        self._pgn = pgn
+        self._events = list(events)
+
+    @classmethod
+    def begin(
+        cls,
         folder: Path,
         setup: GameSetup,
         board: chess.Board,
@@ -82,7 +99,7 @@ class GameRecord:
         plant_time: float,
         *,
         now: Callable[[], datetime] = utc_now,
-    ) -> None:
+    ) -> GameRecord:
         """Begin the record: the start event and a PGN without moves are on the disk.
 
         Args:
@@ -93,19 +110,32 @@ class GameRecord:
             plant_time: plant time of the start [s].
             now: wall time, for tests.
         """
-        self.folder = folder
-        self._now = now
         with recording(folder):
             folder.mkdir(parents=True, exist_ok=True)
-        self._log = LineLog(folder / EVENTS_FILE)
-        self._events: list[StartEvent | PlyEvent | EndEvent] = []
+        log = LineLog(folder / EVENTS_FILE)
         start = _start_event(now(), plant_time, setup, board, inventory)
         try:
-            self._append(start)
-            pgn = folder / PGN_FILE
-            self._pgn = PgnFile(pgn, board, white=setup.white, black=setup.black, site=setup.site, date=start.wall_time)
+            log.append(start.model_dump_json())
+            return cls(folder, log, _pgn(folder, start, setup.site), [start], now)
         except BaseException:
-            self._log.close()
+            log.close()
+            raise
+
+    @classmethod
+    def go_on(cls, folder: Path, history: History, *, now: Callable[[], datetime] = utc_now) -> GameRecord:
+        """Go on with a record that was broken off.
+
+        Args:
+            folder: of the record.
+            history: as read from it.
+            now: wall time, for tests.
+        """
+        log = LineLog(folder / EVENTS_FILE, go_on=True)
+        try:
+            moves = [event.uci for event in history.events if isinstance(event, PlyEvent)]
+            return cls(folder, log, _pgn(folder, history.start, "?", moves), history.events, now)
+        except BaseException:
+            log.close()
             raise
 
     def __enter__(self) -> GameRecord:
@@ -117,9 +147,34 @@ class GameRecord:
         self.close()
 
     @property
-    def events(self) -> tuple[StartEvent | PlyEvent | EndEvent, ...]:
+    def events(self) -> tuple[AnyEvent, ...]:
         """All events that are on the disk."""
         return tuple(self._events)
+
+    @property
+    def start(self) -> StartEvent:
+        """The first event."""
+        first = self._events[0]
+        assert isinstance(first, StartEvent)
+        return first
+
+    def resumed(self, plant_time: float) -> None:
+        """Record that another program goes on with the game."""
+        self._append(ResumeEvent(wall_time=self._now(), plant_time=plant_time, ply=self._plies()))
+
+    def step(self, uci: str, transfer: int, stage: Stage, plant_time: float) -> None:
+        """Record a part of a ply before the arm begins it; returns at once, without waiting for the disk.
+
+        Args:
+            uci: the move.
+            transfer: of its transfers, which, from 0.
+            stage: of that transfer.
+            plant_time: [s].
+        """
+        step = StepEvent(
+            wall_time=self._now(), plant_time=plant_time, ply=self._plies() + 1, uci=uci, transfer=transfer, stage=stage
+        )
+        self._append(step, durable=False)
 
     def ply(self, ply: Ply, outcome: PlyOutcome, plant_time: float) -> PlyEvent:
         """Record a ply after the arm has done it.
@@ -171,9 +226,16 @@ class GameRecord:
     def _plies(self) -> int:
         return sum(isinstance(event, PlyEvent) for event in self._events)
 
-    def _append(self, event: StartEvent | PlyEvent | EndEvent) -> None:
-        self._log.append(event.model_dump_json())
+    def _append(self, event: AnyEvent, *, durable: bool = True) -> None:
+        self._log.append(event.model_dump_json(), durable=durable)
         self._events.append(event)
+
+
+def _pgn(folder: Path, start: StartEvent, site: str, moves: Sequence[str] = ()) -> PgnFile:
+    board = chess.Board(start.fen, chess960=start.chess960)
+    return PgnFile(
+        folder / PGN_FILE, board, white=start.white, black=start.black, site=site, date=start.wall_time, moves=moves
+    )
 
 
 def _start_event(
@@ -215,4 +277,5 @@ def _ply_event(
         transfers=transfer_records(ply),
         inventory={name: str(place) for name, place in ply.changes().items()},
         failures=outcome.failures,
+        resumed=outcome.resumed,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -17,8 +18,18 @@ EVENT = "Touchmove"
 class PgnFile:
     """A PGN file that grows by plies; each change replaces the file atomically."""
 
-    def __init__(self, path: Path, board: chess.Board, *, white: str, black: str, site: str, date: datetime) -> None:
-        """Write the game without moves.
+    def __init__(
+        self,
+        path: Path,
+        board: chess.Board,
+        *,
+        white: str,
+        black: str,
+        site: str,
+        date: datetime,
+        moves: Sequence[str] = (),
+    ) -> None:
+        """Write the game so far.
 
         Args:
             path: the file.
@@ -27,6 +38,7 @@ class PgnFile:
             black: name of the player.
             site: where it is played.
             date: day of the start, UTC.
+            moves: made already, UCI.
 
         Raises:
             RecordError: it cannot be written.
@@ -38,6 +50,8 @@ class PgnFile:
         values = {"Event": EVENT, "Site": site, "Date": date.strftime("%Y.%m.%d"), "White": white, "Black": black}
         self._set(values)
         self._last: chess.pgn.GameNode = self._game
+        for uci in moves:
+            self._push(uci)
         self._write()
 
     def add(self, uci: str) -> None:
@@ -47,10 +61,13 @@ class PgnFile:
             ValueError: the move is not legal (of python-chess).
             RecordError: it cannot be written; the file holds the plies before.
         """
+        self._push(uci)
+        self._write()
+
+    def _push(self, uci: str) -> None:
         move = self.board.parse_uci(uci)
         self._last = self._last.add_variation(move)
         self.board.push(move)
-        self._write()
 
     def finish(self, result: Result, reason: str) -> None:
         """Write result and termination.

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, FiniteFloat, JsonValue
 
 from app.manipulation import MoveKind
-from app.records.events import EndEvent, Pace, PlyEvent, Record, Result, StartEvent
+from app.records.events import AnyEvent, EndEvent, Pace, PlyEvent, Record, Result, StartEvent
 from app.records.files import RecordError
 
 UNFINISHED = "the record breaks off"
@@ -79,7 +79,7 @@ class Report(Record):
 
 
 def summarise(
-    events: Sequence[StartEvent | PlyEvent | EndEvent],
+    events: Sequence[AnyEvent],
     *,
     failures: Sequence[str] = (),
     speed: float | None = None,
@@ -124,7 +124,7 @@ def summarise(
 
 
 def _kind_stats(plies: Sequence[PlyEvent], kind: MoveKind) -> KindStats:
-    times = np.array([ply.real_s for ply in plies if ply.kind is kind])
+    times = np.array([ply.real_s for ply in plies if ply.kind is kind and not ply.resumed])
     if not times.size:
         return KindStats(n=0, mean_s=None, p95_s=None, max_s=None)
     return KindStats(

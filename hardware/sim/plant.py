@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters
+from hardware.sim.snapshot import Snapshot
 from hardware.sim.truth import PiecePose, Truth
 
 ARM_TREES = 4
@@ -23,7 +24,10 @@ ARM_TREES = 4
 REST_SPEED = 2e-4
 """All joints of arm and gripper slower than this [rad/s, m/s] count as resting."""
 PIECE_REST_SPEED = 2e-3
-"""An awake piece, held or about to sleep, slower than this [m/s, rad/s] counts as resting."""
+"""An awake piece, held or about to sleep, slower than this counts as resting [m/s] …"""
+PIECE_REST_TURNING = 0.02
+"""… if it also turns more slowly than this [rad/s]. A piece that is gripped while it stands never comes quite to rest:
+its contacts are more than it needs, and the solver lets it tremble by up to 0.007 rad/s."""
 REST_TICKS = 25
 """Everything must have been resting for so long."""
 
@@ -47,6 +51,7 @@ class Plant:
             sensors ``force_right`` and ``force_left`` feel the fingers; these and all others count for the peak.
         parameters: robot.
         pieces: names of all pieces.
+        snapshot: where another plant of this model ended, to go on from there.
 
     Attributes:
         model: MuJoCo's; the brakes act as dry friction of the servomotors' joints, nothing else is ever changed.
@@ -54,10 +59,16 @@ class Plant:
         tick: periods since the start.
 
     Raises:
-        ValueError: the model's timestep does not divide the tick.
+        ValueError: the model's timestep does not divide the tick, or the snapshot is that of another model.
     """
 
-    def __init__(self, model: mujoco.MjModel, parameters: RobotParameters, pieces: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        parameters: RobotParameters,
+        pieces: tuple[str, ...],
+        snapshot: Snapshot | None = None,
+    ) -> None:
         self.model = model
         self.data = mujoco.MjData(model)
         self.parameters = parameters
@@ -69,15 +80,25 @@ class Plant:
         self._speed_per_count = 1.0 / (self._counts_per_rad * drive.tick)
         self._filter = 1.0 - math.exp(-parameters.tactile.bandwidth * drive.tick)
         mujoco.mj_resetDataKeyframe(model, self.data, 0)
+        if snapshot is not None:
+            self._restore(snapshot)
         mujoco.mj_forward(model, self.data)
         self._find(pieces)
         self._switches = self._latched = 0
         self._resting = 0
-        self._right = self._left = 0.0
+        self._right, self._left = self._pads()
         self._peak_squared = 0.0
         self._counts = self._read_encoders()
         self._speeds: Triple = (0.0, 0.0, 0.0)
         self._switch(enabled=False, brake=True)
+
+    def _restore(self, snapshot: Snapshot) -> None:
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        size = mujoco.mj_stateSize(self.model, kind)
+        if snapshot.state.shape != (size,):
+            raise ValueError(f"the snapshot holds {snapshot.state.size} numbers, this world has {size}")
+        mujoco.mj_setState(self.model, self.data, snapshot.state, kind)
+        self.tick = snapshot.tick
 
     def _find(self, pieces: tuple[str, ...]) -> None:
         """Views and addresses of what is read and written in every tick."""
@@ -96,6 +117,10 @@ class Plant:
         contacts = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_CONTACT)
         self._forces = tuple(int(model.sensor_adr[i]) for i in contacts)
         self._piece_q = {name: int(model.joint(name).qposadr[0]) for name in pieces}
+        self._rest_scale = np.ones(model.nv)
+        for name in pieces:
+            turning = int(model.joint(name).dofadr[0]) + 3
+            self._rest_scale[turning : turning + 3] = PIECE_REST_SPEED / PIECE_REST_TURNING
         ends = [(data.site(f"rod_end{i}"), data.site(f"flange_joint{i}")) for i in (1, 2, 3)]
         self._closures = [(a.xpos, b.xpos) for a, b in ends]
 
@@ -190,10 +215,16 @@ class Plant:
         self._feel()
         self._watch_rest(fastest)
 
+    def _pads(self) -> tuple[float, float]:
+        """Forces on the pads without the sensors' lag [N]: a finger's sensor sits behind its pad and feels the force
+        along the finger axis, pressing positive.
+        """
+        right, left = self._sensors[self._right_pad], self._sensors[self._left_pad]
+        return max(0.0, -right), max(0.0, left)
+
     def _feel(self) -> None:
         """Tactile sensors (first-order lag) and the largest contact force so far."""
         s = self._sensors.tolist()
-        # A finger's sensor sits behind its pad and feels the force along the finger axis, pressing positive.
         lag = self._filter
         self._right += lag * (max(0.0, -s[self._right_pad]) - self._right)
         self._left += lag * (max(0.0, s[self._left_pad]) - self._left)
@@ -211,7 +242,7 @@ class Plant:
         quiet = self.arm_speed() < REST_SPEED
         if quiet and data.ntree_awake > ARM_TREES:
             awake = data.dof_awake_ind[: data.nv_awake]
-            quiet = float(np.abs(data.qvel[awake]).max()) < PIECE_REST_SPEED
+            quiet = float((np.abs(data.qvel) * self._rest_scale)[awake].max()) < PIECE_REST_SPEED
         self._resting = self._resting + 1 if quiet else 0
 
     @property

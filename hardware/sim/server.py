@@ -34,6 +34,7 @@ from hardware.sim.renderer import MODEL_FILE, Renderer
 from hardware.sim.scene import build_model
 from hardware.sim.services import NEVER, ClockService, Drives, RefereeService
 from hardware.sim.settings import Pace, WorldSettings, load_settings, stand_pieces
+from hardware.sim.snapshot import STATE_FILE, load_snapshot, save_snapshot
 from hardware.sim.visitors import Service, Visitors
 
 STANDING_WAIT = 0.001
@@ -49,7 +50,6 @@ LONGEST_REST = 20.0
 REALTIME_PRIORITY = 90
 """Above the controller's."""
 END_FILE = "world_end.json"
-STATE_FILE = "world_state.npz"
 
 
 class World:
@@ -73,7 +73,9 @@ class World:
             mujoco.mj_saveModel(seen, str(run_dir / MODEL_FILE))
             self._renderer = Renderer(run_dir)
         model = build_model(parameters, settings.table, pieces, home, looks=False)
-        self.plant = Plant(model, parameters, tuple(piece.name for piece in settings.pieces))
+        names, before = tuple(piece.name for piece in settings.pieces), load_snapshot(run_dir / STATE_FILE)
+        self.plant = Plant(model, parameters, names, before)
+        (run_dir / END_FILE).unlink(missing_ok=True)  # of a world before this one
         self._fast = settings.pace is Pace.FAST
         self._realtime = settings.realtime and not self._fast
         self._watchdog_ticks = drive.watchdog_ticks
@@ -268,8 +270,8 @@ class World:
             self.plant.step()
 
     def _write_snapshot(self) -> None:
-        data, plant = self.plant.data, self.plant
-        np.savez(self._run_dir / STATE_FILE, qpos=data.qpos, qvel=data.qvel, act=data.act, tick=plant.tick)
+        plant = self.plant
+        save_snapshot(self._run_dir / STATE_FILE, plant.model, plant.data, plant.tick)
         summary = {**asdict(plant.truth(False)), "braked": plant.braked, "at_rest": plant.resting}
         new = self._run_dir / (END_FILE + ".new")
         new.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")

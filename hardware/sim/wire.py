@@ -177,6 +177,17 @@ def _reach(run_dir: Path, timeout: float) -> socket.socket:
             time.sleep(0.02)
 
 
+def world_pid(run_dir: Path) -> int | None:
+    """Process id of the world that answers at a run directory, None where none does."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as link, socket_address(run_dir) as address:
+        try:
+            link.connect(address)
+        except OSError:
+            return None
+        credentials = link.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+        return int(struct.unpack("3i", credentials)[0])
+
+
 class Receiver:
     """Takes messages from a socket that has no time-out, and spins for them where that pays.
 

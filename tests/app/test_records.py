@@ -56,7 +56,7 @@ class Game:
         self.board = chess.Board(fen, chess960=chess960)
         self.inventory = Inventory.of(start_layout(self.board, TABLE), TABLE)
         setup = GameSetup("Stockfish 1500", "Stockfish 2000", seed=7, pace="fast", site="simulated")
-        self.record = GameRecord(folder, setup, self.board, self.inventory, 1.0, now=clock())
+        self.record = GameRecord.begin(folder, setup, self.board, self.inventory, 1.0, now=clock())
         self.time = 1.0
 
     def play(self, line: str, **changes: Any) -> list[Ply]:
@@ -168,6 +168,7 @@ def test_a_ply_event_holds_the_move_and_what_was_measured(tmp_path: Path) -> Non
         ],
         "inventory": {"black-pawn-d": str(taken.target), "white-pawn-e": "d5"},
         "failures": ["white-pawn-e stands 11 mm beside d5"],
+        "resumed": False,
     }
     assert taker.name == "white-pawn-e"
 

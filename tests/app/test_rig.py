@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from app.rig import RigFailed, SimRig, SimRigSettings
+from app.devices import RigFailed
+from app.sim_rig import SimRig, SimRigSettings
 from hardware.sim.settings import WorldSettings
 from hardware.table import TableSettings
 

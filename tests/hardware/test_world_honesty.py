@@ -156,6 +156,9 @@ MAY_WRITE = {
 MAY_CALL = {
     "mj_step": {("plant", "Plant.step")},
     "mj_resetDataKeyframe": {("plant", "Plant.__init__")},
+    "mj_setState": {("plant", "Plant._restore")},
+    "mj_stateSize": {("plant", "Plant._restore"), ("snapshot", "save_snapshot")},
+    "mj_getState": {("snapshot", "save_snapshot")},
     "mj_forward": {("plant", "Plant.__init__"), ("drawing", "_serve")},
     "mj_kinematics": {("drawing", "_serve")},
     "mj_camlight": {("drawing", "_serve")},

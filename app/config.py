@@ -1,0 +1,158 @@
+"""Files that a person writes: read here and nowhere else, strictly, and every mistake named in one sentence.
+
+A *rig file* is the TOML of the devices that a game runs on. The computer that runs the controller and the one that
+runs the game may read the same file, or copies of it. Its paths count from the folder it lies in::
+
+    [controller]
+    host = "192.168.7.2"        # where the controller listens and the game finds it
+    port = 47100
+    key = "touchmove.key"       # the secret they share
+
+    [drives]
+    bus = "sim"                 # a simulated world, or "module:function" of a lab's own driver
+
+    [world]                     # of bus = "sim" alone
+    pace = "real"
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Final, Self
+
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, ValidationError, model_validator
+
+from app import UserError
+from controller.settings import ControllerSettings
+from hardware.parameters import DEFAULT_FILE
+from hardware.sim.settings import Pace
+from hardware.table import TableSettings
+
+SIMULATED: Final = "sim"
+"""Name of the rig that is simulated and started by whoever uses it; also of its bus."""
+
+
+class ConfigError(UserError):
+    """A file that a person wrote cannot be used; the sentence names file, field and remedy."""
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class ControllerSection(ControllerSettings):
+    """``[controller]``: where it listens, and everything in ``ControllerSettings``."""
+
+    port: Annotated[int, Field(ge=1, le=65535)]  # whoever is not told of it must know it
+    """UDP port."""
+    key: Path = Path("touchmove.key")
+    """File with the secret that controller and clients share; the controller makes it at its first start."""
+    stays: bool = True
+    """What comes after ``linger`` without a client: True, brakes, and it waits for the next one; False, it ends."""
+
+
+class DrivesSection(_Frozen):
+    """``[drives]``: what the controller drives."""
+
+    bus: Annotated[str, Field(pattern=r"^(sim|[\w.]+:\w+)$")] = SIMULATED
+    """``sim``, a simulated world; or ``module:function`` of a lab's driver, called with the robot's parameters to
+    return a ``ServoBus``."""
+
+
+class WorldSection(_Frozen):
+    """``[world]``: the simulated world behind ``bus = "sim"``."""
+
+    pace: Pace = Pace.REAL
+    seed: NonNegativeInt = 1
+    """Decides how the pieces stand."""
+    fen: str | None = None
+    """The position that is set up; the usual one if not given."""
+    cameras: bool = True
+
+
+class RigFile(_Frozen):
+    """A rig file; all paths are absolute once it was read by ``load_rig``."""
+
+    controller: ControllerSection
+    drives: DrivesSection = DrivesSection()
+    world: WorldSection | None = None
+    run_dir: Path = Path("run")
+    """Where the controller leaves its flight records, and a simulated world its sockets."""
+    parameters: Path = DEFAULT_FILE
+    """Of the robot."""
+    table: TableSettings = TableSettings()
+
+    @model_validator(mode="after")
+    def _world_of_simulated_drives(self) -> Self:
+        if self.world is not None and not self.simulated:
+            raise ValueError('a [world] stands behind bus = "sim" only: leave it out')
+        return self
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the drives are those of a simulated world."""
+        return self.drives.bus == SIMULATED
+
+    @property
+    def world_section(self) -> WorldSection:
+        """The simulated world, as it is where the file says nothing about it."""
+        return self.world or WorldSection()
+
+    @property
+    def pace(self) -> Pace:
+        """Of a lab: real."""
+        return self.world_section.pace if self.simulated else Pace.REAL
+
+
+def load_rig(path: Path) -> RigFile:
+    """Read a rig file.
+
+    Raises:
+        ConfigError: it cannot be read, or something in it is wrong.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(
+            f"rig '{path}' cannot be read: {error.strerror}: give sim, or the TOML file of a lab's rig"
+        ) from error
+    except ValueError as error:
+        raise ConfigError(f"rig file {path} is no TOML: {error}: mend that line") from error
+    try:
+        rig = RigFile.model_validate(content)
+    except ValidationError as error:
+        raise ConfigError(f"rig file {path}: {_explain(error)}") from error
+    folder = path.absolute().parent
+    key = rig.controller.model_copy(update={"key": folder / rig.controller.key})
+    paths = {"run_dir": folder / rig.run_dir, "parameters": folder / rig.parameters}
+    return rig.model_copy(update={"controller": key, **paths})
+
+
+def _explain(problem: ValidationError) -> str:
+    """The first mistake; an unknown name first, since it is often the misspelt form of a missing one."""
+    errors = problem.errors(include_url=False)
+    error = next((one for one in errors if one["type"] == "extra_forbidden"), errors[0])
+    where = ".".join(map(str, error["loc"])) or "the file"
+    if error["type"] == "extra_forbidden":
+        valid = _names(error["loc"][:-1])
+        near = difflib.get_close_matches(str(error["loc"][-1]), valid, n=1)
+        return f"there is no setting {where}: " + (f"did you mean {near[0]}?" if near else f"choose {', '.join(valid)}")
+    if error["type"] == "missing":
+        return f"{where} is missing: give it a value"
+    return f"{where}: {error['msg']}, not {_shown(error['input'])}"
+
+
+def _names(section: tuple[int | str, ...]) -> list[str]:
+    """Settings that a section of a rig file may hold."""
+    model: Any = RigFile
+    for name in section:
+        hints = model.model_fields[name].annotation
+        parts = getattr(hints, "__args__", (hints,))
+        model = next(part for part in parts if isinstance(part, type) and issubclass(part, BaseModel))
+    return sorted(model.model_fields)
+
+
+def _shown(value: object) -> str:
+    return repr(value) if isinstance(value, (str, int, float, bool)) else "what is there"

@@ -1,0 +1,79 @@
+"""How far an arm got with a ply when whoever led it was lost: from the record of what was begun, and from the arm.
+
+Every part of a transfer is recorded before it begins. Whether its piece stands at the source, is in the fingers or
+stands at the target, the arm itself can tell: by what the pads feel, by how far the fingers are open, and by where
+they are, since a carrying arm opens them over the target only.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from app import UserError
+from app.arm import ArmState
+from app.manipulation import Ply, Stage, Transfer
+from app.motion.obstacles import closed_position
+from hardware.parameters import RobotParameters
+from hardware.table import PIECE_SHAPES, TableSettings
+
+FELT = 0.5
+"""Both pads feel more than this where something is between them; what they are commanded to press with is 4 N [N]."""
+OPENED = 0.001
+"""Fingers further open than a piece needs by this have let go of it [m]; half of what a sensor's lag hides."""
+ABOVE = 0.003
+"""A tool this close to where it sets a piece down, in height and in the plane, is there [m]."""
+
+
+class PieceLost(UserError):
+    """The fingers lost a piece on its way: where it lies, only eyes can tell."""
+
+    def __init__(self, transfer: Transfer) -> None:
+        super().__init__(
+            f"the arm lost the {transfer.colour} {transfer.kind} on its way from {transfer.source} to "
+            f"{transfer.target}: set it on {transfer.source} by hand and start a new game from there"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a ply is: so many transfers done; the next one's piece in the fingers, or not."""
+
+    done: int
+    holding: bool
+
+
+def progress_of(
+    ply: Ply, transfer: int, stage: Stage, arm: ArmState, parameters: RobotParameters, table: TableSettings
+) -> Progress:
+    """What is done of a ply whose execution was broken off.
+
+    Args:
+        ply: the move.
+        transfer: of its transfers, the one begun last, from 0.
+        stage: of that transfer, begun last.
+        arm: at rest.
+        parameters: of the robot.
+        table: board and trays.
+
+    Raises:
+        PieceLost: the piece is neither in the fingers nor set down.
+    """
+    if stage is Stage.APPROACH:
+        return Progress(transfer, holding=False)
+    holding = arm.felt >= FELT
+    if stage is Stage.GRASP or holding:
+        return Progress(transfer, holding)
+    carried = ply.transfers[transfer]
+    opened = arm.finger > closed_position(carried.kind, parameters.pads) + OPENED
+    if opened or _over(carried, arm, table):
+        return Progress(transfer + 1, holding=False)
+    raise PieceLost(carried)
+
+
+def _over(transfer: Transfer, arm: ArmState, table: TableSettings) -> bool:
+    """Whether the tool is where it sets the piece down."""
+    x, y, z = table.board_from_base(arm.reference).tolist()
+    there_x, there_y = table.xy(transfer.target)
+    height = PIECE_SHAPES[transfer.kind].grip_height
+    return math.hypot(x - there_x, y - there_y) < ABOVE and z < height + ABOVE

@@ -1,0 +1,109 @@
+"""A rig whose controller was started by somebody else, perhaps on another computer; a rig file says where it is.
+
+The controller stays when the game ends: it holds the arm, and after a while puts it on its brakes by itself.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Final, Self
+
+from app.arm import Arm, ControllerArm
+from app.attach import attach
+from app.config import RigFile
+from app.devices import EndState, RigFailed
+from controller.client import ControllerClient
+from controller.errors import ControllerError
+from controller.link import Listener
+from controller.protocol.key import KeyFileError, load_key
+from controller.states import State
+from hardware.interfaces import Camera, Clock, HardwareError
+from hardware.sim.clients import SimCamera, SimClock
+from hardware.sim.referee import Referee
+
+RESTING: Final = 0.005
+"""A tool slower than this is at rest [m/s]: the noise of the encoders makes less than a tenth of it."""
+
+
+class RemoteClock:
+    """``Clock`` of a lab: plant time is what the controller's ticks say, and it passes as wall time does."""
+
+    def __init__(self, client: ControllerClient) -> None:
+        self._client = client
+
+    def now(self) -> float:
+        """Plant time [s]."""
+        return self._client.telemetry.tick * self._client.period
+
+    def sleep(self, duration: float) -> None:
+        """Wait."""
+        time.sleep(max(0.0, duration))
+
+
+class RemoteRig:
+    """Devices behind a controller that runs already. Use as a context manager."""
+
+    def __init__(self, rig: RigFile, progress: Callable[[str], None], listener: Listener | None = None) -> None:
+        """Connect; returns when the arm holds.
+
+        Args:
+            rig: says where the controller is.
+            progress: told what is being waited for.
+            listener: called with each telemetry of the controller, in a thread of its own.
+
+        Raises:
+            RigFailed: the key cannot be read, the controller does not answer or stands on its brakes after a fault.
+        """
+        section = rig.controller
+        try:
+            self._client = ControllerClient(
+                section.host, section.port, load_key(section.key), name="touchmove game", listener=listener
+            )
+            attach(self._client, progress, forgive=False)
+        except (ControllerError, KeyFileError) as error:
+            raise RigFailed(str(error)) from error
+        self.arm: Arm = ControllerArm(self._client, progress)
+        self.clock: Clock = RemoteClock(self._client)
+        self.camera: Camera | None = None
+        self.referee: Referee | None = None
+        if rig.simulated:
+            try:
+                self.clock, self.referee = SimClock(rig.run_dir), Referee(rig.run_dir)
+                self.camera = SimCamera(rig.run_dir) if rig.world_section.cameras else None
+            except HardwareError as error:
+                self.close()
+                raise RigFailed(str(error)) from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def failure(self) -> str | None:
+        """A sentence on a controller that does not answer any more."""
+        try:
+            self._client.telemetry  # noqa: B018  # asked for its error alone
+        except ControllerError as error:
+            return str(error)
+        return None
+
+    def close(self) -> EndState | None:
+        """Stop the arm, which the controller goes on holding, and leave; a second call finds nobody to ask."""
+        try:
+            self._client.stop()
+            telemetry = self._client.wait_standing()
+        except ControllerError:
+            return None
+        finally:
+            self._client.close()
+            for device in (self.camera, self.referee, self.clock):
+                if isinstance(device, (SimCamera, SimClock, Referee)):
+                    device.close()
+        speed = math.hypot(*telemetry.velocity)
+        return EndState(telemetry.state is not State.STOPPING and speed < RESTING, speed)

@@ -1,0 +1,271 @@
+"""A simulated rig: world and controller as processes of their own.
+
+``SimRig`` starts them, or takes over those of a program that was killed, connects to them through the run directory,
+and sees to it that nothing is left running and the arm is at rest, however the game ends.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+from app.adopted import Process, adopt
+from app.arm import ControllerArm
+from app.attach import attach
+from app.devices import EndState, RigFailed
+from app.processes import CONTROLLER_SETTINGS_FILE
+from app.records import recording
+from controller.client import ControllerClient
+from controller.errors import ControllerError
+from controller.link import Listener
+from controller.model.constants import DeltaModel
+from controller.model.workspace import BoardDoesNotFit, require_fit
+from controller.protocol.key import KEY_FILE, create_key
+from controller.settings import CONTROLLER_FILE, ControllerSettings
+from hardware.parameters import load_parameters
+from hardware.sim.clients import SimCamera, SimClock
+from hardware.sim.referee import Referee
+from hardware.sim.server import END_FILE
+from hardware.sim.settings import FILE_NAME, WorldSettings, load_settings
+from hardware.sim.snapshot import STATE_FILE
+from hardware.sim.wire import world_pid
+from hardware.table import PIECE_SHAPES
+
+START_TIMEOUT = 120.0
+"""World and controller together; the first start on a machine compiles the law [s, wall]."""
+END_TIMEOUT = 8.0
+"""For each process to end by itself; then it is killed, and the drives' watchdog brakes [s, wall]."""
+
+
+class SimRigSettings(BaseModel):
+    """A simulated rig: its world and its controller."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    world: WorldSettings
+    controller: ControllerSettings = ControllerSettings()
+
+
+class SimRig:
+    """Simulated devices in processes of their own. Use as a context manager."""
+
+    def __init__(
+        self,
+        run_dir: Path,
+        settings: SimRigSettings | None,
+        progress: Callable[[str], None],
+        listener: Listener | None = None,
+    ) -> None:
+        """Start everything; returns when the arm holds.
+
+        Args:
+            run_dir: made here; key, sockets, logs and the world's snapshot lie in it.
+            settings: of world and controller. None takes over what a program that was killed has left running in the
+                run directory, and starts a controller where that is gone, too.
+            progress: told what is being waited for.
+            listener: called with each telemetry of the controller, in a thread of its own.
+
+        Raises:
+            RigFailed: the board does not fit the arm, or a process ended or did not answer in time; or there is no
+                world to take over.
+            RecordError: the run directory cannot be written.
+        """
+        self._run_dir = run_dir
+        self._processes: dict[str, Process] = {}
+        self._client: ControllerClient | None = None
+        self._open = True
+        try:
+            cameras = self._take_over(progress) if settings is None else self._start(settings, progress)
+            self._await_controller()
+            self._client = ControllerClient.from_run_directory(run_dir, name="touchmove game", listener=listener)
+            attach(self._client, progress, forgive=settings is None)
+            self.arm = ControllerArm(self._client, progress)
+            self.clock = SimClock(run_dir)
+            self.camera = SimCamera(run_dir) if cameras else None
+            self.referee = Referee(run_dir)
+        except BaseException:
+            self.close()
+            raise
+
+    def _start(self, settings: SimRigSettings, progress: Callable[[str], None]) -> bool:
+        """Start world and controller; whether there are cameras."""
+        _require_fit(settings.world)
+        self._prepare(settings)
+        progress("starting the simulated world")
+        self._spawn("world")
+        self._start_controller(progress)
+        return settings.world.cameras
+
+    def _take_over(self, progress: Callable[[str], None]) -> bool:
+        """Adopt the world, and the controller where there still is one; whether there are cameras."""
+        pid = world_pid(self._run_dir)
+        if pid is not None and (world := adopt(pid, str(self._run_dir))) is not None:
+            self._processes["world"] = world
+        elif (self._run_dir / STATE_FILE).exists():
+            progress("starting the simulated world from where it ended")
+            self._spawn("world")
+        else:
+            raise RigFailed(
+                f"the simulated world in {self._run_dir} ended without leaving its last state, so that nobody knows "
+                "where the pieces are: start a new game"
+            )
+        if (controller := self._old_controller()) is not None:
+            self._processes["controller"] = controller
+        else:
+            for left in (CONTROLLER_FILE, KEY_FILE):
+                (self._run_dir / left).unlink(missing_ok=True)
+            create_key(self._run_dir / KEY_FILE)
+            self._start_controller(progress)
+        return load_settings(self._run_dir).cameras
+
+    def _old_controller(self) -> Process | None:
+        try:
+            pid = int(json.loads((self._run_dir / CONTROLLER_FILE).read_text(encoding="utf-8"))["pid"])
+        except (OSError, ValueError, KeyError):
+            return None
+        return adopt(pid, str(self._run_dir))
+
+    def _start_controller(self, progress: Callable[[str], None]) -> None:
+        progress("starting the controller (the first start on a machine compiles its law, about 10 s)")
+        self._spawn("controller")
+
+    def _prepare(self, settings: SimRigSettings) -> None:
+        with recording(self._run_dir):
+            self._run_dir.mkdir(parents=True, mode=0o700)
+            (self._run_dir / FILE_NAME).write_text(settings.world.model_dump_json(), encoding="utf-8")
+            controller = settings.controller.model_dump_json()
+            (self._run_dir / CONTROLLER_SETTINGS_FILE).write_text(controller, encoding="utf-8")
+            create_key(self._run_dir / KEY_FILE)
+
+    def _spawn(self, name: str) -> None:
+        with recording(self._run_dir), self._log(name).open("ab") as log:
+            self._processes[name] = subprocess.Popen(
+                # -P: a folder of the user's named like one of ours must not come first
+                [sys.executable, "-P", "-m", "app.cli", name, "--run-dir", str(self._run_dir)],
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+                start_new_session=True,  # Ctrl-C reaches the app alone, which ends the others in order
+            )  # fmt: skip
+
+    def _log(self, name: str) -> Path:
+        return self._run_dir / f"{name}.log"
+
+    def _await_controller(self) -> None:
+        deadline = time.monotonic() + START_TIMEOUT
+        while not (self._run_dir / CONTROLLER_FILE).exists():
+            if culprit := self._culprit():
+                raise RigFailed(self._last_words(culprit))
+            if time.monotonic() > deadline:
+                raise RigFailed(f"the controller is not ready after {START_TIMEOUT:.0f} s; logs are in {self._run_dir}")
+            time.sleep(0.02)
+
+    def _culprit(self) -> str | None:
+        """The process that ended by itself and took others along: one with a failure, the world before others."""
+        status = {name: process.poll() for name, process in self._processes.items()}
+        failed = [name for name, code in status.items() if code]
+        if not failed and status and None not in status.values():
+            failed = list(status)
+        return failed[0] if failed else None
+
+    def _last_words(self, name: str) -> str:
+        lines = self._log(name).read_text(errors="replace").strip().splitlines()
+        said = lines[-1] if lines else f"it said nothing (exit status {self._processes[name].poll()})"
+        return f"the {name} could not start: {said}"
+
+    def __enter__(self) -> SimRig:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def failure(self) -> str | None:
+        """A sentence on a process that has ended unexpectedly, None while all run."""
+        culprit = self._culprit()
+        return self._last_words(culprit).replace("could not start", "has ended") if culprit else None
+
+    def free_lease(self) -> None:
+        """Leave the controller, which holds the arm, to another client; from here this rig only waits for ``close``."""
+        if self._client is not None:
+            self._client.close()
+
+    def close(self) -> EndState | None:
+        """Stop the arm, brake, end every process; nothing is left running. A second call does nothing.
+
+        Returns:
+            The world's last state, None where it could not say.
+        """
+        if not self._open:
+            return None
+        self._open = False
+        with _uninterrupted():
+            for device in ("camera", "clock", "referee"):
+                if getattr(self, device, None) is not None:
+                    getattr(self, device).close()
+            orderly = self._shut_down()
+            for name in ("controller", "world"):
+                self._end(name, orderly)
+            (self._run_dir / KEY_FILE).unlink(missing_ok=True)
+        return self._end_state()
+
+    def _shut_down(self) -> bool:
+        """Ask the controller to brake and end; the world follows it. False where nobody can be asked."""
+        if self._client is None:
+            return False
+        try:
+            self._client.shutdown()
+        except ControllerError:
+            self._client.close()  # it is gone or deaf: signals and watchdogs do the rest
+            return False
+        return True
+
+    def _end(self, name: str, orderly: bool) -> None:
+        """Wait for a process that was told to end; SIGTERM for one that was not, which brakes as well."""
+        process = self._processes.get(name)
+        if process is None:
+            return
+        if not orderly:
+            process.terminate()
+        try:
+            process.wait(END_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+    def _end_state(self) -> EndState | None:
+        path = self._run_dir / END_FILE
+        if not path.exists():
+            return None
+        summary = json.loads(path.read_text(encoding="utf-8"))
+        return EndState(bool(summary["at_rest"] and summary["braked"]), float(summary["arm_speed"]))
+
+
+def _require_fit(world: WorldSettings) -> None:
+    """Refuse a board on which the arm cannot play with the heaviest piece, before anything starts."""
+    heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
+    try:
+        require_fit(DeltaModel(load_parameters(world.parameters_file), heaviest), world.table)
+    except BoardDoesNotFit as error:
+        raise RigFailed(str(error)) from error
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """A second Ctrl-C must not leave processes behind."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def new_run_dir(folder: Path | None) -> Path:
+    """The run directory of a game's folder, or a temporary one."""
+    return folder / "run" if folder is not None else Path(tempfile.mkdtemp(prefix="touchmove-")) / "run"

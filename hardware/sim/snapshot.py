@@ -1,0 +1,53 @@
+"""A world's last state on disk, from which another world goes on where it ended."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.interfaces import HardwareError
+
+STATE_FILE = "world_state.npz"
+
+
+class Snapshot(NamedTuple):
+    """State of a plant at rest on its brakes.
+
+    Attributes:
+        state: MuJoCo's, all that a step begins with.
+        tick: of the plant.
+    """
+
+    state: NDArray[np.float64]
+    tick: int
+
+
+def save_snapshot(path: Path, model: mujoco.MjModel, data: mujoco.MjData, tick: int) -> None:
+    """Write the state of a plant; positions and velocities also by name, for people."""
+    state = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
+    mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+    new = path.with_suffix(".new.npz")
+    np.savez(new, state=state, tick=tick, qpos=data.qpos, qvel=data.qvel)
+    new.replace(path)  # who finds it finds it whole
+
+
+def load_snapshot(path: Path) -> Snapshot | None:
+    """Read what a world left; None where there is no snapshot.
+
+    Raises:
+        HardwareError: the file is none.
+    """
+    try:
+        with np.load(path) as content:
+            return Snapshot(np.array(content["state"], dtype=float), int(content["tick"]))
+    except FileNotFoundError:
+        return None
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        raise HardwareError(
+            f"{path} is no snapshot of a world ({error}): delete it to set the pieces up anew"
+        ) from error
