@@ -72,9 +72,9 @@ def demo(
     from hardware.sim.settings import Pace
 
     options = DemoOptions(
-        rig=rig, plies=plies, pace=None if pace is None else Pace(pace), seed=seed, fen=fen, moves=moves, white_elo=white_elo, black_elo=black_elo,
-        move_time=movetime, nodes=nodes, engine=engine, out=out, video=video, video_length=video_length,
-        linger=linger, port=port,
+        rig=rig, plies=plies, pace=None if pace is None else Pace(pace), seed=seed, fen=fen, moves=moves,
+        white_elo=white_elo, black_elo=black_elo, move_time=movetime, nodes=nodes, engine=engine, out=out,
+        video=video, video_length=video_length, linger=linger, port=port,
     )  # fmt: skip
     _show_game(lambda face: run_demo(options, face), headless=headless, as_json=as_json)
 
@@ -164,14 +164,14 @@ def _operate(action: str, rig: str, as_json: bool) -> NoReturn:
     from rich.console import Console
 
     from app import UserError
-    from app.operate import operate, status_table
+    from app.operate import operate, status_json, status_table
 
     try:
         telemetry = operate(action, rig)
     except UserError as error:
         _fail(str(error))
     if as_json:
-        print(json.dumps(telemetry._asdict(), default=str, indent=2))
+        print(json.dumps(status_json(telemetry), indent=2))
     else:
         Console().print(status_table(telemetry))
     raise typer.Exit(0)

@@ -96,10 +96,11 @@ def resume_demo(folder: Path, face: Face) -> SessionResult:
     options = _read_options(folder)
     rig = choose_rig(options.rig)
     history = read_history(folder / EVENTS_FILE, TableSettings() if rig is None else rig.table)
-    if history.plies >= options.plies or history.board.is_game_over(claim_draw=True):
-        raise UserError(f"the game in {folder} is over, after {history.plies} plies: start a new one")
     board = _start_board(options.fen)
     line = parse_line(options.moves, board) if options.moves is not None else None
+    most = options.plies if line is None else min(options.plies, len(line))
+    if history.plies >= most or history.board.is_game_over(claim_draw=True):
+        raise UserError(f"the game in {folder} is over, after {history.plies} plies: start a new one")
     with ExitStack() as stack:
         players = _players(options, board, line, stack, face, opened=history.plies > 0)
         record = stack.enter_context(GameRecord.go_on(folder, history))

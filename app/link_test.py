@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import socket
 from collections.abc import Callable
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Final
 
@@ -16,11 +17,13 @@ from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
 from app import UserError
+from app.config import ControllerSection
 from app.processor import ProcessorTime, stolen_share
+from app.rig import choose_rig
 from app.timed_rig import GrantedRealTime, timed_rig
 from controller.errors import ControllerError
 from controller.probe import PATIENCE, Probe, ProbeFigures
-from controller.protocol.key import KEY_FILE, load_key
+from controller.protocol.key import KEY_FILE, KeyFileError, load_key
 from controller.settings import CONTROLLER_FILE
 
 SEED: Final = 1
@@ -105,20 +108,22 @@ def link_test(rig: str, duration: float, progress: Callable[[str], None]) -> Lin
     """Measure.
 
     Args:
-        rig: ``sim``, which is started for the test in pace real.
+        rig: ``sim``, which is started for the test in pace real; or a rig file, whose controller runs already.
         duration: of the measurement [s, wall].
         progress: told what is being done.
 
     Raises:
         UserError: there is no such rig, or it did not start or answer.
     """
-    if rig != "sim":
-        raise UserError(f"--rig is '{rig}', and link-test knows one rig so far: choose sim")
+    chosen = choose_rig(rig)
+    if chosen is not None:
+        return _link_test_of(rig, chosen.controller, duration, progress)
     with timed_rig(SEED, progress) as timed:
         timed.rig.free_lease()
         progress(f"measuring for {duration:g} s")
         before = ProcessorTime.now()
-        figures = probe_run_directory(timed.run_dir, duration)
+        found = json.loads((timed.run_dir / CONTROLLER_FILE).read_text(encoding="utf-8"))
+        figures = probe_controller(found["host"], found["port"], timed.run_dir / KEY_FILE, duration)
         stolen = stolen_share(before, ProcessorTime.now())
         progress("the arm goes to its brakes")
         end = timed.finish()
@@ -129,18 +134,31 @@ def link_test(rig: str, duration: float, progress: Callable[[str], None]) -> Lin
     )  # fmt: skip
 
 
-def probe_run_directory(run_dir: Path, duration: float) -> ProbeFigures:
-    """Probe the controller of a run directory for so long [s, wall].
+def _link_test_of(
+    name: str, section: ControllerSection, duration: float, progress: Callable[[str], None]
+) -> LinkReport:
+    """Of a controller that runs already; what real time it got it has said when it started."""
+    progress(f"measuring the way to {section.host}:{section.port} for {duration:g} s")
+    before = ProcessorTime.now()
+    figures = probe_controller(section.host, section.port, section.key, duration)
+    stolen = stolen_share(before, ProcessorTime.now())
+    local = ip_address(section.host).is_loopback
+    checks = link_checks(figures, stolen, receive_buffer(), local=local)
+    holds = all(check.holds for check in checks.values())
+    return LinkReport(rig=name, duration=duration, holds=holds, checks=checks, notes=())
+
+
+def probe_controller(host: str, port: int, key_file: Path, duration: float) -> ProbeFigures:
+    """Probe a controller for so long [s, wall].
 
     Raises:
-        UserError: it did not answer.
+        UserError: it did not answer, or the key cannot be read.
     """
-    found = json.loads((run_dir / CONTROLLER_FILE).read_text(encoding="utf-8"))
     try:
-        with Probe(found["host"], found["port"], load_key(run_dir / KEY_FILE)) as probe:
+        with Probe(host, port, load_key(key_file)) as probe:
             probe.greet()
             return probe.measure(duration)
-    except ControllerError as error:
+    except (ControllerError, KeyFileError) as error:
         raise UserError(str(error)) from error
 
 

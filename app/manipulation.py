@@ -70,6 +70,8 @@ class Stage(StrEnum):
     """The fingers close."""
     CARRY = "carry"
     """Up, over, down, open, and away."""
+    RETURN = "return"
+    """Home, after the last transfer, where that was broken off."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from enum import IntEnum, IntFlag
 from pathlib import Path
 from typing import Final
 
@@ -73,6 +74,18 @@ def status_table(telemetry: Telemetry) -> Table:
     table.add_row("tick", f"{telemetry.tick}, {telemetry.skipped} went by without an exchange")
     table.add_row("work of a tick", f"up to {telemetry.work * 1e6:.0f} µs in the last second")
     return table
+
+
+def status_json(telemetry: Telemetry) -> dict[str, object]:
+    """The telemetry with its enums by name and its sentence: units as in the layout TELEMETRY."""
+    plain = {name: _named(value) for name, value in telemetry._asdict().items()}
+    return {**plain, "why": telemetry.explain_cause()}
+
+
+def _named(value: object) -> object:
+    if isinstance(value, IntFlag):
+        return [flag.name for flag in type(value) if flag and flag in value]
+    return value.name if isinstance(value, IntEnum) else value
 
 
 def _millimetres(point: tuple[float, float, float]) -> str:

@@ -78,7 +78,17 @@ def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
                 file.write_text(_as_toml(host, port), encoding="utf-8")
             progress(f"the arm holds; clients find it at {host}:{port}, with --rig {file}; Ctrl-C brakes and ends")
 
-        return _serve(rig, _bus(rig, progress), ready)
+        try:
+            return _serve(rig, _bus(rig, progress), ready)
+        finally:
+            _await_end_of_world(rig)
+
+
+def _await_end_of_world(rig: RigFile) -> None:
+    """A simulated world ends with its controller; its last state must be on the disk before this process ends."""
+    deadline = time.monotonic() + WORLD_TIMEOUT
+    while rig.simulated and world_pid(rig.run_dir) is not None and time.monotonic() < deadline:
+        time.sleep(0.02)
 
 
 def _serve(rig: RigFile, open_bus: Callable[[RobotParameters], ServoBus], ready: Callable[[str, int], None]) -> int:

@@ -59,7 +59,7 @@ def progress_of(
     Raises:
         PieceLost: the piece is neither in the fingers nor set down.
     """
-    if stage is Stage.APPROACH:
+    if stage in (Stage.APPROACH, Stage.RETURN):
         return Progress(transfer, holding=False)
     holding = arm.felt >= FELT
     if stage is Stage.GRASP or holding:

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 from app import UserError
 from app.bench.finger import finger_bench
+from app.bench.kills import kills_bench
 from app.bench.law import law_bench
 from app.bench.loop import loop_bench
 from app.bench.report import BenchReport
@@ -14,7 +15,9 @@ from app.bench.report import BenchReport
 Progress = Callable[[str], None]
 Bench = Callable[[bool, Progress], BenchReport]
 
-BENCHES: Mapping[str, Bench] = MappingProxyType({"law": law_bench, "loop": loop_bench, "finger": finger_bench})
+BENCHES: Mapping[str, Bench] = MappingProxyType(
+    {"law": law_bench, "loop": loop_bench, "finger": finger_bench, "kills": kills_bench}
+)
 """By name; each takes ``quick`` and a function that is told what is being done."""
 
 

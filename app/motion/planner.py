@@ -195,7 +195,7 @@ def plan_return(
     above = np.array([point[0], point[1], min(point[2], home[2])])
     track.go(above, 0.0, finger)
     track.go(home, 0.0, finger)
-    return Plan("home", (track.motion("home"),))
+    return Plan("home", (_part(track.motion("home"), 0, Stage.RETURN),))
 
 
 def _opening(rig: _Rig, kind: Kind) -> float:

@@ -263,7 +263,12 @@ class Plant:
             self._peak_squared = 0.0
         poses = tuple(self._pose(name, start) for name, start in self._piece_q.items())
         gap = max(float(np.linalg.norm(a - b)) for a, b in self._closures)
-        return Truth(self.tick, poses, peak, gap, self.arm_speed(), self.digest())
+        return Truth(self.tick, poses, peak, gap, self.arm_speed(), self.digest(), self._tool())
+
+    def _tool(self) -> Triple:
+        base = self.data.body("base")
+        x, y, z = (base.xmat.reshape(3, 3).T @ (self.data.site("tool").xpos - base.xpos)).tolist()
+        return x, y, z
 
     def _pose(self, name: str, start: int) -> PiecePose:
         x, y, z, _, i, j, _ = self._positions[start : start + 7].tolist()

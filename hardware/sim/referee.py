@@ -38,7 +38,8 @@ class Referee:
         answer = wire.ask(self._link, {"reset_peak": reset_peak})
         speed = RunSpeed(answer.pop("ran_ticks") * self._period, answer.pop("ran_wall"))
         pieces = tuple(PiecePose(*row) for row in answer.pop("pieces"))
-        return Truth(pieces=pieces, **answer), speed
+        x, y, z = answer.pop("tool")
+        return Truth(pieces=pieces, tool=(x, y, z), **answer), speed
 
     def close(self) -> None:
         """Let the world go."""

@@ -178,10 +178,10 @@ class World:
         return self._clocks.due != NEVER or self._cameras.waiting
 
     def _lonely_turn(self) -> None:
-        """Nobody holds the drives: come to rest if somebody did, then stand unless others need time."""
+        """Nobody holds the drives: if somebody did, come to rest on the brakes, then stand unless others need time."""
         self._speed.stood()
         self._reported = -1
-        moving = self._applied is not None and not self.plant.resting
+        moving = self._applied is not None and not (self.plant.resting and self.plant.braked)
         if moving or self._others_wait():
             self._listen(0.0)
             self._miss()

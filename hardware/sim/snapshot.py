@@ -47,7 +47,7 @@ def load_snapshot(path: Path) -> Snapshot | None:
             return Snapshot(np.array(content["state"], dtype=float), int(content["tick"]))
     except FileNotFoundError:
         return None
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+    except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
         raise HardwareError(
             f"{path} is no snapshot of a world ({error}): delete it to set the pieces up anew"
         ) from error

@@ -30,3 +30,5 @@ class Truth:
     """Fastest joint of arm and gripper [rad/s, m/s]."""
     state_sha256: str
     """Digest of all positions and velocities."""
+    tool: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """The tool point, base frame, at the beginning of the last tick [m]."""

@@ -24,9 +24,10 @@ def test_every_state_knows_stop_and_break(state: State) -> None:
     assert TRANSITIONS[state, Event.BREAK] in BRAKED
 
 
-def test_motions_begin_only_in_hold_and_off_is_for_good() -> None:
+def test_motions_begin_only_in_hold_and_only_parking_leads_out_of_off() -> None:
     assert [state for state in State if next_state(state, Event.ANNOUNCED)[0] is State.TRACK] == [State.HOLD]
-    assert {next_state(State.OFF, event)[0] for event in Event} == {State.OFF}
+    leaving = {event for event in Event if next_state(State.OFF, event)[0] is not State.OFF}
+    assert leaving == {Event.PARKED}, "which the supervisor brings about only where the process stays"
 
 
 def test_brakes_open_only_by_way_of_boot() -> None:

@@ -784,3 +784,73 @@ def test_brakes_that_do_not_hold_are_told(rig: Rig) -> None:
     assert rig.supervisor.finished
     assert rig.supervisor.exhausted
     assert "still moved at 0.300 rad/s after 2300 ticks on its brakes: see the brakes" in rig.sentence
+
+
+# --------------------------------------------------------------------------------------------- parking and taking over
+
+
+def test_a_parked_arm_waits_on_its_brakes_until_it_is_enabled(rig: Rig) -> None:
+    rig.boot()
+    rig.supervisor.park(31.0)
+    rig.run(200)
+    assert rig.state is State.BOOT
+    assert rig.bus.last.brake
+    assert not rig.bus.last.enable
+    assert not rig.supervisor.finished
+    assert not rig.supervisor.busy, "plant time may stand"
+    assert "nobody was connected for 31.0 s" in rig.sentence
+    rig.supervisor.obey(CommandCode.ENABLE)
+    rig.run(10)
+    assert rig.state is State.HOLD
+    assert not rig.bus.last.brake
+
+
+def test_an_arm_goes_on_holding_while_its_brakes_close_for_parking(rig: Rig) -> None:
+    rig.boot()
+    rig.supervisor.park(31.0)
+    rig.run(ControllerSettings().brake_ticks // 2)
+    assert rig.state is State.OFF
+    assert rig.bus.last.brake
+    assert rig.bus.last.enable
+    assert max(abs(torque) for torque in rig.bus.last.torque) > 0.5
+
+
+def test_enabling_while_the_brakes_close_opens_them_as_soon_as_the_arm_is_parked(rig: Rig) -> None:
+    rig.boot()
+    rig.supervisor.park(31.0)
+    rig.run(3)
+    rig.supervisor.obey(CommandCode.ENABLE)
+    rig.run(200)
+    assert rig.state is State.HOLD
+
+
+def test_only_an_arm_that_holds_is_parked(rig: Rig, line: Line) -> None:
+    rig.boot()
+    samples = line(HOME, AWAY, 900)
+    rig.announce(len(samples))
+    rig.send(samples)
+    rig.run(20)
+    rig.supervisor.park(31.0)
+    assert rig.state is State.TRACK
+
+
+@pytest.mark.parametrize("parked", [False, True])
+def test_a_shutdown_ends_an_arm_that_is_parked_or_on_its_way(rig: Rig, parked: bool) -> None:
+    rig.boot()
+    rig.supervisor.park(31.0)
+    rig.run(200 if parked else 3)
+    rig.supervisor.retire()
+    rig.run(200)
+    assert rig.supervisor.finished
+    assert rig.state is State.OFF
+
+
+@pytest.mark.parametrize(("felt", "pressing"), [((4.0, 3.9), True), ((4.0, 0.1), False), ((0.0, 0.0), False)])
+def test_a_controller_that_finds_a_piece_in_its_fingers_goes_on_gripping(
+    rig: Rig, felt: tuple[float, float], pressing: bool
+) -> None:
+    rig.doctor = lambda measurement: measurement._replace(tactile=felt)
+    rig.run(6)
+    assert rig.state is State.HOLD
+    assert (rig.bus.last.finger_velocity == -ControllerSettings().holding_speed) is pressing
+    assert (rig.bus.last.finger_velocity == 0.0) is not pressing

@@ -29,8 +29,8 @@ from hardware.sim.referee import Referee
 from hardware.sim.renderer import HEIGHT, WIDTH
 from hardware.sim.scene import build_model
 from hardware.sim.server import END_FILE, serve
-from hardware.sim.snapshot import STATE_FILE
 from hardware.sim.settings import FILE_NAME, WorldSettings, load_settings, stand_pieces
+from hardware.sim.snapshot import STATE_FILE
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
 
 TABLE = TableSettings()
@@ -475,6 +475,40 @@ def test_goodbye_ends_the_world_at_rest_with_a_snapshot(start: Start) -> None:
     assert world.log == ""
     with pytest.raises(HardwareError, match=r"no world answers at .*world\.sock after 0 s: is it running\? Its log is"):
         SimServoBus(world.run_dir, timeout=0.0)
+
+
+def test_a_world_goes_on_from_the_snapshot_of_the_one_before(start: Start) -> None:
+    world = start()
+    bus = SimServoBus(world.run_dir)
+    fall(bus)
+    bus.close()
+    assert world.process.wait(30.0) == 0
+    left = world.end
+    again = start(world.run_dir)
+    with closing(Referee(world.run_dir)) as referee:
+        truth, _ = referee.look()
+        assert truth.tick == left["tick"]
+        assert truth.state_sha256 == left["state_sha256"], "to the last bit"
+        assert not (world.run_dir / END_FILE).exists(), "the old one says nothing of the new one"
+        bus = SimServoBus(world.run_dir)
+        first = [bus.exchange(BRAKED) for _ in range(20)][-1]
+        after, _ = referee.look()
+    np.testing.assert_allclose(after.tool, truth.tool, atol=1e-6)
+    assert first.status & DriveStatus.BRAKED
+    bus.close()
+    assert again.process.wait(30.0) == 0
+
+
+@pytest.mark.parametrize("content", [b"", b"PK nonsense", "of another world"])
+def test_a_snapshot_that_is_none_is_one_sentence(start: Start, tmp_path: Path, content: bytes | str) -> None:
+    if isinstance(content, bytes):
+        (tmp_path / STATE_FILE).write_bytes(content)
+    else:
+        np.savez(tmp_path / STATE_FILE, state=np.zeros(7), tick=3)
+    world = start(tmp_path)
+    assert world.process.wait(30.0) == 2
+    assert "snapshot" in world.log
+    assert len(world.log.strip().splitlines()) == 1
 
 
 def test_after_its_linger_a_world_without_controller_ends(start: Start) -> None:

@@ -1,0 +1,85 @@
+"""Rig files: what they may say, and the one sentence that names each mistake."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from app.config import ConfigError, load_rig
+from app.devices import RigFailed
+from app.rig import choose_rig
+from hardware.parameters import DEFAULT_FILE
+from hardware.sim.settings import Pace
+
+CONTROLLER = '[controller]\nhost = "192.168.7.2"\nport = 47100\n'
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "lab.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_least_that_a_rig_file_says(tmp_path: Path) -> None:
+    rig = load_rig(write(tmp_path, CONTROLLER))
+    assert (rig.controller.host, rig.controller.port) == ("192.168.7.2", 47100)
+    assert rig.controller.stays, "a lab's controller waits for the next client"
+    assert rig.simulated
+    assert rig.pace is Pace.REAL
+    assert rig.parameters == DEFAULT_FILE
+    assert rig.controller.key == tmp_path / "touchmove.key", "paths count from the file's folder"
+    assert rig.run_dir == tmp_path / "run"
+
+
+def test_everything_that_a_rig_file_can_say(tmp_path: Path) -> None:
+    rig = load_rig(
+        write(
+            tmp_path,
+            'run_dir = "/var/lib/touchmove"\nparameters = "robot.toml"\n'
+            + CONTROLLER
+            + 'key = "secret/key"\nlinger = 60\ncore = 3\n'
+            '[drives]\nbus = "sim"\n[world]\npace = "fast"\nseed = 7\ncameras = false\n'
+            "[table]\ncentre_in_base = [0.0, 0.0, 0.48]\n",
+        )
+    )
+    assert rig.pace is Pace.FAST
+    assert rig.world_section.seed == 7
+    assert rig.controller.core == 3
+    assert rig.controller.key == tmp_path / "secret" / "key"
+    assert rig.run_dir == Path("/var/lib/touchmove")
+    assert rig.parameters == tmp_path / "robot.toml"
+    assert rig.table.centre_in_base == (0.0, 0.0, 0.48)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("[controller]\n", r"controller\.port is missing: give it a value"),
+        ("", r"controller is missing: give it a value"),
+        (CONTROLLER + "prot = 1\n", r"no setting controller\.prot: did you mean port\?"),
+        (CONTROLLER + "[drive]\n", r"no setting drive: did you mean drives\?"),
+        (CONTROLLER + "[world]\nsede = 3\n", r"no setting world\.sede: did you mean seed\?"),
+        (CONTROLLER + "[world]\nzzz = 3\n", r"no setting world\.zzz: choose cameras, fen, pace, seed"),
+        ('[controller]\nport = "x"\n', r"controller\.port: .*integer.*, not 'x'"),
+        ("[controller]\nport = 0\n", r"controller\.port: .*greater than or equal to 1, not 0"),
+        (CONTROLLER + '[drives]\nbus = "my lab"\n', r"drives\.bus: .*, not 'my lab'"),
+        (CONTROLLER + '[drives]\nbus = "lab:bus"\n[world]\n', r'a \[world\] stands behind bus = "sim" only'),
+        ("[controller\n", r"is no TOML: .*: mend that line"),
+    ],
+)
+def test_a_mistake_is_named_with_its_remedy(tmp_path: Path, text: str, sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence) as caught:
+        load_rig(write(tmp_path, text))
+    assert "lab.toml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_rig_is_sim_or_a_file(tmp_path: Path) -> None:
+    assert choose_rig("sim") is None
+    chosen = choose_rig(str(write(tmp_path, CONTROLLER)))
+    assert chosen is not None
+    with pytest.raises(ConfigError, match="cannot be read: No such file or directory: give sim, or the TOML file"):
+        choose_rig(str(tmp_path / "none.toml"))
+    with pytest.raises(RigFailed, match="has no arm yet: choose sim"):
+        choose_rig("board")

@@ -1,0 +1,78 @@
+"""How far a ply is, told from what was begun and from where the arm is left."""
+
+from __future__ import annotations
+
+import chess
+import numpy as np
+import pytest
+
+from app.arm import ArmState
+from app.layout import start_layout
+from app.manipulation import Inventory, Ply, Stage, transfers
+from app.motion.obstacles import closed_position
+from app.recovery import PieceLost, Progress, progress_of
+from hardware.parameters import load_parameters
+from hardware.table import PIECE_SHAPES, Kind, Place, TableSettings
+
+TABLE = TableSettings()
+PARAMETERS = load_parameters()
+CLOSED = closed_position(Kind.PAWN, PARAMETERS.pads)
+GRIP = PIECE_SHAPES[Kind.PAWN].grip_height
+OPEN = CLOSED + 0.005
+
+
+def capture() -> Ply:
+    """Two transfers: the pawn on d5 leaves, the pawn on e4 comes."""
+    board = chess.Board("rnbqkbnr/ppp1pppp/8/3p4/4P3/8/PPPP1PPP/RNBQKBNR w KQkq - 0 2")
+    inventory = Inventory.of(start_layout(board, TABLE), TABLE)
+    return transfers(board, chess.Move.from_uci("e4d5"), inventory)
+
+
+PLY = capture()
+
+
+def arm(place: Place, height: float, finger: float, felt: float) -> ArmState:
+    point = TABLE.base_from_board(np.array([*TABLE.xy(place), height]))
+    return ArmState(point, finger, 1000, felt)
+
+
+def progress(transfer: int, stage: Stage, state: ArmState) -> Progress:
+    return progress_of(PLY, transfer, stage, state, PARAMETERS, TABLE)
+
+
+@pytest.mark.parametrize("transfer", [0, 1])
+def test_what_was_only_approached_stands_where_it_stood(transfer: int) -> None:
+    source = PLY.transfers[transfer].source
+    for height, finger in ((0.1, OPEN), (GRIP, OPEN), (0.2, 0.011)):
+        assert progress(transfer, Stage.APPROACH, arm(source, height, finger, 0.0)) == Progress(transfer, False)
+
+
+@pytest.mark.parametrize("transfer", [0, 1])
+def test_the_pads_tell_whether_a_grasp_has_the_piece(transfer: int) -> None:
+    source = PLY.transfers[transfer].source
+    assert progress(transfer, Stage.GRASP, arm(source, GRIP, OPEN, 0.0)) == Progress(transfer, False)
+    assert progress(transfer, Stage.GRASP, arm(source, GRIP, CLOSED, 4.0)) == Progress(transfer, True)
+
+
+@pytest.mark.parametrize("transfer", [0, 1])
+def test_a_carried_piece_is_in_the_fingers_or_set_down(transfer: int) -> None:
+    source, target = PLY.transfers[transfer].source, PLY.transfers[transfer].target
+    for place, height in ((source, GRIP), (source, 0.08), (target, 0.08), (target, GRIP)):
+        assert progress(transfer, Stage.CARRY, arm(place, height, CLOSED, 4.0)) == Progress(transfer, True)
+    # open fingers have let go over the target, wherever the arm went afterwards
+    for place, height in ((target, GRIP), (target, 0.08), (source, 0.15)):
+        assert progress(transfer, Stage.CARRY, arm(place, height, OPEN, 0.0)) == Progress(transfer + 1, False)
+    # just let go of
+    assert progress(transfer, Stage.CARRY, arm(target, GRIP - 0.001, CLOSED, 0.0)) == Progress(transfer + 1, False)
+
+
+@pytest.mark.parametrize("place", ["source", "target"])
+def test_closed_fingers_that_feel_nothing_have_lost_it(place: str) -> None:
+    there = getattr(PLY.transfers[1], place)
+    with pytest.raises(PieceLost, match="lost the white pawn on its way from e4 to d5: set it on e4 by hand"):
+        progress(1, Stage.CARRY, arm(there, 0.08, CLOSED, 0.0))
+
+
+def test_a_broken_off_return_leaves_nothing_to_carry() -> None:
+    state = arm(PLY.transfers[1].target, 0.1, OPEN, 0.0)
+    assert progress(2, Stage.RETURN, state) == Progress(2, False)

@@ -1,0 +1,43 @@
+"""Games that are killed at random moments and resumed, by the same bench that counts a hundred such kills."""
+
+from __future__ import annotations
+
+import json
+import signal
+
+import pytest
+
+from app.bench.kills import measure_kills
+from tests.conftest import Run
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("pace", ["fast", "real"])
+def test_program_and_controller_are_killed_in_mid_move_and_the_game_goes_on(pace: str) -> None:
+    said: list[str] = []
+    report = measure_kills(2, pace, said.append)
+    assert {name for name, row in report.rows.items() if not row.holds} == set()
+    assert report.rows["app_rest"].n == report.rows["controller_rest"].n == report.rows["jump"].n == 2
+    assert len(said) == 4
+
+
+@pytest.mark.slow
+def test_an_interrupted_game_is_resumed_from_the_worlds_last_state(demo) -> None:
+    run = demo("--pace", "fast", "--no-video", "--moves", "e4 d5 exd5 Qxd5")
+    events = run.folder / "events.jsonl"
+    run.until(lambda: events.exists() and '"carry"' in events.read_text(), "a carry")
+    run.signal(signal.SIGINT)
+    assert run.wait(20)[0] == 130
+    assert not run.helpers()
+    assert run.world_end()["at_rest"]
+    again = Run(["resume", str(run.folder), "--headless", "--json"], run.folder)
+    status, out, err = again.wait()
+    assert status == 0, err
+    report = json.loads(out)
+    assert report["plies"] == 4
+    assert report["physical_ok"] is True
+    assert not again.helpers()
+    # a game that is over stays over
+    status, _, err = Run(["resume", str(run.folder), "--headless"], run.folder).wait()
+    assert status == 2
+    assert err.strip().endswith("is over, after 4 plies: start a new one")

@@ -1,0 +1,208 @@
+"""A controller started by hand from a rig file, and games that only connect to it; also from another computer."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hardware.sim.wire import world_pid
+
+TOUCHMOVE = [sys.executable, "-P", "-m", "app.cli"]
+START = 60.0
+
+
+def rig_file(folder: Path, host: str, port: int, **controller: object) -> Path:
+    """A rig with a simulated world in pace fast, without cameras."""
+    folder.mkdir(exist_ok=True)
+    lines = [f'host = "{host}"', f"port = {port}", *(f"{name} = {value}" for name, value in controller.items())]
+    path = folder / "rig.toml"
+    text = "[controller]\n" + "\n".join(lines) + '\n[drives]\nbus = "sim"\n[world]\npace = "fast"\ncameras = false\n'
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def free_port() -> int:
+    import socket
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
+class Controller:
+    """``touchmove controller --rig FILE``, perhaps in a network of its own."""
+
+    def __init__(self, rig: Path, within: tuple[str, ...] = ()) -> None:
+        self.rig = rig
+        self.log = rig.parent / "controller.log"
+        self._ready = len(self.said())
+        with self.log.open("ab") as log:
+            self.process = subprocess.Popen(
+                [*within, *TOUCHMOVE, "controller", "--rig", str(rig)],
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
+            )  # fmt: skip
+        self.wait_for("the arm holds")
+
+    def said(self) -> str:
+        return self.log.read_text() if self.log.exists() else ""
+
+    def wait_for(self, words: str) -> None:
+        deadline = time.monotonic() + START
+        while words not in self.said()[self._ready :]:
+            assert self.process.poll() is None, self.said()
+            assert time.monotonic() < deadline, self.said()
+            time.sleep(0.02)
+
+    def end(self, number: int = signal.SIGINT) -> int:
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        return self.process.wait(20.0)
+
+
+def touchmove(*arguments: str, within: tuple[str, ...] = ()) -> tuple[int, str, str]:
+    done = subprocess.run([*within, *TOUCHMOVE, *arguments], capture_output=True, text=True, timeout=120, check=False)
+    return done.returncode, done.stdout, done.stderr
+
+
+def status(rig: Path) -> dict[str, Any]:
+    code, out, err = touchmove("controller", "status", "--rig", str(rig), "--json")
+    assert code == 0, err
+    return dict(json.loads(out))
+
+
+@pytest.fixture
+def by_hand(tmp_path: Path) -> Iterator[Callable[..., Controller]]:
+    started: list[Controller] = []
+
+    def start(rig: Path, within: tuple[str, ...] = ()) -> Controller:
+        started.append(Controller(rig, within))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.end(signal.SIGKILL)
+    for left in tmp_path.rglob("world.sock"):  # of a world that nobody has ended
+        if (pid := world_pid(left.parent)) is not None:
+            os.kill(pid, signal.SIGKILL)
+
+
+def game(rig: Path, folder: Path, moves: str, *options: str, within: tuple[str, ...] = ()) -> dict[str, Any]:
+    """A game on the rig; its report."""
+    code, out, err = touchmove(
+        "demo", "--rig", str(rig), "--out", str(folder), "--moves", moves, "--headless", "--json", "--no-video",
+        *options, within=within,
+    )  # fmt: skip
+    assert code == 0, err
+    return dict(json.loads(out))
+
+
+@pytest.mark.slow
+def test_a_controller_outlives_games_parks_and_is_killed_and_ended(
+    by_hand: Callable[..., Controller], tmp_path: Path
+) -> None:
+    rig = rig_file(tmp_path / "lab", "127.0.0.1", free_port(), linger=1.0)
+    controller = by_hand(rig)
+    assert "made the key" in controller.said()
+    assert (rig.parent / "touchmove.key").stat().st_mode & 0o777 == 0o600
+
+    report = game(rig, tmp_path / "one", "e4")
+    assert report["physical_ok"] is True
+    deadline = time.monotonic() + 10.0
+    while (parked := status(rig))["state"] != "BOOT" and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert parked["state"] == "BOOT", "parked"
+    assert "BRAKED" in parked["drive_status"]
+    assert "nobody was connected" in parked["why"]
+    # the next game begins from where the first one left the pieces, and opens the brakes by itself
+    report = game(rig, tmp_path / "two", "d5", "--fen", "rnbqkbnr/pppppppp/8/8/4P3/8/PPPP1PPP/RNBQKBNR b KQkq - 0 1")
+    assert report["physical_ok"] is True
+
+    code, _, err = touchmove("controller", "clear", "--rig", str(rig))
+    assert code == 2
+    assert "choose run, status, enable, hold, resume, stop, clear-fault, shutdown" in err
+
+    # a restarted controller goes on with the world that its forerunner left
+    controller.end(signal.SIGKILL)
+    again = by_hand(rig)
+    assert "a simulated world runs already" in again.said()
+    assert touchmove("controller", "hold", "--rig", str(rig))[0] == 0
+
+    run = again.end()
+    assert run == 0
+    assert not (rig.parent / "run" / "world.sock").exists(), "the world ends with its controller"
+    end = json.loads((rig.parent / "run" / "world_end.json").read_text())
+    assert end["at_rest"]
+    assert end["braked"]
+
+
+@pytest.mark.slow
+def test_a_rig_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
+    rig = rig_file(tmp_path / "lab", "127.0.0.1", free_port())
+    code, _, err = touchmove("controller", "status", "--rig", str(rig))
+    assert code == 2
+    assert "touchmove.key cannot be read" in err
+    (rig.parent / "touchmove.key").write_bytes(b"k" * 32)
+    (rig.parent / "touchmove.key").chmod(0o600)
+    for command in (("controller", "enable"), ("link-test",), ("demo", "--moves", "e4", "--out", str(tmp_path / "g"))):
+        code, _, err = touchmove(*command, "--rig", str(rig))
+        assert code == 2, command
+        assert "start the controller" in err
+        assert len(err.strip().splitlines()) <= 2
+
+
+@pytest.fixture
+def two_computers() -> Iterator[tuple[str, tuple[str, ...], tuple[str, ...]]]:
+    """Two network namespaces with a cable between them: the controller's address, and how to run in either."""
+    if os.geteuid() != 0 or shutil.which("ip") is None:
+        pytest.skip("network namespaces need root and iproute2")
+    near, far = f"tm-app-{os.getpid()}", f"tm-rt-{os.getpid()}"
+
+    def ip(*arguments: str) -> None:
+        subprocess.run(["ip", *arguments], check=True, capture_output=True)
+
+    try:
+        ip("netns", "add", near)
+    except subprocess.CalledProcessError as error:
+        pytest.skip(f"no network namespaces here: {error.stderr.decode().strip()}")
+    try:
+        ip("netns", "add", far)
+        ip("link", "add", "cable0", "netns", near, "type", "veth", "peer", "name", "cable1", "netns", far)
+        for name, cable, address in ((near, "cable0", "10.77.0.1/24"), (far, "cable1", "10.77.0.2/24")):
+            ip("-n", name, "addr", "add", address, "dev", cable)
+            ip("-n", name, "link", "set", cable, "up")
+            ip("-n", name, "link", "set", "lo", "up")
+        yield "10.77.0.2", ("ip", "netns", "exec", near), ("ip", "netns", "exec", far)
+    finally:
+        for name in (near, far):
+            subprocess.run(["ip", "netns", "delete", name], check=False, capture_output=True)
+
+
+@pytest.mark.slow
+def test_game_and_controller_on_two_computers(
+    by_hand: Callable[..., Controller],
+    two_computers: tuple[str, tuple[str, ...], tuple[str, ...]],
+    tmp_path: Path,
+) -> None:
+    host, app, real_time = two_computers
+    rig = rig_file(tmp_path / "lab", host, 47100)
+    controller = by_hand(rig, real_time)
+    report = game(rig, tmp_path / "game", "e4 d5 exd5", within=app)
+    assert report["plies"] == 3
+    assert report["physical_ok"] is True
+    code, out, err = touchmove("link-test", "--rig", str(rig), "--duration", "2", "--json", within=app)
+    assert code in (0, 1), err
+    assert json.loads(out)["checks"]["pings_lost"]["holds"]
+    # from this machine's own network there is no way to it
+    assert touchmove("controller", "status", "--rig", str(rig))[0] == 2
+    assert touchmove("controller", "shutdown", "--rig", str(rig), within=app)[0] == 0
+    assert controller.process.wait(20.0) == 0
