@@ -9,7 +9,7 @@ runs the game may read the same file, or copies of it. Its paths count from the 
     key = "touchmove.key"       # the secret they share
 
     [drives]
-    bus = "sim"                 # a simulated world, or "module:function" of a lab's own driver
+    bus = "sim"                 # a simulated world, or the name of a lab's own driver
 
     [world]                     # of bus = "sim" alone
     pace = "real"
@@ -56,9 +56,8 @@ class ControllerSection(ControllerSettings):
 class DrivesSection(_Frozen):
     """``[drives]``: what the controller drives."""
 
-    bus: Annotated[str, Field(pattern=r"^(sim|[\w.]+:\w+)$")] = SIMULATED
-    """``sim``, a simulated world; or ``module:function`` of a lab's driver, called with the robot's parameters to
-    return a ``ServoBus``."""
+    bus: Annotated[str, Field(pattern=r"^[A-Za-z][\w.-]*$")] = SIMULATED
+    """``sim``, a simulated world; or the name of a lab's driver, an entry point of the group ``touchmove.drives``."""
 
 
 class WorldSection(_Frozen):

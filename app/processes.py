@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Final
 
@@ -23,6 +23,9 @@ from hardware.sim.wire import world_pid
 
 CONTROLLER_SETTINGS_FILE = "controller_settings.json"
 RIG_FILE: Final = "rig.toml"
+DRIVERS: Final = "touchmove.drives"
+"""Group of entry points under which a lab's package names its driver: a function of the robot's parameters that opens
+the drives and returns a ``ServoBus``."""
 WORLD_TIMEOUT: Final = 60.0
 """A world with cameras takes a few seconds to start [s, wall]."""
 _ALONE: Final = 300.0
@@ -149,14 +152,18 @@ def _simulated_bus(run_dir: Path) -> ServoBus:
 
 
 def _driver(name: str) -> Callable[[RobotParameters], ServoBus]:
-    """A lab's own driver."""
-    module, _, function = name.partition(":")
-    try:
-        opener: Callable[[RobotParameters], ServoBus] = getattr(importlib.import_module(module), function)
-    except (ImportError, AttributeError) as error:
+    """A lab's own driver, by the name of its entry point."""
+    drivers = entry_points(group=DRIVERS)
+    if name not in drivers.names:
+        known = ", ".join([SIMULATED, *sorted(drivers.names)])
         raise ConfigError(
-            f"drives.bus is '{name}', which cannot be loaded ({error}): install it, or set PYTHONPATH to its folder"
-        ) from error
+            f"drives.bus is '{name}', installed here are: {known}: install the package that has it as an entry point "
+            f"of the group {DRIVERS}"
+        )
+    try:
+        opener: Callable[[RobotParameters], ServoBus] = drivers[name].load()
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(f"the driver '{name}' cannot be loaded ({error}): install its package again") from error
     return opener
 
 

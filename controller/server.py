@@ -42,7 +42,6 @@ _NO_TORQUE = (0.0, 0.0, 0.0)
 _COMMANDS: Final = {int(code): code for code in CommandCode}
 Ready = Callable[[str, int], None]
 """Told address and UDP port of a controller that clients are welcome at."""
-_BRAKE: Final = Command(_NO_TORQUE, 0.0, brake=True, enable=False, busy=False)
 
 
 def _nobody(_host: str, _port: int) -> None:
@@ -188,9 +187,10 @@ class Server:
         self._say_goodbye()
 
     def close(self) -> None:
-        """Brakes, if the drives still answer; then give socket, file and bus up."""
+        """Brakes, if the drives still answer; then give socket, file and bus up. A grip is not let go of."""
+        grip = min(0.0, self.supervisor.reference.finger_velocity)
         try:
-            self._bus.exchange(_BRAKE)
+            self._bus.exchange(Command(_NO_TORQUE, grip, brake=True, enable=False, busy=False))
         except BusLost:
             pass  # the drives' own watchdog brakes
         finally:

@@ -40,11 +40,16 @@ KNOW_THE_SIMULATION = {
     "app.cli": "names the paces among its options",
     "app.demo": "composes the settings of the world",
     "app.processes": "runs world and controller in their processes",
-    "app.rig": "the factory of devices",
+    "app.config": "a rig file says how its world is",
+    "app.devices": "hands the referee on to whoever may ask it",
+    "app.sim_rig": "starts, takes over and ends simulated devices",
+    "app.remote_rig": "connects to them",
+    "app.session": "has a world filmed",
     "app.timed_rig": "composes the settings of a world in pace real",
     "app.video": "films the world",
     "app.game": "hands the referee's truth to the judge",
     "app.judging": "compares truth and game",
+    "app.bench.kills": "sees how an arm comes to rest that nobody controls any more",
     "app.bench.cell": "runs supervisor and plant in one process",
     "app.bench.finger": "puts a finger into the world",
     "app.bench.recording": "records the law over a plant in the same process",
@@ -54,9 +59,12 @@ KNOW_THE_SIMULATION = {
 """The only modules of ``app`` that may import ``hardware.sim``, and what for. No other room may."""
 
 KNOW_THE_TRUTH = {
+    "app.bench.kills",
+    "app.devices",
     "app.game",
     "app.judging",
-    "app.rig",
+    "app.remote_rig",
+    "app.sim_rig",
     "hardware.sim.plant",
     "hardware.sim.referee",
 }

@@ -206,3 +206,54 @@ def test_game_and_controller_on_two_computers(
     assert touchmove("controller", "status", "--rig", str(rig))[0] == 2
     assert touchmove("controller", "shutdown", "--rig", str(rig), within=app)[0] == 0
     assert controller.process.wait(20.0) == 0
+
+
+def test_a_driver_that_is_not_installed_is_named_with_those_that_are(tmp_path: Path) -> None:
+    rig = rig_file(tmp_path / "lab", "127.0.0.1", free_port())
+    rig.write_text('[controller]\nport = 47100\n[drives]\nbus = "mitsubishi"\n')
+    code, _, err = touchmove("controller", "--rig", str(rig))
+    assert code == 2
+    assert "drives.bus is 'mitsubishi', installed here are: sim" in err
+    assert "touchmove.drives" in err
+
+
+DRIVER = '''
+"""A lab's driver: an arm that stands on its brakes."""
+import time
+from hardware.interfaces import DriveStatus, Measurement
+
+class Bus:
+    lockstep, period = False, 0.00088
+
+    def __init__(self, parameters):
+        self.tick = 0
+
+    def exchange(self, command):
+        time.sleep(self.period)
+        self.tick += 1
+        status = DriveStatus.ENABLED if command.enable else DriveStatus.OK
+        return Measurement(self.tick, (0.3, 0.3, 0.3), (0.0, 0.0, 0.0), 0.01, (0.0, 0.0), status)
+
+    def close(self):
+        pass
+'''
+
+
+@pytest.mark.slow
+def test_a_labs_own_driver_is_found_by_its_entry_point(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = tmp_path / "site"
+    (package / "lab_drives-1.0.dist-info").mkdir(parents=True)
+    (package / "lab_drives.py").write_text(DRIVER)
+    (package / "lab_drives-1.0.dist-info" / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: lab-drives\nVersion: 1.0\n"
+    )
+    (package / "lab_drives-1.0.dist-info" / "entry_points.txt").write_text("[touchmove.drives]\nlab = lab_drives:Bus\n")
+    monkeypatch.setenv("PYTHONPATH", str(package))
+    rig = rig_file(tmp_path / "lab", "127.0.0.1", free_port())
+    rig.write_text(rig.read_text().split("[drives]")[0] + '[drives]\nbus = "lab"\n')
+    controller = Controller(rig)
+    try:
+        assert status(rig)["state"] == "HOLD"
+        assert touchmove("controller", "stop", "--rig", str(rig))[0] == 0
+    finally:
+        assert controller.end() == 0
