@@ -1,7 +1,8 @@
 """Protection that looks at how the arm is doing, tick by tick, below the law and independent of it.
 
 Pure checks of single numbers are in `controller.safety`; here is what needs the ticks before: durations, means over a
-window, encoders that contradict themselves. Whatever is found names its cause; what follows from it is `REACTIONS`.
+window, encoders that contradict themselves. Whatever is found names its cause; what follows from it is `REACTIONS`. A
+quick look, `controller.screen`, tells the ticks in which nothing is to be found.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from controller.causes import Cause
 from controller.model.compiled import FloatArray
 from controller.safety import Limits, Violation, axis_beyond, check_joints
+from controller.screen import Screen
 from hardware.interfaces import Measurement, Triple
 
 _NOWHERE: Final = (math.nan, math.nan, math.nan)
@@ -82,6 +84,15 @@ class Encoders:
                 return Violation(Cause.ENCODER, float(i + 1), limits.encoder_way)
         return None
 
+    def follows(self, measurement: Measurement, reference: Triple) -> bool:
+        """Take a tick in of which `Screen.joints` said that all is well; false where it has to be looked at closer."""
+        tick = measurement.tick
+        if tick != self._tick + 1:
+            return False
+        self._tick, self._angle = tick, measurement.angle
+        self._since = [(measurement.angle, reference)] * 3
+        return True
+
     def _stands_alone(self, i: int, reference: Triple, rates: FloatArray) -> bool:
         """Whether servomotor i should have moved and did not, while another one did."""
         angles, start = self._since[i]
@@ -108,11 +119,12 @@ class MeanTorque:
         limit: what the servomotors are rated for [N m].
         window: time constant of the fading [s].
         period: of a tick [s].
+        squares: where the mean squares are kept, shape (3,); by default an array of its own [N² m²].
     """
 
-    def __init__(self, limit: float, window: float, period: float) -> None:
+    def __init__(self, limit: float, window: float, period: float, squares: FloatArray | None = None) -> None:
         self._limit, self._share = limit, 1.0 - math.exp(-period / window)
-        self.squares = [0.0, 0.0, 0.0]
+        self.squares = np.zeros(3) if squares is None else squares
         """Mean squares [N² m²]."""
 
     def check(self, torque: Triple) -> Violation | None:
@@ -120,7 +132,7 @@ class MeanTorque:
         squares, share = self.squares, self._share
         for i in (0, 1, 2):
             squares[i] += share * (torque[i] * torque[i] - squares[i])
-        worst = max(squares)
+        worst = float(squares.max())
         if worst <= self._limit * self._limit:
             return None
         return Violation(Cause.RMS_TORQUE, math.sqrt(worst), self._limit)
@@ -136,14 +148,36 @@ class Protection:
 
     def __init__(self, limits: Limits, period: float) -> None:
         self._limits = limits
+        self._screen = Screen(limits, period)
         self._encoders = Encoders(limits, period)
-        self._mean = MeanTorque(limits.rms_torque, limits.rms_window, period)
+        self._mean = MeanTorque(limits.rms_torque, limits.rms_window, period, self._screen.squares)
         self._pressing = Overload(limits.press_force, limits.force_ticks)
         self._gripping = Overload(limits.grip_force, limits.force_ticks)
 
     def joints(self, measurement: Measurement, reference: Triple, rates: FloatArray) -> Violation | None:
         """What no law can be trusted with: encoders, speed and range of the servomotors; see `Encoders.check`."""
+        well = self._screen.joints(measurement.angle, measurement.velocity)
+        if well and self._encoders.follows(measurement, reference):
+            return None
         return self._encoders.check(measurement, reference, rates) or check_joints(measurement, self._limits)
+
+    def well(
+        self, state: FloatArray, reference: FloatArray, force: Triple, tactile: tuple[float, float], torque: Triple
+    ) -> bool:
+        """Whether `tool`, `fingers`, `motors` and `check_tracking` have nothing to say of a tick; then it is taken in.
+
+        Args:
+            state: all that the law knows of the arm, shape (24, 3).
+            reference: shape (16,) or longer.
+            force: on the tool [N].
+            tactile: forces on the pads [N].
+            torque: of the last exchange [N m].
+        """
+        if not self._screen.arm(state, reference, force, tactile, torque):
+            return False
+        self._pressing.reset()
+        self._gripping.reset()
+        return True
 
     def tool(self, position: list[float], velocity: list[float], force: Triple) -> Violation | None:
         """Where the tool is [m], how fast it moves [m/s], and how it presses [N]."""

@@ -337,6 +337,11 @@ def clamp_torque(torque: Triple, previous: Triple, limit: float, rate: float) ->
     """
     a, b, c = torque
     p, q, r = previous
+    if (
+        -limit <= a <= limit and -limit <= b <= limit and -limit <= c <= limit
+        and p - rate <= a <= p + rate and q - rate <= b <= q + rate and r - rate <= c <= r + rate
+    ):  # fmt: skip
+        return torque, False
     clamped = (
         min(max(a, p - rate, -limit), p + rate, limit),
         min(max(b, q - rate, -limit), q + rate, limit),

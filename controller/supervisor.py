@@ -225,6 +225,10 @@ class Supervisor:
 
     def _watch(self, measurement: Measurement) -> None:
         """Protection that looks at tool, fingers and motors; while the arm yields already, only at the latter two."""
+        if not (self._yielding or self._letting_go) and self._protection.well(
+            self.law.memory, self.reference.row, self.force, measurement.tactile, self.torque
+        ):
+            return
         trouble = self._protection.fingers(measurement.tactile) or self._protection.motors(self.torque)
         if not self._yielding:
             state, row = self.law.state, self.reference.row.tolist()
@@ -276,9 +280,11 @@ class Supervisor:
         self.clamped += clamped
 
     def _note_peaks(self, tactile: tuple[float, float]) -> None:
-        a, b, c = self.torque
-        self.peak_torque = max(self.peak_torque, a, -a, b, -b, c, -c)
-        self.peak_tactile = max(self.peak_tactile, *tactile)
+        (a, b, c), (right, left), most = self.torque, tactile, self.peak_torque
+        if not (-most <= a <= most and -most <= b <= most and -most <= c <= most):
+            self.peak_torque = max(most, a, -a, b, -b, c, -c)
+        if right > self.peak_tactile or left > self.peak_tactile:
+            self.peak_tactile = max(right, left)
 
     # on the brakes
 
