@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
 from app import UserError
 from app.motion.plan import Motion, Plan
 from app.motion.reference import Vector
-from controller.client import ControllerClient
+from controller.causes import Cause
+from controller.client import ControllerClient, MotionOutcome
+from controller.errors import MotionRefused, MotionStopped
+
+_LATE: Final = (Cause.UNDERRUN, Cause.LATE)
 
 
 class GraspFailed(UserError):
@@ -44,6 +48,10 @@ class ArmState:
     felt: float = 0.0
 
 
+class ArmPaused(UserError):
+    """The arm stopped by itself because this program or the network was late; nothing else is wrong."""
+
+
 class Arm(Protocol):
     """Executes plans."""
 
@@ -52,8 +60,15 @@ class Arm(Protocol):
     def state(self) -> ArmState:
         """The arm at rest; on a simulated rig in pace fast, once plant time stands."""
 
+    def settle(self) -> ArmState:
+        """Wait until an arm whose motion was stopped is at rest; where it rests."""
+
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
-        """Do a whole plan; ``begin`` is told each motion before it is announced."""
+        """Do a whole plan; ``begin`` is told each motion before it is announced.
+
+        Raises:
+            ArmPaused: samples came too late and the arm stopped by itself; it may go on from where it is.
+        """
 
 
 class ControllerArm:
@@ -71,11 +86,17 @@ class ControllerArm:
         felt = min(telemetry.tactile)
         return ArmState(np.array(telemetry.reference), telemetry.finger_position, telemetry.tick, felt)
 
+    def settle(self) -> ArmState:
+        """See ``Arm.settle``."""
+        self._client.stop()
+        return self.state()
+
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
         """Stream the motions one after the other.
 
         Raises:
             GraspFailed: a motion that had to grip ended without.
+            ArmPaused: samples came too late.
             ControllerError: refused, stopped or lost; the arm rests.
         """
         first_tick, end_tick, torque, force = None, 0, 0.0, 0.0
@@ -84,7 +105,7 @@ class ControllerArm:
                 self._progress(motion.label)
             if begin is not None:
                 begin(motion)
-            done = self._client.execute(motion.samples, followed=index < len(plan.motions) - 1)
+            done = self._carry_out(motion, followed=index < len(plan.motions) - 1)
             first_tick = done.first_tick if first_tick is None else first_tick
             end_tick = done.end_tick
             torque, force = max(torque, done.peak_torque), max(force, done.peak_tactile)
@@ -93,3 +114,11 @@ class ControllerArm:
                 raise GraspFailed(motion, done.finger_position)
         assert first_tick is not None
         return Outcome((end_tick - first_tick) * self._client.period, torque, force, end_tick)
+
+    def _carry_out(self, motion: Motion, *, followed: bool) -> MotionOutcome:
+        try:
+            return self._client.execute(motion.samples, followed=followed)
+        except (MotionRefused, MotionStopped) as error:
+            if error.cause in _LATE:
+                raise ArmPaused(str(error)) from error
+            raise

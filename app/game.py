@@ -6,15 +6,16 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import chess
 import cv2
 
 from app import UserError
-from app.arm import Arm, ArmState, Outcome
+from app.arm import Arm, ArmPaused, ArmState, Outcome
 from app.faces import Face
 from app.judging import Verdict, judge
-from app.manipulation import Inventory, Ply, transfers
+from app.manipulation import Inventory, Ply, Stage, transfers
 from app.motion import Motion, MotionSettings, plan_ply, plan_return
 from app.players import Player
 from app.records import GameRecord, PlyOutcome, StepEvent, recording
@@ -25,6 +26,8 @@ from hardware.interfaces import Camera, Clock, Frame, HardwareError
 from hardware.parameters import RobotParameters
 from hardware.sim.referee import Referee
 
+MOST_PAUSES = 20
+"""Within one ply; a computer that is late so often will not get better by itself."""
 FRAME_AGE = 10.0
 """The picture of a ply is no older than this: exposed with the arm at home, but drawn slowly by a busy machine [s]."""
 
@@ -60,6 +63,14 @@ class GameEnd:
     complete: bool
 
 
+class _Moved(NamedTuple):
+    """What moving pieces came to: duration planned for its last part [s], that part, whether there was one before."""
+
+    planned: float
+    done: Outcome
+    resumed: bool
+
+
 class Game:
     """One game on one rig."""
 
@@ -82,6 +93,7 @@ class Game:
         self._face = face
         self._motion = motion
         self._parameters = parameters
+        self._step: tuple[int, Stage] | None = None
         self.thinking = 0.0
         """Wall time spent by the players [s]."""
 
@@ -135,11 +147,11 @@ class Game:
         state, table = self._devices.arm.state(), self._inventory.table
         progress = progress_of(ply, step.transfer, step.stage, state, self._parameters, table)
         self._face.phase(_explain(ply, progress))
-        return self._conclude(move, ply, self._move_pieces(ply, state, progress), resumed=True)
+        return self._conclude(move, ply, self._move_pieces(ply, state, progress))
 
-    def _conclude(self, move: chess.Move, ply: Ply, moved: tuple[float, Outcome], *, resumed: bool = False) -> bool:
+    def _conclude(self, move: chess.Move, ply: Ply, moved: _Moved) -> bool:
         """After the pieces were moved: look, judge, record."""
-        planned, done = moved
+        planned, done, resumed = moved
         self._board.push(move)
         self._inventory = self._inventory.after(ply)
         self._inventory.check_against(self._board)
@@ -160,8 +172,26 @@ class Game:
         self._face.ply(event, self._board)
         return verdict is None or verdict.ok
 
-    def _move_pieces(self, ply: Ply, state: ArmState, broken_off: Progress | None) -> tuple[float, Outcome]:
-        """All transfers of a ply, or what is left of one that was broken off; the duration planned, and what came."""
+    def _move_pieces(self, ply: Ply, state: ArmState, broken_off: Progress | None) -> _Moved:
+        """All transfers of a ply, or what is left of one that was broken off.
+
+        Where the arm had to stop because samples came too late, it goes on from where it is; a busy computer may cost
+        time, but no game.
+        """
+        pauses = 0
+        while True:
+            try:
+                planned, done = self._move_rest(ply, state, broken_off)
+                return _Moved(planned, done, broken_off is not None)
+            except ArmPaused as pause:
+                pauses += 1
+                if pauses > MOST_PAUSES or self._step is None:
+                    raise
+                self._face.phase(f"going on after a pause: {pause}")
+            state, table = self._devices.arm.settle(), self._inventory.table
+            broken_off = progress_of(ply, *self._step, state, self._parameters, table)
+
+    def _move_rest(self, ply: Ply, state: ArmState, broken_off: Progress | None) -> tuple[float, Outcome]:
         arm, parameters, inventory = self._devices.arm, self._parameters, self._inventory
         done = 0 if broken_off is None else broken_off.done
         for transfer in ply.transfers[:done]:
@@ -179,7 +209,8 @@ class Game:
     def _note(self, ply: Ply, motion: Motion, done: int) -> None:
         """Record what the arm begins, so that another program can finish it."""
         if motion.transfer is not None and motion.stage is not None:
-            self._record.step(ply.uci, done + motion.transfer, motion.stage, self._devices.clock.now())
+            self._step = done + motion.transfer, motion.stage
+            self._record.step(ply.uci, *self._step, self._devices.clock.now())
 
     def _look(self) -> Frame | None:
         if self._devices.camera is None:

@@ -8,11 +8,9 @@ Listeners, `controller.audience`, get the telemetry too and have no other effect
 from __future__ import annotations
 
 import contextlib
-import math
 import secrets
 import select
 import socket
-import time
 from collections.abc import Callable
 from typing import Final
 
@@ -99,20 +97,21 @@ class Door:
         """Wait for a datagram, no longer than that."""
         self._poll.poll(milliseconds)
 
-    def drain(self, now: float, budget: int, handle: Handler, patience: float = math.inf) -> None:
-        """Read up to ``budget`` waiting datagrams and hand those of the client to ``handle``; then, to one listener
-        at most, a copy of the telemetry that it waits for.
+    def drain(self, now: float, budget: int, handle: Handler) -> int:
+        """Read up to ``budget`` waiting datagrams and hand those of the client to ``handle``.
 
         Args:
             now: wall time [s].
             budget: datagrams to read at most, also bad ones.
-            handle: what to do with a datagram.
-            patience: no further one is read this long after ``now`` [s].
+            handle: what to do with a datagram; the payload is overwritten by the next one that is read.
+
+        Returns:
+            How many were read.
         """
-        for _ in range(budget):
+        for read in range(budget):
             # asking first costs a third of the exception that an empty socket would raise
             if not self._poll.poll(0):
-                break
+                return read
             try:
                 size, address = self._socket.recvfrom_into(self._buffer)
             except BlockingIOError:
@@ -120,9 +119,11 @@ class Door:
             drop = self._admit(self._view[:size], address, now, handle)
             if drop is not None:
                 self.dropped[drop] += 1
-            if time.monotonic() - now > patience:
-                break
-        self._audience.relay()
+        return budget
+
+    def relay(self) -> bool:
+        """Send a copy of the telemetry to one listener at most that waits for it; whether one did."""
+        return self._audience.relay()
 
     @property
     def listeners(self) -> int:
@@ -130,7 +131,7 @@ class Door:
         return len(self._audience)
 
     def publish(self, telemetry: bytes, now: float) -> None:
-        """Send telemetry to the client at once; to the listeners it goes with the next calls of ``drain``.
+        """Send telemetry to the client at once; to the listeners it goes with the next calls of ``relay``.
 
         Args:
             telemetry: its payload.

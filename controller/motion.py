@@ -12,6 +12,8 @@ from controller.protocol.messages import Announce, Samples
 from controller.safety import Violation
 from controller.sample_check import COLUMNS, SampleCheck, rows_from_samples
 
+_ROW_BYTES = 8 * COLUMNS
+
 
 class MotionBuffer:
     """Samples of the announced motion; allocated once.
@@ -30,6 +32,7 @@ class MotionBuffer:
         self._check = check
         # filled, not only reserved: the first touch of a page costs more than a sample
         self._rows = np.full((capacity, COLUMNS), np.nan)
+        self._bytes = self._rows.data.cast("B")
         self._present = np.zeros(capacity, dtype=np.bool_)
         self._early = 0
 
@@ -48,6 +51,11 @@ class MotionBuffer:
         """Sample ``index``, shape (19,); a view that lasts until it is overwritten ``capacity`` samples later."""
         row: NDArray[np.float64] = self._rows[index % self._capacity]
         return row
+
+    def sample(self, index: int) -> memoryview:
+        """The bytes of sample ``index``, float64 in the order of `row`: what a tick needs, for a fifth of the price."""
+        start = index % self._capacity * _ROW_BYTES
+        return self._bytes[start : start + _ROW_BYTES]
 
     def store(self, samples: Samples) -> Violation | None:
         """Take samples of the announced motion in; those beyond it or the ring are left for the sender to repeat.

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import struct
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.model.state import REFERENCE_SIZE
-from controller.sample_check import DAMPING, FINGER_VELOCITY, POSITION, STIFFNESS
+from controller.sample_check import DAMPING, POSITION, STIFFNESS
 from controller.settings import ControllerSettings
 from controller.stopping import StopPath, plan_stop
 
 _RATES = slice(3, 9)
+_BYTES: Final = 8 * REFERENCE_SIZE
+_TAIL: Final = struct.Struct("=3d")
+"""Of a sample behind the reference: velocity of the fingers, guard, its level."""
 
 
 class Reference:
@@ -23,6 +29,7 @@ class Reference:
 
     def __init__(self, settings: ControllerSettings, period: float) -> None:
         self.row = np.zeros(REFERENCE_SIZE)
+        self._bytes = self.row.data.cast("B")
         self.finger_velocity = 0.0
         self._settings = settings
         self._period = period
@@ -47,11 +54,10 @@ class Reference:
         self.row[STIFFNESS] = self._settings.hold_stiffness
         self.row[DAMPING] = self._settings.hold_damping
 
-    def follow(self, sample: NDArray[np.float64]) -> tuple[float, float]:
-        """Take a motion's sample, shape (19,), over; returns its guard and the guard's level [N]."""
-        self.row[:] = sample[:REFERENCE_SIZE]
-        finger_velocity, guard, level = sample[FINGER_VELOCITY:].tolist()
-        self.finger_velocity = finger_velocity
+    def follow(self, sample: memoryview) -> tuple[float, float]:
+        """Take a motion's sample over, the bytes of 19 float64; returns its guard and the guard's level [N]."""
+        self._bytes[:] = sample[:_BYTES]
+        self.finger_velocity, guard, level = _TAIL.unpack_from(sample, _BYTES)
         return guard, level
 
     def rest(self) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
 import signal
 import sys
@@ -40,6 +39,9 @@ from hardware.table import TableSettings
 
 _NO_TORQUE = (0.0, 0.0, 0.0)
 _COMMANDS: Final = {int(code): code for code in CommandCode}
+_READ, _TELL, _RELAY = 0, 1, 2
+_TURNS: Final = ((_TELL, _RELAY, _READ), (_RELAY, _READ, _TELL), (_READ, _TELL, _RELAY))
+"""In which order they are asked for work, by who worked last."""
 Ready = Callable[[str, int], None]
 """Told address and UDP port of a controller that clients are welcome at."""
 
@@ -143,6 +145,10 @@ class Server:
         self._alone_since = 0.0
         self._ping = 0
         self._echo = 0
+        self._turn = 0
+        self._samples: Samples | None = None
+        self._gathered: Telemetry | None = None
+        self._packed: bytes | None = None
         self._published: object = None
         self._published_tick = -1
         self._published_at = 0.0
@@ -154,8 +160,7 @@ class Server:
             BusLost: the drives no longer answer.
         """
         supervisor, bus, door, clock = self.supervisor, self._bus, self._door, self.clock
-        budget, handle, monotonic = self._settings.datagrams_per_tick, self._handle, time.monotonic
-        patience = math.inf if bus.lockstep else self._settings.reading_time
+        budget, monotonic, piecemeal = self._settings.datagrams_per_tick, time.monotonic, not bus.lockstep
         flight, fresh, answered = self._flight, False, 0.0
         tick = -1
         while not supervisor.finished:
@@ -176,9 +181,14 @@ class Server:
                 door.wait(1)
             self._echo = ping
             now = monotonic()
-            door.drain(now, budget, handle, patience)
             self._live(now)
-            self._publish(now, tick)
+            if piecemeal:
+                self._do_one_piece(now, tick)
+            else:
+                door.drain(now, budget, self._handle)
+                door.relay()
+                if self._telemetry_is_due(now, tick):
+                    door.publish(self._telemetry().pack(), now)
             if fresh:
                 flight.record(answered)
             flight.watch(now)
@@ -256,14 +266,54 @@ class Server:
             return False
         return True
 
-    def _publish(self, now: float, tick: int) -> None:
-        """Telemetry on every change, every so many ticks, and at least every so often in wall time."""
+    def _do_one_piece(self, now: float, tick: int) -> None:
+        """On a bus in real time: one piece of what can wait for a tick, so that no tick has much to do.
+
+        A datagram is read in one tick, and the samples in it are checked in the next. Telemetry is gathered, packed and
+        sent in three; what it tells is of the first. Reading, telling and relaying take turns, so that a flood of
+        datagrams silences nobody.
+        """
+        if self._samples is not None:
+            samples, self._samples = self._samples, None
+            self.supervisor.take_samples(samples)
+        elif self._packed is not None:
+            packed, self._packed = self._packed, None
+            self._door.publish(packed, now)
+        elif self._gathered is not None:
+            self._packed, self._gathered = self._gathered.pack(), None
+        else:
+            for turn in _TURNS[self._turn]:
+                if self._take_turn(turn, now, tick):
+                    self._turn = turn
+                    return
+
+    def _take_turn(self, turn: int, now: float, tick: int) -> bool:
+        """Whether there was something to do."""
+        if turn == _READ:
+            return self._door.drain(now, 1, self._handle_later) > 0
+        if turn == _RELAY:
+            return self._door.relay()
+        if self._telemetry_is_due(now, tick):
+            self._gathered = self._telemetry()
+            return True
+        return False
+
+    def _handle_later(self, kind: int, payload: memoryview) -> bool:
+        """As ``_handle``, but samples wait for the next tick; the door reads nothing before that, so the view lasts."""
+        if kind != Kind.SAMPLES:
+            return self._handle(kind, payload)
+        self._samples = Samples.unpack(payload)
+        return self._samples is not None
+
+    def _telemetry_is_due(self, now: float, tick: int) -> bool:
+        """On every change, every so many ticks, and at least every so often in wall time; marked as done then."""
         supervisor, settings = self.supervisor, self._settings
         change = (supervisor.state, supervisor.ended, supervisor.may_exchange, self._door.last_command, self._echo)
         due = tick - self._published_tick >= settings.telemetry_ticks
         if due or now - self._published_at >= settings.telemetry_interval or change != self._published:
             self._published, self._published_tick, self._published_at = change, tick, now
-            self._door.publish(self._telemetry().pack(), now)
+            return True
+        return False
 
     def _telemetry(self) -> Telemetry:
         return report(

@@ -72,10 +72,8 @@ class ControllerSettings(BaseModel):
     telemetry_interval: PositiveFloat = 0.020
     """Telemetry is sent at least this often in wall time [s]."""
     datagrams_per_tick: PositiveInt = 4
-    """Datagrams read in one tick, so that a flood cannot delay it."""
-    reading_time: PositiveFloat = 100e-6
-    """On a bus in real time no further datagram is read in a tick once reading has taken this long [s]: samples are
-    checked as they come, and one datagram of them a tick is ten times what is executed meanwhile."""
+    """Datagrams read in one tick of a lockstep bus, so that a flood cannot delay it; on a bus in real time it is one at
+    most, which is a tenth of a tick's share of samples ten times over."""
     realtime: bool = True
     """Ask the system for SCHED_FIFO and locked memory, so that no other program delays a tick; without the privileges
     it runs, and says what is missing. Never on a lockstep bus, where nothing can be late."""

@@ -190,7 +190,7 @@ class Supervisor:
         if index >= buffer.received:
             self.stop(Violation(Cause.UNDERRUN, float(index), float(buffer.received)))
             return
-        guard, level = self.reference.follow(buffer.row(index))
+        guard, level = self.reference.follow(buffer.sample(index))
         buffer.executed = index + 1
         right, left = measurement.tactile
         if guard == Guard.GRIP and right >= level and left >= level:

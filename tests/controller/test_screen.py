@@ -95,7 +95,7 @@ def test_joints_are_well_exactly_where_every_check_is_silent_and_every_encoder_m
     measurement = Measurement(1, second, velocity, 0.01, (0.0, 0.0), DriveStatus.ENABLED)  # type: ignore[arg-type]
     screen, encoders = Screen(LIMITS, TICK), Encoders(LIMITS, TICK)
     screen.joints(first, (0.0, 0.0, 0.0))  # type: ignore[arg-type]
-    encoders.check(measurement._replace(tick=0, angle=first), (0.0, 0.0, 0.0), np.eye(3))
+    encoders.check(measurement._replace(tick=0, angle=first), (0.0, 0.0, 0.0), np.eye(3))  # type: ignore[arg-type]
     well = screen.joints(second, velocity)  # type: ignore[arg-type]
     found = encoders.check(measurement, (0.0, 0.0, 0.0), np.eye(3)) or check_joints(measurement, LIMITS)
     moved = all(a != b for a, b in zip(first, second, strict=True))

@@ -1,0 +1,125 @@
+"""A game goes on where the arm stopped by itself because this program was late; on an arm that only the test moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import chess
+import numpy as np
+import pytest
+
+from app.arm import ArmPaused, ArmState, Outcome
+from app.faces import Quiet
+from app.game import MOST_PAUSES, Devices, Game, Position
+from app.layout import start_layout
+from app.manipulation import Inventory, Stage
+from app.motion import Motion, MotionSettings, Plan
+from app.motion.obstacles import closed_position
+from app.players import LinePlayer
+from app.records import GameRecord, GameSetup, PlyEvent, StepEvent, read_events
+from hardware.parameters import load_parameters
+from hardware.table import Kind, TableSettings
+
+TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()
+CLOSED = closed_position(Kind.PAWN, PARAMETERS.pads)
+
+
+class Clock:
+    def now(self) -> float:
+        return 0.0
+
+    def sleep(self, duration: float) -> None:
+        raise AssertionError("nothing here waits")
+
+
+class LateArm:
+    """Carries plans out on paper, and stops where it is told: at a share of a stage, once or always."""
+
+    lead_ticks = 30
+
+    def __init__(self, stage: Stage, share: float, *, always: bool = False) -> None:
+        self.pauses = 0
+        self.begun: list[tuple[int | None, Stage | None]] = []
+        self._at, self._always = (stage, share), always
+        self._state = ArmState(np.array(MOTION.home), 0.011, 0)
+
+    def state(self) -> ArmState:
+        return self._state
+
+    def settle(self) -> ArmState:
+        return self._state
+
+    def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
+        for motion in plan.motions:
+            assert begin is not None
+            np.testing.assert_allclose(motion.samples[0]["position"], self._state.reference, atol=1e-9)
+            begin(motion)
+            self.begun.append((motion.transfer, motion.stage))
+            late = motion.stage is self._at[0] and (self._always or not self.pauses)
+            last = round(self._at[1] * (len(motion.samples) - 1)) if late else len(motion.samples) - 1
+            self._follow(motion, last)
+            if late:
+                self.pauses += 1
+                raise ArmPaused("sample 7 was due, but only 5 had arrived: send further ahead")
+        return Outcome(plan.expected, 2.0, 4.0, 100)
+
+    def _follow(self, motion: Motion, last: int) -> None:
+        samples: Any = motion.samples
+        opening = samples["finger_velocity"][: last + 1] > 0.0
+        felt = self._state.felt
+        if motion.stage is Stage.GRASP and last == len(samples) - 1:
+            felt = 4.0
+        if opening.any():
+            felt = 0.0
+        finger = self._state.finger + float(samples["finger_velocity"][: last + 1].clip(0.0).sum() * 0.00088)
+        finger = CLOSED if felt else finger
+        self._state = ArmState(samples["position"][last].copy(), finger, 0, felt)
+
+
+def play(folder: Path, arm: LateArm, line: str = "e4 d5 exd5") -> Game:
+    board = chess.Board()
+    inventory = Inventory.of(start_layout(board, TABLE), TABLE)
+    moves, walk = [], board.copy()
+    for san in line.split():
+        moves.append(walk.push_san(san))
+    player = LinePlayer(board, moves)
+    record = GameRecord.begin(folder, GameSetup("a", "b", 1, "real"), board, inventory, 0.0)
+    devices = Devices(arm, Clock(), None, None)
+    players = {chess.WHITE: player, chess.BLACK: player}
+    with record:
+        game = Game(Position(board, inventory), players, devices, record, Quiet(), MOTION, PARAMETERS)
+        game.play(10)
+    return game
+
+
+@pytest.mark.parametrize(
+    ("stage", "share", "again"),
+    [
+        (Stage.APPROACH, 0.0, Stage.APPROACH),
+        (Stage.APPROACH, 0.6, Stage.APPROACH),
+        (Stage.GRASP, 0.5, Stage.APPROACH),
+        (Stage.CARRY, 0.0, Stage.CARRY),
+        (Stage.CARRY, 0.3, Stage.CARRY),
+        (Stage.CARRY, 0.95, Stage.RETURN),
+    ],
+)
+def test_a_ply_is_finished_from_where_the_arm_stopped(tmp_path: Path, stage: Stage, share: float, again: Stage) -> None:
+    arm = LateArm(stage, share)
+    play(tmp_path / "game", arm)
+    assert arm.pauses == 1
+    events = read_events(tmp_path / "game" / "events.jsonl")
+    plies = [event for event in events if isinstance(event, PlyEvent)]
+    assert [ply.san for ply in plies] == ["e4", "d5", "exd5"]
+    assert [ply.resumed for ply in plies] == [True, False, False]
+    steps = [event for event in events if isinstance(event, StepEvent) and event.ply == 1]
+    stopped = next(i for i, step in enumerate(steps) if step.stage is stage)
+    assert steps[stopped + 1].stage is again
+
+
+def test_an_arm_that_is_always_late_ends_the_game_with_its_sentence(tmp_path: Path) -> None:
+    arm = LateArm(Stage.APPROACH, 0.5, always=True)
+    with pytest.raises(ArmPaused, match="send further ahead"):
+        play(tmp_path / "game", arm)
+    assert arm.pauses == MOST_PAUSES + 1
