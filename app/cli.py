@@ -119,6 +119,8 @@ def _show_game(play: Callable[[Face], SessionResult], *, headless: bool, as_json
         console.print(f"{report.exit_reason}, result {report.result}, {report.plies} plies; record in {result.folder}")
     for failure in result.report.failures:
         console.print(f"[red]failed:[/] {failure.reason}", highlight=False, soft_wrap=True)
+    if result.resumable:
+        console.print(f"'touchmove resume {result.folder}' goes on with it", highlight=False, soft_wrap=True)
     raise typer.Exit(0 if result.holds else 1)
 
 

@@ -81,7 +81,8 @@ def run_demo(options: DemoOptions, face: Face) -> SessionResult:
         folder = options.out if options.out is not None else new_folder(Path("games"), utc_now())
         setup = GameSetup(players[chess.WHITE].name, players[chess.BLACK].name, options.seed, pace.value)
         record = stack.enter_context(GameRecord.begin(folder, setup, board, inventory, 0.0))
-        write_atomically(folder / OPTIONS_FILE, options.model_dump_json(indent=2) + "\n")
+        kept = options if rig is None else options.model_copy(update={"rig": str(Path(options.rig).absolute())})
+        write_atomically(folder / OPTIONS_FILE, kept.model_dump_json(indent=2) + "\n")
         world = _simulation(options, inventory, pace) if rig is None else None
         return _play(options, rig, world, players, record, Position(board, inventory), face)
 

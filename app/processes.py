@@ -19,6 +19,7 @@ from controller.settings import ControllerSettings
 from hardware.interfaces import ServoBus
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.settings import FILE_NAME, WorldSettings, load_settings
+from hardware.sim.snapshot import STATE_FILE
 from hardware.sim.wire import world_pid
 
 CONTROLLER_SETTINGS_FILE = "controller_settings.json"
@@ -168,7 +169,7 @@ def _driver(name: str) -> Callable[[RobotParameters], ServoBus]:
 
 
 def _start_world(rig: RigFile) -> None:
-    """Start a simulated world that ends with its controller, and wait until it answers."""
+    """Start a simulated world that ends with its controller, and wait until it answers; the pieces are set up anew."""
     import chess
 
     from app.layout import start_layout
@@ -183,6 +184,7 @@ def _start_world(rig: RigFile) -> None:
         pieces=start_layout(board, rig.table), home=MotionSettings().home, table=rig.table, pace=world.pace,
         parameters_file=rig.parameters, seed=world.seed, first_controller=_ALONE, cameras=world.cameras,
     )  # fmt: skip
+    (rig.run_dir / STATE_FILE).unlink(missing_ok=True)  # of a world before: nobody resumes a game from it here
     (rig.run_dir / FILE_NAME).write_text(settings.model_dump_json(), encoding="utf-8")
     log = rig.run_dir / "world.log"
     with log.open("wb") as said:

@@ -34,11 +34,12 @@ class Filming:
 
 @dataclass(frozen=True, slots=True)
 class SessionResult:
-    """The report, where it lies, and whether everything held."""
+    """The report, where it lies, whether everything held, and whether another program could go on with the game."""
 
     report: Report
     folder: Path
     holds: bool
+    resumable: bool
 
 
 @dataclass(slots=True)
@@ -103,7 +104,9 @@ def run_session(
     if course.interrupted:
         raise KeyboardInterrupt
     holds = course.end.complete and not course.failures and report.physical_ok is not False
-    return SessionResult(report, record.folder, holds)
+    # not where the board came out wrong, which wants a hand first, nor where nobody knows how the arm was left
+    resumable = course.end is FAILED and last is not None
+    return SessionResult(report, record.folder, holds, resumable)
 
 
 def _take_stock(rig: Rig, course: _Course) -> None:
