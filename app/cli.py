@@ -228,7 +228,7 @@ def figures(
 
 @app.command()
 def bench(
-    name: Annotated[str, typer.Argument(help="What to measure: law, loop or finger.")],
+    name: Annotated[str, typer.Argument(help="What to measure: law, loop, finger or kills.")],
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions: ends within a minute.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:

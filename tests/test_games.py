@@ -11,6 +11,7 @@ import pytest
 from app.records import read_events
 
 FAST = ("--pace", "fast", "--no-video")
+CASTLING = "r3k2r/p6p/8/8/8/8/P6P/R3K2R w KQkq - 0 1"
 PROMOTIONS = "1r6/P1P5/5k2/8/8/5K2/p1p5/1R6 w - - 0 1"
 
 
@@ -27,31 +28,30 @@ def finished(run):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kind", "moves"),
+    ("kind", "fen", "moves"),
     [
-        ("castling", "e4 e5 Nf3 Nf6 Bc4 Bc5 O-O O-O"),
-        ("castling", "d4 d5 Nc3 Nc6 Bf4 Bf5 Qd2 Qd7 O-O-O O-O-O"),
-        ("en_passant", "e4 a6 e5 d5 exd6 h5 a3 h4 g4 hxg3"),
+        ("castling", CASTLING, "O-O O-O-O"),
+        ("castling", CASTLING, "O-O-O O-O"),
+        ("en_passant", "4k3/2p5/8/3P4/4p3/8/5P2/4K3 b - - 0 1", "c5 dxc6 Kd8 f4 exf3"),
     ],
 )
-def test_special_moves_of_both_colours(demo, kind, moves):
-    report = finished(demo(*FAST, "--moves", moves))
+def test_special_moves_of_both_colours(demo, kind, fen, moves):
+    report = finished(demo(*FAST, "--fen", fen, "--moves", moves))
     assert report["plies"] == len(moves.split())
     assert report["kinds"][kind]["n"] == 2
     assert report["placement_mm"]["max"] < 1.0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("piece", ["Q", "R", "B", "N"])
-def test_promotions_with_and_without_capture_of_both_colours(demo, piece):
-    moves = f"axb8={piece} axb1={piece} c8={piece} c1={piece}"
+def test_promotions_with_and_without_capture_of_both_colours(demo):
+    moves = "axb8=Q axb1=R c8=B c1=N"
     report = finished(demo(*FAST, "--fen", PROMOTIONS, "--moves", moves))
     assert report["kinds"]["promotion"]["n"] == 4
 
 
 @pytest.mark.slow
 def test_a_seeded_game_repeats_exactly_and_is_recorded(demo):
-    options = (*FAST, "--seed", "4", "--nodes", "2000", "--plies", "10")
+    options = (*FAST, "--seed", "4", "--nodes", "2000", "--plies", "9")
     first, second = demo(*options, name="first"), demo(*options, name="second")
     one, two = finished(first), finished(second)
     for field in ("world_state", "sim_s", "kinds", "placement_mm", "peak_torque_Nm", "peak_force_N"):
@@ -68,7 +68,7 @@ def test_a_seeded_game_repeats_exactly_and_is_recorded(demo):
         assert 2.0 < ply.peak_force_N < 15.0
         assert max(ply.placement_mm.values()) < 1.0
     assert json.loads((first.folder / "report.json").read_text()) == one
-    other = finished(demo(*FAST, "--seed", "5", "--nodes", "2000", "--plies", "8", name="other"))
+    other = finished(demo(*FAST, "--seed", "5", "--nodes", "2000", "--plies", "3", name="other"))
     assert other["world_state"] != one["world_state"]
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+import chess
 import pytest
 
-from app.config import ConfigError, load_rig
+from app.config import ConfigError, DrivesSection, RigFile, WorldSection, load_rig
 from app.devices import RigFailed
 from app.rig import choose_rig
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.settings import Pace
+from hardware.table import TableSettings
 
 CONTROLLER = '[controller]\nhost = "192.168.7.2"\nport = 47100\n'
 
@@ -83,3 +86,14 @@ def test_a_rig_is_sim_or_a_file(tmp_path: Path) -> None:
         choose_rig(str(tmp_path / "none.toml"))
     with pytest.raises(RigFailed, match="has no arm yet: choose sim"):
         choose_rig("board")
+
+
+def test_the_file_on_the_page_is_a_rig(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "rigs.md").read_text(encoding="utf-8")
+    block = page.split("## The file")[1].split("```toml\n")[1].split("```")[0]
+    rig = load_rig(write(tmp_path, block))
+    assert chess.Board(rig.world_section.fen).is_valid()
+    assert rig.table == TableSettings(), "the page shows the usual table"
+    shown = set(re.findall(r"^(\w+) =", block, re.MULTILINE))
+    assert {*RigFile.model_fields} - {"controller", "drives", "world", "table"} <= shown
+    assert {*DrivesSection.model_fields, *WorldSection.model_fields} <= shown
