@@ -19,10 +19,11 @@ from __future__ import annotations
 
 import difflib
 import tomllib
+from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, NonNegativeInt, ValidationError, model_validator
 
 from app import UserError
 from controller.settings import ControllerSettings
@@ -42,9 +43,18 @@ class _Frozen(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+def _ipv4(host: str) -> str:
+    try:
+        return str(IPv4Address(host))
+    except ValueError as error:
+        raise ValueError("it must be an IPv4 address such as 192.168.7.2") from error
+
+
 class ControllerSection(ControllerSettings):
     """``[controller]``: where it listens, and everything in ``ControllerSettings``."""
 
+    host: Annotated[str, AfterValidator(_ipv4)] = "127.0.0.1"
+    """IPv4 address to listen at, and where clients find it."""
     port: Annotated[int, Field(ge=1, le=65535)]  # whoever is not told of it must know it
     """UDP port."""
     key: Path = Path("touchmove.key")
@@ -140,7 +150,7 @@ def _explain(problem: ValidationError) -> str:
         return f"there is no setting {where}: " + (f"did you mean {near[0]}?" if near else f"choose {', '.join(valid)}")
     if error["type"] == "missing":
         return f"{where} is missing: give it a value"
-    return f"{where}: {error['msg']}, not {_shown(error['input'])}"
+    return f"{where}: {error['msg'].removeprefix('Value error, ')}, not {_shown(error['input'])}"
 
 
 def _names(section: tuple[int | str, ...]) -> list[str]:

@@ -19,7 +19,7 @@ from app.lines import parse_line
 from app.manipulation import Inventory
 from app.motion import MotionSettings
 from app.players import EnginePlayer, LinePlayer, Player
-from app.records import EVENTS_FILE, GameRecord, GameSetup, new_folder, read_history, utc_now
+from app.records import EVENTS_FILE, GameRecord, GameSetup, PlyEvent, new_folder, read_history, utc_now
 from app.records.files import write_atomically
 from app.rig import choose_rig, open_rig
 from app.session import Filming, SessionResult, run_session
@@ -97,6 +97,8 @@ def resume_demo(folder: Path, face: Face) -> SessionResult:
     options = _read_options(folder)
     rig = choose_rig(options.rig)
     history = read_history(folder / EVENTS_FILE, TableSettings() if rig is None else rig.table)
+    if any(isinstance(event, PlyEvent) and event.physical_ok is False for event in history.events):
+        raise UserError(f"a ply of the game in {folder} left the board wrong, see its report: start a new one")
     board = _start_board(options.fen)
     line = parse_line(options.moves, board) if options.moves is not None else None
     most = options.plies if line is None else min(options.plies, len(line))

@@ -20,7 +20,7 @@ from app.motion import Motion, MotionSettings, plan_ply, plan_return
 from app.players import Player
 from app.records import GameRecord, PlyOutcome, StepEvent, recording
 from app.records.events import Result
-from app.recovery import Progress, progress_of
+from app.recovery import FELT, Progress, progress_of
 from controller.errors import ControllerError
 from hardware.interfaces import Camera, Clock, Frame, HardwareError
 from hardware.parameters import RobotParameters
@@ -123,6 +123,10 @@ class Game:
         position = self._position
         if position.begun:
             self._record.resumed(self._devices.clock.now())
+        elif self._devices.arm.state().felt >= FELT:
+            raise UserError(
+                "something is between the fingers: take it out by hand, or go on with its game by 'touchmove resume'"
+            )
         return position.unfinished is None or self._finish(position.unfinished)
 
     def _choose(self) -> chess.Move | None:
@@ -145,7 +149,8 @@ class Game:
         move = chess.Move.from_uci(step.uci)
         ply = transfers(self._board, move, self._inventory)
         state, table = self._devices.arm.state(), self._inventory.table
-        progress = progress_of(ply, step.transfer, step.stage, state, self._parameters, table)
+        margin = self._motion.grip.opening_margin
+        progress = progress_of(ply, step.transfer, step.stage, state, self._parameters, table, margin)
         self._face.phase(_explain(ply, progress))
         return self._conclude(move, ply, self._move_pieces(ply, state, progress))
 
@@ -189,7 +194,8 @@ class Game:
                     raise
                 self._face.phase(f"going on after a pause: {pause}")
             state, table = self._devices.arm.settle(), self._inventory.table
-            broken_off = progress_of(ply, *self._step, state, self._parameters, table)
+            margin = self._motion.grip.opening_margin
+            broken_off = progress_of(ply, *self._step, state, self._parameters, table, margin)
 
     def _move_rest(self, ply: Ply, state: ArmState, broken_off: Progress | None) -> tuple[float, Outcome]:
         arm, parameters, inventory = self._devices.arm, self._parameters, self._inventory

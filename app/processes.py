@@ -80,12 +80,11 @@ def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
         def ready(host: str, port: int) -> None:
             if name == SIMULATED:
                 file.write_text(_as_toml(host, port), encoding="utf-8")
-            progress(f"the arm holds; clients find it at {host}:{port}, with --rig {file}; Ctrl-C brakes and ends")
+            progress(f"ready: clients find it at {host}:{port}, with --rig {file}; Ctrl-C brakes and ends")
 
-        try:
-            return _serve(rig, _bus(rig, progress), ready)
-        finally:
-            _await_end_of_world(rig)
+        status = _serve(rig, _bus(rig, progress), ready)
+        _await_end_of_world(rig)
+        return status
 
 
 def _await_end_of_world(rig: RigFile) -> None:

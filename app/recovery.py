@@ -2,7 +2,7 @@
 
 Every part of a transfer is recorded before it begins. Whether its piece stands at the source, is in the fingers or
 stands at the target, the arm itself can tell: by what the pads feel, by how far the fingers are open, and by where
-they are, since a carrying arm opens them over the target only.
+they are, since a carrying arm opens them wide over the target only.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from hardware.table import PIECE_SHAPES, TableSettings
 
 FELT = 0.5
 """Both pads feel more than this where something is between them; what they are commanded to press with is 4 N [N]."""
-OPENED = 0.001
-"""Fingers further open than a piece needs by this have let go of it [m]; half of what a sensor's lag hides."""
+ALMOST = 0.001
+"""Fingers this close to how far they open for a piece have opened [m]. An arm that lets go of too hard a grip on its
+way opens them by no more than 2 mm, of the 5 mm that a release takes."""
 ABOVE = 0.003
 """A tool this close to where it sets a piece down, in height and in the plane, is there [m]."""
 
@@ -44,7 +45,13 @@ class Progress:
 
 
 def progress_of(
-    ply: Ply, transfer: int, stage: Stage, arm: ArmState, parameters: RobotParameters, table: TableSettings
+    ply: Ply,
+    transfer: int,
+    stage: Stage,
+    arm: ArmState,
+    parameters: RobotParameters,
+    table: TableSettings,
+    opening_margin: float,
 ) -> Progress:
     """What is done of a ply whose execution was broken off.
 
@@ -55,6 +62,7 @@ def progress_of(
         arm: at rest.
         parameters: of the robot.
         table: board and trays.
+        opening_margin: how much further than a piece needs the fingers open [m].
 
     Raises:
         PieceLost: the piece is neither in the fingers nor set down.
@@ -65,7 +73,7 @@ def progress_of(
     if stage is Stage.GRASP or holding:
         return Progress(transfer, holding)
     carried = ply.transfers[transfer]
-    opened = arm.finger > closed_position(carried.kind, parameters.pads) + OPENED
+    opened = arm.finger > closed_position(carried.kind, parameters.pads) + opening_margin - ALMOST
     if opened or _over(carried, arm, table):
         return Progress(transfer + 1, holding=False)
     raise PieceLost(carried)

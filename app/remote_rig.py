@@ -62,9 +62,16 @@ class RemoteRig:
             self._client = ControllerClient(
                 section.host, section.port, load_key(section.key), name="touchmove game", listener=listener
             )
-            attach(self._client, progress, forgive=False)
         except (ControllerError, KeyFileError) as error:
             raise RigFailed(str(error)) from error
+        try:
+            attach(self._client, progress, forgive=False)
+        except ControllerError as error:
+            self._client.close()
+            raise RigFailed(str(error)) from error
+        except BaseException:
+            self._client.close()
+            raise
         self.arm: Arm = ControllerArm(self._client, progress)
         self.clock: Clock = RemoteClock(self._client)
         self.camera: Camera | None = None

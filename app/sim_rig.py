@@ -18,7 +18,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
-from app.adopted import Process, adopt
+from app.adopted import Adopted, Process, adopt
 from app.arm import ControllerArm
 from app.attach import attach
 from app.devices import EndState, RigFailed
@@ -29,8 +29,9 @@ from controller.errors import ControllerError
 from controller.link import Listener
 from controller.model.constants import DeltaModel
 from controller.model.workspace import BoardDoesNotFit, require_fit
-from controller.protocol.key import KEY_FILE, create_key
+from controller.protocol.key import KEY_FILE, KeyFileError, create_key
 from controller.settings import CONTROLLER_FILE, ControllerSettings
+from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.clients import SimCamera, SimClock
 from hardware.sim.referee import Referee
@@ -79,22 +80,37 @@ class SimRig:
                 world to take over.
             RecordError: the run directory cannot be written.
         """
-        self._run_dir = run_dir
+        self._run_dir = run_dir.resolve()  # processes are known by it, however the folder was spelled
         self._processes: dict[str, Process] = {}
         self._client: ControllerClient | None = None
         self._open = True
         try:
             cameras = self._take_over(progress) if settings is None else self._start(settings, progress)
             self._await_controller()
-            self._client = ControllerClient.from_run_directory(run_dir, name="touchmove game", listener=listener)
+            self._client = ControllerClient.from_run_directory(self._run_dir, name="touchmove game", listener=listener)
             attach(self._client, progress, forgive=settings is None)
             self.arm = ControllerArm(self._client, progress)
-            self.clock = SimClock(run_dir)
-            self.camera = SimCamera(run_dir) if cameras else None
-            self.referee = Referee(run_dir)
+            self.clock = SimClock(self._run_dir)
+            self.camera = SimCamera(self._run_dir) if cameras else None
+            self.referee = Referee(self._run_dir)
+        except (ControllerError, KeyFileError, HardwareError) as error:
+            self._give_up()
+            raise RigFailed(str(error)) from error
         except BaseException:
-            self.close()
+            self._give_up()
             raise
+
+    def _give_up(self) -> None:
+        """Of what could not be opened as a whole; processes that others have started go on as they did."""
+        adopted = {name: process for name, process in self._processes.items() if isinstance(process, Adopted)}
+        if not adopted:
+            self.close()
+            return
+        self._open = False
+        if self._client is not None:
+            self._client.close()
+        for name in self._processes.keys() - adopted.keys():
+            self._end(name, orderly=False)
 
     def _start(self, settings: SimRigSettings, progress: Callable[[str], None]) -> bool:
         """Start world and controller; whether there are cameras."""

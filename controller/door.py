@@ -87,8 +87,8 @@ class Door:
         return now - self._heard
 
     def expire(self, now: float) -> bool:
-        """Ends the lease of a silent client; true if that happened now."""
-        if self._session == 0 or now - self._heard <= self._lease:
+        """Ends the lease of a silent client; true if that happened now. What waits to be read is no silence."""
+        if self._session == 0 or now - self._heard <= self._lease or self._poll.poll(0):
             return False
         self._spent, self._session = self._session, 0
         return True

@@ -181,12 +181,13 @@ class Server:
                 door.wait(1)
             self._echo = ping
             now = monotonic()
-            self._live(now)
             if piecemeal:
                 self._do_one_piece(now, tick)
+                self._live(now)
             else:
                 door.drain(now, budget, self._handle)
                 door.relay()
+                self._live(now)
                 if self._telemetry_is_due(now, tick):
                     door.publish(self._telemetry().pack(), now)
             if fresh:

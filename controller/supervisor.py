@@ -108,6 +108,7 @@ class Supervisor:
         self._braked = True
         self._trip = False
         self._enable_asked = False
+        self._fresh = True
 
     # what the loop asks
 
@@ -292,7 +293,7 @@ class Supervisor:
         """Brakes until the arm rests and its pose is known, then enable, then hold where it is."""
         waited, patience = measurement.tick - self._since, self._settings.boot_ticks
         speed = _fastest(measurement)
-        if min(measurement.tactile) >= self._settings.held_force:
+        if self._fresh and min(measurement.tactile) >= self._settings.held_force:
             # a controller before this one took a piece up: to let go of it would be the worst of beginnings
             self.reference.finger_velocity = -self._settings.holding_speed
         if trouble is not None or speed > self._settings.rest_speed:
@@ -488,6 +489,7 @@ class Supervisor:
         before = self.state
         self.state, foreseen = next_state(before, event)
         self._braked = self.state in BRAKED
+        self._fresh = self._fresh and self.state is State.BOOT
         if not foreseen:
             self.cause = Violation(Cause.UNKNOWN_EVENT, float(event), float(before))
         if self.state is State.STOPPING and not self._yielding:

@@ -51,7 +51,7 @@ class Controller:
                 [*within, *TOUCHMOVE, "controller", "--rig", str(rig)],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
             )  # fmt: skip
-        self.wait_for("the arm holds")
+        self.wait_for("ready: clients find it at")
 
     def said(self) -> str:
         return self.log.read_text() if self.log.exists() else ""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+import fcntl
+import json
 import os
 import stat
 from collections.abc import Iterator
@@ -98,13 +100,32 @@ class LineLog:
             self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
             self._size = os.fstat(self._file).st_size
             _sync_folder(path.parent)
+        self._lock()
         if go_on:
             with recording(path):
-                self._size = path.read_bytes().rfind(b"\n") + 1
-                self._take_back()
+                self._mend(path.read_bytes())
         elif self._size:
             self.close()
             raise RecordError(f"{path} holds the record of another game already: choose another folder with --out")
+
+    def _lock(self) -> None:
+        """One program at a time; the lock goes with the process."""
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            self.close()
+            raise RecordError(f"{self.path} is being written by a running game: end that program first") from error
+
+    def _mend(self, content: bytes) -> None:
+        """Take back a last line that was cut short, or end one that is whole but for its end."""
+        self._size = content.rfind(b"\n") + 1
+        try:
+            json.loads(content[self._size :])
+        except ValueError:
+            self._take_back()
+            return
+        self._write(b"\n", durable=True)
+        self._size = len(content) + 1
 
     def append(self, line: str, *, durable: bool = True) -> None:
         """Write one line, which no death of this process loses.

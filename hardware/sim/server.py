@@ -75,7 +75,8 @@ class World:
         model = build_model(parameters, settings.table, pieces, home, looks=False)
         names, before = tuple(piece.name for piece in settings.pieces), load_snapshot(run_dir / STATE_FILE)
         self.plant = Plant(model, parameters, names, before)
-        (run_dir / END_FILE).unlink(missing_ok=True)  # of a world before this one
+        for left in (END_FILE, STATE_FILE):  # of a world before this one: from here on they would be untrue
+            (run_dir / left).unlink(missing_ok=True)
         self._fast = settings.pace is Pace.FAST
         self._realtime = settings.realtime and not self._fast
         self._watchdog_ticks = drive.watchdog_ticks

@@ -65,6 +65,7 @@ def test_everything_that_a_rig_file_can_say(tmp_path: Path) -> None:
         (CONTROLLER + "[world]\nsede = 3\n", r"no setting world\.sede: did you mean seed\?"),
         (CONTROLLER + "[world]\nzzz = 3\n", r"no setting world\.zzz: choose cameras, fen, pace, seed"),
         ('[controller]\nport = "x"\n', r"controller\.port: .*integer.*, not 'x'"),
+        (CONTROLLER.replace("192.168.7.2", "localhost"), r"controller\.host: .*IPv4.*'localhost'"),
         ("[controller]\nport = 0\n", r"controller\.port: .*greater than or equal to 1, not 0"),
         (CONTROLLER + '[drives]\nbus = "my lab"\n', r"drives\.bus: .*, not 'my lab'"),
         (CONTROLLER + '[drives]\nbus = "mitsubishi"\n[world]\n', r'a \[world\] stands behind bus = "sim" only'),

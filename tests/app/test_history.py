@@ -103,3 +103,22 @@ def test_what_is_no_game_is_said(tmp_path: Path) -> None:
     table.log.write_text("".join([lines[0], *lines[5:]]))  # the first ply is missing
     with pytest.raises(RecordError, match="contradicts itself"):
         read_history(table.log, TABLE)
+
+
+def test_a_game_that_is_being_played_is_left_alone(tmp_path: Path) -> None:
+    table = Table(tmp_path / "game").play("e4")
+    with pytest.raises(RecordError, match="is being written by a running game: end that program first"):
+        GameRecord.go_on(table.folder, read_history(table.log, TABLE))
+    table.play("e5")
+    table.record.close()
+    with GameRecord.go_on(table.folder, read_history(table.log, TABLE)) as record:
+        assert len([event for event in record.events if event.event == "ply"]) == 2
+
+
+def test_a_last_line_without_its_end_is_kept_whole(tmp_path: Path) -> None:
+    table = Table(tmp_path / "game").play("e4 e5")
+    table.record.close()
+    table.log.write_bytes(table.log.read_bytes().rstrip(b"\n"))
+    with GameRecord.go_on(table.folder, read_history(table.log, TABLE)) as record:
+        record.resumed(3.0)
+    assert read_history(table.log, TABLE).plies == 2

@@ -854,3 +854,16 @@ def test_a_controller_that_finds_a_piece_in_its_fingers_goes_on_gripping(
     assert rig.state is State.HOLD
     assert (rig.bus.last.finger_velocity == -ControllerSettings().holding_speed) is pressing
     assert (rig.bus.last.finger_velocity == 0.0) is not pressing
+
+
+def test_a_parked_gripper_does_not_close_on_what_touches_it(rig: Rig) -> None:
+    rig.boot()
+    rig.supervisor.park(31.0)
+    rig.run(200)
+    rig.doctor = lambda measurement: measurement._replace(tactile=(2.0, 2.0))
+    rig.run(20)
+    assert rig.bus.last.finger_velocity == 0.0
+    rig.supervisor.obey(CommandCode.ENABLE)
+    rig.run(20)
+    assert rig.state is State.HOLD
+    assert rig.bus.last.finger_velocity == 0.0
