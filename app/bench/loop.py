@@ -18,6 +18,7 @@ import chess
 import numpy as np
 
 from app import UserError
+from app.arm import ArmPaused
 from app.bench.report import BenchReport, Row, machine, row
 from app.motion import Motion, MotionSettings, Plan
 from app.motion.gains import scheduled
@@ -115,7 +116,7 @@ def sweep(timed: TimedRig, duration: float) -> int:
             break
         try:
             arm.execute(straight(arm.state().reference, np.array(target), timed.motion))
-        except ControllerError as error:
+        except (ControllerError, ArmPaused) as error:
             if timed.rig.failure() is not None:
                 raise UserError(f"the bench was cut short: {timed.rig.failure()}") from error
             stopped += 1
