@@ -24,13 +24,13 @@ def attach(client: ControllerClient, progress: Callable[[str], None], *, forgive
     Args:
         client: not connected yet.
         progress: told what is being waited for.
-        forgive: clear a fault; only where a person has asked to go on after it.
+        forgive: clear a fault, and end a hold; only where a person has asked to go on after it.
 
     Returns:
         Telemetry of the arm as it holds.
 
     Raises:
-        RigFailed: the controller stands on its brakes after a fault, and must not be forgiven.
+        RigFailed: a fault or a hold is in force, and must not be forgiven.
         ControllerError: it does not answer, or another client keeps the lease.
     """
     _connect(client, progress)
@@ -48,6 +48,11 @@ def attach(client: ControllerClient, progress: Callable[[str], None], *, forgive
             progress("the brakes open")
         client.enable()
     if not client.telemetry.flags & Flag.ADMITTING:
+        if not forgive:
+            raise RigFailed(
+                f"the arm holds and admits no motion: {why}: see that nothing is in its way, then 'touchmove "
+                "controller resume'"
+            )
         progress(f"going on after: {why}")
         client.resume()
     return client.wait_standing()

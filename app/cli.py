@@ -85,7 +85,7 @@ def resume(
     headless: Annotated[bool, typer.Option("--headless", help="Show nothing while playing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
-    """Go on with a game that was interrupted, or whose program, controller or computer died: with the ply under way."""
+    """Go on with a game that was interrupted, or whose program or controller died: first with the ply under way."""
     from app.demo import resume_demo
 
     _show_game(lambda face: resume_demo(folder, face), headless=headless, as_json=as_json)

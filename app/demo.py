@@ -71,6 +71,8 @@ def run_demo(options: DemoOptions, face: Face) -> SessionResult:
     rig = choose_rig(options.rig)
     if rig is not None and options.pace not in (None, rig.pace):
         raise UserError(f"rig {options.rig} runs in pace {rig.pace}: leave --pace out, or change its file")
+    if rig is not None and rig.simulated and options.fen is None:
+        options = options.model_copy(update={"fen": rig.world_section.fen})
     pace = rig.pace if rig is not None else options.pace or Pace.REAL
     board = _start_board(options.fen)
     line = parse_line(options.moves, board) if options.moves is not None else None
@@ -88,7 +90,7 @@ def run_demo(options: DemoOptions, face: Face) -> SessionResult:
 
 
 def resume_demo(folder: Path, face: Face) -> SessionResult:
-    """Go on with a game whose program, controller or world was killed or interrupted: first with the ply under way.
+    """Go on with a game that was interrupted, or whose program or controller died: first with the ply under way.
 
     Raises:
         UserError: the folder holds no such game, or the game is over; or as ``run_demo``.

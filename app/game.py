@@ -148,9 +148,8 @@ class Game:
         """A ply that was broken off: what is left of it, from wherever the arm is. False as of ``_execute``."""
         move = chess.Move.from_uci(step.uci)
         ply = transfers(self._board, move, self._inventory)
-        state, table = self._devices.arm.state(), self._inventory.table
-        margin = self._motion.grip.opening_margin
-        progress = progress_of(ply, step.transfer, step.stage, state, self._parameters, table, margin)
+        state = self._devices.arm.state()
+        progress = self._progress(ply, step.transfer, step.stage, state)
         self._face.phase(_explain(ply, progress))
         return self._conclude(move, ply, self._move_pieces(ply, state, progress))
 
@@ -193,9 +192,12 @@ class Game:
                 if pauses > MOST_PAUSES or self._step is None:
                     raise
                 self._face.phase(f"going on after a pause: {pause}")
-            state, table = self._devices.arm.settle(), self._inventory.table
-            margin = self._motion.grip.opening_margin
-            broken_off = progress_of(ply, *self._step, state, self._parameters, table, margin)
+            state = self._devices.arm.settle()
+            broken_off = self._progress(ply, *self._step, state)
+
+    def _progress(self, ply: Ply, transfer: int, stage: Stage, state: ArmState) -> Progress:
+        margin = self._motion.grip.opening_margin
+        return progress_of(ply, transfer, stage, state, self._parameters, self._inventory.table, margin)
 
     def _move_rest(self, ply: Ply, state: ArmState, broken_off: Progress | None) -> tuple[float, Outcome]:
         arm, parameters, inventory = self._devices.arm, self._parameters, self._inventory

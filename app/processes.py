@@ -29,8 +29,30 @@ DRIVERS: Final = "touchmove.drives"
 the drives and returns a ``ServoBus``."""
 WORLD_TIMEOUT: Final = 60.0
 """A world with cameras takes a few seconds to start [s, wall]."""
-_ALONE: Final = 300.0
-"""How long a world waits for the controller that starts it [s, wall]."""
+_ALONE: Final = 15.0
+"""How long a world waits for the controller that has started it, and has nothing else to do then [s, wall]."""
+
+
+def spawn(name: str, run_dir: Path) -> subprocess.Popen[bytes]:
+    """Start the world or the controller of a run directory; what it says goes to its log there."""
+    with log_of(name, run_dir).open("ab") as log:
+        return subprocess.Popen(
+            # -P: a folder of the user's named like one of ours must not come first
+            [sys.executable, "-P", "-m", "app.cli", name, "--run-dir", str(run_dir)],
+            stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+            start_new_session=True,  # Ctrl-C reaches its starter alone, which ends the others in order
+        )  # fmt: skip
+
+
+def log_of(name: str, run_dir: Path) -> Path:
+    """Where a process of a run directory writes what it has to say."""
+    return run_dir / f"{name}.log"
+
+
+def last_words(log: Path) -> str | None:
+    """The last line of a log, None where nothing was said."""
+    lines = log.read_text(encoding="utf-8", errors="replace").split("\n") if log.exists() else []
+    return next((line.strip() for line in reversed(lines) if line.strip()), None)
 
 
 def run_world(run_dir: Path) -> int:
@@ -185,16 +207,11 @@ def _start_world(rig: RigFile) -> None:
     )  # fmt: skip
     (rig.run_dir / STATE_FILE).unlink(missing_ok=True)  # of a world before: nobody resumes a game from it here
     (rig.run_dir / FILE_NAME).write_text(settings.model_dump_json(), encoding="utf-8")
-    log = rig.run_dir / "world.log"
-    with log.open("wb") as said:
-        process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "app.cli", "world", "--run-dir", str(rig.run_dir)],
-            stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True,
-        )  # fmt: skip
+    process = spawn("world", rig.run_dir)
     deadline = time.monotonic() + WORLD_TIMEOUT
     while world_pid(rig.run_dir) is None:
         if process.poll() is not None or time.monotonic() > deadline:
             process.kill()
-            lines = log.read_text(errors="replace").strip().splitlines()
-            raise UserError(lines[-1] if lines else f"the simulated world did not start; see {log}")
+            log = log_of("world", rig.run_dir)
+            raise UserError(last_words(log) or f"the simulated world did not start; see {log}")
         time.sleep(0.02)

@@ -59,30 +59,26 @@ class RemoteRig:
         """
         section = rig.controller
         try:
-            self._client = ControllerClient(
-                section.host, section.port, load_key(section.key), name="touchmove game", listener=listener
-            )
-        except (ControllerError, KeyFileError) as error:
+            key = load_key(section.key)
+        except KeyFileError as error:
             raise RigFailed(str(error)) from error
-        try:
-            attach(self._client, progress, forgive=False)
-        except ControllerError as error:
-            self._client.close()
-            raise RigFailed(str(error)) from error
-        except BaseException:
-            self._client.close()
-            raise
-        self.arm: Arm = ControllerArm(self._client, progress)
+        self._client = ControllerClient(section.host, section.port, key, name="touchmove game", listener=listener)
+        self.arm: Arm
         self.clock: Clock = RemoteClock(self._client)
         self.camera: Camera | None = None
         self.referee: Referee | None = None
-        if rig.simulated:
-            try:
+        try:
+            attach(self._client, progress, forgive=False)
+            self.arm = ControllerArm(self._client, progress)
+            if rig.simulated:
                 self.clock, self.referee = SimClock(rig.run_dir), Referee(rig.run_dir)
                 self.camera = SimCamera(rig.run_dir) if rig.world_section.cameras else None
-            except HardwareError as error:
-                self.close()
-                raise RigFailed(str(error)) from error
+        except (ControllerError, HardwareError) as error:
+            self.close()
+            raise RigFailed(str(error)) from error
+        except BaseException:
+            self.close()
+            raise
 
     def __enter__(self) -> Self:
         return self

@@ -97,8 +97,9 @@ def run_session(
     if last is None or not last.at_rest:
         course.failures.append("the arm did not come to rest")
     details: dict[str, JsonValue] = {"thinking_s": round(game.thinking, 3)}
+    until = course.plant_time or record.events[-1].plant_time  # a game that broke off lasted to its last event
     report = record.end(
-        course.end.result, course.end.reason, course.plant_time, failures=course.failures, speed=course.speed,
+        course.end.result, course.end.reason, until, failures=course.failures, speed=course.speed,
         world_state=course.world_state, details=details,
     )  # fmt: skip
     if course.interrupted:

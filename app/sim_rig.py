@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -22,7 +21,7 @@ from app.adopted import Adopted, Process, adopt
 from app.arm import ControllerArm
 from app.attach import attach
 from app.devices import EndState, RigFailed
-from app.processes import CONTROLLER_SETTINGS_FILE
+from app.processes import CONTROLLER_SETTINGS_FILE, last_words, log_of, spawn
 from app.records import recording
 from controller.client import ControllerClient
 from controller.errors import ControllerError
@@ -102,14 +101,15 @@ class SimRig:
 
     def _give_up(self) -> None:
         """Of what could not be opened as a whole; processes that others have started go on as they did."""
-        adopted = {name: process for name, process in self._processes.items() if isinstance(process, Adopted)}
-        if not adopted:
+        spawned = [name for name, process in self._processes.items() if not isinstance(process, Adopted)]
+        if len(spawned) == len(self._processes):
             self.close()
             return
         self._open = False
+        self._close_devices()
         if self._client is not None:
             self._client.close()
-        for name in self._processes.keys() - adopted.keys():
+        for name in spawned:
             self._end(name, orderly=False)
 
     def _start(self, settings: SimRigSettings, progress: Callable[[str], None]) -> bool:
@@ -163,16 +163,8 @@ class SimRig:
             create_key(self._run_dir / KEY_FILE)
 
     def _spawn(self, name: str) -> None:
-        with recording(self._run_dir), self._log(name).open("ab") as log:
-            self._processes[name] = subprocess.Popen(
-                # -P: a folder of the user's named like one of ours must not come first
-                [sys.executable, "-P", "-m", "app.cli", name, "--run-dir", str(self._run_dir)],
-                stdin=subprocess.DEVNULL, stdout=log, stderr=log,
-                start_new_session=True,  # Ctrl-C reaches the app alone, which ends the others in order
-            )  # fmt: skip
-
-    def _log(self, name: str) -> Path:
-        return self._run_dir / f"{name}.log"
+        with recording(self._run_dir):
+            self._processes[name] = spawn(name, self._run_dir)
 
     def _await_controller(self) -> None:
         deadline = time.monotonic() + START_TIMEOUT
@@ -192,8 +184,8 @@ class SimRig:
         return failed[0] if failed else None
 
     def _last_words(self, name: str) -> str:
-        lines = self._log(name).read_text(errors="replace").strip().splitlines()
-        said = lines[-1] if lines else f"it said nothing (exit status {self._processes[name].poll()})"
+        said = last_words(log_of(name, self._run_dir))
+        said = said or f"it said nothing (exit status {self._processes[name].poll()})"
         return f"the {name} could not start: {said}"
 
     def __enter__(self) -> SimRig:
@@ -222,14 +214,17 @@ class SimRig:
             return None
         self._open = False
         with _uninterrupted():
-            for device in ("camera", "clock", "referee"):
-                if getattr(self, device, None) is not None:
-                    getattr(self, device).close()
+            self._close_devices()
             orderly = self._shut_down()
             for name in ("controller", "world"):
                 self._end(name, orderly)
             (self._run_dir / KEY_FILE).unlink(missing_ok=True)
         return self._end_state()
+
+    def _close_devices(self) -> None:
+        for device in ("camera", "clock", "referee"):
+            if getattr(self, device, None) is not None:
+                getattr(self, device).close()
 
     def _shut_down(self) -> bool:
         """Ask the controller to brake and end; the world follows it. False where nobody can be asked."""

@@ -25,6 +25,9 @@ import chess
 
 from app import UserError
 from app.bench.report import BenchReport, Row, machine, row
+from app.processes import last_words
+from app.recovery import FELT
+from app.remote_rig import RESTING
 from controller.contact import find_controller
 from controller.errors import ControllerError
 from controller.protocol.key import KeyFileError
@@ -51,16 +54,14 @@ REST_LIMIT: Final = 0.3
 """From the kill until the arm rests [s, plant]."""
 JUMP_LIMIT: Final = 1.0
 """How far the tool may move while a new controller takes the arm over, sagging from the brakes included [mm]."""
-RESTING: Final = 0.005
-"""A tool slower than this is at rest [m/s]."""
 JOINTS_RESTING: Final = 0.02
 """So is an arm whose joints are all slower than this [rad/s]."""
 BRAKED_AFTER: Final = 200
 """So long after the controller's death an arm that rests does so on its brakes [ticks]; the watchdog waits for 50."""
 STANDS: Final = 0.05
 """Plant time that has not gone on for so long stands: all rests, on the brakes [s, wall]."""
-HELD: Final = 0.5
-"""Both pads feel this where a piece is between them [N]."""
+OPENED: Final = 0.0005
+"""Fingers that have opened so far were letting go on purpose [m]."""
 TIMEOUT: Final = 180.0
 """For anything that is waited for [s, wall]."""
 _GLANCE = 0.0005
@@ -206,7 +207,7 @@ class _Game:
     def last_words(self) -> str:
         """Of every process of the game."""
         logs = [self._folder.parent / "app.log", *sorted(self._run_dir.glob("*.log"))]
-        return "; ".join(f"{log.stem}: {_last_line(log)}" for log in logs)
+        return "; ".join(f"{log.stem}: {last_words(log) or 'nothing'}" for log in logs)
 
     def _check_alive(self) -> None:
         assert self._app is not None
@@ -281,11 +282,11 @@ class _Game:
             while looked < len(seen):
                 now, looked = seen[looked], looked + 1
                 self._figures.outside.append(float(self._is_outside(now)))
-                if now.state is State.HOLD and _speed(now) < RESTING:
+                if now.state is State.HOLD and math.hypot(*now.velocity) < RESTING:
                     self._figures.rest["app"].append((now.tick - killed.tick) * self._tick)
-                    held = min(killed.tactile) >= HELD
-                    opened = now.finger_position > killed.finger_position + HELD * 1e-3
-                    self._figures.dropped.append(float(held and not opened and min(now.tactile) < HELD))
+                    held = min(killed.tactile) >= FELT
+                    opened = now.finger_position > killed.finger_position + OPENED
+                    self._figures.dropped.append(float(held and not opened and min(now.tactile) < FELT))
                     return
             time.sleep(_GLANCE)
         raise UserError("the arm did not come to rest after its program was killed")
@@ -325,12 +326,3 @@ class _Game:
         limits = self._limits
         apart = zip(telemetry.position, limits.centre, limits.half_size, strict=True)
         return telemetry.state in BRAKED or any(abs(p - c) > h + limits.outside for p, c, h in apart)
-
-
-def _last_line(log: Path) -> str:
-    lines = log.read_text(encoding="utf-8", errors="replace").splitlines() if log.exists() else []
-    return next((line for line in reversed(lines) if line.strip()), "nothing")
-
-
-def _speed(telemetry: Telemetry) -> float:
-    return float(sum(value * value for value in telemetry.velocity) ** 0.5)
