@@ -50,8 +50,8 @@ def attach(client: ControllerClient, progress: Callable[[str], None], *, forgive
     if not client.telemetry.flags & Flag.ADMITTING:
         if not forgive:
             raise RigFailed(
-                f"the arm holds and admits no motion: {why}: see that nothing is in its way, then 'touchmove "
-                "controller resume'"
+                "the arm admits no motion, as it was told to hold or something was in its way: see that nothing is, "
+                "then 'touchmove controller resume'"
             )
         progress(f"going on after: {why}")
         client.resume()
