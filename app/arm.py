@@ -28,6 +28,16 @@ class GraspFailed(UserError):
         )
 
 
+class NothingTouched(UserError):
+    """A piece was lowered and nothing held it up."""
+
+    def __init__(self, motion: Motion, depth: float) -> None:
+        super().__init__(
+            f"{motion.label}: lowered {depth * 1e3:.0f} mm below the board's height and felt nothing; does the board "
+            "stand where the settings say?"
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """What a plan came to: duration [s] of plant time, peak torque [N m], peak tactile force [N], last tick."""
@@ -96,11 +106,14 @@ class ControllerArm:
 
         Raises:
             GraspFailed: a motion that had to grip ended without.
+            NothingTouched: a motion that had to touch ended without.
             ArmPaused: samples came too late.
             ControllerError: refused, stopped or lost; the arm rests.
         """
         first_tick, end_tick, torque, force = None, 0, 0.0, 0.0
-        for index, motion in enumerate(plan.motions):
+        done: MotionOutcome | None = None
+        for index, planned in enumerate(plan.motions):
+            motion = planned if done is None else plan.continued(index, np.array(done.reference))
             if self._progress is not None:
                 self._progress(motion.label)
             if begin is not None:
@@ -112,6 +125,10 @@ class ControllerArm:
             if motion.grips and not done.gripped:
                 self._client.stop()
                 raise GraspFailed(motion, done.finger_position)
+            if motion.touches and not done.touched:
+                self._client.stop()
+                assert plan.style is not None
+                raise NothingTouched(motion, plan.style.settings.touch_depth)
         assert first_tick is not None
         return Outcome((end_tick - first_tick) * self._client.period, torque, force, end_tick)
 

@@ -27,6 +27,10 @@ app = typer.Typer(
 RunDir = Annotated[Path, typer.Option("--run-dir", help="Run directory of the game; holds settings, key and sockets.")]
 
 
+PROFILE_NAMES = ("default", "fast", "gentle", "minimum-jerk")
+"""Those of ``app.motion.Profile``; not imported, as the help must be quick."""
+
+
 def _fail(sentence: str, status: int = 2) -> NoReturn:
     print(f"touchmove: {sentence}", file=sys.stderr)
     raise typer.Exit(status)
@@ -44,6 +48,9 @@ def demo(
     pace: Annotated[
         str | None, typer.Option(help="real: by the wall clock, the default; fast: as fast as the machine can.")
     ] = None,
+    profile: Annotated[
+        str, typer.Option(help="How the arm moves: default, fast, gentle (children in reach) or minimum-jerk.")
+    ] = "default",
     seed: Annotated[int, typer.Option(min=0, help="Chooses the opening and all randomness of the world.")] = 1,
     fen: Annotated[str | None, typer.Option(help="Start from this position.")] = None,
     moves: Annotated[str | None, typer.Option(help='Play this line (SAN or UCI), e.g. "e4 d5 exd5".')] = None,
@@ -67,14 +74,17 @@ def demo(
     """Two engines play a game that the arm executes."""
     if pace not in (None, "real", "fast"):
         _fail(f"--pace is '{pace}', choose real or fast")
+    if profile not in PROFILE_NAMES:
+        _fail(f"--profile is '{profile}', choose {', '.join(PROFILE_NAMES)}")
 
     from app.demo import DemoOptions, run_demo
+    from app.motion import Profile
     from hardware.sim.settings import Pace
 
     options = DemoOptions(
         rig=rig, plies=plies, pace=None if pace is None else Pace(pace), seed=seed, fen=fen, moves=moves,
         white_elo=white_elo, black_elo=black_elo, move_time=movetime, nodes=nodes, engine=engine, out=out,
-        video=video, video_length=video_length, linger=linger, port=port,
+        video=video, video_length=video_length, linger=linger, port=port, profile=Profile(profile),
     )  # fmt: skip
     _show_game(lambda face: run_demo(options, face), headless=headless, as_json=as_json)
 

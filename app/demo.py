@@ -17,7 +17,7 @@ from app.game import Game, Position
 from app.layout import start_layout
 from app.lines import parse_line
 from app.manipulation import Inventory
-from app.motion import MotionSettings
+from app.motion import PROFILES, Profile, contact_limits
 from app.players import EnginePlayer, LinePlayer, Player
 from app.records import EVENTS_FILE, GameRecord, GameSetup, PlyEvent, new_folder, read_history, utc_now
 from app.records.files import write_atomically
@@ -59,6 +59,7 @@ class DemoOptions(BaseModel):
     linger: float = 30.0
     port: int = 0
     rig: str = SIMULATED
+    profile: Profile = Profile.DEFAULT
 
 
 def run_demo(options: DemoOptions, face: Face) -> SessionResult:
@@ -76,7 +77,7 @@ def run_demo(options: DemoOptions, face: Face) -> SessionResult:
     pace = rig.pace if rig is not None else options.pace or Pace.REAL
     board = _start_board(options.fen)
     line = parse_line(options.moves, board) if options.moves is not None else None
-    table = TableSettings() if rig is None else rig.table
+    table = TableSettings(limits=contact_limits(options.profile)) if rig is None else rig.table
     inventory = Inventory.of(start_layout(board, table), table)
     with ExitStack() as stack:
         players = _players(options, board, line, stack, face)
@@ -98,7 +99,8 @@ def resume_demo(folder: Path, face: Face) -> SessionResult:
     """
     options = _read_options(folder)
     rig = choose_rig(options.rig)
-    history = read_history(folder / EVENTS_FILE, TableSettings() if rig is None else rig.table)
+    table = TableSettings(limits=contact_limits(options.profile)) if rig is None else rig.table
+    history = read_history(folder / EVENTS_FILE, table)
     if any(isinstance(event, PlyEvent) and event.physical_ok is False for event in history.events):
         raise UserError(f"a ply of the game in {folder} left the board wrong, see its report: start a new one")
     board = _start_board(options.fen)
@@ -131,7 +133,7 @@ def _play(
     filming = Filming(at, record.folder / "game.webm", options.video_length, pace) if filmed else None
     return run_session(
         lambda listener: open_rig(rig, run_dir, world, face.phase, listener),
-        lambda devices: Game(position, players, devices, record, face, MotionSettings(), parameters),
+        lambda devices: Game(position, players, devices, record, face, PROFILES[options.profile], parameters),
         options.plies, record, parameters.drive.tick, filming, face,
     )  # fmt: skip
 
@@ -139,8 +141,8 @@ def _play(
 def _simulation(options: DemoOptions, inventory: Inventory, pace: Pace) -> SimRigSettings:
     return SimRigSettings(
         world=WorldSettings(
-            pieces=tuple(inventory), home=MotionSettings().home, table=inventory.table, pace=pace, seed=options.seed,
-            linger=options.linger,
+            pieces=tuple(inventory), home=PROFILES[options.profile].home, table=inventory.table, pace=pace,
+            seed=options.seed, linger=options.linger,
         ),
         controller=ControllerSettings(linger=max(options.linger, 1e-3), port=options.port),
     )  # fmt: skip

@@ -196,8 +196,7 @@ class Game:
             broken_off = self._progress(ply, *self._step, state)
 
     def _progress(self, ply: Ply, transfer: int, stage: Stage, state: ArmState) -> Progress:
-        margin = self._motion.grip.opening_margin
-        return progress_of(ply, transfer, stage, state, self._parameters, self._inventory.table, margin)
+        return progress_of(ply, transfer, stage, state, self._inventory.table)
 
     def _move_rest(self, ply: Ply, state: ArmState, broken_off: Progress | None) -> tuple[float, Outcome]:
         arm, parameters, inventory = self._devices.arm, self._parameters, self._inventory

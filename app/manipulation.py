@@ -69,7 +69,9 @@ class Stage(StrEnum):
     GRASP = "grasp"
     """The fingers close."""
     CARRY = "carry"
-    """Up, over, down, open, and away."""
+    """Up, over, and down until it stands."""
+    RELEASE = "release"
+    """The fingers open, and the arm goes to the next piece or home."""
     RETURN = "return"
     """Home, after the last transfer, where that was broken off."""
 

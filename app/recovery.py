@@ -1,8 +1,8 @@
 """How far an arm got with a ply when whoever led it was lost: from the record of what was begun, and from the arm.
 
 Every part of a transfer is recorded before it begins. Whether its piece stands at the source, is in the fingers or
-stands at the target, the arm itself can tell: by what the pads feel, by how far the fingers are open, and by where
-they are, since a carrying arm opens them wide over the target only.
+stands at the target, the arm itself can tell: by what the pads feel, and by where they are, since what is begun after
+a piece has touched the board is another part.
 """
 
 from __future__ import annotations
@@ -13,15 +13,10 @@ from dataclasses import dataclass
 from app import UserError
 from app.arm import ArmState
 from app.manipulation import Ply, Stage, Transfer
-from app.motion.obstacles import closed_position
-from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, TableSettings
 
 FELT = 0.5
 """Both pads feel more than this where something is between them; what they are commanded to press with is 4 N [N]."""
-ALMOST = 0.001
-"""Fingers this close to how far they open for a piece have opened [m]. An arm that lets go of too hard a grip on its
-way opens them by no more than 2 mm, of the 5 mm that a release takes."""
 ABOVE = 0.003
 """A tool this close to where it sets a piece down, in height and in the plane, is there [m]."""
 
@@ -49,9 +44,7 @@ def progress_of(
     transfer: int,
     stage: Stage,
     arm: ArmState,
-    parameters: RobotParameters,
     table: TableSettings,
-    opening_margin: float,
 ) -> Progress:
     """What is done of a ply whose execution was broken off.
 
@@ -60,9 +53,7 @@ def progress_of(
         transfer: of its transfers, the one begun last, from 0.
         stage: of that transfer, begun last.
         arm: at rest.
-        parameters: of the robot.
         table: board and trays.
-        opening_margin: how much further than a piece needs the fingers open [m].
 
     Raises:
         PieceLost: the piece is neither in the fingers nor set down.
@@ -73,8 +64,7 @@ def progress_of(
     if stage is Stage.GRASP or holding:
         return Progress(transfer, holding)
     carried = ply.transfers[transfer]
-    opened = arm.finger > closed_position(carried.kind, parameters.pads) + opening_margin - ALMOST
-    if opened or _over(carried, arm, table):
+    if stage is Stage.RELEASE or _over(carried, arm, table):
         return Progress(transfer + 1, holding=False)
     raise PieceLost(carried)
 

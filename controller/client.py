@@ -48,13 +48,15 @@ class MotionOutcome(NamedTuple):
     """What was really done."""
 
     result: Result
-    """DONE or GRIPPED."""
+    """DONE, GRIPPED or TOUCHED."""
     first_tick: int
     end_tick: int
     duration: float
     """Plant time from the first to the last tick [s]."""
     position: Triple
     """Measured tool point at the last tick, base frame [m]."""
+    reference: Triple
+    """Where the reference rests since then, base frame [m]: what comes next begins there."""
     finger_position: float
     """Measured at the last tick [m]."""
     peak_torque: float
@@ -66,6 +68,11 @@ class MotionOutcome(NamedTuple):
     def gripped(self) -> bool:
         """Whether the GRIP guard ended the motion."""
         return self.result is Result.GRIPPED
+
+    @property
+    def touched(self) -> bool:
+        """Whether the TOUCH guard ended the motion."""
+        return self.result is Result.TOUCHED
 
 
 class ControllerClient:
@@ -272,6 +279,7 @@ class ControllerClient:
             telemetry.end_tick,
             (telemetry.end_tick - telemetry.first_tick) * self.period,
             telemetry.ended_position,
+            telemetry.reference,
             telemetry.ended_finger,
             telemetry.peak_torque,
             telemetry.peak_tactile,

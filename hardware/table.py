@@ -5,8 +5,11 @@ Board frame: origin at the centre of the playing surface, x along the files a→
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from types import MappingProxyType
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,6 +124,14 @@ class ContactLimits(_Frozen):
     near_height: PositiveFloat = 0.090
     holding_force: PositiveFloat = 8.0
     """Largest normal grip force [N]."""
+
+
+CONTACT_PROFILES: Final[Mapping[str, ContactLimits]] = MappingProxyType({
+    "default": ContactLimits(),
+    "gentle": ContactLimits(tool_speed=0.4, downward_speed=0.22),
+    "fast": ContactLimits(tool_speed=1.5),
+})  # fmt: skip
+"""By how the arm moves: ``gentle`` with children in reach (70 N), ``fast`` with nobody (263 N on a free finger)."""
 
 
 class TableSettings(_Frozen):

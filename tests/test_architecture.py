@@ -51,6 +51,7 @@ KNOW_THE_SIMULATION = {
     "app.judging": "compares truth and game",
     "app.bench.kills": "sees how an arm comes to rest that nobody controls any more",
     "app.bench.cell": "runs supervisor and plant in one process",
+    "app.bench.plies": "sets worlds up for a bench, and reads where the pieces came to stand",
     "app.bench.finger": "puts a finger into the world",
     "app.bench.recording": "records the law over a plant in the same process",
     "app.figures.grasp_mujoco": "computes a figure on the plant",

@@ -103,7 +103,7 @@ class _RecordedCell(Cell):
     def carry_out(self, motion: Motion, followed: bool) -> None:
         """One motion of a plan; it must succeed."""
         ended = self.execute(motion.samples, followed)
-        wanted = Result.GRIPPED if motion.grips else Result.DONE
+        wanted = Result.GRIPPED if motion.grips else Result.TOUCHED if motion.touches else Result.DONE
         if ended.result is not wanted:
             raise RuntimeError(f"{motion.label} ended as {ended.result.name}, not {wanted.name}")
 
@@ -129,7 +129,8 @@ def record(ticks: int, seed: int) -> Recording:
         finger = cell.supervisor.measurement.finger_position
         start = cell.supervisor.reference.position.copy()
         plan = plan_ply(ply.san, ply.transfers, inventory, start, finger, settings, cell.parameters, LEAD)
-        for index, motion in enumerate(plan.motions):
+        for index in range(len(plan.motions)):
+            motion = plan.continued(index, cell.supervisor.reference.position)
             cell.carry_out(motion, followed=index < len(plan.motions) - 1)
         plies += 1
         board.push(move)

@@ -52,7 +52,13 @@ def fast_way(model: DeltaModel) -> Vector:
     ply = transfers(board, chess.Move.from_uci(MOVE), inventory)
     home = np.array(settings.home)
     plan = plan_ply(ply.san, ply.transfers, inventory, home, 0.01, settings, model.parameters)
-    return np.concatenate([motion.samples["position"] for motion in plan.motions])
+    ways: list[Vector] = []
+    for index, motion in enumerate(plan.motions):
+        way = motion.samples["position"]
+        if motion.touches:  # the board is where it should be
+            way = way[: np.flatnonzero(way[:, 2] < plan.motions[index + 1].samples["position"][0, 2])[-1] + 1]
+        ways.append(way)
+    return np.concatenate(ways)
 
 
 def counted(model: DeltaModel, way: Vector) -> Vector:

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
+import numpy as np
+
+from app.motion.path import Vector
+from app.motion.sampling import highest_needs
 from hardware.parameters import Pads
-from hardware.table import PIECE_SHAPES, Kind, Place, TableSettings
+from hardware.table import PIECE_SHAPES, Kind, PieceShape, Place, TableSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,26 +30,50 @@ def standing(pieces: Iterable[tuple[Place, Kind]], table: TableSettings) -> tupl
     return tuple(Standing(place, *table.xy(place), kind) for place, kind in pieces)
 
 
-def tallest_on_way(
-    start: tuple[float, float], end: tuple[float, float], others: Iterable[Standing], corridor: float
-) -> float:
-    """Height of the tallest piece within ``corridor`` of the straight way between two points of the board [m]."""
-    return max(
-        (
-            PIECE_SHAPES[piece.kind].height
-            for piece in others
-            if _distance_to_segment((piece.x, piece.y), start, end) < corridor
-        ),
-        default=0.0,
-    )
+class Moving(NamedTuple):
+    """What moves with the tool, seen from above: half the extent of the fingers along x and y, and how far above the
+    tool's height minus ``below`` nothing is [m]; and what they carry.
+    """
+
+    half_x: float
+    half_y: float
+    below: float
+    carried: PieceShape | None = None
+
+    @classmethod
+    def of(cls, pads: Pads, finger_position: float, carried: PieceShape | None = None) -> Moving:
+        """Fingers at a position."""
+        outer = finger_position + pads.half_width * math.tan(pads.groove_angle) + pads.back
+        return cls(outer, pads.half_width + pads.back, pads.half_height, carried)
 
 
-def _distance_to_segment(point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]) -> float:
-    dx, dy = end[0] - start[0], end[1] - start[1]
-    squared = dx * dx + dy * dy
-    along = ((point[0] - start[0]) * dx + (point[1] - start[1]) * dy) / squared if squared > 0.0 else 0.0
-    along = min(1.0, max(0.0, along))
-    return math.hypot(point[0] - start[0] - along * dx, point[1] - start[1] - along * dy)
+def needed_heights(
+    points: Vector, moving: Moving, others: Sequence[Standing], beside: float, clearance: float
+) -> Vector:
+    """How high the tool must be over points of the board, so that what moves passes over what stands there.
+
+    Args:
+        points: (n, 2), board frame [m].
+        moving: fingers and piece.
+        others: pieces that stand.
+        beside: pieces closer than this are passed over [m].
+        clearance: above them [m].
+
+    Returns:
+        Heights of the tool over the board, (n,), 0 where nothing stands [m].
+    """
+    if not others:
+        return np.zeros(len(points))
+    shapes = [PIECE_SHAPES[piece.kind] for piece in others]
+    height = np.array([shape.height for shape in shapes])
+    radius = np.array([shape.foot_radius for shape in shapes]) + beside
+    reach, foot = np.full(len(others), -1.0), np.zeros(len(others))
+    if moving.carried is not None:
+        reach, foot = moving.carried.foot_radius + radius, height + moving.carried.grip_height + clearance
+    return highest_needs(
+        np.ascontiguousarray(points), np.array([(piece.x, piece.y) for piece in others]), moving.half_x + radius,
+        moving.half_y + radius, reach, np.concatenate([height + moving.below + clearance, foot]),
+    )  # fmt: skip
 
 
 def closed_position(kind: Kind, pads: Pads) -> float:
@@ -66,12 +95,11 @@ def blocking_neighbour(
         others: pieces that stay where they are.
         pads: shape of the fingers.
     """
-    depth = pads.half_width * math.tan(pads.groove_angle)
-    outer = finger_position + depth + pads.back
-    half_width = pads.half_width + pads.back
+    moving = Moving.of(pads, finger_position)
     for piece in others:
         shape = PIECE_SHAPES[piece.kind]
         radius = shape.foot_radius if tip_height < shape.foot_height else shape.stem_radius
-        if tip_height < shape.height and abs(piece.x - x) < outer + radius and abs(piece.y - y) < half_width + radius:
+        near = abs(piece.x - x) < moving.half_x + radius and abs(piece.y - y) < moving.half_y + radius
+        if near and tip_height < shape.height:
             return piece
     return None

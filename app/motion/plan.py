@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from app import UserError
 from app.manipulation import Stage
+from app.motion.path import Path, Vector
+from app.motion.route import Route, timed
+from app.motion.settings import MotionSettings
+from hardware.table import TableSettings
 
 
 class PlanRefused(UserError):
@@ -24,6 +29,9 @@ class Motion:
         samples: shape (n,), dtype ``controller.protocol.SAMPLE``; read-only.
         expected: how long it should take [s]; less than n ticks where a guard ends it.
         grips: the motion must end by its grip guard, else nothing was grasped.
+        touches: the motion must end by its touch guard, else nothing stands there.
+        route: what the samples follow from; None for samples of another origin.
+        paths: where the tool goes, between stops.
         transfer: of the plan's transfers it belongs to: which, from 0; None where it belongs to none.
         stage: of that transfer.
     """
@@ -32,8 +40,23 @@ class Motion:
     samples: NDArray[Any]
     expected: float
     grips: bool = False
+    touches: bool = False
+    route: Route | None = None
+    paths: tuple[Path, ...] = ()
     transfer: int | None = None
     stage: Stage | None = None
+
+
+class Style(NamedTuple):
+    """How routes are timed."""
+
+    settings: MotionSettings
+    table: TableSettings
+    tick: float
+
+
+SAME: Final = 1e-9
+"""A reference this close to where a motion begins is the same [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,11 +67,28 @@ class Plan:
         label: what it does, for people.
         motions: in order; each starts where the one before ends.
         lead: plant time between two motions, needed to announce the next [s].
+        style: how its routes were timed; None where there are none.
     """
 
     label: str
     motions: tuple[Motion, ...]
     lead: float = 0.0
+    style: Style | None = None
+
+    def continued(self, index: int, reference: Vector) -> Motion:
+        """A motion as it must be where the one before ended elsewhere than planned: timed again from there.
+
+        Args:
+            index: of the motion.
+            reference: the arm's present one, base frame (3,) [m].
+        """
+        motion = self.motions[index]
+        if motion.route is None or self.style is None:
+            return motion
+        if np.abs(reference - motion.samples["position"][0]).max() < SAME:
+            return motion
+        done = timed(motion.route.from_point(reference), *self.style)
+        return replace(motion, samples=done.samples, paths=done.paths, expected=done.expected)
 
     @property
     def expected(self) -> float:

@@ -1,30 +1,19 @@
-"""Timed references: straight rest-to-rest lines under a jerk bound, sampled at the tick.
-
-Time along a line is one-dimensional and from Ruckig; with the line's direction as the only axis, the tool's velocity,
-acceleration and jerk are bounded as vectors, and the line is exactly straight.
-"""
+"""Timed references: a path and its time law sampled at the tick, and what stands or glides straight on."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import ruckig
 from numpy.typing import NDArray
 
+from app.motion.path import Path, Vector, blend
+from app.motion.time_law import Bounds, TimeLaw, line_law, time_law
 from controller.protocol import SAMPLE
 
-Vector = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Bounds:
-    """Largest speed [m/s], acceleration [m/s²] and jerk [m/s³] along a path."""
-
-    speed: float
-    acceleration: float
-    jerk: float
+__all__ = ["Bounds", "Segment", "Vector", "along", "dwell", "glide", "join", "line", "to_samples"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,44 +28,48 @@ class Segment:
         return len(self.position)
 
 
+def along(path: Path, law: TimeLaw, tick: float) -> Segment:
+    """A path by its law, slowed down by less than a tick so that it ends with one.
+
+    Returns:
+        Samples at tick, 2·tick, …; the last one is exactly at the path's end.
+    """
+    ticks = max(1, math.ceil(law.duration / tick - 1e-9))
+    law = law.stretched(ticks * tick / law.duration)
+    at = law.trace(path, tick * np.arange(1.0, ticks + 1.0))
+    at.position[-1] = path.position(np.array([path.total]))[0]
+    if at.speed[-1] < 1e-4:  # at rest, but for rounding
+        at.velocity[-1] = at.acceleration[-1] = 0.0
+    return Segment(at.position, at.velocity, at.acceleration)
+
+
 def line(start: Vector, end: Vector, bounds: Bounds, tick: float) -> Segment:
     """From rest to rest along a straight line, as quickly as the bounds allow.
 
     Args:
         start: point (3,) [m].
         end: point (3,) [m].
-        bounds: along the line.
+        bounds: speed along the line, acceleration and jerk of each axis.
         tick: sampling period [s].
 
     Returns:
         Samples at tick, 2·tick, …; the last one is at rest exactly at ``end``. Empty when start and end coincide.
     """
-    way = np.asarray(end, dtype=float) - start
-    length = float(np.linalg.norm(way))
-    if length < 1e-9:
-        return dwell(np.asarray(end, dtype=float), 0)
-    trajectory = _rest_to_rest(length, bounds)
-    ticks = int(np.ceil(trajectory.duration / tick - 1e-9))
-    times = np.minimum(np.arange(1, ticks + 1) * tick, trajectory.duration)
-    states = np.array([trajectory.at_time(float(t)) for t in times])[:, :, 0]
-    states[-1] = length, 0.0, 0.0
-    direction = way / length
-    position = start + states[:, :1] * direction
-    position[-1] = end
-    return Segment(position, states[:, 1:2] * direction, states[:, 2:3] * direction)
+    start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+    if np.linalg.norm(end - start) < 1e-9:
+        return dwell(end, 0)
+    path = blend(np.array([start, end]), np.zeros(0))
+    segment = along(path, time_law(path, [bounds]), tick)
+    segment.position[-1] = end
+    return segment
 
 
-def _rest_to_rest(length: float, bounds: Bounds) -> ruckig.Trajectory:
-    parameters = ruckig.InputParameter(1)
-    parameters.target_position = [length]
-    parameters.max_velocity = [bounds.speed]
-    parameters.max_acceleration = [bounds.acceleration]
-    parameters.max_jerk = [bounds.jerk]
-    trajectory = ruckig.Trajectory(1)
-    result = ruckig.Ruckig(1).calculate(parameters, trajectory)
-    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-        raise RuntimeError(f"Ruckig failed with {result} on {length} m within {bounds}")
-    return trajectory
+def glide(start: Vector, velocity: Vector, way: float, bounds: Bounds, tick: float) -> Segment:
+    """Straight on at a velocity (3,) [m/s] for most of a way [m], then to rest."""
+    speed = float(np.linalg.norm(velocity))
+    path = blend(np.array([start, start + way * velocity / speed]), np.zeros(0))
+    limits = Bounds(speed, bounds.acceleration, bounds.jerk)
+    return along(path, line_law(path, limits, speed), tick)
 
 
 def dwell(point: Vector, ticks: int) -> Segment:

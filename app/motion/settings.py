@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Final
+
 from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat
+
+from app.motion.time_law import Law
+from hardware.table import CONTACT_PROFILES, ContactLimits
 
 
 class _Frozen(BaseModel):
@@ -21,16 +28,29 @@ class Gains(_Frozen):
     """z₃ is at its softest below this height above the contact [m] …"""
     stiff_height: PositiveFloat = 0.014
     """… and as stiff as in air above this one; smooth between [m]."""
+    grasp_damping: PositiveFloat = 4.0
+    """k_v of z₁ while the fingers close or open; its stiffness is 0 then, so that the tool goes to the piece instead of
+    pushing it [1/s]."""
+    tactile_gain: NonNegativeFloat = 2.0
+    """k* while the fingers close or open, as in the paper's figure 6 [1/kg]."""
+    yielding: PositiveFloat = 0.020
+    """Stiffness along z₁ goes within this time when a grasp or a release begins [s]."""
 
 
 class Grip(_Frozen):
     """Finger motion; velocities are of one finger."""
 
     opening_margin: PositiveFloat = 0.005
-    """Pads open this much further than the stem needs: room for a piece 3 mm off its centre [m]."""
-    closing_speed: PositiveFloat = 0.025
-    """Asked while closing and holding; in stall the gripper's velocity gain makes 4 N of it [m/s]."""
-    opening_speed: PositiveFloat = 0.060
+    """Pads open at least this much further than the stem needs: room for a piece 3 mm off its centre [m] …"""
+    widest_margin: PositiveFloat = 0.0065
+    """… and this much where neighbours leave room: 3 mm off along either axis [m]."""
+    beside: PositiveFloat = 0.0035
+    """Before they are at the piece's height for good, the fingers close to so much more than the stem needs [m] …"""
+    beside_way: PositiveFloat = 0.003
+    """… as soon as the tool is no further above it [m]."""
+    closing_speed: PositiveFloat = 0.030
+    """Asked while closing and holding; in stall the gripper's velocity gain makes 4.8 N of it [m/s]."""
+    opening_speed: PositiveFloat = 0.080
     """[m/s]"""
     guard_force: PositiveFloat = 3.0
     """Both pads must feel this before a piece counts as gripped [N]."""
@@ -38,6 +58,8 @@ class Grip(_Frozen):
     """Beyond the time the fingers need for their way, a piece must be felt within this [s]."""
     settle: NonNegativeFloat = 0.030
     """From gripped to lifting: the grip force must not change while the piece leaves the board [s]."""
+    freed: PositiveFloat = 0.0015
+    """Pads this far off the stem may be lifted; they go on opening on the way [m]."""
 
 
 class MotionSettings(_Frozen):
@@ -45,23 +67,66 @@ class MotionSettings(_Frozen):
 
     home: tuple[float, float, float] = (0.0, 0.075, 0.325)
     """Tool point between plies, base frame: the camera sees all squares and trays past it [m]."""
+    law: Law = Law.TIME_OPTIMAL
     speed: PositiveFloat = 0.8
     """Of the tool; never above the table's contact limit [m/s]."""
     acceleration: PositiveFloat = 15.0
-    """[m/s²]"""
+    """Along each axis of the base frame [m/s²]."""
     jerk: PositiveFloat = 500.0
-    """[m/s³]"""
+    """Along each axis of the base frame [m/s³]."""
+    torque_share: PositiveFloat = 0.86
+    """Of the drives' peak torque, what a plan may ask for; the rest is for what it does not foresee."""
+    carrying: PositiveFloat = 1.0
+    """Share of acceleration and jerk with a piece in the fingers: 4.8 N hold a king against 8 times as much."""
+    corner: PositiveFloat = 0.040
+    """A corner begins at most this far before the point where its lines meet [m]."""
     clearance: PositiveFloat = 0.006
-    """Between a carried foot, or the pads, and the tallest piece passed over [m]."""
-    corridor: PositiveFloat = 0.034
-    """Pieces whose centre is closer than this to the way of the tool, seen from above, are passed over [m]."""
-    touch_height: PositiveFloat = 0.002
-    """A piece is lowered fast to this height of its foot … [m]"""
+    """Between a carried foot, or the pads, and a piece passed over [m]."""
+    beside: PositiveFloat = 0.004
+    """Pieces closer than this to what moves, seen from above, are passed over: they may stand 3 mm off [m]."""
+    lift: PositiveFloat = 0.018
+    """A piece is carried at least this high: lower hops have tighter corners and take longer [m]."""
+    swing: NonNegativeFloat = 0.012
+    """Ways without a piece are so much higher than they must be: room for wider corners [m]."""
+    touch_height: PositiveFloat = 0.0032
+    """A piece is lowered fast to this height of its foot, above a board that may be 3 mm too high … [m]"""
     touch_speed: PositiveFloat = 0.030
-    """… and from there at this speed [m/s]."""
-    touch_depth: NonNegativeFloat = 0.001
-    """The reference ends this far below the board, so that the foot surely stands [m]."""
+    """… and from there at this speed … [m/s]"""
+    touch_depth: NonNegativeFloat = 0.012
+    """… at most to so far below the board [m] …"""
+    touch_force: PositiveFloat = 1.5
+    """… until it presses with so much more than before [N]."""
+    touch_delay: NonNegativeFloat = 0.02
+    """So long presses the tool more and more until the guard's force is reached, as measured in the world [s]."""
     release_wait: NonNegativeFloat = 0.020
     """With the piece on the board, before the fingers open [s]."""
     gains: Gains = Gains()
     grip: Grip = Grip()
+
+
+class Profile(StrEnum):
+    """How the arm moves."""
+
+    DEFAULT = "default"
+    FAST = "fast"
+    """For demonstrations without people in reach."""
+    GENTLE = "gentle"
+    """With children in reach."""
+    MINIMUM_JERK = "minimum-jerk"
+    """As default, by the quintic law."""
+
+
+PROFILES: Final = MappingProxyType({
+    Profile.DEFAULT: MotionSettings(),
+    Profile.FAST: MotionSettings(
+        speed=CONTACT_PROFILES["fast"].tool_speed, acceleration=26.0, jerk=1400.0, grip=Grip(opening_speed=0.12)
+    ),
+    Profile.GENTLE: MotionSettings(speed=CONTACT_PROFILES["gentle"].tool_speed, acceleration=8.0, jerk=250.0),
+    Profile.MINIMUM_JERK: MotionSettings(law=Law.MINIMUM_JERK),
+})  # fmt: skip
+"""Settings of each profile; what protection enforces is of ``contact_limits``."""
+
+
+def contact_limits(profile: Profile) -> ContactLimits:
+    """How fast the tool may move where it can meet a person."""
+    return CONTACT_PROFILES.get(profile.value, CONTACT_PROFILES["default"])

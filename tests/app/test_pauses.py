@@ -52,13 +52,16 @@ class LateArm:
         return self._state
 
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
-        for motion in plan.motions:
+        for index in range(len(plan.motions)):
+            motion = plan.continued(index, self._state.reference)
             assert begin is not None
             np.testing.assert_allclose(motion.samples[0]["position"], self._state.reference, atol=1e-9)
             begin(motion)
             self.begun.append((motion.transfer, motion.stage))
             late = motion.stage is self._at[0] and (self._always or not self.pauses)
             last = round(self._at[1] * (len(motion.samples) - 1)) if late else len(motion.samples) - 1
+            if motion.touches and not late:
+                last = int(np.flatnonzero(motion.samples["guard"])[0]) + 120  # some mm below where the guard is on
             self._follow(motion, last)
             if late:
                 self.pauses += 1
@@ -102,7 +105,9 @@ def play(folder: Path, arm: LateArm, line: str = "e4 d5 exd5") -> Game:
         (Stage.GRASP, 0.5, Stage.APPROACH),
         (Stage.CARRY, 0.0, Stage.CARRY),
         (Stage.CARRY, 0.3, Stage.CARRY),
-        (Stage.CARRY, 0.95, Stage.RETURN),
+        (Stage.CARRY, 0.7, Stage.CARRY),
+        (Stage.RELEASE, 0.0, Stage.CARRY),
+        (Stage.RELEASE, 0.95, Stage.RETURN),
     ],
 )
 def test_a_ply_is_finished_from_where_the_arm_stopped(tmp_path: Path, stage: Stage, share: float, again: Stage) -> None:

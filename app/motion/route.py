@@ -1,0 +1,211 @@
+"""A route is all that a motion's samples follow from, so that it can be timed again from another start.
+
+A guard ends a set-down wherever the board is. What follows begins there, not where it was planned: its route is timed
+again from the arm's present reference, which takes a few milliseconds.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.motion.gains import Softness, scheduled
+from app.motion.path import STRAIGHT, Path, Vector, blend, clothoid, turns
+from app.motion.reference import Segment, along, dwell, glide, join, to_samples
+from app.motion.settings import MotionSettings
+from app.motion.time_law import Bounds, Law, time_law
+from controller.protocol import Guard
+from hardware.table import TableSettings
+
+NEAR = 1e-7
+"""Points closer than this are one [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """Where a motion goes and how; points in the base frame [m].
+
+    Attributes:
+        points: corners of the way, (n, 3); one point: the arm stays.
+        tangents: how far before each inner point its corner begins, (n - 2,) [m]; 0: the arm stops there.
+        bounds: of each line, n - 1.
+        contact: height of the tool over the board at which something touches, at the start and at the end [m].
+        finger: position of a finger at the start [m].
+        wait: before the arm moves [s].
+        opens: the fingers open to this during the wait and after [m]; None: they go on pressing.
+        then: finger position for what comes next, from the highest point on [m]; None: as it is.
+        closes: at the very end of the way, as far as time allows, the fingers close to this [m]; None: they do not.
+        soft_start: z1 yields at the start: it has, or begins to.
+        touches: the way goes straight on below its end, slowly, until the tool touches.
+        grips: the fingers close until they grip.
+    """
+
+    points: Vector
+    tangents: Vector
+    bounds: tuple[Bounds, ...]
+    contact: tuple[float, float]
+    finger: float
+    wait: float = 0.0
+    opens: float | None = None
+    then: float | None = None
+    closes: float | None = None
+    soft_start: Softness = Softness.STIFF
+    touches: bool = False
+    grips: bool = False
+
+    def from_point(self, start: Vector) -> Route:
+        """The same from another start (3,) [m]; the first line changes."""
+        points = np.array(self.points)
+        points[0] = start
+        return replace(self, points=points)
+
+
+@dataclass(frozen=True, slots=True)
+class Timed:
+    """Samples of a route; the paths between stops; when the arm moves off, and how long all should take [s]."""
+
+    samples: NDArray[Any]
+    paths: tuple[Path, ...]
+    expected: float
+    finger: float
+    """Where the fingers are in the end [m]."""
+
+
+def timed(route: Route, settings: MotionSettings, table: TableSettings, tick: float) -> Timed:
+    """Time a route: path, law, fingers, gains, guard."""
+    segments, paths, ways = [dwell(route.points[0], 1)], [], [np.zeros(1)]
+    ticks = math.ceil(route.wait / tick - 1e-9)
+    segments.append(dwell(route.points[0], ticks))
+    ways.append(np.zeros(ticks))
+    for start, end in _sections(route):
+        speed = settings.touch_speed if route.touches and end == len(route.points) - 1 else 0.0
+        path, segment = _section(route, start, end, speed, settings, tick)
+        paths.append(path)
+        segments.append(segment)
+        ways.append(np.full(len(segment), float(end < len(route.points) - 1)))
+    moved = sum(map(len, segments))
+    expected = (moved - 1) * tick
+    if route.touches:
+        descent = _descent(segments[-1], settings, tick)
+        segments.append(descent)
+        expected += settings.touch_height / settings.touch_speed + settings.touch_delay
+    whole = join(segments)
+    finger_velocity, finger = _fingers(route, whole, ticks, settings, tick)
+    samples = to_samples(whole, *_gains(route, whole, settings, table, tick), finger_velocity)
+    if route.touches:
+        samples["guard"][moved:], samples["guard_level"][moved:] = Guard.TOUCH, settings.touch_force
+    if route.grips:
+        samples["guard"], samples["guard_level"] = Guard.GRIP, settings.grip.guard_force
+    if route.soft_start is not Softness.STIFF:
+        samples["tactile_gain"] = settings.gains.tactile_gain * (samples["stiffness"][:, 0] < 1.0)
+    samples.flags.writeable = False
+    return Timed(samples, tuple(paths), expected, finger)
+
+
+def _sections(route: Route) -> list[tuple[int, int]]:
+    """From stop to stop, as first and last point."""
+    if len(route.points) < 2:
+        return []
+    turn = turns(route.points) if len(route.points) > 2 else np.zeros(0)
+    stops = [i + 1 for i in range(len(turn)) if turn[i] > STRAIGHT and route.tangents[i] <= 0.0]
+    ends = [0, *stops, len(route.points) - 1]
+    return list(pairwise(ends))
+
+
+def _section(
+    route: Route, start: int, end: int, speed: float, settings: MotionSettings, tick: float
+) -> tuple[Path, Segment]:
+    points = route.points[start : end + 1]
+    path = blend(points, _fitted(points, route.tangents[start : end - 1]))
+    bounds = route.bounds[start:end]
+    if speed > 0.0 and settings.law is Law.MINIMUM_JERK:
+        segment = along(path, time_law(path, bounds, settings.law), tick)
+        return path, segment
+    return path, along(path, time_law(path, bounds, settings.law, speed), tick)
+
+
+def _fitted(points: Vector, tangents: Vector) -> Vector:
+    """Corners as asked, smaller where a line has become too short for them."""
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    fitted = np.array(tangents)
+    for i in range(len(lengths)):
+        before = fitted[i - 1] if i > 0 else 0.0
+        after = fitted[i] if i < len(fitted) else 0.0
+        if before + after > 0.98 * lengths[i]:
+            share = 0.98 * lengths[i] / (before + after)
+            if i > 0:
+                fitted[i - 1] *= share
+            if i < len(fitted):
+                fitted[i] *= share
+    return fitted
+
+
+def _descent(before: Segment, settings: MotionSettings, tick: float) -> Segment:
+    """Straight on and down from where the way ends, to far below where the board should be."""
+    velocity = before.velocity[-1]
+    way = settings.touch_height + settings.touch_depth
+    bounds = Bounds(settings.touch_speed, settings.acceleration, settings.jerk)
+    if np.linalg.norm(velocity) > 0.0:
+        return glide(before.position[-1], velocity, way, bounds, tick)
+    down = np.array([0.0, 0.0, way])
+    path = blend(np.array([before.position[-1], before.position[-1] + down]), np.zeros(0))
+    return along(path, time_law(path, [bounds]), tick)
+
+
+def _fingers(route: Route, whole: Segment, wait: int, settings: MotionSettings, tick: float) -> tuple[Vector, float]:
+    """Velocity of a finger at each sample, and where it is in the end [m]."""
+    grip = settings.grip
+    velocity = np.zeros(len(whole))
+    if route.opens is None:
+        velocity[:] = -grip.closing_speed
+        return velocity, route.finger
+    begin = min(wait, math.ceil(settings.release_wait / tick)) if wait else 0
+    velocity[:begin] = -grip.closing_speed
+    position = _move_fingers(velocity, begin, route.finger, route.opens, grip.opening_speed, tick)
+    if route.then is not None:
+        begin = max(int(np.argmin(whole.position[:, 2])), np.flatnonzero(velocity)[-1] + 1 if velocity.any() else 0)
+        position = _move_fingers(velocity, begin, position, route.then, grip.opening_speed, tick)
+    if route.closes is not None:
+        needed = math.ceil((position - route.closes) / (grip.opening_speed * tick))
+        low = np.flatnonzero(whole.position[:, 2] < whole.position[-1, 2] - grip.beside_way)
+        begin = max(len(velocity) - max(needed, 0), low[-1] + 1 if low.size else 0)
+        if not velocity[begin:].any():
+            position = _move_fingers(velocity, begin, position, route.closes, grip.opening_speed, tick)
+    return velocity, position
+
+
+def _move_fingers(velocity: Vector, begin: int, position: float, target: float, speed: float, tick: float) -> float:
+    way = target - position
+    ticks = min(len(velocity) - begin, math.ceil(abs(way) / (speed * tick) - 1e-9))
+    if ticks > 0:
+        rate = min(speed, abs(way) / (ticks * tick))
+        velocity[begin : begin + ticks] = math.copysign(rate, way)
+        position += math.copysign(rate, way) * ticks * tick
+    return position
+
+
+def _gains(
+    route: Route, whole: Segment, settings: MotionSettings, table: TableSettings, tick: float
+) -> tuple[Vector, Vector]:
+    gone = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(whole.position, axis=0), axis=1))])
+    share = gone / gone[-1] if gone[-1] > 0.0 else gone
+    contact = route.contact[0] + share * (route.contact[1] - route.contact[0])
+    height = table.centre_in_base[2] - whole.position[:, 2] - contact
+    return scheduled(height, share, tick * np.arange(float(len(whole))), route.soft_start, settings.gains)
+
+
+def corner_points(turn: float, count: int = 13) -> tuple[Vector, Vector]:
+    """A corner with tangents of length 1, by the ways along the line before it (negative) and along the one after it,
+    from the point where they meet: (count,) each.
+    """
+    x, y = clothoid(np.full(count, turn), np.linspace(0.0, 1.0, count))
+    scale = 1.0 / float(x[-1] + y[-1] * math.tan(0.5 * turn))
+    onwards = scale * y / math.sin(turn)
+    before = scale * x - 1.0 - onwards * math.cos(turn)
+    # the second half is the first one mirrored
+    return np.concatenate([before, -onwards[-2::-1]]), np.concatenate([onwards, -before[-2::-1]])
