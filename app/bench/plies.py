@@ -40,12 +40,10 @@ class Disorder:
     Attributes:
         offset: pieces stand up to so far off along x and y [m].
         mass_error: masses of the arm are believed wrong by up to this share.
-        sunk: the board is so much lower than the table's settings say [m].
     """
 
     offset: tuple[float, float] = (0.0, 0.0)
     mass_error: float = 0.0
-    sunk: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +90,7 @@ class Bed:
         self.board, self.settings, self.parameters = board, settings, parameters
         self.inventory = Inventory.of(start_layout(board, table), table)
         standing = stand_off(tuple(self.inventory), table, disorder, rng)
-        x, y, z = table.centre_in_base
-        there = table.model_copy(update={"centre_in_base": (x, y, z + disorder.sunk)})
-        model = build_model(parameters, there, standing, np.array(settings.home))
+        model = build_model(parameters, table, standing, np.array(settings.home))
         plant = Plant(model, parameters, tuple(piece.spec.name for piece in standing))
         law = TaskSpaceController(DeltaModel(believed(parameters, disorder, rng)))
         self.cell = Cell(plant, parameters, table, law)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import chess
 import numpy as np
 import pytest
@@ -12,7 +14,9 @@ from app.bench.plies import Bed, Disorder, positions
 from app.manipulation import MoveKind
 from app.motion import PROFILES, Profile
 from app.motion.path import blend
+from app.motion.route import timed
 from app.motion.time_law import Bounds, time_law
+from controller.protocol import Result
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 
@@ -58,19 +62,33 @@ def test_pieces_that_stand_off_are_set_down_on_their_squares() -> None:
     assert again.released.keys() == {again.ply.transfers[0].name}
 
 
-def test_a_board_at_another_height_is_touched_gently() -> None:
-    durations = []
-    for sunk in (-0.003, 0.003):
-        board = chess.Board("4k3/8/8/8/8/8/P6R/4K3 w - - 0 1")
-        bed = Bed(board, DEFAULT, PARAMETERS, TABLE, Disorder(sunk=sunk), 6)
-        done = bed.play(chess.Move.from_uci("h2h6"))
-        name = done.ply.transfers[0].name
-        assert done.released[name] < 3e-4
-        assert bed.positions()[name][2] == pytest.approx(0.0, abs=5e-4)
-        assert done.peak_contact < 12.0
-        durations.append(done.duration)
-    slow = 0.006 / DEFAULT.touch_speed
-    assert durations[1] - durations[0] == pytest.approx(slow, abs=0.05), "down to where the board really is"
+@pytest.mark.parametrize("higher", [-0.003, 0.0, 0.003])
+def test_a_square_at_another_height_than_the_others_is_touched_gently_and_surely(higher: float) -> None:
+    """The piece comes down on a square that is higher than the plan believes: its way ends so much lower."""
+    board = chess.Board("4k3/8/8/8/8/8/P6R/4K3 w - - 0 1")
+    bed = Bed(board, DEFAULT, PARAMETERS, TABLE, Disorder(mass_error=0.05), 6)
+    ply, plan, _ = bed.begin(chess.Move.from_uci("h2h6"))
+    carry = plan.motions[2]
+    assert carry.route is not None
+    assert plan.style is not None
+    points = np.array(carry.route.points)
+    points[-1, 2] += higher
+    wrong = timed(replace(carry.route, points=points), *plan.style)
+    motions = (*plan.motions[:2], replace(carry, samples=wrong.samples, paths=wrong.paths), plan.motions[3])
+    bed.cell.plant.truth(reset_peak=True)
+    ended = [
+        bed.cell.execute(
+            replace(plan, motions=motions).continued(i, bed.cell.supervisor.reference.position).samples, i < 3
+        )
+        for i in range(4)
+    ]
+    assert [one.result for one in ended] == [Result.DONE, Result.GRIPPED, Result.TOUCHED, Result.DONE]
+    x, y = TABLE.xy(ply.transfers[0].target)
+    np.testing.assert_allclose(bed.positions()[ply.transfers[0].name], [x, y, 0.0], atol=3e-4)
+    assert bed.cell.plant.truth(reset_peak=False).peak_contact_force < 10.0
+    guarded = np.flatnonzero(wrong.samples["guard"])[0] * PARAMETERS.drive.tick
+    touched = (ended[2].end_tick - ended[2].first_tick) * PARAMETERS.drive.tick - guarded
+    assert touched == pytest.approx((DEFAULT.touch_height - higher) / DEFAULT.touch_speed, abs=0.03)
 
 
 def test_positions_are_of_running_games() -> None:
