@@ -214,7 +214,9 @@ def _run(process: Callable[[], int]) -> NoReturn:
 
 @app.command()
 def figures(
-    name: Annotated[str, typer.Argument(help="5, 6 or 7 of the paper; newton, encoder or workspace.")],
+    name: Annotated[str, typer.Argument(help="5, 6, 7 or 9 of the paper, newton, encoder, workspace or move.")],
+    move: Annotated[str, typer.Argument(help="Drawn by figure move, SAN or UCI.")] = "e2e4",
+    fen: Annotated[str | None, typer.Option(help="Figure move: in this position.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for the pictures and their numbers.")] = Path("games/figures"),
     as_json: Annotated[bool, typer.Option("--json", help="Print the numbers as JSON.")] = False,
 ) -> None:
@@ -226,7 +228,7 @@ def figures(
     from hardware.interfaces import HardwareError
 
     try:
-        content = make_figure(name, out, _say)
+        content = make_figure(name, out, _say, move, fen)
     except (UserError, HardwareError) as error:
         _fail(str(error))
     if as_json:

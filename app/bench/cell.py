@@ -5,6 +5,7 @@ So ticks repeat exactly, and a bench sees both sides of every one of them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 from numpy.typing import NDArray
@@ -39,6 +40,7 @@ class Cell:
     Attributes:
         plant: arm and what stands around it.
         supervisor: states, protection, law.
+        watch: called after every tick, if there is one.
     """
 
     def __init__(
@@ -52,11 +54,14 @@ class Cell:
         law = law or TaskSpaceController(DeltaModel(parameters))
         limits = default_limits(parameters, table)
         self.supervisor = Supervisor(law, limits, ControllerSettings(), parameters.drive.tick, lockstep=True)
+        self.watch: Callable[[], None] | None = None
         self._motions = 0
 
     def tick(self) -> None:
         """One exchange: the measurement is of the plant before the command acts."""
         self.supervisor.advance(self._exchange(self.supervisor.command()))
+        if self.watch is not None:
+            self.watch()
 
     def _exchange(self, command: Command) -> Measurement:
         measurement = self.plant.measure(standing=False)

@@ -11,8 +11,10 @@ from pydantic import JsonValue
 from app import UserError
 from app.figures.admittance import figure_5
 from app.figures.encoder import encoder
+from app.figures.game import figure_9
 from app.figures.grasp_motion import figure_6
 from app.figures.grasp_pictures import figure_7
+from app.figures.move import MOVE, move_figure
 from app.figures.newton import newton
 from app.figures.result import Progress, Result, save
 from app.figures.workspace import workspace
@@ -22,6 +24,7 @@ FIGURES: Mapping[str, Callable[[Progress], Result]] = MappingProxyType(
         "5": figure_5,
         "6": figure_6,
         "7": figure_7,
+        "9": figure_9,
         "newton": newton,
         "encoder": encoder,
         "workspace": workspace,
@@ -34,16 +37,20 @@ class UnknownFigure(UserError):
     """There is no figure of that name."""
 
     def __init__(self, name: str) -> None:
-        super().__init__(f"there is no figure '{name}', choose from: {', '.join(FIGURES)}")
+        super().__init__(f"there is no figure '{name}', choose from: {', '.join(FIGURES)}, move")
 
 
-def make_figure(name: str, folder: Path, progress: Progress) -> dict[str, JsonValue]:
+def make_figure(
+    name: str, folder: Path, progress: Progress, move: str = MOVE, fen: str | None = None
+) -> dict[str, JsonValue]:
     """Compute a figure and write it.
 
     Args:
         name: of ``FIGURES``.
         folder: for ``figure-NAME.png`` and ``figure-NAME.json``.
         progress: told what is being computed.
+        move: drawn by figure ``move``, SAN or UCI.
+        fen: in which position; None: the usual start.
 
     Returns:
         What the JSON file holds; ``holds`` says whether all bars do.
@@ -53,6 +60,8 @@ def make_figure(name: str, folder: Path, progress: Progress) -> dict[str, JsonVa
         FolderUnusable: the folder cannot be written.
         HardwareError: a figure needs OpenGL, and there is none.
     """
+    if name == "move":
+        return save(name, move_figure(move, fen, progress), folder)
     if name not in FIGURES:
         raise UnknownFigure(name)
     return save(name, FIGURES[name](progress), folder)

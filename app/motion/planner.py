@@ -511,7 +511,7 @@ def _bounds(rig: _Rig, start: Vector, end: Vector, carried: PieceShape | None) -
     bounds = Bounds(min(settings.speed, limits.tool_speed), settings.acceleration, settings.jerk)
     if carried is not None:
         bounds = bounds.scaled(settings.carrying)
-    near = min(float(rig.board(point)[2]) for point in (start, end)) < limits.near_height
+    near = min(float(rig.board(point)[2]) for point in (start, end)) < limits.near_height - NEAR
     if near and end[2] > start[2]:
         bounds = replace(bounds, downward=limits.downward_speed)
     return bounds

@@ -91,7 +91,7 @@ def timed(route: Route, settings: MotionSettings, table: TableSettings, tick: fl
     moved = sum(map(len, segments))
     expected = (moved - 1) * tick
     if route.touches:
-        descent = _descent(segments[-1], settings, tick)
+        descent = _descent(segments[-1], route.bounds[-1], settings, tick)
         segments.append(descent)
         expected += settings.touch_height / settings.touch_speed + settings.touch_delay
     whole = join(segments)
@@ -145,11 +145,11 @@ def _fitted(points: Vector, tangents: Vector) -> Vector:
     return fitted
 
 
-def _descent(before: Segment, settings: MotionSettings, tick: float) -> Segment:
+def _descent(before: Segment, last: Bounds, settings: MotionSettings, tick: float) -> Segment:
     """Straight on and down from where the way ends, to far below where the board should be."""
     velocity = before.velocity[-1]
     way = settings.touch_height + settings.touch_depth
-    bounds = Bounds(settings.touch_speed, settings.acceleration, settings.jerk)
+    bounds = Bounds(settings.touch_speed, last.acceleration, last.jerk)
     if np.linalg.norm(velocity) > 0.0:
         return glide(before.position[-1], velocity, way, bounds, tick)
     down = np.array([0.0, 0.0, way])

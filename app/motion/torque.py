@@ -13,23 +13,14 @@ from controller.model.constants import DeltaModel
 from controller.model.kinematics import OK, inverse_kinematics
 from hardware.parameters import RobotParameters
 
-EVERY: Final = 16
-"""Samples are looked at so far apart: 14 ms, in which a torque changes by some tenths of a newton metre."""
+EVERY: Final = 8
+"""Samples are looked at so far apart: 7 ms, in which a torque changes by some tenths of a newton metre."""
 
 
 @cache
 def _law(parameters: RobotParameters) -> tuple[DeltaModel, TaskSpaceController]:
     model = DeltaModel(parameters)
     return model, TaskSpaceController(model)
-
-
-def _telling(samples: NDArray[Any]) -> NDArray[Any]:
-    """Those among which the largest torque is: of the largest accelerations and speeds, and the farthest out."""
-    squares = [np.einsum("ij,ij->i", samples[name], samples[name]) for name in ("acceleration", "velocity")]
-    squares.append(np.einsum("ij,ij->i", samples["position"][:, :2], samples["position"][:, :2]))
-    chosen = [np.argsort(square)[-count:] for square, count in zip(squares, (14, 4, 2), strict=True)]
-    telling: NDArray[Any] = samples[np.unique(np.concatenate(chosen))]
-    return telling
 
 
 def peak_torque(samples: NDArray[Any], parameters: RobotParameters) -> tuple[float, float]:
@@ -42,8 +33,7 @@ def peak_torque(samples: NDArray[Any], parameters: RobotParameters) -> tuple[flo
     model, law = _law(parameters)
     law.reset()
     angles, distal, reference = np.empty(3), np.empty(6), pack_reference((0.0, 0.0, 0.0))
-    looked = _telling(samples[::EVERY])
-    columns = (looked[name].tolist() for name in ("position", "velocity", "acceleration"))
+    columns = (samples[name][::EVERY].tolist() for name in ("position", "velocity", "acceleration"))
     peak = still = 0.0
     before: list[float] | None = None
     for position, velocity, acceleration in zip(*columns, strict=True):
