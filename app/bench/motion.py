@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from app.bench.grasps import slides
 from app.bench.optimum import NoOptimum, optimal_duration
 from app.bench.plies import Disorder, Done, Games
 from app.bench.report import BenchReport, Row, machine, row
@@ -43,6 +44,10 @@ PLACED: Final = 0.3
 PLACED_WORST: Final = 1.0
 TOOL: Final = 0.2
 DISTURBED: Final = 1.0
+GRASPS: Final = 300
+QUICK_GRASPS: Final = 10
+SLIDE: Final = 1.0
+"""Median way that a piece up to 3 mm off along the fingers is pushed before both hold it [mm]."""
 
 
 def motion_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
@@ -69,6 +74,14 @@ def motion_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
         if profile is Profile.DEFAULT:
             progress("comparing with the optimum and with stopping")
             rows |= _against(games.done, settings, parameters, QUICK_COMPARED if quick else COMPARED)
+    for name, gain, limit in (
+        ("slide", PROFILES[Profile.DEFAULT].gains.tactile_gain, SLIDE),
+        ("slide_without", 0.0, None),
+    ):
+        settings = PROFILES[Profile.DEFAULT]
+        settings = settings.model_copy(update={"gains": settings.gains.model_copy(update={"tactile_gain": gain})})
+        pushed = slides(QUICK_GRASPS if quick else GRASPS, settings, parameters, TableSettings(), SEED, progress)
+        rows[name] = row([1e3 * way for way in pushed], "mm", limit)
     rows["failed"] = row([float(len(failures))], "plies", 0.0, "max")
     for sentence in failures:
         progress(sentence)

@@ -36,13 +36,16 @@ def smooth(share: Vector) -> Vector:
     return share * share * (3.0 - 2.0 * share)
 
 
-def scheduled(height: Vector, share: Vector, time: Vector, softness: Softness, gains: Gains) -> tuple[Vector, Vector]:
+def scheduled(
+    height: Vector, share: Vector, time: Vector, begun: Vector, softness: Softness, gains: Gains
+) -> tuple[Vector, Vector]:
     """Stiffness and damping of each axis.
 
     Args:
         height: of the carried foot, or of the pads above their lowest point, over the board, shape (n,) [m].
         share: of the motion's way that is done, (n,).
-        time: since its start, (n,) [s].
+        time: since the arm moved off, negative before, (n,) [s].
+        begun: since the motion began, (n,) [s].
         softness: of z₁ at the start.
         gains: frequencies and where they apply.
 
@@ -55,9 +58,10 @@ def scheduled(height: Vector, share: Vector, time: Vector, softness: Softness, g
     damping = 2.0 * gains.damping_ratio * frequency
     if softness is not Softness.STIFF:
         # with the distance on the way up; on the way down to the next contact it stays
-        firm = np.maximum(stiff, smooth((share - 0.3) / 0.4))
+        # but no quicker than a tool that went to its piece can come back: else it would seem to be held
+        firm = np.minimum(np.maximum(stiff, smooth((share - 0.3) / 0.4)), smooth(time / gains.firming))
         if softness is Softness.BEGINS:
-            firm = np.maximum(firm, 1.0 - smooth(time / gains.yielding))
+            firm = np.maximum(firm, 1.0 - smooth(begun / gains.yielding))
         frequency[:, 0] *= firm
         damping[:, 0] = gains.grasp_damping + firm * (damping[:, 0] - gains.grasp_damping)
     return frequency**2, damping

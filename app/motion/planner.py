@@ -210,9 +210,11 @@ def plan_return(
     above = np.array([point[0], point[1], min(point[2], home[2])])
     opens = finger if release is None else max(finger, _least_opening(rig, release))
     wait = (opens - finger) / settings.grip.opening_speed
+    low = 0.0 if release is None else PIECE_SHAPES[release].grip_height
     route = Route(
-        *_polygon(rig, [point, above, home], [0.0], None), contact=(0.0, 0.0), finger=finger, wait=wait, opens=opens
-    )
+        *_polygon(rig, [point, above, home], [0.0], None), contact=(low, 0.0), finger=finger, wait=wait, opens=opens,
+        soft_start=Softness.STIFF if release is None else Softness.LASTS,
+    )  # fmt: skip
     motion, _ = rig.motion("home", route, 0, Stage.RETURN)
     return Plan("home", (motion,), style=Style(settings, table, rig.tick))
 

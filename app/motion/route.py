@@ -196,7 +196,8 @@ def _gains(
     share = gone / gone[-1] if gone[-1] > 0.0 else gone
     contact = route.contact[0] + share * (route.contact[1] - route.contact[0])
     height = table.centre_in_base[2] - whole.position[:, 2] - contact
-    return scheduled(height, share, tick * np.arange(float(len(whole))), route.soft_start, settings.gains)
+    begun = tick * np.arange(float(len(whole)))
+    return scheduled(height, share, begun - route.wait, begun, route.soft_start, settings.gains)
 
 
 def corner_points(turn: float, count: int = 13) -> tuple[Vector, Vector]:

@@ -31,10 +31,13 @@ class Gains(_Frozen):
     grasp_damping: PositiveFloat = 4.0
     """k_v of z₁ while the fingers close or open; its stiffness is 0 then, so that the tool goes to the piece instead of
     pushing it [1/s]."""
-    tactile_gain: NonNegativeFloat = 2.0
-    """k* while the fingers close or open, as in the paper's figure 6 [1/kg]."""
+    tactile_gain: NonNegativeFloat = 5.0
+    """k* while the fingers close or open [1/kg]. With the paper's 2 the friction of the shafts, of which about 0.1 N is
+    felt at the tool, makes half of the tool's yielding go into pushing the piece; see bench motion."""
     yielding: PositiveFloat = 0.020
-    """Stiffness along z₁ goes within this time when a grasp or a release begins [s]."""
+    """Stiffness along z₁ goes within this time when a grasp or a release begins [s] …"""
+    firming: PositiveFloat = 0.120
+    """… and comes back no quicker than this: a tool 3 mm off then comes back before the error counts as an obstacle."""
 
 
 class Grip(_Frozen):
@@ -78,15 +81,15 @@ class MotionSettings(_Frozen):
     """Of the drives' peak torque, what a plan may ask for; the rest is for what it does not foresee."""
     carrying: PositiveFloat = 1.0
     """Share of acceleration and jerk with a piece in the fingers: 4.8 N hold a king against 8 times as much."""
-    corner: PositiveFloat = 0.040
+    corner: PositiveFloat = 0.060
     """A corner begins at most this far before the point where its lines meet [m]."""
     clearance: PositiveFloat = 0.006
     """Between a carried foot, or the pads, and a piece passed over [m]."""
     beside: PositiveFloat = 0.004
     """Pieces closer than this to what moves, seen from above, are passed over: they may stand 3 mm off [m]."""
-    lift: PositiveFloat = 0.018
+    lift: PositiveFloat = 0.022
     """A piece is carried at least this high: lower hops have tighter corners and take longer [m]."""
-    swing: NonNegativeFloat = 0.012
+    swing: NonNegativeFloat = 0.024
     """Ways without a piece are so much higher than they must be: room for wider corners [m]."""
     touch_height: PositiveFloat = 0.0032
     """A piece is lowered fast to this height of its foot, above a board that may be 3 mm too high … [m]"""
