@@ -356,8 +356,9 @@ def _over(rig: _Rig, hop: _Hop, point: Vector, others: Sequence[Standing]) -> tu
     (x0, y0, z0), (x1, y1, z1) = hop.start, hop.end
     way = float(np.hypot(x1 - x0, y1 - y0))
     if way < _ASIDE:
-        end = rig.base(x1, y1, z1)
-        return _polygon(rig, [point, rig.base(x0, y0, max(z0, z1)), end], [0.0], hop.carried)
+        # there already: a carried piece comes down from above all the same, as its way ends with a touch
+        top = max(z0, z1 + (settings.lift if hop.carried is not None else 0.0))
+        return _polygon(rig, [point, rig.base(x1, y1, top), rig.base(x1, y1, z1)], [0.0], hop.carried)
     count = int(np.ceil(way / _STEP)) + 1
     share = np.linspace(0.0, 1.0, count)
     points = np.column_stack([x0 + share * (x1 - x0), y0 + share * (y1 - y0)])

@@ -163,6 +163,25 @@ def test_a_way_is_as_high_as_what_it_passes_over_and_no_higher():
     assert pawn + 0.018 < tool.max() < pawn + PIECE_SHAPES[Kind.KNIGHT].grip_height + 0.035
 
 
+@pytest.mark.parametrize("height", [-0.004, 0.0, 0.002, 0.0032, 0.02, 0.09])
+@pytest.mark.parametrize("aside", [0.0, 0.0006, 0.003, 0.05])
+def test_a_piece_held_anywhere_on_its_way_is_set_down_from_above(height, aside):
+    """Also where the arm was stopped just over its square, or on it."""
+    (ply, inventory) = games(3, 1)[0]
+    transfer = ply.transfers[0]
+    grip = PIECE_SHAPES[transfer.kind].grip_height
+    x, y = TABLE.xy(transfer.target)
+    start = TABLE.base_from_board(np.array([x + aside, y, grip + height]))
+    plan = plan_ply(ply.san, [transfer], inventory, start, 0.002, MOTION, PARAMETERS, holding=True, low=True)
+    carry, release = plan.motions
+    assert (carry.stage, release.stage) == (Stage.CARRY, Stage.RELEASE)
+    guarded = carry.samples["guard"] == Guard.TOUCH
+    assert (carry.samples["velocity"][guarded][:-1, 2] > 0.0).all(), "downwards"
+    end = TABLE.board_from_base(carry.samples["position"][-1])
+    np.testing.assert_allclose(end, [x, y, grip - MOTION.touch_depth], atol=1e-9)
+    np.testing.assert_allclose(carry.samples["position"][0], start, atol=1e-12)
+
+
 def test_nothing_faster_downwards_near_the_board_than_the_contact_limit():
     for ply, inventory in games(7, 25):
         for motion in planned(ply, inventory).motions:
