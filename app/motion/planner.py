@@ -359,7 +359,7 @@ def _over(rig: _Rig, hop: _Hop, point: Vector, others: Sequence[Standing]) -> tu
         # there already: a carried piece comes down from above all the same, as its way ends with a touch
         top = max(z0, z1 + (settings.lift if hop.carried is not None else 0.0))
         return _polygon(rig, [point, rig.base(x1, y1, top), rig.base(x1, y1, z1)], [0.0], hop.carried)
-    count = int(np.ceil(way / _STEP)) + 1
+    count = max(int(np.ceil(way / _STEP)) + 1, 5)  # also of the shortest way some points are within it
     share = np.linspace(0.0, 1.0, count)
     points = np.column_stack([x0 + share * (x1 - x0), y0 + share * (y1 - y0)])
     moving = Moving.of(rig.parameters.pads, hop.opening, hop.carried)

@@ -164,7 +164,7 @@ def test_a_way_is_as_high_as_what_it_passes_over_and_no_higher():
 
 
 @pytest.mark.parametrize("height", [-0.004, 0.0, 0.002, 0.0032, 0.02, 0.09])
-@pytest.mark.parametrize("aside", [0.0, 0.0006, 0.003, 0.05])
+@pytest.mark.parametrize("aside", [0.0, 0.0006, 0.0012, 0.003, 0.05])
 def test_a_piece_held_anywhere_on_its_way_is_set_down_from_above(height, aside):
     """Also where the arm was stopped just over its square, or on it."""
     (ply, inventory) = games(3, 1)[0]
@@ -180,6 +180,20 @@ def test_a_piece_held_anywhere_on_its_way_is_set_down_from_above(height, aside):
     end = TABLE.board_from_base(carry.samples["position"][-1])
     np.testing.assert_allclose(end, [x, y, grip - MOTION.touch_depth], atol=1e-9)
     np.testing.assert_allclose(carry.samples["position"][0], start, atol=1e-12)
+
+
+@pytest.mark.parametrize("height", [0.0, 0.002, 0.02, 0.09])
+@pytest.mark.parametrize("aside", [0.0, 0.0006, 0.0012, 0.003, 0.05])
+@pytest.mark.parametrize("low", [False, True])
+def test_an_arm_that_stopped_anywhere_near_its_piece_goes_to_it(height, aside, low):
+    (ply, inventory) = games(3, 1)[0]
+    transfer = ply.transfers[0]
+    x, y = TABLE.xy(transfer.source)
+    grip = PIECE_SHAPES[transfer.kind].grip_height
+    start = TABLE.base_from_board(np.array([x + aside, y, grip + height]))
+    approach = plan_ply(ply.san, [transfer], inventory, start, 0.002, MOTION, PARAMETERS, low=low).motions[0]
+    np.testing.assert_allclose(TABLE.board_from_base(approach.samples["position"][-1]), [x, y, grip], atol=1e-9)
+    assert not approach.samples["velocity"][-1].any()
 
 
 def test_nothing_faster_downwards_near_the_board_than_the_contact_limit():
