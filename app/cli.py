@@ -27,10 +27,6 @@ app = typer.Typer(
 RunDir = Annotated[Path, typer.Option("--run-dir", help="Run directory of the game; holds settings, key and sockets.")]
 
 
-PROFILE_NAMES = ("default", "fast", "gentle", "minimum-jerk")
-"""Those of ``app.motion.Profile``; not imported, as the help must be quick."""
-
-
 def _fail(sentence: str, status: int = 2) -> NoReturn:
     print(f"touchmove: {sentence}", file=sys.stderr)
     raise typer.Exit(status)
@@ -74,13 +70,13 @@ def demo(
     """Two engines play a game that the arm executes."""
     if pace not in (None, "real", "fast"):
         _fail(f"--pace is '{pace}', choose real or fast")
-    if profile not in PROFILE_NAMES:
-        _fail(f"--profile is '{profile}', choose {', '.join(PROFILE_NAMES)}")
 
     from app.demo import DemoOptions, run_demo
     from app.motion import Profile
     from hardware.sim.settings import Pace
 
+    if profile not in list(Profile):
+        _fail(f"--profile is '{profile}', choose {', '.join(Profile)}")
     options = DemoOptions(
         rig=rig, plies=plies, pace=None if pace is None else Pace(pace), seed=seed, fen=fen, moves=moves,
         white_elo=white_elo, black_elo=black_elo, move_time=movetime, nodes=nodes, engine=engine, out=out,

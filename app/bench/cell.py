@@ -10,6 +10,8 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
+from app.motion import Motion
+from controller.causes import explain
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
 from controller.protocol import MotionFlag
@@ -40,7 +42,7 @@ class Cell:
     Attributes:
         plant: arm and what stands around it.
         supervisor: states, protection, law.
-        watch: called after every tick, if there is one.
+        watchers: called after every tick.
     """
 
     def __init__(
@@ -54,14 +56,14 @@ class Cell:
         law = law or TaskSpaceController(DeltaModel(parameters))
         limits = default_limits(parameters, table)
         self.supervisor = Supervisor(law, limits, ControllerSettings(), parameters.drive.tick, lockstep=True)
-        self.watch: Callable[[], None] | None = None
+        self.watchers: list[Callable[[], None]] = []
         self._motions = 0
 
     def tick(self) -> None:
         """One exchange: the measurement is of the plant before the command acts."""
         self.supervisor.advance(self._exchange(self.supervisor.command()))
-        if self.watch is not None:
-            self.watch()
+        for watch in self.watchers:
+            watch()
 
     def _exchange(self, command: Command) -> Measurement:
         measurement = self.plant.measure(standing=False)
@@ -95,3 +97,14 @@ class Cell:
         while self.supervisor.motion.announced is not None:
             self.tick()
         return self.supervisor.ended
+
+    def carry_out(self, motion: Motion, followed: bool = False) -> None:
+        """One motion of a plan, to its end.
+
+        Raises:
+            RuntimeError: it did not end as it must.
+        """
+        ended = self.execute(motion.samples, followed)
+        if ended.result is not motion.wanted:
+            why = explain(*ended.reason[:3])
+            raise RuntimeError(f"{motion.label} ended as {ended.result.name}, not {motion.wanted.name}: {why}")

@@ -11,8 +11,7 @@ import numpy as np
 
 from app.bench.plies import Bed, Disorder, positions
 from app.manipulation import MoveKind
-from app.motion import Motion, MotionSettings, plan_return
-from controller.protocol import Result
+from app.motion import MotionSettings, plan_return
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 
@@ -60,7 +59,7 @@ def _slide(bed: Bed, move: chess.Move) -> float:
     name, kind = ply.transfers[0].name, ply.transfers[0].kind
     before = bed.positions()[name]
     for motion in plan.motions[:2]:
-        _carry_out(bed, motion)
+        bed.cell.carry_out(motion)
     pushed = float(np.hypot(*(bed.positions()[name] - before)[:2]))
     supervisor = bed.cell.supervisor
     back = plan_return(
@@ -68,11 +67,5 @@ def _slide(bed: Bed, move: chess.Move) -> float:
         bed.table, release=kind,
     )  # fmt: skip
     for motion in back.motions:
-        _carry_out(bed, motion)
+        bed.cell.carry_out(motion)
     return pushed
-
-
-def _carry_out(bed: Bed, motion: Motion) -> None:
-    ended = bed.cell.execute(motion.samples)
-    if ended.result is not (Result.GRIPPED if motion.grips else Result.DONE):
-        raise RuntimeError(f"{motion.label} ended as {ended.result.name} ({ended.reason})")

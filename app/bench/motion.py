@@ -18,7 +18,7 @@ from app.bench.report import BenchReport, Row, machine, row
 from app.manipulation import MoveKind
 from app.motion import PROFILES, Motion, MotionSettings, Profile
 from app.motion.path import STRAIGHT, Path, Vector, blend, turns
-from app.motion.time_law import Bounds, Law, time_law
+from app.motion.time_law import Bounds, Law, bounds_of_pieces, time_law
 from controller.protocol import Guard
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.table import CONTACT_PROFILES, Kind, TableSettings
@@ -176,14 +176,10 @@ def _against(done: Sequence[Done], settings: MotionSettings, parameters: RobotPa
 
 
 def _bounds(motion: Motion, path: Path) -> list[Bounds]:
-    """Of each piece of a path that has no stop within."""
+    """Of each piece of one of a motion's paths."""
     assert motion.route is not None
-    lines = motion.route.bounds
-    first = 0 if path is motion.paths[0] else len(lines) - int(path.line.max()) - 1
-    each = [lines[first + line] for line in path.line]
-    for i in np.flatnonzero(path.sharpness > 0.0):
-        each[i] = each[i].least(lines[first + path.line[i + 1 if path.sign[i] > 0.0 else i - 1]])
-    return each
+    first = sum(int(other.line.max()) + 1 for other in motion.paths[: motion.paths.index(path)])
+    return bounds_of_pieces(path, motion.route.bounds[first:])
 
 
 def _seconds(motion: Motion, path: Path, settings: MotionSettings, tick: float) -> float:

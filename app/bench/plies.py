@@ -18,11 +18,11 @@ import numpy as np
 from app.bench.cell import LEAD, Cell
 from app.layout import start_layout
 from app.manipulation import Inventory, MoveKind, Ply, transfers
-from app.motion import Motion, MotionSettings, Plan, plan_ply
+from app.motion import MotionSettings, Plan, plan_ply
 from app.motion.path import Vector
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
-from controller.protocol import Result
+from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters
 from hardware.sim.plant import Plant
 from hardware.sim.scene import StandingPiece, build_model
@@ -96,6 +96,8 @@ class Bed:
         self.cell = Cell(plant, parameters, table, law)
         self.cell.boot()
         self.moved: set[str] = set()
+        self._torques: list[Triple] = []
+        self.cell.watchers.append(lambda: self._torques.append(self.cell.supervisor.torque))
 
     @property
     def table(self) -> TableSettings:
@@ -127,16 +129,15 @@ class Bed:
         before = self.positions()
         ply, plan, planning = self.begin(move)
         self.cell.plant.truth(reset_peak=True)
-        start, torques, tool = self.cell.plant.tick, list[tuple[float, float, float]](), list[float]()
+        self._torques.clear()
+        start, tool = self.cell.plant.tick, list[float]()
         for index in range(len(plan.motions)):
             motion = plan.continued(index, self.cell.supervisor.reference.position)
-            self._carry_out(motion, index < len(plan.motions) - 1, torques)
+            self.cell.carry_out(motion, followed=index < len(plan.motions) - 1)
             if motion.touches:
-                target = self.table.base_from_board(
-                    np.array([*self.table.xy(ply.transfers[motion.transfer or 0].target), 0])
-                )
-                here = self.cell.supervisor.law.state.position
-                tool.append(float(np.hypot(*(here - target)[:2])))
+                target = ply.transfers[motion.transfer or 0].target
+                here = self.table.board_from_base(np.array(self.cell.plant.truth(reset_peak=False).tool))
+                tool.append(float(np.hypot(*(here[:2] - self.table.xy(target)))))
         duration = (self.cell.plant.tick - start) * self.parameters.drive.tick
         after = self.positions()
         changes = ply.changes()
@@ -149,28 +150,9 @@ class Bed:
         peak = self.cell.plant.truth(reset_peak=False).peak_contact_force
         kinds = {transfer.name: transfer.kind for transfer in ply.transfers}
         return Done(
-            ply,
-            plan,
-            planning,
-            duration,
-            np.array(torques),
-            released,
-            kinds,
-            tuple(tool),
-            max(others, default=0.0),
-            peak,
-        )
-
-    def _carry_out(self, motion: Motion, followed: bool, torques: list[tuple[float, float, float]]) -> None:
-        cell = self.cell
-        cell.begin(motion.samples, followed)
-        while cell.supervisor.motion.announced is not None:
-            cell.tick()
-            torques.append(cell.supervisor.torque)
-        ended = cell.supervisor.ended
-        wanted = Result.GRIPPED if motion.grips else Result.TOUCHED if motion.touches else Result.DONE
-        if ended.result is not wanted:
-            raise RuntimeError(f"{motion.label} ended as {ended.result.name} ({ended.reason}), not {wanted.name}")
+            ply, plan, planning, duration, np.array(self._torques), released, kinds, tuple(tool),
+            max(others, default=0.0), peak,
+        )  # fmt: skip
 
 
 def stand_off(

@@ -14,12 +14,11 @@ from app.bench.cell import LEAD, Cell
 from app.layout import start_layout
 from app.lines import parse_line
 from app.manipulation import Inventory, transfers
-from app.motion import Motion, MotionSettings, plan_ply
+from app.motion import MotionSettings, plan_ply
 from controller.law import TaskSpaceController
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import Status
-from controller.protocol import Result
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.plant import Plant
@@ -99,13 +98,6 @@ class _RecordedCell(Cell):
         super().tick()
         if self.law.ticks[-1].reference is not None:
             self.law.ticks[-1] = replace(self.law.ticks[-1], torque=self.supervisor.torque)
-
-    def carry_out(self, motion: Motion, followed: bool) -> None:
-        """One motion of a plan; it must succeed."""
-        ended = self.execute(motion.samples, followed)
-        wanted = Result.GRIPPED if motion.grips else Result.TOUCHED if motion.touches else Result.DONE
-        if ended.result is not wanted:
-            raise RuntimeError(f"{motion.label} ended as {ended.result.name}, not {wanted.name}")
 
 
 def record(ticks: int, seed: int) -> Recording:

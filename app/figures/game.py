@@ -36,7 +36,7 @@ def figure_9(progress: Progress) -> Result:
         law, reference = bed.cell.supervisor.law.state, bed.cell.supervisor.reference.row
         rows.append(np.concatenate([[bed.cell.plant.tick * tick], reference[0:3], law.position, reference[9:12]]))
 
-    bed.cell.watch = watch
+    bed.cell.watchers.append(watch)
     durations: list[float] = []
     for move in parse_line(LINE, board):
         progress(board.san(move))

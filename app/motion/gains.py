@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from enum import Enum
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.motion.path import Vector
-
-if TYPE_CHECKING:
-    from app.motion.settings import Gains
+from app.motion.settings import Gains
 
 
 class Softness(Enum):
@@ -57,8 +54,8 @@ def scheduled(
     frequency[:, 2] = gains.frequency_at_contact + stiff * (gains.frequency_in_air - gains.frequency_at_contact)
     damping = 2.0 * gains.damping_ratio * frequency
     if softness is not Softness.STIFF:
-        # with the distance on the way up; on the way down to the next contact it stays
-        # but no quicker than a tool that went to its piece can come back: else it would seem to be held
+        # with the distance on the way up, and on the way down to the next contact it stays; but no quicker than a tool
+        # that went to its piece can come back: else it would seem to be held
         firm = np.minimum(np.maximum(stiff, smooth((share - 0.3) / 0.4)), smooth(time / gains.firming))
         if softness is Softness.BEGINS:
             firm = np.maximum(firm, 1.0 - smooth(begun / gains.yielding))

@@ -57,20 +57,15 @@ class Path:
         return np.cumsum(self.length)
 
     @property
-    def table(self) -> Vector:
-        """Tangent, normal, sharpness, sign and length of each piece, (n, 9), for compiled code."""
-        return np.column_stack([self.tangent, self.normal, self.sharpness, self.sign, self.length])
-
-    @property
     def begins(self) -> Vector:
         """Way from the start to the begin of each piece, (n,) [m]."""
         return np.concatenate([[0.0], np.cumsum(self.length)[:-1]])
 
     @property
-    def pieces(self) -> Vector:
-        """All of each piece, (n, 13), for compiled code: columns as of ``sampling.PIECE``."""
+    def table(self) -> Vector:
+        """All of each piece for compiled code: tangent, normal, sharpness, sign, length, begin, flat end, (n, 13)."""
         return np.column_stack(
-            [self.flat, self.tangent, self.normal, self.sharpness, self.sign, self.length, self.begins]
+            [self.tangent, self.normal, self.sharpness, self.sign, self.length, self.begins, self.flat]
         )
 
     @property
@@ -108,8 +103,7 @@ class Path:
         return Derivatives(t, curvature * n, rate * n - curvature * curvature * t)
 
     def _from_flat(self, way: Vector, piece: NDArray[np.int64]) -> Vector:
-        start = self.ends[piece] - self.length[piece]
-        on = np.clip(way - start, 0.0, self.length[piece])
+        on = np.clip(way - self.begins[piece], 0.0, self.length[piece])
         return np.where(self.sign[piece] > 0.0, on, self.length[piece] - on)
 
 
@@ -134,6 +128,18 @@ def corner_shape(turn: float) -> CornerShape:
     x, y = clothoid(np.array([turn]), np.array([1.0]))
     half = 0.5 * turn
     return CornerShape(float(x[0] + y[0] * np.tan(half)), float(y[0] / np.cos(half)))
+
+
+def corner_points(turn: float, count: int = 13) -> tuple[Vector, Vector]:
+    """A corner with tangents of length 1, by the ways along the line before it (negative) and along the one after it,
+    from the point where they meet: (2 count - 1,) each.
+    """
+    x, y = clothoid(np.full(count, turn), np.linspace(0.0, 1.0, count))
+    scale = 1.0 / corner_shape(turn).tangent
+    onwards = scale * y / math.sin(turn)
+    before = scale * x - 1.0 - onwards * math.cos(turn)
+    # the second half is the first one mirrored
+    return np.concatenate([before, -onwards[-2::-1]]), np.concatenate([onwards, -before[-2::-1]])
 
 
 def turns(points: Vector) -> Vector:

@@ -13,6 +13,7 @@ from app.manipulation import Stage
 from app.motion.path import Path, Vector
 from app.motion.route import Route, timed
 from app.motion.settings import MotionSettings
+from controller.protocol import Result
 from hardware.table import TableSettings
 
 
@@ -45,6 +46,11 @@ class Motion:
     paths: tuple[Path, ...] = ()
     transfer: int | None = None
     stage: Stage | None = None
+
+    @property
+    def wanted(self) -> Result:
+        """How the motion must end."""
+        return Result.GRIPPED if self.grips else Result.TOUCHED if self.touches else Result.DONE
 
 
 class Style(NamedTuple):

@@ -16,9 +16,9 @@ import numpy as np
 from app.manipulation import Inventory, Stage, Transfer
 from app.motion.gains import Softness
 from app.motion.obstacles import Moving, Standing, blocking_neighbour, closed_position, needed_heights, standing
-from app.motion.path import STRAIGHT, Vector, turns
+from app.motion.path import STRAIGHT, Vector, corner_points, turns
 from app.motion.plan import Motion, Plan, PlanRefused, Style
-from app.motion.route import NEAR, Route, Timed, corner_points, timed
+from app.motion.route import NEAR, Route, Timed, timed
 from app.motion.settings import MotionSettings
 from app.motion.time_law import Bounds
 from app.motion.torque import peak_torque

@@ -21,10 +21,6 @@ import numpy as np
 
 from controller.model.compiled import ROW, SCALAR, TABLE, FloatArray, compiled, compiled_as
 
-PATH = 9
-"""Columns of a piece of the path: tangent, normal, sharpness, sign, length."""
-BOUNDS = 4
-"""Columns of a piece's bounds: speed, acceleration, jerk, downward speed."""
 LAW = 5
 """Columns of s(u) by interval: way along the piece, its three rates by u, number of the piece."""
 FASTEST = 1e4
@@ -130,13 +126,13 @@ def constant_speed(piece: FloatArray, speed: float, acceleration: float, jerk: f
     """At which a whole piece of a path may be passed without acceleration along it [m/s].
 
     Args:
-        piece: columns as of ``PATH``.
+        piece: a row of `Path.table`.
         speed: bound [m/s].
         acceleration: bound [m/s²].
         jerk: bound [m/s³].
         downward: bound of the speed towards +z3 [m/s].
     """
-    path, law, out = piece.reshape((1, PATH)), np.zeros((1, LAW)), np.zeros((3, 3))
+    path, law, out = piece.reshape((1, piece.size)), np.zeros((1, LAW)), np.zeros((3, 3))
     law[0, 1] = 1.0
     found = speed
     for part in range(33):
@@ -438,8 +434,8 @@ def quickest(
     """The quickest b(u) within all bounds at the nodes.
 
     Args:
-        path: pieces, columns as of ``PATH``.
-        bounds: of each piece, columns as of ``BOUNDS``.
+        path: `Path.table`.
+        bounds: of each piece: speed, acceleration, jerk, downward speed, (p, 4).
         law: s(u) of the n intervals, columns as of ``LAW``.
         step: lengths of the intervals in u.
         near_rest: 1 for intervals near an end at rest.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.motion.gains import Softness, scheduled
-from app.motion.path import STRAIGHT, Path, Vector, blend, clothoid, turns
+from app.motion.path import STRAIGHT, Path, Vector, blend, turns
 from app.motion.reference import Segment, along, dwell, glide, join, to_samples
 from app.motion.settings import MotionSettings
 from app.motion.time_law import Bounds, Law, time_law
@@ -198,15 +198,3 @@ def _gains(
     height = table.centre_in_base[2] - whole.position[:, 2] - contact
     begun = tick * np.arange(float(len(whole)))
     return scheduled(height, share, begun - route.wait, begun, route.soft_start, settings.gains)
-
-
-def corner_points(turn: float, count: int = 13) -> tuple[Vector, Vector]:
-    """A corner with tangents of length 1, by the ways along the line before it (negative) and along the one after it,
-    from the point where they meet: (count,) each.
-    """
-    x, y = clothoid(np.full(count, turn), np.linspace(0.0, 1.0, count))
-    scale = 1.0 / float(x[-1] + y[-1] * math.tan(0.5 * turn))
-    onwards = scale * y / math.sin(turn)
-    before = scale * x - 1.0 - onwards * math.cos(turn)
-    # the second half is the first one mirrored
-    return np.concatenate([before, -onwards[-2::-1]]), np.concatenate([onwards, -before[-2::-1]])

@@ -10,8 +10,6 @@ from controller.model.compiled import ROW, TABLE, FloatArray, compiled, compiled
 
 TRACED = 13
 """Columns of a traced path: position, velocity, acceleration; way, speed, acceleration along the path; piece."""
-PIECE = 13
-"""Columns of a piece: flat end, tangent, normal, sharpness, sign, length, way at which it begins."""
 
 
 @compiled
@@ -87,7 +85,7 @@ def trace(
         ways: along the path and its three rates by u, at the begin of each interval, (n, 4).
         warp: coefficients of u̇² by the way into each interval, (n, 3).
         piece_of: each interval, (n,).
-        pieces: of the path, columns as of ``PIECE``.
+        pieces: of the path, (p, 13), as `Path.table`.
 
     Returns:
         (m, 13), columns as of ``TRACED``.
@@ -104,15 +102,16 @@ def trace(
         speed, along = first * rate, second * rate * rate + first * change
         piece = int(piece_of[k])
         row = pieces[piece]
-        sharpness, sign, length = row[9], row[10], row[11]
-        sigma = way - row[12] if sign > 0.0 else length - way + row[12]
+        sharpness, sign = row[6], row[7]
+        on = way - row[9]
+        sigma = on if sign > 0.0 else row[8] - on
         px, py = _clothoid(sharpness, sigma)
         heading = 0.5 * sharpness * sigma * sigma
         cos, sin = math.cos(heading), sign * math.sin(heading)
         for j in range(3):
-            t = cos * row[3 + j] + sin * row[6 + j]
-            n = cos * row[6 + j] - sin * row[3 + j]
-            out[i, j] = row[j] + sign * px * row[3 + j] + py * row[6 + j]
+            t = cos * row[j] + sin * row[3 + j]
+            n = cos * row[3 + j] - sin * row[j]
+            out[i, j] = row[10 + j] + sign * px * row[j] + py * row[3 + j]
             out[i, 3 + j] = t * speed
             out[i, 6 + j] = t * along + n * sharpness * sigma * speed * speed
         out[i, 9], out[i, 10], out[i, 11], out[i, 12] = way, speed, along, float(piece)

@@ -124,7 +124,7 @@ class TimeLaw:
 
     def trace(self, path: Path, time: Vector) -> Traced:
         """Along its path, at rising times (m,) [s]."""
-        return Traced(trace(time, self.time, self.way, self.warp, self.piece, path.pieces))
+        return Traced(trace(time, self.time, self.way, self.warp, self.piece, path.table))
 
     def stretched(self, factor: float) -> TimeLaw:
         """The same way in so many times the time."""
@@ -143,7 +143,7 @@ def time_law(path: Path, bounds: Sequence[Bounds], law: Law = Law.TIME_OPTIMAL, 
     Returns:
         A law that obeys all bounds everywhere.
     """
-    each = _of_pieces(path, bounds)
+    each = bounds_of_pieces(path, bounds)
     table = np.array([[b.speed, b.acceleration, b.jerk, b.downward] for b in each])
     if law is Law.MINIMUM_JERK:
         return _within(path, table, _quintic(path), _BETWEEN)
@@ -159,7 +159,8 @@ def line_law(path: Path, bounds: Bounds, start_speed: float) -> TimeLaw:
     return _Intervals(table[:, :5], np.ascontiguousarray(table[:, 5])).with_warp(path, warp)
 
 
-def _of_pieces(path: Path, bounds: Sequence[Bounds]) -> list[Bounds]:
+def bounds_of_pieces(path: Path, bounds: Sequence[Bounds]) -> list[Bounds]:
+    """Of each piece of a path: those of its line; of a corner the tighter ones of both its lines."""
     each = [bounds[line] for line in path.line]
     for i in np.flatnonzero(path.sharpness > 0.0):
         each[i] = each[i].least(bounds[path.line[i + 1 if path.sign[i] > 0.0 else i - 1]])

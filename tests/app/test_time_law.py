@@ -10,9 +10,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from app.motion.path import blend, clothoid, corner_shape, turns
+from app.motion.path import blend, clothoid, corner_points, corner_shape, turns
 from app.motion.reference import Bounds, along, glide, line
-from app.motion.route import corner_points
 from app.motion.time_law import Law, reachable, time_law
 
 TICK = 0.00088
