@@ -165,9 +165,11 @@ class TableSettings(_Frozen):
         Raises:
             ValueError: there is no such place.
         """
-        if place.on_board:
-            square_place(place.index)
-            return (place.index % 8 - 3.5) * self.square, (place.index // 8 - 3.5) * self.square
+        index = place.index
+        if place.zone == "board":
+            if not 0 <= index < 64:
+                square_place(index)  # says what is wrong
+            return (index % 8 - 3.5) * self.square, (index // 8 - 3.5) * self.square
         if place.zone not in ("L", "R") or not 0 <= place.index < self.tray_size:
             last = self.tray_size
             raise ValueError(f"there is no place {place}: trays are L1 to L{last} and R1 to R{last}")

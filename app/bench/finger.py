@@ -14,6 +14,7 @@ import numpy as np
 from app.bench.cell import Cell
 from app.bench.report import BenchReport, Row, machine, row
 from app.motion import MotionSettings
+from app.motion.gains import critical
 from app.motion.reference import Bounds, Vector, dwell, join, line, to_samples
 from controller.causes import explain
 from controller.protocol import Result
@@ -113,8 +114,7 @@ def meet(trial: Trial, limits: ContactLimits, parameters: RobotParameters) -> Fe
     here = cell.supervisor.reference.position.copy()
     bounds = Bounds(_speed(trial, limits), settings.acceleration, settings.jerk)
     way = join([dwell(here, 1), line(here, end, bounds, tick)])
-    gains = np.full((len(way), 3), _STIFF)
-    cell.begin(to_samples(way, gains**2, 2.0 * gains, np.zeros(len(way))))
+    cell.begin(to_samples(way, critical((_STIFF,) * 3, len(way)), np.zeros(len(way))))
     forces: list[float] = []
     met = None
     while met is None or len(forces) < met + WATCHED / tick:

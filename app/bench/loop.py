@@ -21,7 +21,7 @@ from app import UserError
 from app.arm import ArmPaused
 from app.bench.report import BenchReport, Row, machine, row
 from app.motion import Motion, MotionSettings, Plan
-from app.motion.gains import in_air
+from app.motion.gains import critical
 from app.motion.reference import Bounds, Vector, dwell, join, line, to_samples
 from app.processor import ProcessorTime, stolen_share
 from app.timed_rig import RunEnd, Statistics, TimedRig, timed_rig
@@ -136,8 +136,7 @@ def straight(start: Vector, end: Vector, settings: MotionSettings, tick: float =
     bounds = Bounds(settings.speed, settings.acceleration, settings.jerk)
     path = join([dwell(start, 1), line(start, end, bounds, tick)])
     n = len(path)
-    stiffness, damping = in_air(n, settings.gains)
-    samples = to_samples(path, stiffness, damping, np.zeros(n))
+    samples = to_samples(path, critical((settings.gains.frequency_in_air,) * 3, n), np.zeros(n))
     return Plan("sweep", (Motion("sweep", samples, n * tick),))
 
 

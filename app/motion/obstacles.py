@@ -3,31 +3,74 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from app.motion.path import Vector
-from app.motion.sampling import highest_needs
+from controller.model.compiled import PAIR, ROW, SCALAR, STATUS, TABLE, FloatArray, compiled_as
 from hardware.parameters import Pads
 from hardware.table import PIECE_SHAPES, Kind, PieceShape, Place, TableSettings
 
 
-@dataclass(frozen=True, slots=True)
-class Standing:
-    """A piece on the table: its place, centre in the board frame [m] and kind."""
+class Standing(NamedTuple):
+    """A piece on the table: its name, its place, its centre in the board frame [m] and its kind."""
 
+    name: str
     place: Place
     x: float
     y: float
     kind: Kind
 
+    @classmethod
+    def at(cls, name: str, place: Place, kind: Kind, table: TableSettings) -> Standing:
+        """At the centre of its place."""
+        return cls(name, place, *table.xy(place), kind)
 
-def standing(pieces: Iterable[tuple[Place, Kind]], table: TableSettings) -> tuple[Standing, ...]:
-    """Pieces with their nominal centres."""
-    return tuple(Standing(place, *table.xy(place), kind) for place, kind in pieces)
+
+_SHAPES: Final = {
+    kind: (shape.height, shape.foot_radius, shape.stem_radius, shape.foot_height)
+    for kind, shape in PIECE_SHAPES.items()
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Crowd:
+    """Pieces that stand.
+
+    Attributes:
+        pieces: which.
+        table: of each x and y of its centre, height, foot's radius, stem's radius, foot's height, (n, 6) [m].
+    """
+
+    pieces: tuple[Standing, ...]
+    table: Vector
+
+    @classmethod
+    def of(cls, pieces: Iterable[Standing]) -> Crowd:
+        """Of pieces."""
+        pieces = tuple(pieces)
+        rows = [(piece.x, piece.y, *_SHAPES[piece.kind]) for piece in pieces]
+        return cls(pieces, np.array(rows, dtype=float).reshape((len(rows), 6)))
+
+    def without(self, name: str) -> Crowd:
+        """But for one."""
+        left = tuple(piece for piece in self.pieces if piece.name != name)
+        if len(left) == len(self.pieces):
+            return self
+        i = self._index(name)
+        return Crowd(left, np.concatenate([self.table[:i], self.table[i + 1 :]]))
+
+    def with_moved(self, moved: Standing) -> Crowd:
+        """With the piece of that name there."""
+        i, pieces, table = self._index(moved.name), list(self.pieces), np.array(self.table)
+        pieces[i], table[i, 0:2] = moved, (moved.x, moved.y)
+        return Crowd(tuple(pieces), table)
+
+    def _index(self, name: str) -> int:
+        return next(i for i, piece in enumerate(self.pieces) if piece.name == name)
 
 
 class Moving(NamedTuple):
@@ -47,13 +90,54 @@ class Moving(NamedTuple):
         return cls(outer, pads.half_width + pads.back, pads.half_height, carried)
 
 
+@compiled_as(ROW(ROW, PAIR, PAIR, TABLE, SCALAR, SCALAR, SCALAR, SCALAR, SCALAR, SCALAR, SCALAR))
+def _highest_needs(
+    share: FloatArray, start: tuple[float, float], end: tuple[float, float], pieces: FloatArray, half_x: float,
+    half_y: float, below: float, foot: float, hangs: float, beside: float, clearance: float,
+) -> FloatArray:  # fmt: skip
+    """See `needed_heights`; ``foot`` is the radius of the carried piece's foot, negative if there is none, and
+    ``hangs`` how far below the tool it is [m].
+    """
+    needed = np.zeros(share.size)
+    for i in range(share.size):
+        x, y = start[0] + share[i] * (end[0] - start[0]), start[1] + share[i] * (end[1] - start[1])
+        for j in range(pieces.shape[0]):
+            dx, dy = abs(x - pieces[j, 0]), abs(y - pieces[j, 1])
+            radius = pieces[j, 3] + beside
+            if dx < half_x + radius and dy < half_y + radius:
+                needed[i] = max(needed[i], pieces[j, 2] + below + clearance)
+            reach = foot + radius
+            if foot >= 0.0 and dx * dx + dy * dy < reach * reach:
+                needed[i] = max(needed[i], pieces[j, 2] + hangs + clearance)
+    return needed
+
+
+@compiled_as(STATUS(SCALAR, SCALAR, SCALAR, TABLE, SCALAR, SCALAR))
+def _first_touched(x: float, y: float, tip_height: float, pieces: FloatArray, half_x: float, half_y: float) -> int:
+    """See `blocking_neighbour`; which one, or -1."""
+    for j in range(pieces.shape[0]):
+        radius = pieces[j, 3] if tip_height < pieces[j, 5] else pieces[j, 4]
+        near = abs(pieces[j, 0] - x) < half_x + radius and abs(pieces[j, 1] - y) < half_y + radius
+        if near and tip_height < pieces[j, 2]:
+            return j
+    return -1
+
+
 def needed_heights(
-    points: Vector, moving: Moving, others: Sequence[Standing], beside: float, clearance: float
+    share: Vector,
+    start: tuple[float, float],
+    end: tuple[float, float],
+    moving: Moving,
+    others: Crowd,
+    beside: float,
+    clearance: float,
 ) -> Vector:
-    """How high the tool must be over points of the board, so that what moves passes over what stands there.
+    """How high the tool must be on a straight way over the board, so that what moves passes over what stands there.
 
     Args:
-        points: (n, 2), board frame [m].
+        share: of the way, (n,).
+        start: (x, y), board frame [m].
+        end: (x, y) [m].
         moving: fingers and piece.
         others: pieces that stand.
         beside: pieces closer than this are passed over [m].
@@ -62,18 +146,12 @@ def needed_heights(
     Returns:
         Heights of the tool over the board, (n,), 0 where nothing stands [m].
     """
-    if not others:
-        return np.zeros(len(points))
-    shapes = [PIECE_SHAPES[piece.kind] for piece in others]
-    height = np.array([shape.height for shape in shapes])
-    radius = np.array([shape.foot_radius for shape in shapes]) + beside
-    reach, foot = np.full(len(others), -1.0), np.zeros(len(others))
+    foot, hangs = -1.0, 0.0
     if moving.carried is not None:
-        reach, foot = moving.carried.foot_radius + radius, height + moving.carried.grip_height + clearance
-    return highest_needs(
-        np.ascontiguousarray(points), np.array([(piece.x, piece.y) for piece in others]), moving.half_x + radius,
-        moving.half_y + radius, reach, np.concatenate([height + moving.below + clearance, foot]),
-    )  # fmt: skip
+        foot, hangs = moving.carried.foot_radius, moving.carried.grip_height
+    return _highest_needs(
+        share, start, end, others.table, moving.half_x, moving.half_y, moving.below, foot, hangs, beside, clearance
+    )
 
 
 def closed_position(kind: Kind, pads: Pads) -> float:
@@ -83,7 +161,7 @@ def closed_position(kind: Kind, pads: Pads) -> float:
 
 
 def blocking_neighbour(
-    x: float, y: float, finger_position: float, tip_height: float, others: Iterable[Standing], pads: Pads
+    x: float, y: float, finger_position: float, tip_height: float, others: Crowd, pads: Pads
 ) -> Standing | None:
     """The first piece that open fingers would touch on their way down, or None.
 
@@ -96,10 +174,5 @@ def blocking_neighbour(
         pads: shape of the fingers.
     """
     moving = Moving.of(pads, finger_position)
-    for piece in others:
-        shape = PIECE_SHAPES[piece.kind]
-        radius = shape.foot_radius if tip_height < shape.foot_height else shape.stem_radius
-        near = abs(piece.x - x) < moving.half_x + radius and abs(piece.y - y) < moving.half_y + radius
-        if near and tip_height < shape.height:
-            return piece
-    return None
+    found = _first_touched(x, y, tip_height, others.table, moving.half_x, moving.half_y)
+    return None if found < 0 else others.pieces[found]

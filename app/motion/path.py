@@ -6,19 +6,18 @@ middle of the corner and falls again, so it is continuous everywhere, and the to
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fresnel
 
-Vector = NDArray[np.float64]
+from app.motion.curves import STRAIGHT, pieces, turns
 
-STRAIGHT: Final = 1e-6
-"""Lines that turn by less are one line [rad]."""
+__all__ = ["STRAIGHT", "CornerShape", "Derivatives", "Path", "Vector", "blend", "clothoid", "corner_shape", "turns"]
+
+Vector = NDArray[np.float64]
 
 
 class Derivatives(NamedTuple):
@@ -31,47 +30,70 @@ class Derivatives(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """Pieces one after the other; each is a line or one half of a corner. All arrays have one row a piece.
+    """Pieces one after the other; each is a line or one half of a corner.
 
     Attributes:
-        flat: the end at which a half of a corner meets its line; of a line its start, (n, 3) [m].
-        tangent: direction of travel there, (n, 3).
-        normal: towards the inside of the corner there, (n, 3); zero for a line.
-        sharpness: how fast curvature changes along the way, (n,) [1/m²]; 0 for a line.
-        sign: +1 where a piece starts at ``flat``, -1 where it ends there, (n,).
-        length: (n,) [m].
-        line: which line of the polygon it belongs to, (n,); halves of a corner belong to the line they touch.
+        table: of each piece tangent, normal, sharpness, sign, length, begin, flat end, line, (n, 14).
     """
 
-    flat: Vector
-    tangent: Vector
-    normal: Vector
-    sharpness: Vector
-    sign: Vector
-    length: Vector
-    line: NDArray[np.int64]
+    table: Vector
 
     @property
-    def ends(self) -> Vector:
-        """Way from the start to the end of each piece, (n,) [m]."""
-        return np.cumsum(self.length)
+    def tangent(self) -> Vector:
+        """Direction of travel at the flat end of each piece, (n, 3)."""
+        return self.table[:, 0:3]
+
+    @property
+    def normal(self) -> Vector:
+        """Towards the inside of the corner there, (n, 3); zero for a line."""
+        return self.table[:, 3:6]
+
+    @property
+    def sharpness(self) -> Vector:
+        """How fast curvature changes along the way, (n,) [1/m²]; 0 for a line."""
+        return self.table[:, 6]
+
+    @property
+    def sign(self) -> Vector:
+        """+1 where a piece starts at its flat end, -1 where it ends there, (n,)."""
+        return self.table[:, 7]
+
+    @property
+    def length(self) -> Vector:
+        """Of each piece, (n,) [m]."""
+        return self.table[:, 8]
 
     @property
     def begins(self) -> Vector:
         """Way from the start to the begin of each piece, (n,) [m]."""
-        return np.concatenate([[0.0], np.cumsum(self.length)[:-1]])
+        return self.table[:, 9]
 
     @property
-    def table(self) -> Vector:
-        """All of each piece for compiled code: tangent, normal, sharpness, sign, length, begin, flat end, (n, 13)."""
-        return np.column_stack(
-            [self.tangent, self.normal, self.sharpness, self.sign, self.length, self.begins, self.flat]
-        )
+    def flat(self) -> Vector:
+        """The end at which a half of a corner meets its line; of a line its start, (n, 3) [m]."""
+        return self.table[:, 10:13]
+
+    @property
+    def line(self) -> NDArray[np.int64]:
+        """Which line of the polygon it belongs to, (n,); halves of a corner belong to the line they touch."""
+        return self.table[:, 13].astype(np.int64)
+
+    @property
+    def ends(self) -> Vector:
+        """Way from the start to the end of each piece, (n,) [m]."""
+        ends: Vector = self.begins + self.length
+        return ends
 
     @property
     def total(self) -> float:
         """Whole way [m]."""
-        return float(self.length.sum())
+        return float(self.table[-1, 8] + self.table[-1, 9])
+
+    @property
+    def end(self) -> Vector:
+        """Where it ends, (3,) [m]."""
+        last: Vector = self.flat[-1] + (self.length[-1] * self.tangent[-1] if self.sign[-1] > 0.0 else 0.0)
+        return last
 
     def piece_at(self, way: Vector) -> NDArray[np.int64]:
         """Which piece each way along the path lies on; the earlier one where two meet."""
@@ -130,28 +152,6 @@ def corner_shape(turn: float) -> CornerShape:
     return CornerShape(float(x[0] + y[0] * np.tan(half)), float(y[0] / np.cos(half)))
 
 
-def corner_points(turn: float, count: int = 13) -> tuple[Vector, Vector]:
-    """A corner with tangents of length 1, by the ways along the line before it (negative) and along the one after it,
-    from the point where they meet: (2 count - 1,) each.
-    """
-    x, y = clothoid(np.full(count, turn), np.linspace(0.0, 1.0, count))
-    scale = 1.0 / corner_shape(turn).tangent
-    onwards = scale * y / math.sin(turn)
-    before = scale * x - 1.0 - onwards * math.cos(turn)
-    # the second half is the first one mirrored
-    return np.concatenate([before, -onwards[-2::-1]]), np.concatenate([onwards, -before[-2::-1]])
-
-
-def turns(points: Vector) -> Vector:
-    """How far a polygon (n, 3) turns at each of its inner points, (n - 2,) [rad]."""
-    found = []
-    ways = [[b - a for a, b in zip(*pair, strict=True)] for pair in pairwise(points.tolist())]
-    for (ax, ay, az), (bx, by, bz) in pairwise(ways):  # a few points: quicker than arrays
-        across = math.hypot(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
-        found.append(math.atan2(across, ax * bx + ay * by + az * bz))
-    return np.array(found)
-
-
 def blend(points: Vector, tangents: Vector) -> Path:
     """A path along a polygon with blended corners.
 
@@ -163,26 +163,7 @@ def blend(points: Vector, tangents: Vector) -> Path:
     Raises:
         ValueError: two corners overlap, or one that turns has no room.
     """
-    ways = np.diff(points, axis=0)
-    lengths = np.linalg.norm(ways, axis=1)
-    ways = ways / lengths[:, None]
-    turn = turns(points)
-    reach = np.concatenate([[0.0], np.where(turn > STRAIGHT, tangents, 0.0), [0.0]])
-    left = lengths - reach[:-1] - reach[1:]
-    if (left < -1e-9).any() or ((turn > STRAIGHT) & (reach[1:-1] <= 0.0)).any():
-        raise ValueError(f"corners of {reach[1:-1]} m do not fit on lines of {lengths} m")
-    rows: list[tuple[Vector, Vector, Vector, float, float, float, int]] = []
-    zero = np.zeros(3)
-    for k, way in enumerate(ways):
-        if left[k] > 1e-9:
-            rows.append((points[k] + reach[k] * way, way, zero, 0.0, 1.0, float(left[k]), k))
-        if k < len(turn) and turn[k] > STRAIGHT:
-            corner, onwards = points[k + 1], ways[k + 1]
-            length = float(reach[k + 1]) / corner_shape(float(turn[k])).tangent
-            sharpness = float(turn[k]) / length**2
-            aside, back = onwards - (onwards @ way) * way, -way + (onwards @ way) * onwards
-            entry, leave = corner - reach[k + 1] * way, corner + reach[k + 1] * onwards
-            rows.append((entry, way, aside / np.linalg.norm(aside), sharpness, 1.0, length, k))
-            rows.append((leave, onwards, back / np.linalg.norm(back), sharpness, -1.0, length, k + 1))
-    flat, tangent, normal, sharpness_, sign, length_, line = (np.array(column) for column in zip(*rows, strict=True))
-    return Path(flat, tangent, normal, sharpness_, sign, length_, line)
+    table = pieces(np.ascontiguousarray(points, dtype=float), np.asarray(tangents, dtype=float))
+    if not len(table):
+        raise ValueError(f"corners of {tangents} m do not fit on lines between {points.tolist()}")
+    return Path(table)

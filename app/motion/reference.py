@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +19,31 @@ __all__ = ["Bounds", "Segment", "Vector", "along", "dwell", "glide", "join", "li
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """Positions, velocities, accelerations, each (n, 3) in the base frame, one row a tick after the segment's start."""
+    """Rows a tick apart, the first one a tick after the segment's start.
 
-    position: Vector
-    velocity: Vector
-    acceleration: Vector
+    Attributes:
+        table: position [m], velocity [m/s], acceleration [m/s²] in the base frame, (n, 9).
+    """
+
+    table: Vector
+
+    @property
+    def position(self) -> Vector:
+        """(n, 3) [m]."""
+        return self.table[:, 0:3]
+
+    @property
+    def velocity(self) -> Vector:
+        """(n, 3) [m/s]."""
+        return self.table[:, 3:6]
+
+    @property
+    def acceleration(self) -> Vector:
+        """(n, 3) [m/s²]."""
+        return self.table[:, 6:9]
 
     def __len__(self) -> int:
-        return len(self.position)
+        return len(self.table)
 
 
 def along(path: Path, law: TimeLaw, tick: float) -> Segment:
@@ -37,10 +55,10 @@ def along(path: Path, law: TimeLaw, tick: float) -> Segment:
     ticks = max(1, math.ceil(law.duration / tick - 1e-9))
     law = law.stretched(ticks * tick / law.duration)
     at = law.trace(path, tick * np.arange(1.0, ticks + 1.0))
-    at.position[-1] = path.position(np.array([path.total]))[0]
+    at.position[-1] = path.end
     if at.speed[-1] < 1e-4:  # at rest, but for rounding
         at.velocity[-1] = at.acceleration[-1] = 0.0
-    return Segment(at.position, at.velocity, at.acceleration)
+    return Segment(at.motion)
 
 
 def line(start: Vector, end: Vector, bounds: Bounds, tick: float) -> Segment:
@@ -74,30 +92,34 @@ def glide(start: Vector, velocity: Vector, way: float, bounds: Bounds, tick: flo
 
 def dwell(point: Vector, ticks: int) -> Segment:
     """Rest at a point (3,) for some ticks."""
-    still = np.zeros((ticks, 3))
-    return Segment(np.tile(point, (ticks, 1)), still, still)
+    table = np.zeros((ticks, 9))
+    table[:, 0:3] = point
+    return Segment(table)
 
 
 def join(segments: list[Segment]) -> Segment:
     """Segments one after the other; each must start where the one before ends."""
-    return Segment(
-        np.concatenate([s.position for s in segments]),
-        np.concatenate([s.velocity for s in segments]),
-        np.concatenate([s.acceleration for s in segments]),
-    )
+    return Segment(np.concatenate([segment.table for segment in segments]))
 
 
-def to_samples(path: Segment, stiffness: Vector, damping: Vector, finger_velocity: Vector) -> NDArray[Any]:
+_FIELDS = cast("Mapping[str, Any]", SAMPLE.fields)
+_GROUPS = np.dtype({
+    "names": ["motion", "gains"], "formats": ["(9,)<f8", "(6,)<f4"], "itemsize": SAMPLE.itemsize,
+    "offsets": [_FIELDS["position"][1], _FIELDS["stiffness"][1]],
+})  # fmt: skip
+"""A sample's fields that follow each other, as one: writing them costs per field."""
+
+
+def to_samples(path: Segment, gains: Vector, finger_velocity: Vector) -> NDArray[Any]:
     """Samples for the wire.
 
     Args:
         path: n rows.
-        stiffness: k_p (n, 3) [1/s²].
-        damping: k_v (n, 3) [1/s].
+        gains: k_p [1/s²] and k_v [1/s] of each axis, (n, 6).
         finger_velocity: (n,), positive opening [m/s].
     """
     samples = np.zeros(len(path), dtype=SAMPLE)
-    samples["position"], samples["velocity"], samples["acceleration"] = path.position, path.velocity, path.acceleration
-    samples["stiffness"], samples["damping"] = stiffness, damping
+    groups = samples.view(_GROUPS)
+    groups["motion"], groups["gains"] = path.table, gains
     samples["finger_velocity"] = finger_velocity
     return samples

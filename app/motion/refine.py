@@ -21,21 +21,32 @@ import numpy as np
 
 from controller.model.compiled import ROW, SCALAR, TABLE, FloatArray, compiled, compiled_as
 
-LAW = 5
-"""Columns of s(u) by interval: way along the piece, its three rates by u, number of the piece."""
 FASTEST = 1e4
 """Largest b anywhere, for where the path rests whatever u does."""
+_NEAR_REST = 2
+"""So many intervals after a ramp from rest, and before one to it, are looked at as closely as the ramp."""
+_PROPORTIONAL = 1e-12
+"""Two axes' shares of a path are one but for a factor."""
+_LOOKS = 8
+"""Parts of an interval at whose ends the bounds are looked at in the end."""
+_SPARE = 0.8
+"""The refinement begins so much slower than the bounds admit."""
 
 
 @compiled
-def _by_u(path: FloatArray, law: FloatArray, k: int, x: float, out: FloatArray) -> None:
+def _by_u(path: FloatArray, rows: FloatArray, k: int, x: float, out: FloatArray) -> None:
     """r', r'', r''' by u, a way x into interval k, as rows of ``out`` (3, 3)."""
-    piece = int(law[k, 4])
-    s1 = law[k, 1] + x * (law[k, 2] + 0.5 * x * law[k, 3])
-    s2 = law[k, 2] + x * law[k, 3]
-    s3 = law[k, 3]
-    way = law[k, 0] + x * (law[k, 1] + x * (0.5 * law[k, 2] + x * law[k, 3] / 6.0))
+    piece = int(rows[k, 4])
+    s1 = rows[k, 1] + x * (rows[k, 2] + 0.5 * x * rows[k, 3])
+    s2 = rows[k, 2] + x * rows[k, 3]
+    s3 = rows[k, 3]
+    way = rows[k, 0] + x * (rows[k, 1] + x * (0.5 * rows[k, 2] + x * rows[k, 3] / 6.0))
     sharpness, sign = path[piece, 6], path[piece, 7]
+    if sharpness == 0.0:
+        for i in range(3):
+            t = path[piece, i]
+            out[0, i], out[1, i], out[2, i] = t * s1, t * s2, t * s3
+        return
     sigma = way if sign > 0.0 else path[piece, 8] - way
     heading = 0.5 * sharpness * sigma * sigma
     cos, sin = math.cos(heading), sign * math.sin(heading)
@@ -60,36 +71,69 @@ def _cap(out: FloatArray, speed: float, downward: float) -> float:
     return cap
 
 
+@compiled_as(TABLE(TABLE, TABLE))
+def limits(path: FloatArray, bounds: FloatArray) -> FloatArray:
+    """Bounds of each piece of a path: those of its line; of a corner the tighter ones of both its lines.
+
+    Args:
+        path: `Path.table`.
+        bounds: of each line: speed, acceleration, jerk, downward speed, (l, 4).
+    """
+    table = np.empty((path.shape[0], 4))
+    for i in range(path.shape[0]):
+        other = i
+        if path[i, 6] > 0.0:
+            other = i + 1 if path[i, 7] > 0.0 else i - 1
+        for j in range(4):
+            table[i, j] = min(bounds[int(path[i, 13]), j], bounds[int(path[other, 13]), j])
+    return table
+
+
+@compiled
+def _near_rest(rows: FloatArray, k: int) -> bool:
+    """Whether an interval belongs to a ramp, on which the way is not u, or is next to one."""
+    near = False
+    for other in range(max(0, k - _NEAR_REST), min(rows.shape[0], k + _NEAR_REST + 1)):
+        near = near or rows[other, 3] != 0.0
+    return near
+
+
+@compiled
+def _leads(path: FloatArray, piece: int, axis: int) -> bool:
+    """Whether an axis has a say on a piece: not where all its rates are a share of another one's."""
+    for other in range(3):
+        t, n = path[piece, other], path[piece, 3 + other]
+        own_t, own_n = path[piece, axis], path[piece, 3 + axis]
+        if other == axis or abs(own_t * n - own_n * t) > _PROPORTIONAL:
+            continue
+        own, others = own_t * own_t + own_n * own_n, t * t + n * n
+        if others > own or (others == own and other < axis):
+            return False
+    return True
+
+
 @compiled
 def _gather(
-    path: FloatArray, bounds: FloatArray, law: FloatArray, step: FloatArray, near_rest: FloatArray, caps: FloatArray,
-    where: FloatArray, table: FloatArray,
-) -> int:  # fmt: skip
+    path: FloatArray, bounds: FloatArray, rows: FloatArray, caps: FloatArray, where: FloatArray, table: FloatArray
+) -> int:
     """Fill the rows of all bounds; returns how many there are.
 
-    On a line all axes say the same, and the one that moves most says it. At rest r' and r'' vanish and b may change
-    quickly, and in a corner much changes: there the middle of an interval is looked at, too.
+    At rest r' and r'' vanish and b may change quickly: there the middle of an interval is looked at, too.
     """
     out = np.zeros((3, 3))
     count = 0
-    for k in range(step.size):
-        piece = int(law[k, 4])
-        straight = path[piece, 6] == 0.0
-        strongest = 0
-        for i in range(1, 3):
-            if abs(path[piece, i]) > abs(path[piece, strongest]):
-                strongest = i
+    for k in range(rows.shape[0]):
+        piece = int(rows[k, 4])
+        near_rest = _near_rest(rows, k)
         for part in range(3):
-            if part == 1 and straight and near_rest[k] == 0.0:
+            if part == 1 and not near_rest:
                 continue
-            x = 0.5 * part * step[k]
-            _by_u(path, law, k, x, out)
+            x = 0.5 * part * rows[k, 5]
+            _by_u(path, rows, k, x, out)
             if part != 1:
                 caps[k, part // 2] = _cap(out, bounds[piece, 0], bounds[piece, 3])
             for i in range(3):
-                if straight and i != strongest:
-                    continue
-                if abs(out[0, i]) + abs(out[1, i]) + abs(out[2, i]) < 1e-9:
+                if not _leads(path, piece, i) or abs(out[0, i]) + abs(out[1, i]) + abs(out[2, i]) < 1e-9:
                     continue
                 where[count, 0], where[count, 1] = k, x
                 table[count, 0], table[count, 1], table[count, 2] = out[0, i], out[1, i], out[2, i]
@@ -99,25 +143,37 @@ def _gather(
 
 
 @compiled
-def _excess(
-    path: FloatArray, bounds: FloatArray, law: FloatArray, step: FloatArray, warp: FloatArray, parts: int
-) -> float:
-    """By what factor the law must be stretched in time, so that all bounds hold at so many points an interval."""
-    out = np.zeros((3, 3))
+def _peak(before: float, middle: float, after: float) -> float:
+    """The top of the parabola through three values next to each other, or the largest of them."""
+    bend = before - 2.0 * middle + after
+    if middle < before or middle < after or bend >= 0.0:
+        return max(before, middle, after)
+    return middle - (before - after) * (before - after) / (8.0 * bend)
+
+
+@compiled
+def _excess(path: FloatArray, bounds: FloatArray, rows: FloatArray, parts: int) -> float:
+    """By what factor the law must be stretched in time, so that all bounds hold; looks at so many parts an interval."""
+    out, seen = np.zeros((3, 3)), np.zeros((parts + 1, 6))
     fast = strong = sharp = 0.0
-    for k in range(step.size):
-        piece = int(law[k, 4])
+    for k in range(rows.shape[0]):
+        piece = int(rows[k, 4])
         speed, acceleration, jerk, downward = bounds[piece, 0], bounds[piece, 1], bounds[piece, 2], bounds[piece, 3]
         for part in range(parts + 1):
-            x = step[k] * part / parts
-            _by_u(path, law, k, x, out)
-            b = warp[k, 0] + x * (warp[k, 1] + x * warp[k, 2])
-            d, c = warp[k, 1] + 2.0 * x * warp[k, 2], 2.0 * warp[k, 2]
+            x = rows[k, 5] * part / parts
+            _by_u(path, rows, k, x, out)
+            b = rows[k, 6] + x * (rows[k, 7] + x * rows[k, 8])
+            d, c = rows[k, 7] + 2.0 * x * rows[k, 8], 2.0 * rows[k, 8]
             fast = max(fast, b / _cap(out, speed, downward))
             for i in range(3):
                 a = abs(out[1, i] * b + 0.5 * out[0, i] * d) / acceleration
                 j = abs(math.sqrt(b) * (out[2, i] * b + 1.5 * out[1, i] * d + 0.5 * out[0, i] * c)) / jerk
                 strong, sharp = max(strong, a), max(sharp, j)
+                seen[part, i], seen[part, 3 + i] = a, j
+        for part in range(1, parts):
+            for i in range(3):
+                strong = max(strong, _peak(seen[part - 1, i], seen[part, i], seen[part + 1, i]))
+                sharp = max(sharp, _peak(seen[part - 1, 3 + i], seen[part, 3 + i], seen[part + 1, 3 + i]))
     return float(max(math.sqrt(fast), math.sqrt(strong), sharp ** (1.0 / 3.0)))
 
 
@@ -132,11 +188,11 @@ def constant_speed(piece: FloatArray, speed: float, acceleration: float, jerk: f
         jerk: bound [m/s³].
         downward: bound of the speed towards +z3 [m/s].
     """
-    path, law, out = piece.reshape((1, piece.size)), np.zeros((1, LAW)), np.zeros((3, 3))
-    law[0, 1] = 1.0
+    path, rows, out = piece.reshape((1, piece.size)), np.zeros((1, 4 + 1)), np.zeros((3, 3))
+    rows[0, 1] = 1.0
     found = speed
     for part in range(33):
-        _by_u(path, law, 0, piece[8] * part / 32.0, out)
+        _by_u(path, rows, 0, piece[8] * part / 32.0, out)
         if out[0, 2] > 0.0:
             found = min(found, downward / out[0, 2])
         for i in range(3):
@@ -148,162 +204,142 @@ def constant_speed(piece: FloatArray, speed: float, acceleration: float, jerk: f
 
 
 @compiled
-def _spline(step: FloatArray, k: int, row: FloatArray) -> None:
-    """How b and b' at both ends of interval k follow from its three coefficients: b at its left end is
-    row[0]·x0 + row[1]·x1, at its right end row[2]·x1 + row[3]·x2; b' there row[4]·(x1 - x0), row[5]·(x2 - x1).
+def _spline(step: FloatArray, rows: FloatArray) -> None:
+    """How b and b' at both ends of each interval follow from its three coefficients, (n, 6): b at its left end is
+    rows[0]·x0 + rows[1]·x1, at its right end rows[2]·x1 + rows[3]·x2; b' there rows[4]·(x1 - x0), rows[5]·(x2 - x1).
     """
     n = step.size
-    before = step[k - 1] if k > 0 else 0.0
-    after = step[k + 1] if k + 1 < n else 0.0
-    h = step[k]
-    p, q = 1.0 / (before + h), 1.0 / (h + after)
-    row[0], row[1], row[2], row[3] = h * p, before * p, after * q, h * q
-    row[4], row[5] = 2.0 * p, 2.0 * q
+    for k in range(n):
+        before = step[k - 1] if k > 0 else 0.0
+        after = step[k + 1] if k + 1 < n else 0.0
+        h = step[k]
+        p, q = 1.0 / (before + h), 1.0 / (h + after)
+        rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3] = h * p, before * p, after * q, h * q
+        rows[k, 4], rows[k, 5] = 2.0 * p, 2.0 * q
 
 
 @compiled
-def _objective(x: FloatArray, step: FloatArray, rows: FloatArray) -> float:
-    """Duration by Simpson's rule; infinite where b is not positive."""
-    total = 0.0
-    for k in range(step.size):
-        b0 = rows[k, 0] * x[k] + rows[k, 1] * x[k + 1]
-        b2 = rows[k, 2] * x[k + 1] + rows[k, 3] * x[k + 2]
-        d0 = rows[k, 4] * (x[k + 1] - x[k])
-        d2 = rows[k, 5] * (x[k + 2] - x[k + 1])
-        b1 = 0.5 * (b0 + b2) - 0.125 * step[k] * (d2 - d0)
-        if not (b0 > 0.0 and b1 > 0.0 and b2 > 0.0):
-            return math.inf
-        total += step[k] / 6.0 * (1.0 / math.sqrt(b0) + 4.0 / math.sqrt(b1) + 1.0 / math.sqrt(b2))
-    return total
+def _linear(
+    step: FloatArray, rows: FloatArray, where: FloatArray, table: FloatArray, duration: FloatArray, forms: FloatArray
+) -> None:
+    """Write all that is linear in b as forms of the three coefficients of its interval.
 
-
-@compiled
-def _barrier(
-    x: FloatArray, step: FloatArray, rows: FloatArray, caps: FloatArray, where: FloatArray, table: FloatArray
-) -> float:
-    """Sum of the logarithms of all bounds' slacks; minus infinity outside."""
-    total, product = 0.0, 1.0
-    for k in range(step.size):
-        b0 = rows[k, 0] * x[k] + rows[k, 1] * x[k + 1]
-        b2 = rows[k, 2] * x[k + 1] + rows[k, 3] * x[k + 2]
-        s0, s2 = 1.0 - b0 / caps[k, 0], 1.0 - b2 / caps[k, 1]
-        if not (s0 > 0.0 and s2 > 0.0 and b0 > 0.0 and b2 > 0.0):
-            return -math.inf
-        product *= s0 * s2
-        if product < 1e-200:
-            total += math.log(product)
-            product = 1.0
-    for i in range(where.shape[0]):
-        k, way = int(where[i, 0]), where[i, 1]
-        d0 = rows[k, 4] * (x[k + 1] - x[k])
-        c = (rows[k, 5] * (x[k + 2] - x[k + 1]) - d0) / step[k]
-        b = rows[k, 0] * x[k] + rows[k, 1] * x[k + 1] + way * (d0 + 0.5 * way * c)
-        d = d0 + way * c
-        if not b > 0.0:
-            return -math.inf
-        g = table[i, 1] * b + 0.5 * table[i, 0] * d
-        z = math.sqrt(b) * (table[i, 2] * b + 1.5 * table[i, 1] * d + 0.5 * table[i, 0] * c)
-        g, z = g / table[i, 3], z / table[i, 4]
-        s = (1.0 - g) * (1.0 + g)
-        w = (1.0 - z) * (1.0 + z)
-        if not (s > 0.0 and w > 0.0):
-            return -math.inf
-        product *= s * w
-        if product < 1e-200:
-            total += math.log(product)
-            product = 1.0
-    return total + math.log(product)
-
-
-@compiled
-def _add(matrix: FloatArray, slope: FloatArray, k: int, g: FloatArray, first: float, second: float) -> None:
-    """A term's share in gradient and banded matrix: slope += first·g, matrix += second·g gᵀ."""
-    for i in range(3):
-        slope[k + i] += first * g[i]
-        s = second * g[i]
-        for j in range(i, 3):
-            matrix[k + i, j - i] += s * g[j]
-
-
-@compiled
-def _newton_of_duration(
-    x: FloatArray, step: FloatArray, rows: FloatArray, caps: FloatArray, weight: float, matrix: FloatArray,
-    slope: FloatArray,
-) -> None:  # fmt: skip
-    """Gradient and banded curvature of duration - weight · barrier of speeds."""
-    matrix[:] = 0.0
-    slope[:] = 0.0
-    g = np.zeros(3)
+    Args:
+        step: lengths of the n intervals.
+        rows: as of `_spline`.
+        where: interval of each row of ``table``, and how far into it, (m, 2).
+        table: r', r'', r''' along one axis by u, and the bounds of acceleration and jerk along it, (m, 5).
+        duration: out, b at the left end, middle and right end of each interval, (n, 9).
+        forms: out, of each row of ``table`` b, the acceleration by its bound, and the jerk by its bound and √b, (m, 9).
+    """
     for k in range(step.size):
         h = step[k]
-        b0 = rows[k, 0] * x[k] + rows[k, 1] * x[k + 1]
-        b2 = rows[k, 2] * x[k + 1] + rows[k, 3] * x[k + 2]
-        d0 = rows[k, 4] * (x[k + 1] - x[k])
-        d2 = rows[k, 5] * (x[k + 2] - x[k + 1])
-        b1 = 0.5 * (b0 + b2) - 0.125 * h * (d2 - d0)
-        for part in range(3):
-            if part == 0:
-                b, w = b0, h / 6.0
-                g[0], g[1], g[2] = rows[k, 0], rows[k, 1], 0.0
-            elif part == 1:
-                b, w = b1, 4.0 * h / 6.0
-                g[0] = 0.5 * rows[k, 0] - 0.125 * h * rows[k, 4]
-                g[1] = 0.5 * (rows[k, 1] + rows[k, 2]) + 0.125 * h * (rows[k, 4] + rows[k, 5])
-                g[2] = 0.5 * rows[k, 3] - 0.125 * h * rows[k, 5]
-            else:
-                b, w = b2, h / 6.0
-                g[0], g[1], g[2] = 0.0, rows[k, 2], rows[k, 3]
-            root = math.sqrt(b)
-            _add(matrix, slope, k, g, -0.5 * w / (b * root), 0.75 * w / (b * b * root))
-        g[0], g[1], g[2] = rows[k, 0], rows[k, 1], 0.0
-        s = 1.0 / (caps[k, 0] - b0)
-        _add(matrix, slope, k, g, weight * s, weight * s * s)
-        g[0], g[1], g[2] = 0.0, rows[k, 2], rows[k, 3]
-        s = 1.0 / (caps[k, 1] - b2)
-        _add(matrix, slope, k, g, weight * s, weight * s * s)
-
-
-@compiled
-def _newton_of_bounds(
-    x: FloatArray, step: FloatArray, rows: FloatArray, where: FloatArray, table: FloatArray, weight: float,
-    matrix: FloatArray, slope: FloatArray,
-) -> None:  # fmt: skip
-    """What the barriers of acceleration and jerk add to it."""
-    g, q, bend = np.zeros(3), np.zeros(3), np.zeros(3)
+        duration[k, 0], duration[k, 1], duration[k, 2] = rows[k, 0], rows[k, 1], 0.0
+        duration[k, 3] = 0.5 * rows[k, 0] - 0.125 * h * rows[k, 4]
+        duration[k, 4] = 0.5 * (rows[k, 1] + rows[k, 2]) + 0.125 * h * (rows[k, 4] + rows[k, 5])
+        duration[k, 5] = 0.5 * rows[k, 3] - 0.125 * h * rows[k, 5]
+        duration[k, 6], duration[k, 7], duration[k, 8] = 0.0, rows[k, 2], rows[k, 3]
+    bend, slope = np.zeros(3), np.zeros(3)
     for i in range(where.shape[0]):
         k, way = int(where[i, 0]), where[i, 1]
         h = step[k]
         bend[0], bend[1], bend[2] = rows[k, 4] / h, -(rows[k, 4] + rows[k, 5]) / h, rows[k, 5] / h
-        q[0], q[1], q[2] = -rows[k, 4] + way * bend[0], rows[k, 4] + way * bend[1], way * bend[2]
-        g[0] = rows[k, 0] - way * rows[k, 4] + 0.5 * way * way * bend[0]
-        g[1] = rows[k, 1] + way * rows[k, 4] + 0.5 * way * way * bend[1]
-        g[2] = 0.5 * way * way * bend[2]
-        b = g[0] * x[k] + g[1] * x[k + 1] + g[2] * x[k + 2]
-        d = q[0] * x[k] + q[1] * x[k + 1] + q[2] * x[k + 2]
-        c = bend[0] * x[k] + bend[1] * x[k + 1] + bend[2] * x[k + 2]
+        slope[0], slope[1], slope[2] = -rows[k, 4] + way * bend[0], rows[k, 4] + way * bend[1], way * bend[2]
+        forms[i, 0] = rows[k, 0] - way * rows[k, 4] + 0.5 * way * way * bend[0]
+        forms[i, 1] = rows[k, 1] + way * rows[k, 4] + 0.5 * way * way * bend[1]
+        forms[i, 2] = 0.5 * way * way * bend[2]
         r1, r2, r3 = table[i, 0], table[i, 1], table[i, 2]
-        value = (r2 * b + 0.5 * r1 * d) / table[i, 3]
-        root = math.sqrt(b)
-        inner = r3 * b + 1.5 * r2 * d + 0.5 * r1 * c
-        jerk = root * inner / table[i, 4]
-        # acceleration: gradient (r2 g + r1/2 q) / A; both signs share it
-        up, down = 1.0 / (1.0 - value), 1.0 / (1.0 + value)
-        first, second = weight * (up - down), weight * (up * up + down * down)
-        a0 = (r2 * g[0] + 0.5 * r1 * q[0]) / table[i, 3]
-        a1 = (r2 * g[1] + 0.5 * r1 * q[1]) / table[i, 3]
-        a2 = (r2 * g[2] + 0.5 * r1 * q[2]) / table[i, 3]
-        # jerk: the same with inner, and b'' = (d2 - d0) / h
-        by_b = (0.5 * inner / root + root * r3) / table[i, 4]
-        by_d = 1.5 * root * r2 / table[i, 4]
-        by_c = 0.5 * root * r1 / table[i, 4]
-        j0 = by_b * g[0] + by_d * q[0] + by_c * bend[0]
-        j1 = by_b * g[1] + by_d * q[1] + by_c * bend[1]
-        j2 = by_b * g[2] + by_d * q[2] + by_c * bend[2]
-        g[0], g[1], g[2] = a0, a1, a2
-        _add(matrix, slope, k, g, first, second)
-        up, down = 1.0 / (1.0 - jerk), 1.0 / (1.0 + jerk)
-        g[0], g[1], g[2] = j0, j1, j2
-        _add(matrix, slope, k, g, weight * (up - down), weight * (up * up + down * down))
+        for j in range(3):
+            forms[i, 3 + j] = (r2 * forms[i, j] + 0.5 * r1 * slope[j]) / table[i, 3]
+            forms[i, 6 + j] = (r3 * forms[i, j] + 1.5 * r2 * slope[j] + 0.5 * r1 * bend[j]) / table[i, 4]
+
+
+@compiled
+def _value(
+    x: FloatArray, step: FloatArray, caps: FloatArray, first: FloatArray, duration: FloatArray, forms: FloatArray
+) -> tuple[float, float]:
+    """The duration, by Simpson's rule, and the sum of the logarithms of all bounds' slacks; infinite outside."""
+    total, logs, product = 0.0, 0.0, 1.0
+    for k in range(step.size):
+        x0, x1, x2 = x[k], x[k + 1], x[k + 2]
+        b0 = duration[k, 0] * x0 + duration[k, 1] * x1
+        b1 = duration[k, 3] * x0 + duration[k, 4] * x1 + duration[k, 5] * x2
+        b2 = duration[k, 7] * x1 + duration[k, 8] * x2
+        s0, s2 = 1.0 - b0 / caps[k, 0], 1.0 - b2 / caps[k, 1]
+        if not (b0 > 0.0 and b1 > 0.0 and b2 > 0.0 and s0 > 0.0 and s2 > 0.0):
+            return math.inf, -math.inf
+        total += step[k] / 6.0 * (1.0 / math.sqrt(b0) + 4.0 / math.sqrt(b1) + 1.0 / math.sqrt(b2))
+        product *= s0 * s2
+        for i in range(int(first[k]), int(first[k + 1])):
+            b = forms[i, 0] * x0 + forms[i, 1] * x1 + forms[i, 2] * x2
+            a = forms[i, 3] * x0 + forms[i, 4] * x1 + forms[i, 5] * x2
+            if not b > 0.0:
+                return math.inf, -math.inf
+            j = math.sqrt(b) * (forms[i, 6] * x0 + forms[i, 7] * x1 + forms[i, 8] * x2)
+            s, w = (1.0 - a) * (1.0 + a), (1.0 - j) * (1.0 + j)
+            if not (s > 0.0 and w > 0.0):
+                return math.inf, -math.inf
+            product *= s * w
+        if product < 1e-100:
+            logs += math.log(product)
+            product = 1.0
+    return total, logs + math.log(product)
+
+
+@compiled
+def _newton(
+    x: FloatArray, step: FloatArray, caps: FloatArray, first: FloatArray, duration: FloatArray, forms: FloatArray,
+    weight: float, matrix: FloatArray, slope: FloatArray,
+) -> None:  # fmt: skip
+    """Gradient, and banded curvature without that of the jerks themselves, of duration - weight · barrier.
+
+    Every term is a function of one form g·x: it adds f' g to the gradient and f'' g gᵀ to the curvature.
+    """
+    matrix[:] = 0.0
+    slope[:] = 0.0
+    for k in range(step.size):
+        x0, x1, x2 = x[k], x[k + 1], x[k + 2]
+        f0 = f1 = f2 = m00 = m01 = m02 = m11 = m12 = m22 = 0.0
+        for part in range(3):
+            g0, g1, g2 = duration[k, 3 * part], duration[k, 3 * part + 1], duration[k, 3 * part + 2]
+            b = g0 * x0 + g1 * x1 + g2 * x2
+            scale = step[k] / 6.0 if part != 1 else step[k] / 1.5
+            cubed = scale / (b * math.sqrt(b))
+            up, bent = -0.5 * cubed, 0.75 * cubed / b
+            if part != 1:
+                spare = 1.0 / (caps[k, part // 2] - b)
+                up, bent = up + weight * spare, bent + weight * spare * spare
+            f0, f1, f2 = f0 + up * g0, f1 + up * g1, f2 + up * g2
+            m00, m01, m02 = m00 + bent * g0 * g0, m01 + bent * g0 * g1, m02 + bent * g0 * g2
+            m11, m12, m22 = m11 + bent * g1 * g1, m12 + bent * g1 * g2, m22 + bent * g2 * g2
+        for i in range(int(first[k]), int(first[k + 1])):
+            g0, g1, g2 = forms[i, 3], forms[i, 4], forms[i, 5]
+            a = g0 * x0 + g1 * x1 + g2 * x2
+            spare = 1.0 / ((1.0 - a) * (1.0 + a))
+            up, bent = 2.0 * weight * a * spare, 2.0 * weight * (1.0 + a * a) * spare * spare
+            f0, f1, f2 = f0 + up * g0, f1 + up * g1, f2 + up * g2
+            m00, m01, m02 = m00 + bent * g0 * g0, m01 + bent * g0 * g1, m02 + bent * g0 * g2
+            m11, m12, m22 = m11 + bent * g1 * g1, m12 + bent * g1 * g2, m22 + bent * g2 * g2
+            root = math.sqrt(forms[i, 0] * x0 + forms[i, 1] * x1 + forms[i, 2] * x2)
+            inner = forms[i, 6] * x0 + forms[i, 7] * x1 + forms[i, 8] * x2
+            j, by_b = root * inner, 0.5 * inner / root
+            g0 = by_b * forms[i, 0] + root * forms[i, 6]
+            g1 = by_b * forms[i, 1] + root * forms[i, 7]
+            g2 = by_b * forms[i, 2] + root * forms[i, 8]
+            spare = 1.0 / ((1.0 - j) * (1.0 + j))
+            up, bent = 2.0 * weight * j * spare, 2.0 * weight * (1.0 + j * j) * spare * spare
+            f0, f1, f2 = f0 + up * g0, f1 + up * g1, f2 + up * g2
+            m00, m01, m02 = m00 + bent * g0 * g0, m01 + bent * g0 * g1, m02 + bent * g0 * g2
+            m11, m12, m22 = m11 + bent * g1 * g1, m12 + bent * g1 * g2, m22 + bent * g2 * g2
+        slope[k] += f0
+        slope[k + 1] += f1
+        slope[k + 2] += f2
+        matrix[k, 0] += m00
+        matrix[k, 1] += m01
+        matrix[k, 2] += m02
+        matrix[k + 1, 0] += m11
+        matrix[k + 1, 1] += m12
+        matrix[k + 2, 0] += m22
 
 
 @compiled
@@ -337,134 +373,114 @@ def _fix_end(matrix: FloatArray, slope: FloatArray) -> None:
 
 
 @compiled
-def _go(
-    x: FloatArray, direction: FloatArray, trial: FloatArray, step: FloatArray, rows: FloatArray, caps: FloatArray,
-    where: FloatArray, table: FloatArray, weight: float, decrement: float,
-) -> bool:  # fmt: skip
-    """Go against a direction, as far as the inside reaches and it is of use; false where it is of none."""
-    before = _objective(x, step, rows) - weight * _barrier(x, step, rows, caps, where, table)
-    share = 1.0
-    for _ in range(30):
-        for i in range(x.size):
-            trial[i] = x[i] - share * direction[i]
-        after = _objective(trial, step, rows)
-        if after < math.inf:
-            wall = _barrier(trial, step, rows, caps, where, table)
-            if wall > -math.inf and after - weight * wall <= before - 1e-4 * share * decrement:
-                x[:] = trial
-                return True
-        share *= 0.5
-    return False
-
-
-@compiled
 def _minimise(
-    x: FloatArray,
-    step: FloatArray,
-    caps: FloatArray,
-    where: FloatArray,
-    table: FloatArray,
-    gap: float,
-    end_fixed: float,
-    most: int,
-) -> int:
+    x: FloatArray, step: FloatArray, caps: FloatArray, where: FloatArray, table: FloatArray, gap: float,
+    end_fixed: bool, most: int,
+) -> int:  # fmt: skip
     """Minimise the duration in place.
 
     Args:
         x: coefficients of b, (n + 2,), strictly inside all bounds; out: the result.
         step: lengths of the n intervals in u.
         caps: largest b at both ends of each interval, (n, 2).
-        where: interval of each row of ``table``, and how far into it, by u, (m, 2).
-        table: r', r'', r''' along one axis by u, and the bounds of acceleration and jerk along it, (m, 5).
+        where: as of `_linear`, by rising intervals.
+        table: as of `_linear`.
         gap: how far from the optimum it may stop, as a share of the duration.
-        end_fixed: 1 if b is given at the end, with no acceleration; else 0.
+        end_fixed: b is given at the end, with no acceleration.
         most: Newton steps.
 
     Returns:
         Newton steps made.
     """
     n = step.size
-    rows = np.zeros((n, 6))
+    rows, duration, forms, first = np.empty((n, 6)), np.empty((n, 9)), np.empty((where.shape[0], 9)), np.zeros(n + 1)
+    _spline(step, rows)
+    _linear(step, rows, where, table, duration, forms)
+    for i in range(where.shape[0]):
+        first[int(where[i, 0]) + 1] = i + 1.0
     for k in range(n):
-        _spline(step, k, rows[k])
-    matrix, slope, trial = np.zeros((n + 2, 3)), np.zeros(n + 2), np.zeros(n + 2)
+        first[k + 1] = max(first[k], first[k + 1])  # an interval without rows
+    matrix, slope, trial, direction = np.empty((n + 2, 3)), np.empty(n + 2), np.empty(n + 2), np.empty(n + 2)
     bounds = float(2 * n + 4 * where.shape[0])
-    duration = _objective(x, step, rows)
-    weight = 0.1 * duration / bounds
-    last = gap * duration / bounds
-    made = 0
-    while made < most:
-        _newton_of_duration(x, step, rows, caps, weight, matrix, slope)
-        _newton_of_bounds(x, step, rows, where, table, weight, matrix, slope)
-        if end_fixed == 1.0:
+    took, logs = _value(x, step, caps, first, duration, forms)
+    weight, last = 0.1 * took / bounds, gap * took / bounds
+    for made in range(most):
+        _newton(x, step, caps, first, duration, forms, weight, matrix, slope)
+        if end_fixed:
             _fix_end(matrix, slope)
+        direction[:] = slope
+        _solve(matrix, direction)
         decrement = 0.0
-        trial[:] = slope
-        _solve(matrix, trial)
         for i in range(n + 2):
-            decrement += trial[i] * slope[i]
-        made += 1
-        accepted = _go(x, trial, slope, step, rows, caps, where, table, weight, decrement)
+            decrement += direction[i] * slope[i]
+        # as far as the inside reaches and it is of use
+        share, accepted, before = 1.0, False, took - weight * logs
+        for _ in range(30):
+            for i in range(n + 2):
+                trial[i] = x[i] - share * direction[i]
+            took_then, logs_then = _value(trial, step, caps, first, duration, forms)
+            if took_then < math.inf and took_then - weight * logs_then <= before - 1e-4 * share * decrement:
+                x[:] = trial
+                took, logs, accepted = took_then, logs_then, True
+                break
+            share *= 0.5
         if not accepted or decrement < 0.7 * weight * bounds:
             if weight <= last:
-                break
+                return made + 1
             weight = max(0.2 * weight, 0.999 * last)
-    return made
+    return most
 
 
 @compiled
-def _polynomials(x: FloatArray, step: FloatArray, warp: FloatArray) -> None:
-    """B of each interval by the way into it, (n, 3), from the spline's coefficients."""
-    n = step.size
+def _write_polynomials(x: FloatArray, rows: FloatArray) -> None:
+    """B of each interval by the way into it, from the spline's coefficients."""
+    n = rows.shape[0]
     for k in range(n):
-        before = step[k - 1] if k > 0 else 0.0
-        after = step[k + 1] if k + 1 < n else 0.0
-        left = 2.0 * (x[k + 1] - x[k]) / (before + step[k])
-        right = 2.0 * (x[k + 2] - x[k + 1]) / (step[k] + after)
-        warp[k, 0] = (step[k] * x[k] + before * x[k + 1]) / (before + step[k])
-        warp[k, 1] = left
-        warp[k, 2] = 0.5 * (right - left) / step[k]
+        step = rows[k, 5]
+        before = rows[k - 1, 5] if k > 0 else 0.0
+        after = rows[k + 1, 5] if k + 1 < n else 0.0
+        left = 2.0 * (x[k + 1] - x[k]) / (before + step)
+        right = 2.0 * (x[k + 2] - x[k + 1]) / (step + after)
+        rows[k, 6] = (step * x[k] + before * x[k + 1]) / (before + step)
+        rows[k, 7] = left
+        rows[k, 8] = 0.5 * (right - left) / step
 
 
-@compiled_as(TABLE(TABLE, TABLE, TABLE, ROW, ROW, SCALAR, SCALAR, SCALAR))
-def quickest(
-    path: FloatArray, bounds: FloatArray, law: FloatArray, step: FloatArray, near_rest: FloatArray, slow: float,
-    end_fixed: float, gap: float,
-) -> FloatArray:  # fmt: skip
+@compiled_as(SCALAR(TABLE, TABLE, TABLE, SCALAR, SCALAR))
+def quickest(path: FloatArray, bounds: FloatArray, rows: FloatArray, end_speed: float, gap: float) -> float:
     """The quickest b(u) within all bounds at the nodes.
 
     Args:
         path: `Path.table`.
         bounds: of each piece: speed, acceleration, jerk, downward speed, (p, 4).
-        law: s(u) of the n intervals, columns as of ``LAW``.
-        step: lengths of the intervals in u.
-        near_rest: 1 for intervals near an end at rest.
-        slow: a constant u̇ at which all bounds hold with something to spare.
-        end_fixed: 1 if u̇ stays ``slow`` at the end, with no acceleration; else 0.
+        rows: intervals, columns as of `curves.ROWS`; in: all but b; out: b.
+        end_speed: u̇ at the end, where there is no acceleration [m/s]; 0: at rest.
         gap: how far from the optimum the result may be, as a share of the duration.
 
     Returns:
-        b of each interval by the way into it, polynomials of second degree, (n, 3).
+        What `excess` does.
     """
-    n = step.size
+    n = rows.shape[0]
+    slow = end_speed
+    if slow == 0.0:
+        for k in range(n):
+            rows[k, 6], rows[k, 7], rows[k, 8] = 1.0, 0.0, 0.0
+        slow = _SPARE / _excess(path, bounds, rows, 2)
     caps, where, table = np.empty((n, 2)), np.empty((9 * n, 2)), np.empty((9 * n, 5))
-    count = _gather(path, bounds, law, step, near_rest, caps, where, table)
+    count = _gather(path, bounds, rows, caps, where, table)
     x = np.full(n + 2, slow * slow)
-    _minimise(x, step, caps, where[:count], table[:count], gap, end_fixed, 150)
-    warp = np.empty((n, 3))
-    _polynomials(x, step, warp)
-    return warp
+    _minimise(x, rows[:, 5].copy(), caps, where[:count], table[:count], gap, end_speed > 0.0, 150)
+    _write_polynomials(x, rows)
+    return _excess(path, bounds, rows, _LOOKS)
 
 
-@compiled_as(SCALAR(TABLE, TABLE, TABLE, ROW, TABLE))
-def excess(path: FloatArray, bounds: FloatArray, law: FloatArray, step: FloatArray, warp: FloatArray) -> float:
+@compiled_as(SCALAR(TABLE, TABLE, TABLE))
+def excess(path: FloatArray, bounds: FloatArray, rows: FloatArray) -> float:
     """By what factor a law must be stretched in time, so that all bounds hold everywhere; below 1 it has to spare.
 
     Args:
         path: as of `quickest`.
         bounds: as of `quickest`.
-        law: as of `quickest`.
-        step: as of `quickest`.
-        warp: b, as `quickest` returns it.
+        rows: with b, as of `quickest`.
     """
-    return _excess(path, bounds, law, step, warp, 12)
+    return _excess(path, bounds, rows, _LOOKS)

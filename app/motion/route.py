@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.motion.gains import Softness, scheduled
+from app.motion.gains import Softness, progress, scheduled
 from app.motion.path import STRAIGHT, Path, Vector, blend, turns
 from app.motion.reference import Segment, along, dwell, glide, join, to_samples
 from app.motion.settings import MotionSettings
@@ -67,9 +67,10 @@ class Route:
 
 @dataclass(frozen=True, slots=True)
 class Timed:
-    """Samples of a route; the paths between stops; when the arm moves off, and how long all should take [s]."""
+    """Samples of a route, and where they go; the paths between stops; how long all should take [s]."""
 
     samples: NDArray[Any]
+    motion: Segment
     paths: tuple[Path, ...]
     expected: float
     finger: float
@@ -78,16 +79,13 @@ class Timed:
 
 def timed(route: Route, settings: MotionSettings, table: TableSettings, tick: float) -> Timed:
     """Time a route: path, law, fingers, gains, guard."""
-    segments, paths, ways = [dwell(route.points[0], 1)], [], [np.zeros(1)]
     ticks = math.ceil(route.wait / tick - 1e-9)
-    segments.append(dwell(route.points[0], ticks))
-    ways.append(np.zeros(ticks))
+    segments, paths = [dwell(route.points[0], 1 + ticks)], list[Path]()
     for start, end in _sections(route):
         speed = settings.touch_speed if route.touches and end == len(route.points) - 1 else 0.0
         path, segment = _section(route, start, end, speed, settings, tick)
         paths.append(path)
         segments.append(segment)
-        ways.append(np.full(len(segment), float(end < len(route.points) - 1)))
     moved = sum(map(len, segments))
     expected = (moved - 1) * tick
     if route.touches:
@@ -96,7 +94,7 @@ def timed(route: Route, settings: MotionSettings, table: TableSettings, tick: fl
         expected += settings.touch_height / settings.touch_speed + settings.touch_delay
     whole = join(segments)
     finger_velocity, finger = _fingers(route, whole, ticks, settings, tick)
-    samples = to_samples(whole, *_gains(route, whole, settings, table, tick), finger_velocity)
+    samples = to_samples(whole, _gains(route, whole, settings, table, tick), finger_velocity)
     if route.touches:
         samples["guard"][moved:], samples["guard_level"][moved:] = Guard.TOUCH, settings.touch_force
     if route.grips:
@@ -104,7 +102,7 @@ def timed(route: Route, settings: MotionSettings, table: TableSettings, tick: fl
     if route.soft_start is not Softness.STIFF:
         samples["tactile_gain"] = settings.gains.tactile_gain * (samples["stiffness"][:, 0] < 1.0)
     samples.flags.writeable = False
-    return Timed(samples, tuple(paths), expected, finger)
+    return Timed(samples, whole, tuple(paths), expected, finger)
 
 
 def _sections(route: Route) -> list[tuple[int, int]]:
@@ -131,18 +129,14 @@ def _section(
 
 def _fitted(points: Vector, tangents: Vector) -> Vector:
     """Corners as asked, smaller where a line has become too short for them."""
-    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    fitted = np.array(tangents)
-    for i in range(len(lengths)):
-        before = fitted[i - 1] if i > 0 else 0.0
-        after = fitted[i] if i < len(fitted) else 0.0
-        if before + after > 0.98 * lengths[i]:
-            share = 0.98 * lengths[i] / (before + after)
-            if i > 0:
-                fitted[i - 1] *= share
-            if i < len(fitted):
-                fitted[i] *= share
-    return fitted
+    fitted = tangents.tolist()
+    for i, (start, end) in enumerate(pairwise(points.tolist())):
+        length = math.dist(start, end)
+        room = (fitted[i - 1] if i > 0 else 0.0) + (fitted[i] if i < len(fitted) else 0.0)
+        if room > 0.98 * length:
+            for k in {i - 1, i} & set(range(len(fitted))):
+                fitted[k] *= 0.98 * length / room
+    return np.array(fitted, dtype=float)
 
 
 def _descent(before: Segment, last: Bounds, settings: MotionSettings, tick: float) -> Segment:
@@ -189,11 +183,8 @@ def _move_fingers(velocity: Vector, begin: int, position: float, target: float, 
     return position
 
 
-def _gains(
-    route: Route, whole: Segment, settings: MotionSettings, table: TableSettings, tick: float
-) -> tuple[Vector, Vector]:
-    gone = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(whole.position, axis=0), axis=1))])
-    share = gone / gone[-1] if gone[-1] > 0.0 else gone
+def _gains(route: Route, whole: Segment, settings: MotionSettings, table: TableSettings, tick: float) -> Vector:
+    share = progress(whole.table)
     contact = route.contact[0] + share * (route.contact[1] - route.contact[0])
     height = table.centre_in_base[2] - whole.position[:, 2] - contact
     begun = tick * np.arange(float(len(whole)))

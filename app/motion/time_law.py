@@ -20,33 +20,20 @@ from typing import Final
 import numpy as np
 import ruckig
 
+from app.motion.curves import begins, trace
+from app.motion.grid import grid
 from app.motion.path import Path, Vector
-from app.motion.refine import constant_speed, excess, quickest
-from app.motion.sampling import interval_times, trace
+from app.motion.refine import constant_speed, excess, limits, quickest
 
 GAP: Final = 0.003
 """How far from the optimum the refinement may stop, as a share of the duration."""
 _CORNER_PARTS: Final = 8
-"""Intervals of each half of a corner."""
-_RAMP: Final = 0.004
-"""Over so much of u the way begins to run as u does, from rest [m]."""
-_RAMP_PARTS: Final = 3
-"""Intervals of each half of it."""
-_FINEST: Final = 0.0012
-"""First interval at either end of a line [m] …"""
-_SLOWEST: Final = 0.0002
-"""… where the tool is slow at the end of it [m] …"""
-_COARSEST: Final = 0.006
-"""… and the longest [m] …"""
-_GROWTH: Final = 1.3
-"""… and how they grow."""
+"""Intervals of each half of a corner that is passed at a constant speed."""
 _BETWEEN: Final = 1.0002
 """So much may be exceeded between the points at which a law is looked at; it is stretched by that."""
 _ROUNDING: Final = 1e-9
 _QUINTIC_PARTS: Final = 400
 """Cubic pieces of the quintic law."""
-_SPARE: Final = 0.8
-"""The refinement begins so much slower than the bounds admit."""
 
 
 class Law(StrEnum):
@@ -87,6 +74,7 @@ class Traced:
     """Where the tool is at many times, one row each.
 
     Attributes:
+        motion: position, velocity, acceleration, (m, 9).
         position: base frame, (m, 3) [m].
         velocity: (m, 3) [m/s].
         acceleration: (m, 3) [m/s²].
@@ -96,9 +84,10 @@ class Traced:
     """
 
     def __init__(self, table: Vector) -> None:
+        self.motion = table[:, 0:9]
         self.position, self.velocity, self.acceleration = table[:, 0:3], table[:, 3:6], table[:, 6:9]
         self.way, self.speed = table[:, 9], table[:, 10]
-        self.piece = table[:, 12].astype(np.int64)
+        self.piece = table[:, 11].astype(np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,29 +95,28 @@ class TimeLaw:
     """Way along the path by time, in intervals of a parameter u: the way is cubic in u, and u̇² quadratic.
 
     Attributes:
-        time: when each interval begins, and the last one ends, (n + 1,) [s].
-        way: along the path, and its three rates by u, at the begin of each interval, (n, 4) [m].
-        warp: coefficients of u̇² by the way into the interval, (n, 3).
-        piece: of the path, (n,).
+        begins: of the intervals, and the end of the last one, (n + 1,) [s], before stretching.
+        rows: of each interval the way along the piece and its three rates by u at its begin, the piece, the length in
+            u, and the coefficients of u̇² by the way into it, (n, 9), before stretching.
+        factor: everything takes so many times the time.
     """
 
-    time: Vector
-    way: Vector
-    warp: Vector
-    piece: Vector
+    begins: Vector
+    rows: Vector
+    factor: float = 1.0
 
     @property
     def duration(self) -> float:
         """Of the whole [s]."""
-        return float(self.time[-1])
+        return self.factor * float(self.begins[-1])
 
     def trace(self, path: Path, time: Vector) -> Traced:
         """Along its path, at rising times (m,) [s]."""
-        return Traced(trace(time, self.time, self.way, self.warp, self.piece, path.table))
+        return Traced(trace(time, self.factor, self.begins, self.rows, path.table))
 
     def stretched(self, factor: float) -> TimeLaw:
         """The same way in so many times the time."""
-        return TimeLaw(self.time * factor, self.way, self.warp / factor**2, self.piece)
+        return TimeLaw(self.begins, self.rows, self.factor * factor)
 
 
 def time_law(path: Path, bounds: Sequence[Bounds], law: Law = Law.TIME_OPTIMAL, end_speed: float = 0.0) -> TimeLaw:
@@ -143,131 +131,49 @@ def time_law(path: Path, bounds: Sequence[Bounds], law: Law = Law.TIME_OPTIMAL, 
     Returns:
         A law that obeys all bounds everywhere.
     """
-    each = bounds_of_pieces(path, bounds)
-    table = np.array([[b.speed, b.acceleration, b.jerk, b.downward] for b in each])
+    table = _of_pieces(path, bounds)
     if law is Law.MINIMUM_JERK:
-        return _within(path, table, _quintic(path), _BETWEEN)
-    if law is Law.RUCKIG or len(path.length) == 1:
-        return _within(path, table, _by_ruckig(path, each, end_speed), _BETWEEN if len(path.length) > 1 else 1.0)
-    return _within(path, table, _refined(path, table, end_speed), _BETWEEN)
+        rows = _quintic(path)
+        return _law(rows, excess(path.table, table, rows) * _BETWEEN)
+    if len(path.table) == 1:
+        rows = _by_ruckig(path, bounds, end_speed)
+        factor = excess(path.table, table, rows)
+        return _law(rows, factor if factor > 1.0 + _ROUNDING else 1.0)
+    if law is Law.RUCKIG:
+        rows = _by_ruckig(path, bounds, end_speed)
+        return _law(rows, excess(path.table, table, rows) * _BETWEEN)
+    rows = grid(path.table, end_speed)
+    return _law(rows, quickest(path.table, table, rows, end_speed, GAP) * _BETWEEN)
 
 
 def line_law(path: Path, bounds: Bounds, start_speed: float) -> TimeLaw:
     """Along one line, by Ruckig, from a speed without acceleration to rest."""
-    table = np.array([(*phase[:4], 0.0, phase[4]) for phase in _line(path.total, start_speed, 0.0, bounds)])
-    warp = np.tile([1.0, 0.0, 0.0], (len(table), 1))
-    return _Intervals(table[:, :5], np.ascontiguousarray(table[:, 5])).with_warp(path, warp)
+    return _law(_intervals([(*phase[:4], 0, phase[4]) for phase in _line(path.total, start_speed, 0.0, bounds)]), 1.0)
+
+
+def _law(rows: Vector, factor: float) -> TimeLaw:
+    """Of intervals, in so many times the time they take."""
+    return TimeLaw(begins(rows), rows, factor)
+
+
+def _intervals(parts: Sequence[tuple[float, ...]]) -> Vector:
+    """Columns as of `curves.ROWS` from way, its three rates, piece and length in u, which is time, (n, 9)."""
+    return np.array([(*part, 1.0, 0.0, 0.0) for part in parts])
 
 
 def bounds_of_pieces(path: Path, bounds: Sequence[Bounds]) -> list[Bounds]:
     """Of each piece of a path: those of its line; of a corner the tighter ones of both its lines."""
-    each = [bounds[line] for line in path.line]
-    for i in np.flatnonzero(path.sharpness > 0.0):
-        each[i] = each[i].least(bounds[path.line[i + 1 if path.sign[i] > 0.0 else i - 1]])
-    return each
+    return [Bounds(*row) for row in _of_pieces(path, bounds).tolist()]
 
 
-@dataclass(frozen=True, slots=True)
-class _Intervals:
-    """Columns as of ``refine.LAW``, and the lengths in u."""
-
-    law: Vector
-    step: Vector
-
-    def with_warp(self, path: Path, warp: Vector) -> TimeLaw:
-        piece = np.ascontiguousarray(self.law[:, 4])
-        way = np.array(self.law[:, :4])
-        way[:, 0] += path.begins[piece.astype(np.int64)]
-        return TimeLaw(interval_times(self.step, warp), way, warp, piece)
+def _of_pieces(path: Path, bounds: Sequence[Bounds]) -> Vector:
+    return limits(path.table, np.array([(b.speed, b.acceleration, b.jerk, b.downward) for b in bounds]))
 
 
-def _within(path: Path, table: Vector, found: tuple[_Intervals, Vector], spare: float) -> TimeLaw:
-    """Stretched, or shrunk, to where the bounds just hold; a law of Ruckig's is as it must be already."""
-    intervals, warp = found
-    factor = excess(path.table, table, intervals.law, intervals.step, warp) * spare
-    law = intervals.with_warp(path, warp)
-    return law if spare == 1.0 and factor < 1.0 + _ROUNDING else law.stretched(factor)
-
-
-def _refined(path: Path, table: Vector, end_speed: float) -> tuple[_Intervals, Vector]:
-    intervals = _grid(path, end_speed)
-    count = len(intervals.step)
-    near_rest = np.zeros(count)
-    near_rest[: 2 * _RAMP_PARTS + 2] = 1.0
-    near_rest[-2 * _RAMP_PARTS - 2 :] = float(end_speed == 0.0)
-    slow = end_speed
-    if end_speed == 0.0:
-        at_once = np.ones((count, 3)) * (1.0, 0.0, 0.0)
-        slow = _SPARE / excess(path.table, table, intervals.law, intervals.step, at_once)
-    warp = quickest(path.table, table, intervals.law, intervals.step, near_rest, slow, float(end_speed > 0.0), GAP)
-    return intervals, warp
-
-
-def _grid(path: Path, end_speed: float) -> _Intervals:
-    """Intervals for the refinement: u is the way itself, but for ramps where the path begins and ends at rest."""
-    rows: list[tuple[float, ...]] = []
-    last = len(path.length) - 1
-    for i, length in enumerate(path.length.tolist()):
-        if path.sharpness[i] > 0.0:
-            part = length / _CORNER_PARTS
-            rows += [(m * part, 1.0, 0.0, 0.0, i, part) for m in range(_CORNER_PARTS)]
-            continue
-        ramp = min(_RAMP, length if last == 0 else 1.9 * length)
-        before = ramp / 2.0 if i == 0 else 0.0
-        after = ramp / 2.0 if i == last and end_speed == 0.0 else 0.0
-        if before > 0.0:
-            rows += _ramp(ramp, i)
-        slow = _SLOWEST if i == last and end_speed > 0.0 else _FINEST
-        rows += [(way, 1.0, 0.0, 0.0, i, part) for way, part in _graded(before, length - after, slow)]
-        if after > 0.0:
-            rows += _mirrored(_ramp(ramp, i), length)
-    table = np.array(rows)
-    return _Intervals(np.ascontiguousarray(table[:, :5]), np.ascontiguousarray(table[:, 5]))
-
-
-def _ramp(ramp: float, piece: int) -> list[tuple[float, ...]]:
-    """From s' = 0 to s' = 1 with s''' constant on either half."""
-    jerk, half = 4.0 / ramp**2, ramp / 2.0
-    rows: list[tuple[float, ...]] = []
-    for m in range(2 * _RAMP_PARTS):
-        x = (m % _RAMP_PARTS) * half / _RAMP_PARTS
-        s0, s1, s2, s3 = (0.0, 0.0, 0.0, jerk) if m < _RAMP_PARTS else (jerk * half**3 / 6.0, 0.5, jerk * half, -jerk)
-        at = (s0 + x * (s1 + x * (s2 / 2.0 + x * s3 / 6.0)), s1 + x * (s2 + x * s3 / 2.0), s2 + x * s3, s3)
-        rows.append((*at, piece, half / _RAMP_PARTS))
-    return rows
-
-
-def _mirrored(rows: list[tuple[float, ...]], end: float) -> list[tuple[float, ...]]:
-    """The same backwards in time, to end at a way."""
-    back: list[tuple[float, ...]] = []
-    for s0, s1, s2, s3, piece, step in reversed(rows):
-        way = s0 + step * (s1 + step * (s2 / 2.0 + step * s3 / 6.0))
-        back.append((end - way, s1 + step * (s2 + step * s3 / 2.0), -(s2 + step * s3), s3, piece, step))
-    return back
-
-
-def _graded(start: float, end: float, last: float = _FINEST) -> list[tuple[float, float]]:
-    """Parts of a line, fine at both ends, where the last one has a length: begin and length of each [m]."""
-    half = (end - start) / 2.0
-    sizes = _growing(half, _FINEST) + _growing(half, last)[::-1]
-    begins = start + np.concatenate([[0.0], np.cumsum(sizes)[:-1]]) if sizes else np.zeros(0)
-    return list(zip(begins.tolist(), sizes, strict=True))
-
-
-def _growing(length: float, size: float) -> list[float]:
-    sizes = list[float]()
-    while length > 1e-9:
-        part = size if length > 1.5 * size else length
-        sizes.append(part)
-        length -= part
-        size = min(size * _GROWTH, _COARSEST)
-    return sizes
-
-
-def _quintic(path: Path) -> tuple[_Intervals, Vector]:
+def _quintic(path: Path) -> Vector:
     """S = L (10 τ³ - 15 τ⁴ + 6 τ⁵), in cubic pieces that agree with it to the second derivative at their ends.
 
-    In one second; `_within` stretches it to what the bounds admit.
+    In one second, to be stretched to what the bounds admit.
     """
     at_ends = [_quintic_time(end / path.total) for end in path.ends[:-1].tolist()]
     time = np.unique(np.concatenate([np.linspace(0.0, 1.0, _QUINTIC_PARTS + 1), at_ends]))
@@ -279,10 +185,8 @@ def _quintic(path: Path) -> tuple[_Intervals, Vector]:
     way = np.concatenate([[0.0], np.cumsum(ways)])
     scale = path.total / way[-1]
     piece = path.piece_at(scale * (way[:-1] + way[1:]) / 2.0)
-    begins = (path.ends - path.length)[piece]
-    rates = scale * np.column_stack([speed[:-1], acceleration[:-1], jerk])
-    law = np.column_stack([scale * way[:-1] - begins, rates, piece.astype(float)])
-    return _Intervals(law, step), np.tile([1.0, 0.0, 0.0], (len(step), 1))
+    columns = [scale * way[:-1] - path.begins[piece], scale * speed[:-1], scale * acceleration[:-1], scale * jerk]
+    return _intervals(np.column_stack([*columns, piece.astype(float), step]).tolist())
 
 
 def _quintic_time(share: float) -> float:
@@ -295,26 +199,24 @@ def _quintic_time(share: float) -> float:
     return low
 
 
-def _by_ruckig(path: Path, each: Sequence[Bounds], end_speed: float) -> tuple[_Intervals, Vector]:
+def _by_ruckig(path: Path, bounds: Sequence[Bounds], end_speed: float) -> Vector:
     """Lines by Ruckig between corners at a constant speed; u is time."""
+    each = bounds_of_pieces(path, bounds)
     limit = [
         constant_speed(row, b.speed, b.acceleration, b.jerk, b.downward)
         for row, b in zip(path.table, each, strict=True)
     ]
     speeds, shares = _corner_speeds(path, each, limit, end_speed)
     rows: list[tuple[float, ...]] = []
-    for i, (length, bounds) in enumerate(zip(path.length.tolist(), each, strict=True)):
+    for i, (length, bound) in enumerate(zip(path.length.tolist(), each, strict=True)):
         start, end = speeds[i], speeds[i + 1]
         if path.sharpness[i] > 0.0:
             part = length / _CORNER_PARTS
             rows += [(m * part, start, 0.0, 0.0, i, part / start) for m in range(_CORNER_PARTS)]
         else:
-            limits = Bounds(limit[i], bounds.acceleration / shares[i], bounds.jerk / shares[i])
-            rows += [(*phase[:4], i, phase[4]) for phase in _line(length, start, end, limits)]
-    table = np.array(rows)
-    warp = np.zeros((len(table), 3))
-    warp[:, 0] = 1.0
-    return _Intervals(np.ascontiguousarray(table[:, :5]), np.ascontiguousarray(table[:, 5])), warp
+            straight = Bounds(limit[i], bound.acceleration / shares[i], bound.jerk / shares[i])
+            rows += [(*phase[:4], i, phase[4]) for phase in _line(length, start, end, straight)]
+    return _intervals(rows)
 
 
 def _corner_speeds(

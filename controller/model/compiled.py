@@ -57,6 +57,7 @@ FINDING: Any = _numba.types.Tuple((STATUS, STATUS, STATUS, SCALAR))
 FROZEN: Any = _numba.types.Array(SCALAR, 1, "C", readonly=True)
 ROW: Any = _numba.types.Array(SCALAR, 1, "C")
 TABLE: Any = _numba.types.Array(SCALAR, 2, "C")
+DEMAND: Any = _numba.types.Tuple((STATUS, STATUS, TABLE, TABLE))
 
 _PACKAGE = Path(__file__).resolve().parent
 

@@ -15,7 +15,8 @@ from app.layout import start_layout
 from app.manipulation import Inventory, Ply, Stage, Transfer, transfers
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply, plan_return
 from app.motion.gains import Softness, scheduled
-from app.motion.obstacles import Moving, Standing, blocking_neighbour, closed_position, needed_heights
+from app.motion.obstacles import Crowd, Moving, Standing, blocking_neighbour, closed_position, needed_heights
+from app.motion.path import Vector
 from app.motion.settings import Gains
 from controller.protocol import Guard
 from controller.safety import default_limits
@@ -206,7 +207,8 @@ def test_nothing_faster_downwards_near_the_board_than_the_contact_limit():
 @given(st.lists(st.floats(-0.01, 0.08), min_size=2, max_size=20).map(sorted), st.sampled_from(Softness))
 def test_gains_rise_with_height_at_the_stated_damping(heights, softness):
     gains, none = Gains(), np.zeros(len(heights))
-    stiffness, damping = scheduled(np.array(heights), none, none + 1.0, none + 1.0, softness, gains)
+    series = scheduled(np.array(heights), none, none + 1.0, none + 1.0, softness, gains)
+    stiffness, damping = series[:, :3], series[:, 3:]
     assert (np.diff(stiffness[:, 2]) >= 0.0).all()
     np.testing.assert_allclose(damping[:, 1:], 2.0 * gains.damping_ratio * np.sqrt(stiffness[:, 1:]))
     assert (damping[:, 0] >= 2.0 * gains.damping_ratio * np.sqrt(stiffness[:, 0]) - 1e-9).all()
@@ -224,7 +226,7 @@ def test_gains_are_continuous(softness):
         scheduled(none + 1.0, none, np.linspace(-0.1, 0.2, 35_001), none + 1.0, softness, Gains()),
         scheduled(none, np.linspace(0.0, 1.0, 35_001), none + 1.0, none + 1.0, softness, Gains()),
     ):
-        assert np.abs(np.diff(series[0], axis=0)).max() < 2.0
+        assert np.abs(np.diff(series[:, :3], axis=0)).max() < 2.0
 
 
 def test_return_goes_up_before_it_goes_over():
@@ -263,20 +265,35 @@ def test_closed_fingers_touch_the_stem():
 
 def test_what_is_passed_over_is_seen_by_its_distance_from_what_moves():
     pads = PARAMETERS.pads
-    king = Standing(Place("board", 0), 0.10, 0.03, Kind.KING)
-    pawn = Standing(Place("board", 1), 0.10, 0.00, Kind.PAWN)
-    way = np.column_stack([np.linspace(0.0, 0.2, 201), np.zeros(201)])
-    moving = Moving.of(pads, OPEN)
-    narrow = needed_heights(way, moving, [king, pawn], 0.0, 0.006)
+    king = Standing("king", Place("board", 0), 0.10, 0.03, Kind.KING)
+    pawn = Standing("pawn", Place("board", 1), 0.10, 0.00, Kind.PAWN)
+    both, moving = Crowd.of([king, pawn]), Moving.of(pads, OPEN)
+
+    def needed(moving: Moving, others: Crowd, beside: float) -> Vector:
+        return needed_heights(np.linspace(0.0, 1.0, 201), (0.0, 0.0), (0.2, 0.0), moving, others, beside, 0.006)
+
+    narrow = needed(moving, both, 0.0)
     assert narrow.max() == pytest.approx(PIECE_SHAPES[Kind.PAWN].height + pads.half_height + 0.006)
-    wide = needed_heights(way, moving, [king, pawn], 0.01, 0.006)
+    wide = needed(moving, both, 0.01)
     assert wide.max() == pytest.approx(PIECE_SHAPES[Kind.KING].height + pads.half_height + 0.006)
     under = np.flatnonzero(wide > 0.0) * 0.001
     outer = OPEN + pads.half_width + pads.back + PIECE_SHAPES[Kind.KING].foot_radius + 0.01
     assert under[0] == pytest.approx(0.10 - outer, abs=0.0011)
-    carrying = needed_heights(way, moving._replace(carried=PIECE_SHAPES[Kind.ROOK]), [pawn], 0.0, 0.006)
+    carrying = needed(moving._replace(carried=PIECE_SHAPES[Kind.ROOK]), both.without("king"), 0.0)
     assert carrying[100] == pytest.approx(PIECE_SHAPES[Kind.PAWN].height + PIECE_SHAPES[Kind.ROOK].grip_height + 0.006)
-    assert not needed_heights(way, moving, [], 0.0, 0.006).any()
+    assert not needed(moving, Crowd.of([]), 0.0).any()
+
+
+def test_a_crowd_without_a_piece_or_with_it_elsewhere_is_what_it_says():
+    pieces = [Standing.at(f"pawn {i}", square_place(8 + i), Kind.PAWN, TABLE) for i in range(8)]
+    crowd, there = Crowd.of(pieces), Standing.at("pawn 3", square_place(27), Kind.PAWN, TABLE)
+    for found, expected in (
+        (crowd.without("pawn 3"), pieces[:3] + pieces[4:]),
+        (crowd.without("queen"), pieces),
+        (crowd.with_moved(there), [*pieces[:3], there, *pieces[4:]]),
+    ):
+        assert found.pieces == tuple(expected)
+        np.testing.assert_array_equal(found.table, Crowd.of(expected).table)
 
 
 @settings(max_examples=60, deadline=None)
@@ -309,8 +326,8 @@ def test_no_way_of_a_random_position_leads_through_a_piece(seed):
 
 
 def test_neighbours_across_the_finger_axis_do_not_block():
-    beside = Standing(Place("board", 0), 0.0, 0.030, Kind.KING)
-    along = Standing(Place("board", 0), 0.024, 0.0, Kind.KING)
-    assert blocking_neighbour(0.0, 0.0, OPEN, 0.012, [beside], PARAMETERS.pads) is None
-    assert blocking_neighbour(0.0, 0.0, OPEN, 0.012, [along], PARAMETERS.pads) == along
-    assert blocking_neighbour(0.0, 0.0, OPEN, 0.062, [along], PARAMETERS.pads) is None, "above it"
+    beside = Standing("b", Place("board", 0), 0.0, 0.030, Kind.KING)
+    along = Standing("a", Place("board", 0), 0.024, 0.0, Kind.KING)
+    assert blocking_neighbour(0.0, 0.0, OPEN, 0.012, Crowd.of([beside]), PARAMETERS.pads) is None
+    assert blocking_neighbour(0.0, 0.0, OPEN, 0.012, Crowd.of([along]), PARAMETERS.pads) == along
+    assert blocking_neighbour(0.0, 0.0, OPEN, 0.062, Crowd.of([along]), PARAMETERS.pads) is None, "above it"

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from app.bench.cell import Cell
+from app.motion.gains import critical
 from app.motion.reference import Bounds, Vector, dwell, join, line, to_samples
 from controller.protocol import Guard, Result
 from controller.states import State
@@ -27,8 +28,7 @@ SOFT = (70.0, 70.0, 20.0)
 def way(start: Vector, end: Vector, speed: float) -> NDArray[Any]:
     """Samples of a straight line, soft downwards [m, m/s]."""
     path = join([dwell(start, 1), line(start, end, Bounds(speed, 5.0, 200.0), TICK)])
-    gains = np.tile(SOFT, (len(path), 1))
-    return to_samples(path, gains**2, 2.0 * gains, np.zeros(len(path)))
+    return to_samples(path, critical(SOFT, len(path)), np.zeros(len(path)))
 
 
 def push(plant: Plant) -> float:

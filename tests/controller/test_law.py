@@ -14,6 +14,7 @@ from controller.law import LawSettings, TaskSpaceController, pack_reference
 from controller.model import constrained
 from controller.model.compiled import PAIR, ROW, STATUS, TABLE, VECTOR, FloatArray, Vector, compiled_as
 from controller.model.constants import DeltaModel
+from controller.model.demand import torque_demand
 from controller.model.kinematics import Status
 from controller.model.reach import posture_at
 from controller.model.state import REFERENCE_SIZE, blank_state, load_model
@@ -354,3 +355,33 @@ def test_the_loop_never_compiles() -> None:
     assert controller.update((0, 1, 0), (0, 0, 0)) is Status.OK  # integers would be another type to Numba
     controller.torque(pack_reference((0, 0, 0)), (0, 0))
     assert [len(function.signatures) for function in compiled] == [1, 1]
+
+
+def test_the_demand_of_a_motion_is_what_the_exact_law_gives_on_it() -> None:
+    """With the reference's acceleration and no error: row by row what `exact_task_law` computes from the same state."""
+    rng = np.random.default_rng(2)
+    motion = np.column_stack(
+        [
+            rng.uniform((-0.2, -0.2, 0.30), (0.2, 0.2, 0.46), (40, 3)),
+            rng.normal(0.0, 0.7, (40, 3)),
+            rng.normal(0.0, 10.0, (40, 3)),
+        ]
+    )
+    status, _, torque, holding = torque_demand(MODEL.constants, LawSettings().coulomb_speed, motion)
+    assert status == Status.OK
+    controller = TaskSpaceController(MODEL)
+    for row, asked, held in zip(motion, torque, holding, strict=True):
+        controller.reset()
+        angles = triple(posture_at(MODEL, row[:3]).y)
+        assert controller.update(angles, STILL) is Status.OK
+        controller.update(angles, triple(controller.state.jacobian_inverse @ row[3:6]))
+        reference = pack_reference(triple(row[:3]), acceleration=triple(row[6:9]))
+        np.testing.assert_allclose(asked, controller.exact_task_torque(reference), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(held, controller.holding_torque(), rtol=0, atol=1e-9)
+
+
+def test_a_motion_out_of_reach_is_said_to_be_so_with_its_row() -> None:
+    motion = np.zeros((5, 9))
+    motion[:, 2], motion[3, 0] = 0.4, 2.0
+    status, row, _, _ = torque_demand(MODEL.constants, 0.05, motion)
+    assert (status, row) == (Status.UNREACHABLE, 3)
