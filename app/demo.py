@@ -18,7 +18,7 @@ from app.layout import start_layout
 from app.lines import parse_line
 from app.manipulation import Inventory
 from app.motion import PROFILES, Profile, contact_limits
-from app.players import EnginePlayer, LinePlayer, Player
+from app.players import EnginePlayer, LinePlayer, Player, Players
 from app.records import EVENTS_FILE, GameRecord, GameSetup, PlyEvent, new_folder, read_history, utc_now
 from app.records.files import write_atomically
 from app.rig import choose_rig, open_rig
@@ -82,7 +82,7 @@ def run_demo(options: DemoOptions, face: Face) -> SessionResult:
     with ExitStack() as stack:
         players = _players(options, board, line, stack, face)
         folder = options.out if options.out is not None else new_folder(Path("games"), utc_now())
-        setup = GameSetup(players[chess.WHITE].name, players[chess.BLACK].name, options.seed, pace.value)
+        setup = GameSetup(players.name(chess.WHITE), players.name(chess.BLACK), options.seed, pace.value)
         record = stack.enter_context(GameRecord.begin(folder, setup, board, inventory, 0.0))
         kept = options if rig is None else options.model_copy(update={"rig": str(Path(options.rig).absolute())})
         write_atomically(folder / OPTIONS_FILE, kept.model_dump_json(indent=2) + "\n")
@@ -119,7 +119,7 @@ def _play(
     options: DemoOptions,
     rig: RigFile | None,
     world: SimRigSettings | None,
-    players: dict[chess.Color, Player],
+    players: Players,
     record: GameRecord,
     position: Position,
     face: Face,
@@ -177,22 +177,22 @@ def _players(
     face: Face,
     *,
     opened: bool = False,
-) -> dict[chess.Color, Player]:
+) -> Players:
     """Who plays which colour; ``opened``: the opening is not chosen any more."""
     if line is not None:
         follower = LinePlayer(board, line)
-        return {chess.WHITE: follower, chess.BLACK: follower}
+        return stack.enter_context(Players(follower, follower))
     engines = {chess.WHITE: options.white_elo, chess.BLACK: options.black_elo}
     if options.nodes is not None and any(elo is not None for elo in engines.values()):
         raise UserError("--nodes is for repeatable games at full strength: leave --white-elo and --black-elo out")
     face.phase("starting Stockfish")
     opening = () if opened or options.fen is not None else _opening(options, board)
-    players: dict[chess.Color, Player] = {}
+    players = dict[chess.Color, Player]()
     for colour, elo in engines.items():
         engine = stack.enter_context(Engine(_engine_settings(options, elo)))
         name = "Stockfish" if elo is None else f"Stockfish (Elo {elo})"
         players[colour] = LinePlayer(board, opening, EnginePlayer(engine, name))
-    return players
+    return stack.enter_context(Players(players[chess.WHITE], players[chess.BLACK]))
 
 
 def _engine_settings(options: DemoOptions, elo: int | None) -> EngineSettings:

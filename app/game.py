@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -17,7 +16,7 @@ from app.faces import Face
 from app.judging import Verdict, judge
 from app.manipulation import Inventory, Ply, Stage, transfers
 from app.motion import Motion, MotionSettings, plan_ply, plan_return
-from app.players import Player
+from app.players import Players
 from app.records import GameRecord, PlyOutcome, StepEvent, recording
 from app.records.events import Result
 from app.recovery import FELT, Progress, progress_of
@@ -77,7 +76,7 @@ class Game:
     def __init__(
         self,
         position: Position,
-        players: Mapping[chess.Color, Player],
+        players: Players,
         devices: Devices,
         record: GameRecord,
         face: Face,
@@ -94,8 +93,9 @@ class Game:
         self._motion = motion
         self._parameters = parameters
         self._step: tuple[int, Stage] | None = None
+        self._most = 0
         self.thinking = 0.0
-        """Wall time spent by the players [s]."""
+        """Wall time that the arm rested because a player thought [s]."""
 
     def play(self, plies: int) -> GameEnd:
         """Play until the game is over, a player has no more moves, or so many plies are done.
@@ -103,6 +103,7 @@ class Game:
         A ply that fails physically ends the game; what went wrong is in the record.
         """
         self._face.position(self._board)
+        self._most = plies
         if not self._take_up():
             return WRONG
         for done in range(len(self._board.move_stack), plies + 1):
@@ -130,10 +131,10 @@ class Game:
         return position.unfinished is None or self._finish(position.unfinished)
 
     def _choose(self) -> chess.Move | None:
-        player = self._players[self._board.turn]
-        self._face.phase(f"{'White' if self._board.turn else 'Black'} thinks ({player.name})")
+        turn = self._board.turn
+        self._face.phase(f"{'White' if turn else 'Black'} thinks ({self._players.name(turn)})")
         since = time.perf_counter()
-        decision = player.choose(self._board)
+        decision = self._players.choose(self._board)
         self.thinking += time.perf_counter() - since
         return decision.move
 
@@ -218,6 +219,15 @@ class Game:
         if motion.transfer is not None and motion.stage is not None:
             self._step = done + motion.transfer, motion.stage
             self._record.step(ply.uci, *self._step, self._devices.clock.now())
+            if self._step == (len(ply.transfers) - 1, Stage.RELEASE):
+                self._think_ahead(chess.Move.from_uci(ply.uci))
+
+    def _think_ahead(self, move: chess.Move) -> None:
+        """While the arm lets go of the last piece and goes home, the next player thinks already."""
+        board = self._board.copy()
+        board.push(move)
+        if len(board.move_stack) < self._most and board.outcome(claim_draw=True) is None:
+            self._players.begin(board)
 
     def _look(self) -> Frame | None:
         if self._devices.camera is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -69,3 +70,48 @@ class LinePlayer:
         if index < len(self._line):
             return Decision(self._line[index])
         return self._then.choose(board) if self._then is not None else Decision(None)
+
+
+class Players:
+    """Both sides. They are asked in a thread of its own, so that one can think while the arm still moves.
+
+    A context manager: at its end nobody is waited for, and closing an engine ends what it thinks about.
+    """
+
+    def __init__(self, white: Player, black: Player) -> None:
+        self._players = {chess.WHITE: white, chess.BLACK: black}
+        self._pool = ThreadPoolExecutor(1, "thinking")
+        self._ahead: tuple[chess.Board, Future[Decision]] | None = None
+
+    def __enter__(self) -> Players:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def name(self, colour: chess.Color) -> str:
+        """Of the player of a colour, for the record."""
+        return self._players[colour].name
+
+    def begin(self, board: chess.Board) -> None:
+        """Let the side to move think about a position that will be on the board; asked twice, it goes on."""
+        if self._ahead is None or not _same(self._ahead[0], board):
+            position = board.copy()
+            self._ahead = position, self._pool.submit(self._players[board.turn].choose, position)
+
+    def choose(self, board: chess.Board) -> Decision:
+        """The move, as soon as the side to move knows it; what was thought about another position is dropped.
+
+        Raises:
+            EngineProblem: as the player.
+        """
+        self.begin(board)
+        assert self._ahead is not None
+        _, decision = self._ahead
+        self._ahead = None
+        return decision.result()
+
+
+def _same(one: chess.Board, other: chess.Board) -> bool:
+    """The same position with the same history."""
+    return one == other and one.move_stack == other.move_stack

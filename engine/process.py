@@ -15,6 +15,7 @@ import signal
 import sys
 import threading
 from collections.abc import Awaitable, Callable, Coroutine
+from concurrent.futures import CancelledError
 from contextlib import suppress
 from typing import Any, TypeVar
 
@@ -133,9 +134,16 @@ class UciProcess:
     def _wait_for(self, coroutine: Coroutine[Any, Any, T], deadline: float) -> T:
         """Run a coroutine in the thread; on a time-out it is left alone, as killing the process ends it."""
         try:
-            return asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(deadline)
+            answer = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
+        except RuntimeError as error:  # the loop is closed
+            coroutine.close()
+            raise Misbehaved("it was ended") from error
+        try:
+            return answer.result(deadline)
         except TimeoutError as error:
             raise Misbehaved(f"it gave no answer within {deadline:g} s") from error
+        except CancelledError as error:
+            raise Misbehaved("it was ended while it was asked") from error
         except chess.engine.EngineTerminatedError as error:
             raise Misbehaved(self._death()) from error
         except chess.engine.EngineError as error:

@@ -6,6 +6,7 @@ An engine that hangs, dies, answers illegally or breaks the protocol is killed, 
 from __future__ import annotations
 
 import shutil
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -116,10 +117,11 @@ def thinking_time(limit: chess.engine.Limit, turn: chess.Color) -> float | None:
 
 
 class Engine:
-    """An engine that plays; a context manager. One thread at a time may ask, any thread."""
+    """An engine that plays; a context manager. One thread at a time may ask, any thread, and any may close it."""
 
     def __init__(self, settings: EngineSettings) -> None:
         self.settings = settings
+        self._lock = threading.Lock()
         self._path: str | None = None
         self._process: UciProcess | None = None
         self._game = object()
@@ -137,8 +139,9 @@ class Engine:
         return self
 
     def close(self) -> None:
-        """End the process at once. Harmless when already done."""
-        self._path = None
+        """End the process at once, also while another thread asks. Harmless when already done."""
+        with self._lock:
+            self._path = None
         self._drop()
 
     def __enter__(self) -> Self:
@@ -231,17 +234,30 @@ class Engine:
 
     def _ask(self, doing: str, ask: Callable[[UciProcess], T]) -> T:
         """Ask, and after a failure ask a fresh process once more."""
-        if self._path is None:
-            raise EngineRefused("the engine is not open: open it before asking")
-        reasons = []
+        reasons, path = [], self._path
         for _ in range(ATTEMPTS):
             try:
-                self._process = self._process or self._start(self._path)
-                return ask(self._process)
+                return ask(self._running())
             except Misbehaved as error:
                 self._drop()
                 reasons.append(str(error))
-        raise EngineFailed(self._path, doing, reasons)
+        assert path is not None, "else _running refuses"
+        raise EngineFailed(path, doing, reasons)
+
+    def _running(self) -> UciProcess:
+        """The process, started if there is none."""
+        path, process = self._path, self._process
+        if path is None:
+            raise EngineRefused("the engine is not open: open it before asking")
+        if process is not None:
+            return process
+        process = self._start(path)
+        with self._lock:
+            if self._path is not None:
+                self._process = process
+                return process
+        process.kill()  # closed meanwhile
+        raise EngineRefused("the engine was closed while it was started")
 
     def _start(self, path: str) -> UciProcess:
         process = UciProcess(path, self.settings.start_deadline)
@@ -255,7 +271,8 @@ class Engine:
         return process
 
     def _drop(self) -> None:
-        process, self._process = self._process, None
+        with self._lock:
+            process, self._process = self._process, None
         if process:
             process.kill()
 

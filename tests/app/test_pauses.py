@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from app.layout import start_layout
 from app.manipulation import Inventory, Stage
 from app.motion import Motion, MotionSettings, Plan
 from app.motion.obstacles import closed_position
-from app.players import LinePlayer
+from app.players import Decision, LinePlayer, Player, Players
 from app.records import GameRecord, GameSetup, PlyEvent, StepEvent, read_events
 from hardware.parameters import load_parameters
 from hardware.table import Kind, TableSettings
@@ -81,17 +82,16 @@ class LateArm:
         self._state = ArmState(samples["position"][last].copy(), finger, 0, felt)
 
 
-def play(folder: Path, arm: LateArm, line: str = "e4 d5 exd5") -> Game:
+def play(folder: Path, arm: LateArm, line: str = "e4 d5 exd5", wrap: Callable[[Player], Player] = lambda p: p) -> Game:
     board = chess.Board()
     inventory = Inventory.of(start_layout(board, TABLE), TABLE)
     moves, walk = [], board.copy()
     for san in line.split():
         moves.append(walk.push_san(san))
-    player = LinePlayer(board, moves)
+    player = wrap(LinePlayer(board, moves))
     record = GameRecord.begin(folder, GameSetup("a", "b", 1, "real"), board, inventory, 0.0)
     devices = Devices(arm, Clock(), None, None)
-    players = {chess.WHITE: player, chess.BLACK: player}
-    with record:
+    with record, Players(player, player) as players:
         game = Game(Position(board, inventory), players, devices, record, Quiet(), MOTION, PARAMETERS)
         game.play(10)
     return game
@@ -128,3 +128,35 @@ def test_an_arm_that_is_always_late_ends_the_game_with_its_sentence(tmp_path: Pa
     with pytest.raises(ArmPaused, match="send further ahead"):
         play(tmp_path / "game", arm)
     assert arm.pauses == MOST_PAUSES + 1
+
+
+def test_the_next_player_thinks_while_the_arm_lets_go_and_goes_home(tmp_path: Path) -> None:
+    """On its way home after each ply this arm waits until the next player has been asked."""
+    asked_for, asked = list[int](), threading.Condition()
+
+    class Told:
+        name = "told"
+
+        def __init__(self, player: Player) -> None:
+            self._player = player
+
+        def choose(self, board: chess.Board) -> Decision:
+            with asked:
+                asked_for.append(board.ply())
+                asked.notify()
+            return self._player.choose(board)
+
+    class Waiting(LateArm):
+        homes = 0
+
+        def _follow(self, motion: Motion, last: int) -> None:
+            super()._follow(motion, last)
+            if motion.stage is Stage.RELEASE and motion.label.endswith("home"):
+                self.homes += 1
+                with asked:
+                    assert asked.wait_for(lambda: self.homes in asked_for, 10.0), "nobody thinks"
+
+    arm = Waiting(Stage.RETURN, 0.0)
+    play(tmp_path / "game", arm, wrap=Told)
+    assert asked_for == [0, 1, 2, 3]
+    assert arm.homes == 3

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import chess
+import pytest
 
-from app.players import Decision, LinePlayer
+from app.players import Decision, LinePlayer, Players
 
 
 class Always:
@@ -35,3 +36,49 @@ def test_after_the_line_another_player_goes_on():
     board.push_uci("e2e4")
     assert player.choose(board).move == chess.Move.from_uci("e7e5")
     assert player.name == "always"
+
+
+class Counting:
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.positions = list[str]()
+
+    def choose(self, board: chess.Board) -> Decision:
+        self.positions.append(board.fen())
+        return Decision(next(iter(board.legal_moves)))
+
+
+def test_what_was_thought_ahead_is_the_answer_and_another_position_is_thought_about_anew():
+    white, black = Counting("w"), Counting("b")
+    board, other = chess.Board(), chess.Board()
+    other.push_san("Nf3")
+    with Players(white, black) as players:
+        assert (players.name(chess.WHITE), players.name(chess.BLACK)) == ("w", "b")
+        players.begin(board)
+        players.begin(board)
+        first = players.choose(board).move
+        assert len(white.positions) == 1
+        assert first in board.legal_moves
+        players.begin(board)
+        assert players.choose(other).move in other.legal_moves
+        assert black.positions == [other.fen()]
+        board.push_san("Nf3")
+        board.push_san("Nf6")
+        board.push_san("Ng1")
+        board.push_san("Ng8")  # the same position, but seen before: another question
+        players.begin(chess.Board())
+        players.choose(board)
+        assert white.positions[-1] == board.fen()
+
+
+def test_what_goes_wrong_in_thinking_ahead_shows_when_the_move_is_needed():
+    class Broken:
+        name = "broken"
+
+        def choose(self, board: chess.Board) -> Decision:
+            raise LookupError("no move")
+
+    with Players(Broken(), Broken()) as players:
+        players.begin(chess.Board())
+        with pytest.raises(LookupError, match="no move"):
+            players.choose(chess.Board())

@@ -16,12 +16,14 @@ from typing import Any
 import chess
 import pytest
 
+from engine.errors import EngineProblem, EngineRefused
 from engine.stockfish import Engine, EngineSettings
 
 ROOT = Path(__file__).parents[2]
 
 PARENT = """
 import sys, chess
+from engine.errors import EngineProblem, EngineRefused
 from engine.stockfish import Engine, EngineSettings
 engine = Engine(EngineSettings(path=sys.argv[1], nodes=10**12, deadline=60.0)).open()
 print(engine.pid, flush=True)
@@ -140,6 +142,31 @@ def test_close_ends_process_and_thread_at_once_and_twice_is_harmless(fake: Calla
     while threading.active_count() > threads and time.monotonic() < deadline:
         time.sleep(0.01)
     assert threading.active_count() == threads
+
+
+def test_an_engine_closed_while_another_thread_asks_ends_at_once_and_starts_no_other(fake: Callable[..., Any]) -> None:
+    made = fake(on_go="time.sleep(30)")
+    engine = Engine(EngineSettings(path=made.path, nodes=100)).open()
+    pid, answers = engine.pid, list[BaseException]()
+
+    def ask() -> None:
+        try:
+            engine.choose(chess.Board())
+        except EngineProblem as error:
+            answers.append(error)
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    while not any(line.startswith("go") for line in made.heard):
+        time.sleep(0.01)
+    began = time.monotonic()
+    engine.close()
+    thread.join(5.0)
+    assert time.monotonic() - began < 2.0
+    assert not thread.is_alive()
+    assert [type(answer) for answer in answers] == [EngineRefused]
+    assert made.starts == 1
+    assert not Path(f"/proc/{pid}").exists()
 
 
 def test_a_restart_leaves_no_first_process_behind(fake: Callable[..., Any]) -> None:
