@@ -15,13 +15,14 @@ from app.bench.grasps import slides
 from app.bench.optimum import NoOptimum, optimal_duration
 from app.bench.plies import Disorder, Done, Games
 from app.bench.report import BenchReport, Row, machine, row
+from app.bench.touchdown import TARGET, Touchdown, set_down
 from app.manipulation import MoveKind
 from app.motion import PROFILES, Motion, MotionSettings, Profile
 from app.motion.path import STRAIGHT, Path, Vector, blend, turns
 from app.motion.time_law import Bounds, Law, bounds_of_pieces, time_law
 from controller.protocol import Guard
 from hardware.parameters import RobotParameters, load_parameters
-from hardware.table import CONTACT_PROFILES, Kind, TableSettings
+from hardware.table import CONTACT_PROFILES, Kind, TableSettings, square_place
 
 SEED: Final = 1
 TRANSFERS: Final = {Profile.DEFAULT: 500, Profile.FAST: 150, Profile.GENTLE: 60}
@@ -46,6 +47,11 @@ TOOL: Final = 0.2
 DISTURBED: Final = 1.0
 GRASPS: Final = 300
 QUICK_GRASPS: Final = 10
+TOUCH_FORCE: Final = 10.0
+"""On feet of 100 N/mm, with the target's height wrong by up to … [N]"""
+HEIGHT_ERROR: Final = 0.003
+"""… this [m]."""
+CORNER: Final = square_place(63)
 SLIDE: Final = 1.0
 """Median way that a piece up to 3 mm off along the fingers is pushed before both hold it [mm]."""
 
@@ -82,11 +88,21 @@ def motion_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
         settings = settings.model_copy(update={"gains": settings.gains.model_copy(update={"tactile_gain": gain})})
         pushed = slides(QUICK_GRASPS if quick else GRASPS, settings, parameters, TableSettings(), SEED, progress)
         rows[name] = row([1e3 * way for way in pushed], "mm", limit)
+    progress("setting pieces down where the board is up to 3 mm higher or lower than believed")
+    rows["touch_force"] = row(_touch_forces(parameters, quick=quick), "N", TOUCH_FORCE, "max")
     rows["failed"] = row([float(len(failures))], "plies", 0.0, "max")
     for sentence in failures:
         progress(sentence)
     holds = all(one.holds for one in rows.values())
     return BenchReport(bench="motion", seed=SEED, pace="fast", machine=machine(), holds=holds, rows=rows)
+
+
+def _touch_forces(parameters: RobotParameters, *, quick: bool) -> list[float]:
+    """Of pieces with felt, with guard and gain schedule [N]."""
+    settings, errors = PROFILES[Profile.DEFAULT], np.linspace(-HEIGHT_ERROR, HEIGHT_ERROR, 3 if quick else 7).tolist()
+    cases = [(TARGET, Kind.KING)] if quick else [(p, k) for p in (TARGET, CORNER) for k in (Kind.PAWN, Kind.KING)]
+    trials = [Touchdown(error, target=place, kind=kind) for place, kind in cases for error in errors]
+    return [set_down(trial, settings, parameters).peak for trial in trials]
 
 
 def _rows_of(profile: Profile, games: Games, parameters: RobotParameters) -> dict[str, Row]:

@@ -17,6 +17,7 @@ from app.figures.grasp_pictures import figure_7
 from app.figures.move import MOVE, move_figure
 from app.figures.newton import newton
 from app.figures.result import Progress, Result, save
+from app.figures.touch import touch
 from app.figures.workspace import workspace
 
 FIGURES: Mapping[str, Callable[[Progress], Result]] = MappingProxyType(
@@ -27,6 +28,7 @@ FIGURES: Mapping[str, Callable[[Progress], Result]] = MappingProxyType(
         "9": figure_9,
         "newton": newton,
         "encoder": encoder,
+        "touch": touch,
         "workspace": workspace,
     }
 )

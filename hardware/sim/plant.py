@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Callable
 from typing import Final, cast
 
 import mujoco
@@ -73,6 +74,8 @@ class Plant:
         self.data = mujoco.MjData(model)
         self.parameters = parameters
         self.tick = 0
+        self.watch_step: Callable[[], None] | None = None
+        """Called after every step of the integration; for measurements."""
         drive = parameters.drive
         self._steps = _steps_of_a_tick(drive.tick, model.opt.timestep)
         self._counts_per_rad = 2.0**drive.encoder_bits / (2.0 * math.pi)
@@ -204,6 +207,8 @@ class Plant:
         """Advance by one tick."""
         for _ in range(self._steps):
             mujoco.mj_step(self.model, self.data)
+            if self.watch_step is not None:
+                self.watch_step()
         self.tick += 1
         old, new = self._counts, self._read_encoders()
         scale = self._speed_per_count

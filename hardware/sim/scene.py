@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
 from hardware.sim.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics
+from hardware.sim.contact import Contact, set_solver
 from hardware.sim.turning import turned_mesh
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceShape, PieceSpec, TableSettings
 
@@ -19,7 +20,9 @@ FEET = 6
 FOOT_PAD_RADIUS = 0.0015
 FOOT_FRICTION = 0.45
 """Felt on lacquered wood (assumed)."""
-FOOT_SOLREF = (0.004, 1.0)
+FELT = Contact(stiffness=1.0e5, mass=1.1, damping_ratio=0.2, followed=0.2)
+"""Feet on the board, as a piece in the fingers meets it: 100 N/mm with the mass of the arm behind it. Felt of 2 mm on
+2 cm² (assumed: its modulus is some MPa); it gives back little of what it takes."""
 SLEEP_TOLERANCE = 1e-3
 """A resting piece falls asleep below this velocity [m/s, scaled]."""
 
@@ -44,12 +47,21 @@ CAMERAS = {
 
 @dataclass(frozen=True, slots=True)
 class StandingPiece:
-    """One piece as it is put down before the start: its spec and exact pose in the board frame [m, rad]."""
+    """One piece as it is put down before the start: its spec and exact pose in the board frame [m, rad].
+
+    Attributes:
+        spec: name, kind, colour, place.
+        x: of its centre.
+        y: of its centre.
+        yaw: about its axis.
+        height: of what it stands on, above the board.
+    """
 
     spec: PieceSpec
     x: float
     y: float
     yaw: float = 0.0
+    height: float = 0.0
 
 
 def _add_deck(spec: mujoco.MjSpec, table: TableSettings) -> None:
@@ -119,11 +131,12 @@ def _piece_inertia(shape: PieceShape) -> tuple[tuple[float, float, float], list[
     return (0.0, 0.0, 0.38 * shape.height), [across, across, 0.5 * shape.mass * radius**2]
 
 
-def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece) -> None:
+def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece, feet: Contact) -> None:
     shape = PIECE_SHAPES[piece.spec.kind]
+    solver = feet.solver(shape.mass, FEET)
     half = piece.yaw / 2.0
     body = spec.worldbody.add_body(
-        name=piece.spec.name, pos=[piece.x, piece.y, 0.0], quat=[math.cos(half), 0.0, 0.0, math.sin(half)]
+        name=piece.spec.name, pos=[piece.x, piece.y, piece.height], quat=[math.cos(half), 0.0, 0.0, math.sin(half)]
     )
     body.add_freejoint(name=piece.spec.name)
     centre, inertia = _piece_inertia(shape)
@@ -132,11 +145,12 @@ def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece) -> None:
     ring = shape.foot_radius - FOOT_PAD_RADIUS
     for i in range(FEET):
         angle = 2.0 * math.pi * i / FEET
-        body.add_geom(
+        foot = body.add_geom(
             name=f"{piece.spec.name}.foot{i}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[FOOT_PAD_RADIUS, 0, 0],
             pos=[ring * math.cos(angle), ring * math.sin(angle), FOOT_PAD_RADIUS], contype=SCENE_BITS,
-            conaffinity=0, solref=list(FOOT_SOLREF), **common,
+            conaffinity=0, **common,
         )  # fmt: skip
+        set_solver(foot, solver)
     body.add_geom(
         name=f"{piece.spec.name}.disc", type=mujoco.mjtGeom.mjGEOM_CYLINDER, contype=0, conaffinity=TOOL_BITS,
         size=[shape.foot_radius, (shape.foot_height - FOOT_PAD_RADIUS) / 2.0, 0],
@@ -197,6 +211,7 @@ def build_model(
     timestep: float | None = None,
     *,
     looks: bool = True,
+    feet: Contact = FELT,
     add: Callable[[mujoco.MjSpec], None] | None = None,
 ) -> mujoco.MjModel:
     """Compile the world.
@@ -208,6 +223,7 @@ def build_model(
         home: tool point in the base frame [m] at which the arm starts; key frame 0 holds the whole start state.
         timestep: integration step [s], default the drive's tick.
         looks: with all that is only seen. Without it a step is quicker, and what happens is the same.
+        feet: of the pieces, on the board.
         add: puts something more into the world.
 
     World frame: the board frame, z up.
@@ -230,7 +246,7 @@ def build_model(
     _add_surroundings(spec)
     add_arm(spec, parameters, table.centre_in_base)
     for piece in pieces:
-        _add_piece(spec, piece)
+        _add_piece(spec, piece, feet)
     if add is not None:
         add(spec)
     _add_contact_sensors(spec)

@@ -11,6 +11,7 @@ import pytest
 from app.bench import motion
 from app.bench.optimum import optimal_duration
 from app.bench.plies import Bed, Disorder, positions
+from app.bench.touchdown import WOOD, Touchdown, set_down
 from app.manipulation import MoveKind
 from app.motion import PROFILES, Profile
 from app.motion.path import blend
@@ -18,7 +19,7 @@ from app.motion.route import timed
 from app.motion.time_law import Bounds, time_law
 from controller.protocol import Result
 from hardware.parameters import load_parameters
-from hardware.table import TableSettings
+from hardware.table import Kind, TableSettings
 
 PARAMETERS, TABLE, DEFAULT = load_parameters(), TableSettings(), PROFILES[Profile.DEFAULT]
 
@@ -98,3 +99,20 @@ def test_positions_are_of_running_games() -> None:
     boards = [next(found) for _ in range(20)]
     assert not any(board.is_game_over() for board in boards)
     assert len({board.fen() for board in boards}) > 15
+
+
+@pytest.mark.parametrize("error", [-0.003, 0.003])
+def test_a_piece_is_set_down_softly_wherever_the_board_is_and_harder_on_bare_wood(error):
+    settings = DEFAULT
+    felt = set_down(Touchdown(error), settings, PARAMETERS)
+    wood = set_down(Touchdown(error, WOOD, kind=Kind.PAWN), settings, PARAMETERS)
+    assert 4.0 < felt.peak <= 10.0
+    assert wood.peak > 1.3 * felt.peak
+    assert felt.lasting < 8.0
+
+
+def test_without_the_guard_a_piece_is_pressed_until_the_way_ends():
+    settings = DEFAULT
+    guarded, pressed = (set_down(Touchdown(0.0, guard=on), settings, PARAMETERS) for on in (True, False))
+    assert guarded.lasting < 3.0
+    assert pressed.lasting > 1.5 * guarded.lasting

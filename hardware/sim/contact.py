@@ -1,0 +1,72 @@
+"""Contacts of a stated stiffness: what MuJoCo's solref and solimp must be for them.
+
+MuJoCo softens a contact by R = (1 - d) / (d m), with the impedance d of solimp and the mass m of the lighter body, and
+asks for the acceleration -B v - K d x, with K = k' / d² and B = b' / d for solref = (-k', -b'). Its force is
+
+    f = (-B v - K d x - a) / R = -c v - k x - M a,    k = k' m / (1 - d),  c = b' m / (1 - d),  M = m d / (1 - d):
+
+a spring and a damper, and a mass M that moves along while they touch. M is not there in the world. It does
+not show in a rest, and hardly in a blow of something that weighs much more; but it keeps light things calm
+on a stiff spring: √(k / (m + M)) times the time step must stay well below 2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import mujoco
+
+
+class Solver(NamedTuple):
+    """MuJoCo's numbers of a contact."""
+
+    solref: tuple[float, float]
+    solimp: tuple[float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """What a pair of surfaces is like.
+
+    Attributes:
+        stiffness: force by depth, as a blow of ``mass`` meets it [N/m].
+        mass: effective one of such a blow, for which stiffness and damping are right [kg].
+        damping_ratio: of the contact with that mass on it.
+        followed: mass that moves along with the surface while they touch, M above [kg].
+    """
+
+    stiffness: float
+    mass: float
+    damping_ratio: float
+    followed: float
+
+    def solver(self, lighter: float, points: int = 1) -> Solver:
+        """For one of so many points that touch at once.
+
+        Args:
+            lighter: mass of the body that MuJoCo takes for m: that of the one which can move, if one cannot [kg].
+            points: that share the force.
+        """
+        ratio = self.followed / (points * lighter)
+        impedance = ratio / (1.0 + ratio)
+        stiffness = self.stiffness * (1.0 + self.followed / self.mass)
+        damping = 2.0 * self.damping_ratio * math.sqrt(stiffness * (self.mass + self.followed))
+        per_point = (1.0 - impedance) / (points * lighter)
+        return Solver((-stiffness * per_point, -damping * per_point), (impedance, impedance, 0.001, 0.5, 2.0))
+
+    def peak(self, speed: float, mass: float) -> float:
+        """Largest force of a blow without damping: v √(k μ) for the mass it is right for [N].
+
+        Args:
+            speed: [m/s].
+            mass: effective one of what hits [kg].
+        """
+        stiffness = self.stiffness * (1.0 + self.followed / self.mass) / (1.0 + self.followed / mass)
+        return speed * math.sqrt(stiffness * mass)
+
+
+def set_solver(geom: mujoco.MjsGeom, solver: Solver) -> None:
+    """Give a geom a contact's numbers, whatever the other one has."""
+    geom.solref, geom.solimp, geom.priority = list(solver.solref), list(solver.solimp), 1
