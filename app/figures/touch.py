@@ -7,16 +7,15 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from app.bench.touchdown import WOOD, Pressed, Touchdown, set_down
+from app.bench.touchdown import FELT, WOOD, Pressed, Touchdown, set_down
 from app.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
 from app.figures.result import Bar, Picture, Progress, Result
 from app.motion import PROFILES, Profile
 from hardware.parameters import load_parameters
-from hardware.sim.scene import FELT
 
 ERRORS: Final = 0.001 * np.linspace(-3.0, 3.0, 7)
 """How much higher the target is than believed [m]."""
-FEET: Final = {"felt": FELT.stiffness, "bare wood": WOOD}
+FEET: Final = {"felt": FELT, "bare wood": WOOD}
 WAYS: Final = {
     "guard and schedule": (True, True, WITH),
     "guard alone": (True, False, DARK),

@@ -63,8 +63,8 @@ def new_folder(parent: Path, now: datetime) -> Path:
         return folder
 
 
-def write_atomically(path: Path, text: str) -> None:
-    """Replace a file as a whole: whoever reads it, also after a crash, finds the old text or the new one.
+def write_atomically(path: Path, content: str | bytes) -> None:
+    """Replace a file as a whole: whoever reads it, also after a crash, finds the old content or the new one.
 
     Raises:
         RecordError: it cannot be written; the old file is as it was.
@@ -72,8 +72,8 @@ def write_atomically(path: Path, text: str) -> None:
     part = path.with_name(path.name + ".part")
     with recording(path):
         try:
-            with part.open("w", encoding="utf-8") as file:
-                file.write(text)
+            with part.open("wb") as file:
+                file.write(content.encode() if isinstance(content, str) else content)
                 file.flush()
                 os.fsync(file.fileno())
             part.replace(path)
