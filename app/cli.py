@@ -210,7 +210,7 @@ def _run(process: Callable[[], int]) -> NoReturn:
 
 @app.command()
 def figures(
-    name: Annotated[str, typer.Argument(help="5, 6, 7 or 9 of the paper, newton, encoder, workspace or move.")],
+    name: Annotated[str, typer.Argument(help="5, 6, 7 or 9 of the paper, newton, encoder, workspace, touch or move.")],
     move: Annotated[str, typer.Argument(help="Drawn by figure move, SAN or UCI.")] = "e2e4",
     fen: Annotated[str | None, typer.Option(help="Figure move: in this position.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for the pictures and their numbers.")] = Path("games/figures"),
@@ -236,7 +236,7 @@ def figures(
 
 @app.command()
 def bench(
-    name: Annotated[str, typer.Argument(help="What to measure: law, loop, finger or kills.")],
+    name: Annotated[str, typer.Argument(help="What to measure: law, loop, finger, kills, motion or sim.")],
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions: ends within a minute.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:

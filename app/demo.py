@@ -60,6 +60,8 @@ class DemoOptions(BaseModel):
     port: int = 0
     rig: str = SIMULATED
     profile: Profile = Profile.DEFAULT
+    journal: bool = False
+    """A simulation of our own keeps every command, so that it can be done again."""
 
 
 def run_demo(options: DemoOptions, face: Face) -> SessionResult:
@@ -142,7 +144,7 @@ def _simulation(options: DemoOptions, inventory: Inventory, pace: Pace) -> SimRi
     return SimRigSettings(
         world=WorldSettings(
             pieces=tuple(inventory), home=PROFILES[options.profile].home, table=inventory.table, pace=pace,
-            seed=options.seed, linger=options.linger,
+            seed=options.seed, linger=options.linger, journal=options.journal,
         ),
         controller=ControllerSettings(linger=max(options.linger, 1e-3), port=options.port),
     )  # fmt: skip

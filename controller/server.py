@@ -311,10 +311,13 @@ class Server:
         return self._samples is not None
 
     def _telemetry_is_due(self, now: float, tick: int) -> bool:
-        """On every change, every so many ticks, and at least every so often in wall time; marked as done then."""
+        """On every change, once in every so many ticks, and at least every so often in wall time; marked as done then.
+
+        In lockstep that once is at their begin, whatever was told in between: so two runs tell the same of those ticks.
+        """
         supervisor, settings = self.supervisor, self._settings
         change = (supervisor.state, supervisor.ended, supervisor.may_exchange, self._door.last_command, self._echo)
-        due = tick - self._published_tick >= settings.telemetry_ticks
+        due = tick // settings.telemetry_ticks != self._published_tick // settings.telemetry_ticks
         if due or now - self._published_at >= settings.telemetry_interval or change != self._published:
             self._published, self._published_tick, self._published_at = change, tick, now
             return True

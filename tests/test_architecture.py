@@ -54,6 +54,7 @@ KNOW_THE_SIMULATION = {
     "app.bench.plies": "sets worlds up for a bench, and reads where the pieces came to stand",
     "app.bench.finger": "puts a finger into the world",
     "app.bench.touchdown": "sets pieces down in a world in the same process",
+    "app.bench.sim": "does a game's ticks again by the plant alone",
     "app.bench.recording": "records the law over a plant in the same process",
     "app.figures.grasp_mujoco": "computes a figure on the plant",
     "app.figures.grasp_views": "has the plant of a figure drawn",

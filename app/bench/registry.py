@@ -12,12 +12,20 @@ from app.bench.law import law_bench
 from app.bench.loop import loop_bench
 from app.bench.motion import motion_bench
 from app.bench.report import BenchReport
+from app.bench.sim import sim_bench
 
 Progress = Callable[[str], None]
 Bench = Callable[[bool, Progress], BenchReport]
 
 BENCHES: Mapping[str, Bench] = MappingProxyType(
-    {"law": law_bench, "loop": loop_bench, "finger": finger_bench, "kills": kills_bench, "motion": motion_bench}
+    {
+        "law": law_bench,
+        "loop": loop_bench,
+        "finger": finger_bench,
+        "kills": kills_bench,
+        "motion": motion_bench,
+        "sim": sim_bench,
+    }
 )
 """By name; each takes ``quick`` and a function that is told what is being done."""
 

@@ -122,7 +122,7 @@ class Profile(StrEnum):
 PROFILES: Final = MappingProxyType({
     Profile.DEFAULT: MotionSettings(),
     Profile.FAST: MotionSettings(
-        speed=CONTACT_PROFILES["fast"].tool_speed, acceleration=26.0, jerk=1400.0, grip=Grip(opening_speed=0.12)
+        speed=CONTACT_PROFILES["fast"].tool_speed, acceleration=25.0, jerk=1300.0, grip=Grip(opening_speed=0.12)
     ),
     Profile.GENTLE: MotionSettings(speed=CONTACT_PROFILES["gentle"].tool_speed, acceleration=8.0, jerk=250.0),
     Profile.MINIMUM_JERK: MotionSettings(law=Law.MINIMUM_JERK),

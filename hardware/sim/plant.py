@@ -267,8 +267,11 @@ class Plant:
         if reset_peak:
             self._peak_squared = 0.0
         poses = tuple(self._pose(name, start) for name, start in self._piece_q.items())
-        gap = max(float(np.linalg.norm(a - b)) for a, b in self._closures)
-        return Truth(self.tick, poses, peak, gap, self.arm_speed(), self.digest(), self._tool())
+        return Truth(self.tick, poses, peak, self.closure_gap(), self.arm_speed(), self.digest(), self._tool())
+
+    def closure_gap(self) -> float:
+        """How far the loops of the arm are from being closed, the widest one [m]."""
+        return max(float(np.linalg.norm(a - b)) for a, b in self._closures)
 
     def _tool(self) -> Triple:
         base = self.data.body("base")

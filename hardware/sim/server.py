@@ -27,6 +27,7 @@ from hardware.interfaces import Command, HardwareError
 from hardware.parameters import load_parameters
 from hardware.realtime import real_time
 from hardware.sim import wire
+from hardware.sim.journal import Journal
 from hardware.sim.pacing import Metronome, SpeedMeter
 from hardware.sim.pictures import CameraService
 from hardware.sim.plant import Plant
@@ -77,6 +78,7 @@ class World:
         self.plant = Plant(model, parameters, names, before)
         for left in (END_FILE, STATE_FILE):  # of a world before this one: from here on they would be untrue
             (run_dir / left).unlink(missing_ok=True)
+        self._journal = Journal() if settings.journal else None
         self._fast = settings.pace is Pace.FAST
         self._realtime = settings.realtime and not self._fast
         self._watchdog_ticks = drive.watchdog_ticks
@@ -216,7 +218,7 @@ class World:
         self._answer()
         self.plant.apply(command)
         self._applied = command
-        self._advance()
+        self._advance(command)
 
     def _answer(self) -> None:
         controller, tick = self._drives.controller, self.plant.tick
@@ -239,12 +241,19 @@ class World:
         """A tick without a command: the last one stays in force until the watchdog of the drives brakes."""
         self._missed += 1
         if self._missed >= self._watchdog_ticks:
-            self.plant.trip_watchdog()
-        self._advance()
+            self._trip()
+        self._advance(None)
 
-    def _advance(self) -> None:
+    def _trip(self) -> None:
+        self.plant.trip_watchdog()
+        if self._journal is not None:
+            self._journal.tripped()
+
+    def _advance(self, command: Command | None) -> None:
         plant = self.plant
         plant.step()
+        if self._journal is not None:
+            self._journal.ran(command)
         self._speed.ran()
         if self._clocks.due <= plant.tick:
             self._clocks.serve()
@@ -265,13 +274,17 @@ class World:
         """Without a controller the drives' watchdog brakes; the plant goes on until all rests."""
         for ticks in range(round(LONGEST_REST / self.plant.parameters.drive.tick)):
             if ticks >= self._watchdog_ticks:
-                self.plant.trip_watchdog()
+                self._trip()
                 if self.plant.resting:
                     break
             self.plant.step()
+            if self._journal is not None:
+                self._journal.ran(None)
 
     def _write_snapshot(self) -> None:
         plant = self.plant
+        if self._journal is not None:
+            self._journal.write(self._run_dir)
         save_snapshot(self._run_dir / STATE_FILE, plant.model, plant.data, plant.tick)
         summary = {**asdict(plant.truth(False)), "braked": plant.braked, "at_rest": plant.resting}
         new = self._run_dir / (END_FILE + ".new")

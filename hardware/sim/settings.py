@@ -49,6 +49,8 @@ class WorldSettings(BaseModel):
     """From exposure to delivery of a frame, plant time [s]."""
     cameras: bool = True
     """False: no renderer, and no OpenGL needed."""
+    journal: bool = False
+    """Keep every command in the run directory, so that the run can be done again; see ``hardware.sim.journal``."""
     realtime: bool = False
     """Pace real: as punctual as a motion board, by real time where the system grants it; for measurements. Otherwise
     the world is an ordinary program."""
