@@ -51,7 +51,7 @@ def test_promotions_with_and_without_capture_of_both_colours(demo):
 
 @pytest.mark.slow
 def test_a_seeded_game_repeats_exactly_and_is_recorded(demo):
-    options = (*FAST, "--seed", "4", "--nodes", "2000", "--plies", "9")
+    options = (*FAST, "--seed", "4", "--nodes", "2000", "--plies", "5")
     first, second = demo(*options, name="first"), demo(*options, name="second")
     one, two = finished(first), finished(second)
     for field in ("world_state", "sim_s", "kinds", "placement_mm", "peak_torque_Nm", "peak_force_N"):

@@ -23,7 +23,7 @@ ROWS = 9
 coefficients of u̇² by the way into it."""
 _ASIDE = 0.001
 """A tool that is less than this beside a place is over it [m]."""
-_HALF_CORNER = 12
+_HALF_CORNER = 24
 """Parts of half a corner that are looked at."""
 
 
@@ -145,17 +145,20 @@ def widest_corner(
         rises[m], asides[m] = back + onwards * slope / along, onwards / along
         rises[mirrored], asides[mirrored] = -onwards - back * slope / along, -back / along
     for size in sizes:
-        free, index = True, 1
-        for m in range(rises.size):
-            aside = size * asides[m]
-            if aside <= _ASIDE:
-                free = free and height + size * rises[m] >= -1e-9
+        free, m = True, 0
+        for k in range(at.size):
+            here = max(at[k], _ASIDE)
+            if k > 0 and at[k] <= _ASIDE:
                 continue
-            while index < at.size - 1 and at[index] < aside:
-                index += 1
-            # the points of the way that were looked at on either side; the first one is the place itself
-            wanted = max(needed[index], needed[max(index - 1, 1)])
-            free = free and height + size * rises[m] >= wanted - 1e-9
+            while m < rises.size - 1 and size * asides[m + 1] < here:
+                m += 1
+            if m == rises.size - 1:
+                break
+            share = (here - size * asides[m]) / (size * (asides[m + 1] - asides[m]))
+            level = height + size * (rises[m] + share * (rises[m + 1] - rises[m]))
+            # what is needed between two points is not more than at either of them; the first one is the place itself
+            wanted = max(needed[max(k, 1)], needed[max(k - 1, 1)], needed[min(k + 1, at.size - 1)])
+            free = free and level >= wanted - 1e-9
         if free:
             return float(size)
     return 0.0

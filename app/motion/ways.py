@@ -33,7 +33,7 @@ _ASIDE = 0.001
 """A tool that is less than this beside a place is over it [m]."""
 _VERTICAL = 0.003
 """The first bit of a way up and the last one of a way down is vertical [m]."""
-_SHARES = np.array([1.0, 0.85, 0.7, 0.55, 0.42, 0.3, 0.2, 0.12, 0.06])
+_SHARES = np.linspace(1.0, 0.05, 20)
 """Sizes of a corner that are tried, as shares of the largest."""
 
 

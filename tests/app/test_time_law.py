@@ -85,7 +85,7 @@ def test_a_clothoid_bends_as_it_must():
 def test_a_corner_is_as_wide_as_what_stands_below_admits(slope, seed):
     """Its path, built and sampled apart from that, clears every height that is needed; that of the next size does not.
 
-    Between the points at which corners are looked at a clothoid bends by less than 0.2 mm.
+    Between the points at which corners are looked at a clothoid rises by 0.3 mm more or less than straight.
     """
     rng, height = np.random.default_rng(seed), 0.10
     at = np.linspace(0.0, 0.2, 134)
@@ -93,7 +93,7 @@ def test_a_corner_is_as_wide_as_what_stands_below_admits(slope, seed):
     for _ in range(3):
         first = rng.integers(1, 134)
         needed[first : first + 20] = np.maximum(needed[first : first + 20], rng.uniform(0.0, 0.1))
-    needed = np.minimum(needed, height + slope * at)
+    needed = np.minimum(needed, height + slope * at - abs(slope) * at[1])  # the line itself is free
     along, sizes = math.hypot(1.0, slope), 0.08 * np.array([1.0, 0.7, 0.45, 0.25, 0.1])
     corner = np.array([[0.0, 0.0, -0.15], [0.0, 0.0, 0.0], [0.3 / along, 0.0, 0.3 * slope / along]])
     found = widest_corner(at, needed, height, slope, math.acos(slope / along), sizes)
@@ -103,7 +103,7 @@ def test_a_corner_is_as_wide_as_what_stands_below_admits(slope, seed):
         index = np.clip(np.searchsorted(at, points[:, 0]), 1, 133)
         wanted = np.maximum(needed[index], needed[np.maximum(index - 1, 1)])
         short = float(np.where(points[:, 0] > 0.001, wanted - points[:, 2] - height, 0.0).max())
-        assert short < 2e-4 if size == found else short > -2e-4
+        assert short < 3e-4 if size == found else short > -3e-4
 
 
 @settings(max_examples=40, deadline=None)

@@ -108,7 +108,7 @@ def test_ctrl_c_in_mid_search_ends_both(stockfish: str) -> None:
         time.sleep(0.2)
         assert (os.getsid(pid), os.getpgid(pid)) == (pid, pid)
         os.killpg(parent.pid, signal.SIGINT)
-        assert parent.wait(timeout=3.0) in (1, -signal.SIGINT)  # KeyboardInterrupt went through
+        assert parent.wait(timeout=10.0) in (1, -signal.SIGINT)  # KeyboardInterrupt went through
         assert gone_within(pid, 1.0)
 
 
