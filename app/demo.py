@@ -82,7 +82,7 @@ def run_demo(options: DemoOptions, face: Face) -> SessionResult:
     table = TableSettings(limits=contact_limits(options.profile)) if rig is None else rig.table
     inventory = Inventory.of(start_layout(board, table), table)
     with ExitStack() as stack:
-        players = _players(options, board, line, stack, face)
+        players = _players(options, board, line, stack, face, pace)
         folder = options.out if options.out is not None else new_folder(Path("games"), utc_now())
         setup = GameSetup(players.name(chess.WHITE), players.name(chess.BLACK), options.seed, pace.value)
         record = stack.enter_context(GameRecord.begin(folder, setup, board, inventory, 0.0))
@@ -111,7 +111,8 @@ def resume_demo(folder: Path, face: Face) -> SessionResult:
     if history.plies >= most or history.board.is_game_over(claim_draw=True):
         raise UserError(f"the game in {folder} is over, after {history.plies} plies: start a new one")
     with ExitStack() as stack:
-        players = _players(options, board, line, stack, face, opened=history.plies > 0)
+        pace = rig.pace if rig is not None else options.pace or Pace.REAL
+        players = _players(options, board, line, stack, face, pace, opened=history.plies > 0)
         record = stack.enter_context(GameRecord.go_on(folder, history))
         position = Position(history.board, history.inventory, True, history.unfinished)
         return _play(options, rig, None, players, record, position, face)
@@ -177,6 +178,7 @@ def _players(
     line: tuple[chess.Move, ...] | None,
     stack: ExitStack,
     face: Face,
+    pace: Pace,
     *,
     opened: bool = False,
 ) -> Players:
@@ -194,7 +196,7 @@ def _players(
         engine = stack.enter_context(Engine(_engine_settings(options, elo)))
         name = "Stockfish" if elo is None else f"Stockfish (Elo {elo})"
         players[colour] = LinePlayer(board, opening, EnginePlayer(engine, name))
-    return stack.enter_context(Players(players[chess.WHITE], players[chess.BLACK]))
+    return stack.enter_context(Players(players[chess.WHITE], players[chess.BLACK], ahead=pace is Pace.REAL))
 
 
 def _engine_settings(options: DemoOptions, elo: int | None) -> EngineSettings:

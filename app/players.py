@@ -76,9 +76,16 @@ class Players:
     """Both sides. They are asked in a thread of its own, so that one can think while the arm still moves.
 
     A context manager: at its end nobody is waited for, and closing an engine ends what it thinks about.
+
+    Args:
+        white: player.
+        black: player.
+        ahead: whether anybody thinks ahead at all. Where plant time waits for a thought, as in pace fast, it would
+            only slow the simulation down.
     """
 
-    def __init__(self, white: Player, black: Player) -> None:
+    def __init__(self, white: Player, black: Player, *, ahead: bool = True) -> None:
+        self._thinks_ahead = ahead
         self._players = {chess.WHITE: white, chess.BLACK: black}
         self._pool = ThreadPoolExecutor(1, "thinking")
         self._ahead: tuple[chess.Board, Future[Decision]] | None = None
@@ -95,6 +102,10 @@ class Players:
 
     def begin(self, board: chess.Board) -> None:
         """Let the side to move think about a position that will be on the board; asked twice, it goes on."""
+        if self._thinks_ahead:
+            self._ask(board)
+
+    def _ask(self, board: chess.Board) -> None:
         if self._ahead is None or not _same(self._ahead[0], board):
             position = board.copy()
             self._ahead = position, self._pool.submit(self._players[board.turn].choose, position)
@@ -105,7 +116,7 @@ class Players:
         Raises:
             EngineProblem: as the player.
         """
-        self.begin(board)
+        self._ask(board)
         assert self._ahead is not None
         _, decision = self._ahead
         self._ahead = None
