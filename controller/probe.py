@@ -131,6 +131,7 @@ class Probe:
         self._seen.clear()
         self._telemetry.clear()
         self._overtaken = self._repeated = 0
+        heard = silent = 0
         while time.monotonic() < until:
             trip = self._round_trip()
             pings += 1
@@ -139,7 +140,9 @@ class Probe:
             pause = time.monotonic() + PAUSE
             while self._receive(pause) is not None:
                 pass
-            if pings * PATIENCE > _SILENCE and not self._telemetry:
+            # pings that nothing followed, not time: after a pause of this computer much may lie there unread
+            heard, silent = len(self._telemetry), silent + 1 if len(self._telemetry) == heard else 0
+            if silent * PATIENCE > _SILENCE:
                 raise ControllerLost(f"no telemetry from {self._where} for {_SILENCE:g} s: is the controller running?")
         return self._figures(pings, tuple(trips))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -86,3 +87,24 @@ def test_no_controller(launch: Launch, lossy_link: Callable[..., Any]) -> None:
         running.join()
         with pytest.raises(ControllerLost, match=r"^no telemetry from 127.0.0.1:\d+ for 1 s: is the controller runni"):
             probe.measure(30.0)
+
+
+def test_a_controller_that_falls_silent_while_it_is_measured_is_lost(
+    launch: Launch, lossy_link: Callable[..., Any]
+) -> None:
+    cut = False
+    running = launch()
+    link = lossy_link(running.port, veto=lambda data: cut)
+    with Probe("127.0.0.1", link.port, running.key) as probe:
+        probe.greet()
+        assert probe.measure(0.3).telemetry > 0
+
+        def end() -> None:
+            nonlocal cut
+            cut = True
+
+        threading.Timer(0.5, end).start()
+        with pytest.raises(ControllerLost, match=r"^no telemetry from 127.0.0.1:\d+ for 1 s"):
+            probe.measure(30.0)
+        running.bus.lost = True
+        running.join()

@@ -22,7 +22,8 @@ from engine.stockfish import Engine, EngineSettings
 ROOT = Path(__file__).parents[2]
 
 PARENT = """
-import sys, chess
+import signal, sys, chess
+signal.signal(signal.SIGINT, signal.default_int_handler)  # whatever started the tests may ignore it
 from engine.errors import EngineProblem, EngineRefused
 from engine.stockfish import Engine, EngineSettings
 engine = Engine(EngineSettings(path=sys.argv[1], nodes=10**12, deadline=60.0)).open()
