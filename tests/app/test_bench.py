@@ -131,7 +131,7 @@ def test_an_unknown_bench_is_refused_with_the_choices() -> None:
     done = CliRunner().invoke(command_line, ["bench", "speed"])
     assert done.exit_code == 2
     assert done.stderr == "touchmove: there is no bench 'speed', choose from: law, loop, finger, kills, motion, sim\n"
-    assert set(BENCHES) == {"law", "loop", "finger", "kills", "motion"}
+    assert set(BENCHES) == {"law", "loop", "finger", "kills", "motion", "sim"}
 
 
 def fake_report(holds: bool) -> BenchReport:

@@ -16,6 +16,7 @@ from hardware.table import Place, TableSettings
 
 TABLE = TableSettings()
 PLIES = 80
+GAMES = 120
 ENDINGS = (
     "4k3/p1p1p1p1/8/1P1P1P1P/1p1p1p1p/8/P1P1P1P1/4K3 w - - 0 1",
     "4k3/PPPPPPPP/8/8/8/8/pppppppp/4K3 w - - 0 1",
@@ -92,13 +93,13 @@ def total(seen: Sequence[Counter[MoveKind]]) -> Counter[MoveKind]:
     return sum(seen, Counter())
 
 
-def test_210_random_games() -> None:
+def test_random_games_of_all_lengths() -> None:
     games = []
-    for number in range(210):
+    for number in range(GAMES):
         draw = random.Random(number)
         games.append(play(starts(draw, number), draw))
     seen = total(games)
-    assert seen.total() > 210 * PLIES * 0.75
+    assert seen.total() > GAMES * PLIES * 0.75
     assert min(seen[kind] for kind in MoveKind) >= 50, seen
 
 
