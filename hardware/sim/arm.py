@@ -127,7 +127,7 @@ def _add_pad(finger: mujoco.MjsBody, parameters: RobotParameters, side: int) -> 
         centre = np.array([side * depth / 2.0, sign * pads.half_width / 2.0]) - normal * pads.back / 2.0
         yaw = math.atan2(normal[1], normal[0])
         finger.add_geom(
-            name=f"pad_{'right' if side > 0 else 'left'}_{'a' if sign > 0 else 'b'}",
+            name=f"pad_{'a' if sign > 0 else 'b'}_{'right' if side > 0 else 'left'}",
             type=mujoco.mjtGeom.mjGEOM_BOX, size=[pads.back / 2.0, face / 2.0, pads.half_height],
             pos=[centre[0], centre[1], 0.0], quat=[math.cos(yaw / 2), 0, 0, math.sin(yaw / 2)],
             contype=TOOL_BITS, conaffinity=SCENE_BITS, friction=[pads.friction, 0.005, 0.0001], priority=1,
