@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 
-
 class Solver(NamedTuple):
     """MuJoCo's numbers of a contact."""
 

@@ -91,12 +91,19 @@ def give_stiffness(
         if pieces and not name.startswith("pad"):
             typical = sum(masses.values()) / len(pieces)
             _set(spec.geom(name), TOOL_ON_PIECE.contact.solver(typical, POINTS_OF_A_FACE), priority=2)
-    share = FACES_OF_A_PAD * POINTS_OF_A_FACE * math.cos(pads.groove_angle) ** 2
+    share = FACES_OF_A_PAD * POINTS_OF_A_FACE * _along_the_finger(pads)
     for piece, mass in masses.items():
         _set(spec.geom(f"{piece}.foot"), feet.solver(mass, POINTS_OF_A_FOOT), priority=1)
-        stem = spec.geom(f"{piece}.stem")
-        _set(stem, PAD_ON_PIECE.contact.solver(_lighter(model, model.body(piece).id, model.body("finger_right").id), share), priority=1)
+        stem, held = spec.geom(f"{piece}.stem"), _lighter(model, model.body(piece).id, model.body("finger_right").id)
+        _set(stem, PAD_ON_PIECE.contact.solver(held, share), priority=1)
         stem.condim, stem.friction = 4, [pads.friction, *PAD_TORSION]
+
+
+def _along_the_finger(pads: Pads) -> float:
+    """Force of a face along the finger axis by the depth along it, in stiffnesses of the face: it meets the stem
+    obliquely, and slides along it with friction.
+    """
+    return math.cos(pads.groove_angle) ** 2 * (1.0 + pads.friction * math.tan(pads.groove_angle))
 
 
 def _lighter(model: mujoco.MjModel, *bodies: int) -> float:
