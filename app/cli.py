@@ -63,6 +63,10 @@ def demo(
     linger: Annotated[
         float, typer.Option(min=0.0, help="If this program is killed: how long the arm waits for another [s].")
     ] = 30.0,
+    square: Annotated[
+        float | None,
+        typer.Option(help="Side of a square of the simulated board [mm]; a larger board stands nearer to the robot."),
+    ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="UDP port of the controller; 0: any free one.")] = 0,
     headless: Annotated[bool, typer.Option("--headless", help="Show nothing while playing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
@@ -80,7 +84,7 @@ def demo(
     options = DemoOptions(
         rig=rig, plies=plies, pace=None if pace is None else Pace(pace), seed=seed, fen=fen, moves=moves,
         white_elo=white_elo, black_elo=black_elo, move_time=movetime, nodes=nodes, engine=engine, out=out,
-        video=video, video_length=video_length, linger=linger, port=port, profile=Profile(profile),
+        video=video, video_length=video_length, linger=linger, port=port, profile=Profile(profile), square=square,
     )  # fmt: skip
     _show_game(lambda face: run_demo(options, face), headless=headless, as_json=as_json)
 
