@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
-from hardware.sim.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics
+from hardware.sim.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics, stiffen_closures
 from hardware.sim.contact import Contact
 from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, WOOD_FRICTION, give_stiffness
 from hardware.sim.turning import turned_mesh
@@ -20,6 +20,8 @@ from hardware.table import PIECE_SHAPES, Colour, Kind, PieceShape, PieceSpec, Ta
 FOOT_SIDE = 0.85
 """Half a side of the square that stands for a foot, in radii of the foot: it tips over as late as the round one on
 average. A cylinder's points of contact wander around its rim, and a piece that rocks on them never comes to rest."""
+STANDARD_GRAVITY = 9.80665
+"""[m/s²]"""
 SLEEP_TOLERANCE = 1e-3
 """A resting piece falls asleep below this velocity [m/s, scaled]."""
 
@@ -227,6 +229,7 @@ def build_model(
     spec.modelname = "touchmove"
     option = spec.option
     option.timestep = timestep or parameters.drive.tick
+    option.gravity = [0.0, 0.0, -STANDARD_GRAVITY]  # MuJoCo's own 9.81 would let a weighed-out arm fall by 3 mm/s²
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = 100.0  # a shaken king slips 0.05 mm; at 20, 0.14 mm
@@ -248,7 +251,9 @@ def build_model(
     give_stiffness(spec, model, parameters.pads, tuple(piece.spec.name for piece in pieces), feet)
     key = spec.add_key(name="start")
     key.qpos = _start_positions(model, parameters, home).tolist()
-    return spec.compile()
+    model = spec.compile()
+    stiffen_closures(model)
+    return model
 
 
 def _start_positions(
