@@ -24,8 +24,6 @@ app = typer.Typer(
     help="A delta robot plays chess, in simulation or in the lab.",
 )
 
-RunDir = Annotated[Path, typer.Option("--run-dir", help="Run directory of the game; holds settings, key and sockets.")]
-
 
 def _fail(sentence: str, status: int = 2) -> NoReturn:
     print(f"touchmove: {sentence}", file=sys.stderr)
@@ -194,10 +192,22 @@ def _say(step: str) -> None:
 
 
 @app.command()
-def world(run_dir: RunDir) -> None:
-    """The simulated world's process; started by whoever needs one."""
-    from app.processes import run_world
+def world(
+    view: Annotated[
+        bool, typer.Option("--view", help="Show the world of a game that runs in MuJoCo's viewer.")
+    ] = False,
+    game: Annotated[Path | None, typer.Argument(help="Folder of the game; the newest one if left out.")] = None,
+    run_dir: Annotated[Path | None, typer.Option("--run-dir", hidden=True)] = None,
+) -> None:
+    """Look at a simulated world that runs; games start theirs by themselves."""
+    from app.processes import run_world, view_world
 
+    if view:
+        _run(lambda: view_world(game, _say))
+    if run_dir is None:
+        _fail(
+            "games start their worlds by themselves: say 'touchmove world --view' to look at one that runs"
+        )
     _run(lambda: run_world(run_dir))
 
 

@@ -19,6 +19,7 @@ from app.lines import parse_line
 from app.manipulation import Inventory
 from app.motion import PROFILES, Profile, contact_limits
 from app.players import EnginePlayer, LinePlayer, Player, Players
+from app.processes import GAMES
 from app.records import EVENTS_FILE, GameRecord, GameSetup, PlyEvent, new_folder, read_history, utc_now
 from app.records.files import write_atomically
 from app.rig import choose_rig, open_rig
@@ -85,7 +86,7 @@ def run_demo(options: DemoOptions, face: Face) -> SessionResult:
     inventory = Inventory.of(start_layout(board, table), table)
     with ExitStack() as stack:
         players = _players(options, board, line, stack, face, pace)
-        folder = options.out if options.out is not None else new_folder(Path("games"), utc_now())
+        folder = options.out if options.out is not None else new_folder(GAMES, utc_now())
         setup = GameSetup(players.name(chess.WHITE), players.name(chess.BLACK), options.seed, pace.value)
         record = stack.enter_context(GameRecord.begin(folder, setup, board, inventory, 0.0))
         kept = options if rig is None else options.model_copy(update={"rig": str(Path(options.rig).absolute())})

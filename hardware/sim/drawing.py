@@ -21,7 +21,7 @@ NICE = 5
 """Pictures step back behind the plant's ticks [steps of the scheduler's niceness]."""
 
 
-def _draw_rods(scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
+def draw_rods(scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
     """The pair of distal rods of each arm, drawn where they are; the physics lumps them."""
     for arm in (1, 2, 3):
         elbow, flange = data.site(f"elbow{arm}").xpos, data.site(f"flange_joint{arm}").xpos
@@ -52,7 +52,7 @@ def _serve(run_dir: Path, link: socket.socket) -> None:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_camlight(model, data)
         renderer.update_scene(data, camera=camera.rstrip(b"\0").decode(), scene_option=option)
-        _draw_rods(renderer.scene, data)
+        draw_rods(renderer.scene, data)
         if slot not in files:
             files[slot] = np.memmap(frame_path(run_dir, slot), dtype=np.uint8, mode="w+", shape=(frame_bytes(),))
         picture = files[slot]

@@ -81,6 +81,13 @@ class Look(_Message):
     reset_peak: bool = False
 
 
+class Positions(_Message):
+    """The referee's other question: every generalised position, for a viewer."""
+
+    positions: Literal[True]
+
+
+REFEREE_REQUEST: Final[TypeAdapter[Look | Positions]] = TypeAdapter(Look | Positions)
 CAMERA_REQUEST: Final[TypeAdapter[Exposure | Subscription | Taken]] = TypeAdapter(Exposure | Subscription | Taken)
 
 _M = TypeVar("_M", bound=_Message)
