@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import mujoco
 import numpy as np
@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from hardware.parameters import RobotParameters
 from hardware.sim.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics
 from hardware.sim.contact import Contact, set_solver
+from hardware.sim.d435 import COLOUR_FIELD_OF_VIEW
+from hardware.sim.lamps import lamps, set_ambient
+from hardware.sim.looks import LightSettings
 from hardware.sim.turning import turned_mesh
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceShape, PieceSpec, TableSettings
 
@@ -35,7 +38,7 @@ class CameraPose:
 
     position: tuple[float, float, float] = (0.0, 0.46, 0.44)
     target: tuple[float, float, float] = (0.0, 0.02, 0.0)
-    field_of_view: float = math.radians(43.0)
+    field_of_view: float = COLOUR_FIELD_OF_VIEW
 
 
 CAMERAS = {
@@ -100,15 +103,16 @@ def _add_surroundings(spec: mujoco.MjSpec) -> None:
         name="room", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
         rgb1=[0.82, 0.85, 0.88], rgb2=[0.55, 0.58, 0.62], width=128, height=768,
     )  # fmt: skip
-    spec.worldbody.add_light(
-        pos=[0.9, 0.5, 1.0], dir=[-0.9, -0.5, -1.0], diffuse=[0.55, 0.55, 0.53], ambient=[0.25, 0.25, 0.26],
-        specular=[0.2, 0.2, 0.2], castshadow=True,
-    )  # fmt: skip
-    spec.worldbody.add_light(
-        pos=[-0.8, -0.4, 1.2], dir=[0.8, 0.4, -1.0], diffuse=[0.35, 0.35, 0.37], castshadow=False, specular=[0, 0, 0]
-    )
+    _add_lights(spec)
     for name, pose in CAMERAS.items():
         _add_camera(spec, name, pose)
+
+
+def _add_lights(spec: mujoco.MjSpec) -> None:
+    """Lamps as ``LightSettings`` has them by default; the renderer sets them as they are (``hardware.sim.lamps``)."""
+    for lamp in lamps(LightSettings()):
+        spec.worldbody.add_light(**asdict(lamp), ambient=[0.0, 0.0, 0.0])
+    set_ambient(spec.visual.headlight, LightSettings())
 
 
 def _add_camera(spec: mujoco.MjSpec, name: str, pose: CameraPose) -> None:
@@ -188,6 +192,16 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
     """Quality of pictures, and the meshes of the pieces."""
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
     spec.visual.quality.shadowsize = 2048
+    spec.visual.quality.numslices, spec.visual.quality.numstacks = (
+        24,
+        6,
+    )  # discs and cylinders need no more, and it is slow
+    for part in (
+        "ambient",
+        "diffuse",
+        "specular",
+    ):  # no lamp on the camera: ``LightSettings`` says what lights the table
+        setattr(spec.visual.headlight, part, [0.0, 0.0, 0.0])
     spec.visual.map.znear = 0.02
     for kind in Kind:
         vertices, faces = turned_mesh(kind)
