@@ -34,6 +34,8 @@ from hardware.sim.renderer import (
 ROD_HALF_DISTANCE = 0.024
 """Between the rods of a pair, each from the middle [m]; they are drawn, the physics lumps them."""
 ROD_RADIUS = 0.004
+SAMPLES = 4
+"""Of each pixel of a colour picture."""
 NICE = 5
 """Pictures step back behind the plant's ticks [steps of the scheduler's niceness]."""
 SENSOR_VIEW = "camera"
@@ -141,6 +143,8 @@ class Easel:
     def _prepared(self, view: str, width: int, height: int) -> mujoco.Renderer:
         """The renderer of a size, with the scene as it is and from where it is seen."""
         if (width, height) not in self._renderers:
+            # smooth edges are for colour: depth of several samples mixed would lie between two surfaces
+            self._model.vis.quality.offsamples = 0 if (width, height) == (DEPTH_WIDTH, DEPTH_HEIGHT) else SAMPLES
             self._renderers[width, height] = mujoco.Renderer(self._model, height, width)
         renderer = self._renderers[width, height]
         mujoco.mj_camlight(self._model, self._data)

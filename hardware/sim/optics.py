@@ -23,6 +23,7 @@ from typing import Final
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from hardware.interfaces import Intrinsics
 
@@ -141,11 +142,21 @@ def correlated(rng: np.random.Generator, shape: tuple[int, ...], length: float) 
         shape: (h, w).
         length: standard deviation of the Gaussian by which white noise is blurred [px].
     """
-    noise = rng.standard_normal(shape, dtype=np.float32)
+    noise = _white(rng, shape)
     reach = max(1, math.ceil(3.0 * length))
     gaussian = np.asarray(cv2.getGaussianKernel(2 * reach + 1, length, cv2.CV_32F), dtype=np.float32)
     kernel = gaussian / np.linalg.norm(gaussian)  # of unit energy, so that the variance stays 1
     field: Field = np.asarray(cv2.sepFilter2D(noise, cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REFLECT_101))
+    return field
+
+
+_NORMAL: Final = ndtri((np.arange(65536) + 0.5) / 65536.0).astype(np.float32)
+"""The normal distribution in 65536 equally likely values, up to 4.3 standard deviations."""
+
+
+def _white(rng: np.random.Generator, shape: tuple[int, ...]) -> Field:
+    """White Gaussian noise; looked up, which takes a third of the time that computing it does."""
+    field: Field = _NORMAL[np.frombuffer(rng.bytes(2 * math.prod(shape)), dtype=np.uint16)].reshape(shape)
     return field
 
 
@@ -158,10 +169,9 @@ def _fatten(disparity: Field, sensor: StereoSensor, rng: np.random.Generator) ->
     edge = fat - cv2.erode(disparity, kernel) > EDGE
     merged = np.where(edge, fat, disparity)
     h, w = disparity.shape
-    u, v = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
-    shift = np.float32(sensor.raggedness)
-    u += shift * correlated(rng, (h, w), sensor.correlation)
-    v += shift * correlated(rng, (h, w), sensor.correlation)
+    u = np.arange(w, dtype=np.float32) + np.float32(sensor.raggedness) * correlated(rng, (h, w), sensor.correlation)
+    v = np.arange(h, dtype=np.float32)[:, None]
+    v = v + np.float32(sensor.raggedness) * correlated(rng, (h, w), sensor.correlation)
     shifted = cv2.remap(merged, u, v, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
     near_edge = cv2.dilate(edge.astype(np.uint8), kernel) > 0
     result: Field = np.where(near_edge, shifted, disparity).astype(np.float32)
@@ -202,12 +212,12 @@ def colour_picture(
     Returns:
         RGB, shape (h, w, 3).
     """
-    curves = [(_LINEAR * exposure * factor).astype(np.float32) for factor in white_balance]
-    light: Field = np.stack([cv2.LUT(ideal[..., i], curve) for i, curve in enumerate(curves)], axis=-1)
+    curves = (_LINEAR[:, None] * exposure * np.asarray(white_balance)).astype(np.float32)
+    light: Field = np.asarray(cv2.LUT(ideal, curves[None]), dtype=np.float32)
     if sensor is not None:
         light = _expose(light, sensor, rng)
     levels = np.clip(light * np.float32(gain * (_LEVELS - 1)), 0.0, _LEVELS - 1)
-    picture: Image = _ENCODED[(levels + np.float32(0.5)).astype(np.uint16)]
+    picture: Image = _ENCODED.take((levels + np.float32(0.5)).astype(np.uint16))
     return picture
 
 
@@ -216,7 +226,7 @@ def _expose(light: Field, sensor: ColourSensor, rng: np.random.Generator) -> Fie
     blurred: Field = np.asarray(cv2.GaussianBlur(light, (0, 0), sensor.blur), dtype=np.float32)
     blurred *= _vignette(light.shape[0], light.shape[1], sensor.vignetting)[..., None]
     variance = blurred / np.float32(sensor.full_well) + np.float32((sensor.read_noise / sensor.full_well) ** 2)
-    noise = rng.standard_normal(light.shape, dtype=np.float32)
+    noise = _white(rng, light.shape)
     exposed: Field = blurred + noise * np.sqrt(variance)
     return exposed
 
@@ -244,7 +254,7 @@ def seen_from_left(
         Part of full scale, shape (h', w'); 0 outside the colour picture.
     """
     h, w = depth.shape
-    grey = np.asarray(colour).max(axis=2)
+    grey = np.maximum(np.maximum(colour[..., 0], colour[..., 1]), colour[..., 2])
     ratio = colour_pinhole.fx / pinhole.fx
     columns = (np.arange(w, dtype=np.float32) - np.float32(pinhole.cx)) * np.float32(ratio) + np.float32(
         colour_pinhole.cx
