@@ -16,7 +16,8 @@ from hardware.sim.contact import Contact, set_solver
 from hardware.sim.d435 import COLOUR_FIELD_OF_VIEW
 from hardware.sim.lamps import lamps, set_ambient
 from hardware.sim.looks import LightSettings
-from hardware.sim.turning import turned_mesh
+from hardware.sim.turning import FELT_HEIGHT, turned_mesh
+from hardware.sim.wood import board_png
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceShape, PieceSpec, TableSettings
 
 FEET = 6
@@ -30,6 +31,8 @@ SLEEP_TOLERANCE = 1e-3
 """A resting piece falls asleep below this velocity [m/s, scaled]."""
 
 PIECE_RGBA = {Colour.WHITE: [0.87, 0.76, 0.58, 1.0], Colour.BLACK: [0.16, 0.11, 0.09, 1.0]}
+SQUARES_FILE = "squares.png"
+FELT_RGBA = [0.10, 0.22, 0.14, 1.0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +79,9 @@ def _add_deck(spec: mujoco.MjSpec, table: TableSettings) -> None:
         contype=SCENE_BITS, conaffinity=SCENE_BITS | TOOL_BITS, friction=[FOOT_FRICTION, 0.005, 0.0001],
         rgba=[0.36, 0.25, 0.17, 1.0],
     )  # fmt: skip
-    spec.add_texture(
-        name="squares", type=mujoco.mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        rgb1=[0.90, 0.82, 0.68], rgb2=[0.45, 0.28, 0.16], width=512, height=512,
-    )  # fmt: skip
-    material = spec.add_material(name="squares", texrepeat=[4, 4], reflectance=0.0, specular=0.2)
+    spec.assets[SQUARES_FILE] = board_png()
+    spec.add_texture(name="squares", type=mujoco.mjtTexture.mjTEXTURE_2D, file=SQUARES_FILE)
+    material = spec.add_material(name="squares", reflectance=0.0, specular=0.2)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "squares"
     spec.worldbody.add_geom(
         name="squares", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half_board, half_board, 0.0002], material="squares",
@@ -167,7 +168,11 @@ def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece, feet: Contact) -> None
     )  # fmt: skip
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_MESH, meshname=piece.spec.kind.value, contype=0, conaffinity=0, mass=0.0,
-        rgba=PIECE_RGBA[piece.spec.colour], group=1,
+        material=piece.spec.colour.value, group=1,
+    )  # fmt: skip
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER, contype=0, conaffinity=0, mass=0.0, rgba=FELT_RGBA, group=1,
+        size=[0.96 * shape.foot_radius, FELT_HEIGHT / 2.0, 0], pos=[0, 0, FELT_HEIGHT / 2.0],
     )  # fmt: skip
 
 
@@ -203,6 +208,8 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
     ):  # no lamp on the camera: ``LightSettings`` says what lights the table
         setattr(spec.visual.headlight, part, [0.0, 0.0, 0.0])
     spec.visual.map.znear = 0.02
+    for colour, rgba in PIECE_RGBA.items():
+        spec.add_material(name=colour.value, rgba=rgba, specular=0.35, shininess=0.6)  # lacquered wood
     for kind in Kind:
         vertices, faces = turned_mesh(kind)
         mesh = spec.add_mesh(name=kind.value)
