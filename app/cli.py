@@ -205,9 +205,7 @@ def world(
     if view:
         _run(lambda: view_world(game, _say))
     if run_dir is None:
-        _fail(
-            "games start their worlds by themselves: say 'touchmove world --view' to look at one that runs"
-        )
+        _fail("games start their worlds by themselves: say 'touchmove world --view' to look at one that runs")
     _run(lambda: run_world(run_dir))
 
 

@@ -13,6 +13,9 @@ runs the game may read the same file, or copies of it. Its paths count from the 
 
     [world]                     # of bus = "sim" alone
     pace = "real"
+
+    [camera]                    # of a lab; a simulated world has its own
+    kind = "realsense"
 """
 
 from __future__ import annotations
@@ -21,12 +24,13 @@ import difflib
 import tomllib
 from ipaddress import IPv4Address
 from pathlib import Path
-from typing import Annotated, Any, Final, Self
+from typing import Annotated, Any, Final, Self, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, NonNegativeInt, ValidationError, model_validator
 
 from app import UserError
 from controller.settings import ControllerSettings
+from hardware.camera_settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.settings import Pace
 from hardware.table import TableSettings
@@ -87,6 +91,8 @@ class RigFile(_Frozen):
     controller: ControllerSection
     drives: DrivesSection = DrivesSection()
     world: WorldSection | None = None
+    camera: Annotated[LabCamera, Field(discriminator="kind")] | None = None
+    """That looks at a lab's board; none if left out."""
     run_dir: Path = Path("run")
     """Where the controller leaves its flight records, and a simulated world its sockets."""
     parameters: Path = DEFAULT_FILE
@@ -97,6 +103,8 @@ class RigFile(_Frozen):
     def _world_of_simulated_drives(self) -> Self:
         if self.world is not None and not self.simulated:
             raise ValueError('a [world] stands behind bus = "sim" only: leave it out')
+        if self.camera is not None and self.simulated:
+            raise ValueError('a [camera] belongs to a lab; behind bus = "sim" the world has its own: leave it out')
         return self
 
     @property
@@ -108,6 +116,11 @@ class RigFile(_Frozen):
     def world_section(self) -> WorldSection:
         """The simulated world, as it is where the file says nothing about it."""
         return self.world or WorldSection()
+
+    @property
+    def lab_camera(self) -> LabCamera:
+        """The camera of a lab, as it is where the file says nothing about it."""
+        return self.camera or NoCameraSettings()
 
     @property
     def pace(self) -> Pace:
@@ -136,25 +149,59 @@ def load_rig(path: Path) -> RigFile:
     folder = path.absolute().parent
     key = rig.controller.model_copy(update={"key": folder / rig.controller.key})
     paths = {"run_dir": folder / rig.run_dir, "parameters": folder / rig.parameters}
-    return rig.model_copy(update={"controller": key, **paths})
+    return rig.model_copy(update={"controller": key, "camera": _placed(rig.camera, folder), **paths})
+
+
+def _placed(camera: LabCamera | None, folder: Path) -> LabCamera | None:
+    """A camera's settings with paths that count from the rig file's folder."""
+    match camera:
+        case FolderSettings(path=path) | RecordingSettings(path=path):
+            return camera.model_copy(update={"path": folder / path})
+        case WebcamSettings(device=Path() as device):
+            return camera.model_copy(update={"device": folder / device})
+        case _:
+            return camera
 
 
 def _explain(problem: ValidationError) -> str:
     """The first mistake; an unknown name first, since it is often the misspelt form of a missing one."""
     errors = problem.errors(include_url=False)
     error = next((one for one in errors if one["type"] == "extra_forbidden"), errors[0])
-    where = ".".join(map(str, error["loc"])) or "the file"
+    where = ".".join(_as_written(error["loc"])) or "the file"
     if error["type"] == "extra_forbidden":
         valid = _names(error["loc"][:-1])
         near = difflib.get_close_matches(str(error["loc"][-1]), valid, n=1)
         return f"there is no setting {where}: " + (f"did you mean {near[0]}?" if near else f"choose {', '.join(valid)}")
     if error["type"] == "missing":
         return f"{where} is missing: give it a value"
+    if error["type"] == "union_tag_not_found":
+        return f"{where}.kind is missing: give it one of {', '.join(_kinds())}"
+    if error["type"] == "union_tag_invalid":
+        given = str(error["ctx"]["tag"])
+        near = difflib.get_close_matches(given, _kinds(), n=1)
+        said = f"did you mean {near[0]}?" if near else f"choose {', '.join(_kinds())}"
+        return f"there is no {where} of kind '{given}': {said}"
     return f"{where}: {error['msg'].removeprefix('Value error, ')}, not {_shown(error['input'])}"
+
+
+def _kinds() -> list[str]:
+    """Kinds of cameras."""
+    return [str(kind.model_fields["kind"].default) for kind in get_args(LabCamera)]
+
+
+def _as_written(where: tuple[int | str, ...]) -> list[str]:
+    """The place of a mistake without what Pydantic adds: as which kind of camera, or alternative, it was tried."""
+    names = [str(part) for part in where]
+    if names[:1] == ["camera"]:
+        return names[:1] + names[2:3]
+    return names
 
 
 def _names(section: tuple[int | str, ...]) -> list[str]:
     """Settings that a section of a rig file may hold."""
+    if section[:1] == ("camera",):
+        kind = next(kind for kind in get_args(LabCamera) if kind.model_fields["kind"].default == section[1])
+        return sorted(kind.model_fields)
     model: Any = RigFile
     for name in section:
         hints = model.model_fields[name].annotation

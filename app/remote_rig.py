@@ -20,6 +20,7 @@ from controller.errors import ControllerError
 from controller.link import Listener
 from controller.protocol.key import KeyFileError, load_key
 from controller.states import State
+from hardware.cameras import open_camera
 from hardware.interfaces import Camera, Clock, HardwareError
 from hardware.sim.clients import SimCamera, SimClock
 from hardware.sim.referee import Referee
@@ -73,6 +74,8 @@ class RemoteRig:
             if rig.simulated:
                 self.clock, self.referee = SimClock(rig.run_dir), Referee(rig.run_dir)
                 self.camera = SimCamera(rig.run_dir) if rig.world_section.cameras else None
+            else:
+                self.camera = open_camera(rig.lab_camera, self.clock)
         except (ControllerError, HardwareError) as error:
             self.close()
             raise RigFailed(str(error)) from error
@@ -105,8 +108,10 @@ class RemoteRig:
             return None
         finally:
             self._client.close()
-            for device in (self.camera, self.referee, self.clock):
-                if isinstance(device, (SimCamera, SimClock, Referee)):
+            if self.camera is not None:
+                self.camera.close()
+            for device in (self.referee, self.clock):
+                if isinstance(device, (SimClock, Referee)):
                     device.close()
         speed = math.hypot(*telemetry.velocity)
         return EndState(telemetry.state is not State.STOPPING and speed < RESTING, speed)

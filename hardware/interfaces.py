@@ -34,6 +34,13 @@ class StaleFrame(HardwareError):
         self.limit = limit
 
 
+class CameraClosed(HardwareError):
+    """A camera was read after it was closed."""
+
+    def __init__(self) -> None:
+        super().__init__("this camera is closed: open it again to read from it")
+
+
 class DriveStatus(IntFlag):
     """What the drives say of themselves; also whether plant time stands still."""
 
@@ -123,30 +130,35 @@ class Intrinsics:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One picture: colour (h, w, 3) uint8 RGB, depth (h, w) float32 [m] aligned to it, stamp of exposure [s]."""
+    """One picture: colour (h, w, 3) uint8 RGB, depth (h, w) float32 [m] aligned to it, stamp of exposure [s].
+
+    The arrays are the reader's own.
+    """
 
     colour: NDArray[np.uint8]
     depth: NDArray[np.float32] | None
+    """Distance along the view; 0 where none could be measured. None: the camera has no depth."""
     intrinsics: Intrinsics
     stamp: float
 
 
 class Camera(Protocol):
-    """An RGB-D camera looking at the board."""
+    """A camera looking at the board, with or without depth."""
 
     def read(self, max_age: float) -> Frame:
-        """The newest frame.
+        """The newest frame. Stamps never go backwards.
 
         Args:
             max_age: oldest acceptable exposure, counted back from now [s].
 
         Raises:
             StaleFrame: no frame that young is to be had.
+            CameraClosed: it was closed before.
             HardwareError: the camera does not answer.
         """
 
     def close(self) -> None:
-        """Release the device."""
+        """Release the device; a second call does nothing."""
 
 
 class Clock(Protocol):

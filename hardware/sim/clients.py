@@ -12,9 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.interfaces import Frame, HardwareError, Intrinsics, StaleFrame
+from hardware.framesets import FrameMaker
+from hardware.interfaces import CameraClosed, Frame, HardwareError, Intrinsics, StaleFrame
 from hardware.sim import wire
-from hardware.sim.renderer import HEIGHT, WIDTH, frame_bytes, frame_path
+from hardware.sim.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
+from hardware.sim.renderer import DEPTH_BYTES, HEIGHT, WIDTH, frame_path
+from hardware.software_device import DepthStream, SoftwareCamera
 
 
 class SimClock:
@@ -66,7 +69,7 @@ class FrameStream:
                 answer = json.loads(message) if message else {}
                 if "exposed" not in answer:
                     return None
-                pixels = np.fromfile(self._path, dtype=np.uint8, count=3 * WIDTH * HEIGHT)
+                pixels = np.fromfile(self._path, dtype=np.uint8, offset=DEPTH_BYTES, count=3 * WIDTH * HEIGHT)
                 self._link.send(b'{"taken": true}')
             except TimeoutError:
                 continue
@@ -85,7 +88,14 @@ class FrameStream:
 
 
 class SimCamera:
-    """``Camera`` looking at the simulated board; every read exposes a new frame."""
+    """``Camera`` looking at the simulated board; every read exposes a new frame.
+
+    Pictures take the way of a real RealSense camera's: both sensors' own pictures through librealsense, which aligns
+    depth to colour. Clean views of other cameras come as they are drawn.
+
+    Attributes:
+        intrinsics: of its frames.
+    """
 
     def __init__(self, run_dir: Path, camera: str = "camera", depth: bool = True) -> None:
         """Connect to the world of a run directory.
@@ -96,37 +106,50 @@ class SimCamera:
             depth: whether frames have depth.
 
         Raises:
-            HardwareError: no world answers, or it has no such camera.
+            HardwareError: no world answers, it has no such camera, or that has no depth.
         """
         self._link, answer = _connect_camera(run_dir, camera)
+        view = answer["views"][camera]
+        if depth and view["depth"] is None:
+            self._link.close()
+            raise HardwareError(f"the view '{camera}' has no depth: ask for frames without it")
         self._period = float(answer["period"])
-        self.intrinsics = Intrinsics(**answer["intrinsics"][camera])
-        self._camera, self._depth = camera, depth
+        self.intrinsics = Intrinsics(**view["colour"])
+        self._wish = {"camera": camera, "depth": depth}
         self._path = frame_path(run_dir, int(answer["slot"]))
+        self._device = SoftwareCamera(self.intrinsics, _depth_stream(view["depth"]) if depth else None)
+        self._maker = FrameMaker()
 
     def read(self, max_age: float = 0.25) -> Frame:
         """See ``Camera.read``."""
-        answer = wire.ask(self._link, {"camera": self._camera, "depth": self._depth})
+        if self._link.fileno() < 0:
+            raise CameraClosed
+        answer = wire.ask(self._link, self._wish)
         exposed = int(answer["exposed"])
         age = (int(answer["tick"]) - exposed) * self._period
         if age > max_age:
             raise StaleFrame(age, max_age)
-        pixels = np.fromfile(self._path, dtype=np.uint8)
-        if pixels.size != frame_bytes():
-            raise HardwareError(f"the frame at {self._path} has {pixels.size} bytes, not {frame_bytes()}")
-        count = WIDTH * HEIGHT
-        colour = pixels[: 3 * count].reshape(HEIGHT, WIDTH, 3)
-        depth = pixels[3 * count :].view(np.float32).reshape(HEIGHT, WIDTH) if self._depth else None
-        return Frame(colour, depth, self.intrinsics, exposed * self._period)
+        pinhole, stamp = self.intrinsics, exposed * self._period
+        shape = (pinhole.height, pinhole.width, 3)
+        colour = np.fromfile(self._path, dtype=np.uint8, offset=DEPTH_BYTES, count=math.prod(shape)).reshape(shape)
+        depth = np.fromfile(self._path, dtype=np.uint16, count=DEPTH_WIDTH * DEPTH_HEIGHT)
+        units = depth.reshape(DEPTH_HEIGHT, DEPTH_WIDTH) if self._wish["depth"] else None
+        return self._maker.make(self._device.pass_through(colour, units, stamp), stamp)
 
     def close(self) -> None:
         """Let the world go."""
         self._link.close()
+        self._device.close()
+
+
+def _depth_stream(description: dict[str, Any]) -> DepthStream:
+    pinhole = Intrinsics(**description["pinhole"])
+    return DepthStream(pinhole, float(description["unit"]), float(description["offset"]))
 
 
 def _connect_camera(run_dir: Path, camera: str) -> tuple[socket.socket, dict[str, Any]]:
     link, answer = wire.connect(run_dir, "camera")
-    views = answer["intrinsics"]
+    views = answer["views"]
     if camera not in views:
         link.close()
         raise HardwareError(f"the world has no camera '{camera}': there are {', '.join(views)}")

@@ -12,13 +12,36 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.renderer import HEIGHT, MODEL_FILE, READY, REPLY, REQUEST, WIDTH, frame_bytes, frame_path
+from hardware.sim.d435 import COLOUR, DEPTH_HEIGHT, DEPTH_WIDTH, LEFT_IMAGER, STEREO, colour_intrinsics
+from hardware.sim.lamps import set_lamps
+from hardware.sim.looks import Looks
+from hardware.sim.mount import Mount
+from hardware.sim.optics import colour_picture, depth_picture, seen_from_left, whole_units
+from hardware.sim.renderer import (
+    DEPTH_BYTES,
+    FRAME_BYTES,
+    HEIGHT,
+    MODEL_FILE,
+    READY,
+    REPLY,
+    WIDTH,
+    Sensor,
+    Shot,
+    frame_path,
+    unpack_request,
+)
 
 ROD_HALF_DISTANCE = 0.024
 """Between the rods of a pair, each from the middle [m]; they are drawn, the physics lumps them."""
 ROD_RADIUS = 0.004
+SAMPLES = 4
+"""Of each pixel of a colour picture."""
 NICE = 5
 """Pictures step back behind the plant's ticks [steps of the scheduler's niceness]."""
+SENSOR_VIEW = "camera"
+"""The view that the RGB-D camera has."""
+_COLOUR_NOISE, _DEPTH_NOISE = 0, 1
+"""Noise of the two sensors is drawn apart, so that a picture is the same with and without depth."""
 
 
 def draw_rods(scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
@@ -35,34 +58,119 @@ def draw_rods(scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
             scene.ngeom += 1
 
 
+class Easel:
+    """The world as it is drawn: a model of its own, and a renderer for each size of picture.
+
+    Args:
+        model: compiled with looks; its lights and its camera are set for each picture.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        # with sleep on, MuJoCo would leave lamps and cameras where they were at first
+        model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+        self._data = mujoco.MjData(model)
+        self._renderers: dict[tuple[int, int], mujoco.Renderer] = {}
+        self._option = mujoco.MjvOption()
+        self._option.geomgroup[3] = 0
+        self._mount = Mount(model, SENSOR_VIEW)
+        self._looks = Looks()  # as the scene is compiled
+        mujoco.mj_forward(model, self._data)
+
+    def draw(self, shot: Shot, positions: NDArray[np.float64], file: NDArray[np.uint8]) -> None:
+        """Draw a picture into a frame's bytes.
+
+        Args:
+            shot: what is wanted.
+            positions: of all joints, shape (nq,).
+            file: of a slot, shape (``FRAME_BYTES``,).
+        """
+        self._data.qpos[:] = positions
+        mujoco.mj_kinematics(self._model, self._data)
+        if shot.looks is not None and shot.looks.light != self._looks.light:
+            set_lamps(self._model, shot.looks.light)
+        self._looks = shot.looks or self._looks
+        self._mount.look(self._looks.mount, depth=False)
+        sensor = shot.sensor
+        picture = self._sense(sensor, file) if sensor is not None else self._see(shot.view, WIDTH, HEIGHT)
+        file[DEPTH_BYTES : DEPTH_BYTES + picture.size] = picture.ravel()
+
+    def warm_up(self) -> None:
+        """Draw once.
+
+        Raises:
+            Exception: whatever OpenGL raises where it does not work; the world tells the last line of it.
+        """
+        self._see(SENSOR_VIEW, WIDTH, HEIGHT)
+
+    def close(self) -> None:
+        """Give OpenGL back."""
+        for renderer in self._renderers.values():
+            renderer.close()
+
+    def _sense(self, sensor: Sensor, file: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The colour picture; depth goes into the file at once, if it is wanted."""
+        camera, exposure = sensor.camera, self._looks.exposure
+        ideal = self._see(SENSOR_VIEW, camera.width, camera.height)
+        if sensor.depth:
+            self._mount.look(self._looks.mount, depth=True)
+            units = self._measure(sensor, self._see_depth(), ideal)
+            file[:DEPTH_BYTES] = units.view(np.uint8).ravel()
+        return colour_picture(
+            ideal, COLOUR if camera.noise else None, exposure=exposure.time, gain=exposure.gain,
+            white_balance=exposure.white_balance, rng=_noise(sensor, _COLOUR_NOISE),
+        )  # fmt: skip
+
+    def _measure(self, sensor: Sensor, depth: NDArray[np.float32], ideal: NDArray[np.uint8]) -> NDArray[np.uint16]:
+        camera = sensor.camera
+        if not camera.noise:
+            return whole_units(depth, camera.depth_unit)
+        pinhole = colour_intrinsics(camera.width, camera.height)
+        grey = seen_from_left(ideal, pinhole, depth, STEREO.intrinsics, LEFT_IMAGER)
+        return depth_picture(depth, grey, STEREO, camera.depth_unit, _noise(sensor, _DEPTH_NOISE))
+
+    def _see(self, view: str, width: int, height: int) -> NDArray[np.uint8]:
+        picture: NDArray[np.uint8] = self._prepared(view, width, height).render()
+        return picture
+
+    def _see_depth(self) -> NDArray[np.float32]:
+        renderer = self._prepared(SENSOR_VIEW, DEPTH_WIDTH, DEPTH_HEIGHT)
+        renderer.enable_depth_rendering()
+        depth: NDArray[np.float32] = renderer.render()
+        renderer.disable_depth_rendering()
+        return depth
+
+    def _prepared(self, view: str, width: int, height: int) -> mujoco.Renderer:
+        """The renderer of a size, with the scene as it is and from where it is seen."""
+        if (width, height) not in self._renderers:
+            # smooth edges are for colour: depth of several samples mixed would lie between two surfaces
+            self._model.vis.quality.offsamples = 0 if (width, height) == (DEPTH_WIDTH, DEPTH_HEIGHT) else SAMPLES
+            self._renderers[width, height] = mujoco.Renderer(self._model, height, width)
+        renderer = self._renderers[width, height]
+        mujoco.mj_camlight(self._model, self._data)
+        renderer.update_scene(self._data, camera=view, scene_option=self._option)
+        draw_rods(renderer.scene, self._data)
+        return renderer
+
+
+def _noise(sensor: Sensor, which: int) -> np.random.Generator:
+    """The same for the same world at the same tick, whoever looks and however often."""
+    return np.random.default_rng([sensor.seed, sensor.tick, which])
+
+
 def _serve(run_dir: Path, link: socket.socket) -> None:
-    model = mujoco.MjModel.from_binary_path(str(run_dir / MODEL_FILE))
-    data = mujoco.MjData(model)
-    renderer = mujoco.Renderer(model, HEIGHT, WIDTH)
-    option = mujoco.MjvOption()
-    option.geomgroup[3] = 0
+    easel = Easel(mujoco.MjModel.from_binary_path(str(run_dir / MODEL_FILE)))
+    easel.warm_up()  # the first picture is slow: shaders are compiled
     files: dict[int, NDArray[np.uint8]] = {}
-    mujoco.mj_forward(model, data)
-    renderer.update_scene(data, camera="camera", scene_option=option)
-    renderer.render()  # the first picture is slow: shaders are compiled
     link.send(READY)
     while message := link.recv(1 << 16):
-        slot, camera, depth = REQUEST.unpack_from(message)
-        data.qpos[:] = np.frombuffer(message, dtype=np.float64, offset=REQUEST.size)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_camlight(model, data)
-        renderer.update_scene(data, camera=camera.rstrip(b"\0").decode(), scene_option=option)
-        draw_rods(renderer.scene, data)
-        if slot not in files:
-            files[slot] = np.memmap(frame_path(run_dir, slot), dtype=np.uint8, mode="w+", shape=(frame_bytes(),))
-        picture = files[slot]
-        pixels = WIDTH * HEIGHT
-        picture[: 3 * pixels] = renderer.render().ravel()
-        if depth:
-            renderer.enable_depth_rendering()
-            picture[3 * pixels :] = renderer.render().astype(np.float32).view(np.uint8).ravel()
-            renderer.disable_depth_rendering()
-        link.send(REPLY.pack(slot))
+        shot, positions = unpack_request(message)
+        if shot.slot not in files:
+            path = frame_path(run_dir, shot.slot)
+            files[shot.slot] = np.memmap(path, dtype=np.uint8, mode="w+", shape=(FRAME_BYTES,))
+        easel.draw(shot, positions, files[shot.slot])
+        link.send(REPLY.pack(shot.slot))
+    easel.close()
 
 
 def main() -> None:

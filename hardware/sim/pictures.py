@@ -14,11 +14,17 @@ from typing import Any
 
 from hardware.interfaces import HardwareError
 from hardware.sim import wire
+from hardware.sim.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
+from hardware.sim.looks import CameraSettings
 from hardware.sim.plant import Plant
-from hardware.sim.renderer import Renderer, frame_path, intrinsics_for
+from hardware.sim.renderer import Renderer, Sensor, Shot, frame_path, intrinsics_for
 from hardware.sim.scene import CAMERAS
 from hardware.sim.services import NEVER, SILENCE
+from hardware.sim.stage import StageService
 from hardware.sim.visitors import Refused, Visitor
+
+RGBD = "camera"
+"""The view of the board's RGB-D camera; the others show the world to people."""
 
 
 @dataclass(slots=True, eq=False)
@@ -53,6 +59,9 @@ class CameraService:
         renderer: draws; None in a world without cameras.
         run_dir: where frames are written.
         latency: from exposure to delivery [ticks].
+        camera: the board's RGB-D camera, which has the view ``camera``; other views are clean pictures.
+        seed: of its noise.
+        stage: how light and camera are at the moment.
 
     Attributes:
         due: tick at which the next frame is to be exposed or delivered.
@@ -60,7 +69,15 @@ class CameraService:
     """
 
     def __init__(
-        self, facts: dict[str, Any], plant: Plant, renderer: Renderer | None, run_dir: Path, latency: int
+        self,
+        facts: dict[str, Any],
+        plant: Plant,
+        renderer: Renderer | None,
+        run_dir: Path,
+        latency: int,
+        camera: CameraSettings,
+        seed: int,
+        stage: StageService,
     ) -> None:
         self.due = NEVER
         self.waiting = False
@@ -69,6 +86,9 @@ class CameraService:
         self._renderer = renderer
         self._run_dir = run_dir
         self._latency = latency
+        self._camera = camera
+        self._seed = seed
+        self._stage = stage
         self._views: dict[Visitor, _View] = {}
         self._slots = 0
         self._absent = "this world was started without cameras"
@@ -82,8 +102,7 @@ class CameraService:
         slot, self._slots = self._slots, self._slots + 1
         frame_path(self._run_dir, slot).touch()
         self._views[visitor] = _View(visitor, slot)
-        intrinsics = {name: asdict(intrinsics_for(pose.field_of_view)) for name, pose in CAMERAS.items()}
-        return {**self._facts, "slot": slot, "intrinsics": intrinsics}
+        return {**self._facts, "slot": slot, "views": {name: self._describe(name) for name in CAMERAS}}
 
     def hear(self, visitor: Visitor, message: bytes) -> None:
         """See ``Service``."""
@@ -98,6 +117,9 @@ class CameraService:
         elif view.due != NEVER:
             visitor.tell({"error": "one frame or stream at a time: this one is under way"})
         elif isinstance(request, wire.Exposure):
+            if request.depth and request.camera != RGBD:
+                visitor.tell({"error": f"the view '{request.camera}' has no depth: '{RGBD}' has"})
+                return
             view.due = self._plant.tick + self._latency
             self._draw(view, request.camera, request.depth)
         else:
@@ -187,9 +209,13 @@ class CameraService:
     def _draw(self, view: _View, camera: str, depth: bool) -> None:
         if self._renderer is None:
             return
-        view.drawing, view.exposed = True, self._plant.tick
+        tick = self._plant.tick
+        view.drawing, view.exposed = True, tick
+        sensed = camera == RGBD and not view.every  # streams are for people: clean pictures, quickly drawn
+        sensor = Sensor(camera=self._camera, seed=self._seed, tick=tick, depth=depth) if sensed else None
+        shot = Shot(slot=view.slot, view=camera, looks=self._stage.looks, sensor=sensor)
         try:
-            self._renderer.request(view.slot, camera, depth, self._plant.positions())
+            self._renderer.request(shot, self._plant.positions())
         except HardwareError as error:
             self._go_blind(error)
 
@@ -204,6 +230,14 @@ class CameraService:
             if view.due != NEVER:
                 view.due, view.drawing = NEVER, False
                 view.visitor.tell({"error": self._absent})
+
+    def _describe(self, view: str) -> dict[str, Any]:
+        """What a client has to know about a view: pinholes, and where depth is seen from [m] in which units [m]."""
+        if view != RGBD:
+            return {"colour": asdict(intrinsics_for(CAMERAS[view].field_of_view)), "depth": None}
+        colour = colour_intrinsics(self._camera.width, self._camera.height)
+        depth = {"pinhole": asdict(depth_intrinsics()), "offset": LEFT_IMAGER, "unit": self._camera.depth_unit}
+        return {"colour": asdict(colour), "depth": depth}
 
     def _plan(self) -> None:
         views = self._views.values()

@@ -15,13 +15,21 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
 
 from hardware.interfaces import HardwareError, Intrinsics
+from hardware.sim.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
+from hardware.sim.looks import CameraSettings, Looks
 
 MODEL_FILE = "world.mjb"
 WIDTH, HEIGHT = 640, 480
-REQUEST = struct.Struct("<I8s?")
-"""Slot, name of the camera, depth wanted; the positions follow as float64."""
+"""Of clean pictures [px]."""
+DEPTH_BYTES = 2 * DEPTH_WIDTH * DEPTH_HEIGHT
+"""A slot's file begins with the depth picture, if there is one, in units of 16 bits; the colour picture follows."""
+FRAME_BYTES = DEPTH_BYTES + 3 * 1280 * 720
+"""Size of a slot's file: room for the largest pictures."""
+HEADER = struct.Struct("<I")
+"""Length of the JSON of a ``Shot``, which follows; then the positions as float64."""
 REPLY = struct.Struct("<I")
 READY = b"ready"
 START_TIMEOUT = 60.0
@@ -34,9 +42,41 @@ GL_REMEDY = (
 )
 
 
-def frame_bytes() -> int:
-    """Size of one stored frame: RGB, then depth as float32."""
-    return WIDTH * HEIGHT * 3 + WIDTH * HEIGHT * 4
+class Sensor(BaseModel):
+    """The RGB-D camera that takes a picture, and what decides its noise."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    camera: CameraSettings
+    seed: int
+    tick: int
+    depth: bool
+    """Whether the depth picture is wanted as well."""
+
+
+class Shot(BaseModel):
+    """One picture that is wanted."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    slot: int
+    view: str
+    looks: Looks | None = None
+    """None: light as the model has it."""
+    sensor: Sensor | None = None
+    """None: a clean picture of 640×480 pixels, without depth."""
+
+
+def pack_request(shot: Shot, positions: NDArray[np.float64]) -> bytes:
+    """A request as sent to the renderer's process."""
+    wish = shot.model_dump_json().encode()
+    return HEADER.pack(len(wish)) + wish + positions.tobytes()
+
+
+def unpack_request(message: bytes) -> tuple[Shot, NDArray[np.float64]]:
+    """Inverse of ``pack_request``."""
+    end = HEADER.size + HEADER.unpack_from(message)[0]
+    return Shot.model_validate_json(message[HEADER.size : end]), np.frombuffer(message[end:], dtype=np.float64)
 
 
 def frame_path(run_dir: Path, slot: int) -> Path:
@@ -45,7 +85,7 @@ def frame_path(run_dir: Path, slot: int) -> Path:
 
 
 def intrinsics_for(vertical_field_of_view: float) -> Intrinsics:
-    """Pinhole of a rendered frame; angle in rad."""
+    """Pinhole of a clean picture; angle in rad."""
     focal = 0.5 * HEIGHT / float(np.tan(0.5 * vertical_field_of_view))
     return Intrinsics(WIDTH, HEIGHT, focal, focal, 0.5 * (WIDTH - 1), 0.5 * (HEIGHT - 1))
 
@@ -81,14 +121,14 @@ class Renderer:
             lines = (self._run_dir / "renderer.log").read_text(errors="replace").strip().splitlines()
             raise HardwareError(GL_REMEDY.format(lines[-1][:200] if lines else "no answer"))
 
-    def request(self, slot: int, camera: str, depth: bool, positions: NDArray[np.float64]) -> None:
+    def request(self, shot: Shot, positions: NDArray[np.float64]) -> None:
         """Ask for a picture of the world at these joint positions.
 
         Raises:
             HardwareError: the renderer has ended or is stuck.
         """
         try:
-            self._link.send(REQUEST.pack(slot, camera.encode(), depth) + positions.tobytes())
+            self._link.send(pack_request(shot, positions))
         except OSError as error:
             raise HardwareError(LOST) from error
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import mujoco
 import numpy as np
@@ -13,8 +13,12 @@ from numpy.typing import NDArray
 from hardware.parameters import RobotParameters
 from hardware.sim.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics, stiffen_closures
 from hardware.sim.contact import Contact
+from hardware.sim.d435 import COLOUR_FIELD_OF_VIEW
+from hardware.sim.lamps import lamps, set_ambient
+from hardware.sim.looks import LightSettings
 from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, WOOD_FRICTION, give_stiffness
-from hardware.sim.turning import turned_mesh
+from hardware.sim.turning import FELT_HEIGHT, turned_mesh
+from hardware.sim.wood import board_png
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceShape, PieceSpec, TableSettings
 
 FOOT_SIDE = 0.85
@@ -26,6 +30,8 @@ SLEEP_TOLERANCE = 1e-3
 """A resting piece falls asleep below this velocity [m/s, scaled]."""
 
 PIECE_RGBA = {Colour.WHITE: [0.87, 0.76, 0.58, 1.0], Colour.BLACK: [0.16, 0.11, 0.09, 1.0]}
+SQUARES_FILE = "squares.png"
+FELT_RGBA = [0.10, 0.22, 0.14, 1.0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +40,7 @@ class CameraPose:
 
     position: tuple[float, float, float] = (0.0, 0.46, 0.44)
     target: tuple[float, float, float] = (0.0, 0.02, 0.0)
-    field_of_view: float = math.radians(43.0)
+    field_of_view: float = COLOUR_FIELD_OF_VIEW
 
 
 CAMERAS = {
@@ -77,11 +83,9 @@ def _add_deck(spec: mujoco.MjSpec, table: TableSettings) -> None:
         name="rim", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half_x, half_y, 0.00015], pos=[0, 0, 0], contype=0,
         conaffinity=0, rgba=[0.36, 0.25, 0.17, 1.0],
     )  # fmt: skip
-    spec.add_texture(
-        name="squares", type=mujoco.mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        rgb1=[0.90, 0.82, 0.68], rgb2=[0.45, 0.28, 0.16], width=512, height=512,
-    )  # fmt: skip
-    material = spec.add_material(name="squares", texrepeat=[4, 4], reflectance=0.0, specular=0.2)
+    spec.assets[SQUARES_FILE] = board_png()
+    spec.add_texture(name="squares", type=mujoco.mjtTexture.mjTEXTURE_2D, file=SQUARES_FILE)
+    material = spec.add_material(name="squares", reflectance=0.0, specular=0.2)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "squares"
     spec.worldbody.add_geom(
         name="squares", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half_board, half_board, 0.0003], material="squares",
@@ -100,15 +104,16 @@ def _add_surroundings(spec: mujoco.MjSpec) -> None:
         name="room", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
         rgb1=[0.82, 0.85, 0.88], rgb2=[0.55, 0.58, 0.62], width=128, height=768,
     )  # fmt: skip
-    spec.worldbody.add_light(
-        pos=[0.9, 0.5, 1.0], dir=[-0.9, -0.5, -1.0], diffuse=[0.55, 0.55, 0.53], ambient=[0.25, 0.25, 0.26],
-        specular=[0.2, 0.2, 0.2], castshadow=True,
-    )  # fmt: skip
-    spec.worldbody.add_light(
-        pos=[-0.8, -0.4, 1.2], dir=[0.8, 0.4, -1.0], diffuse=[0.35, 0.35, 0.37], castshadow=False, specular=[0, 0, 0]
-    )
+    _add_lights(spec)
     for name, pose in CAMERAS.items():
         _add_camera(spec, name, pose)
+
+
+def _add_lights(spec: mujoco.MjSpec) -> None:
+    """Lamps as ``LightSettings`` has them by default; the renderer sets them as they are (``hardware.sim.lamps``)."""
+    for lamp in lamps(LightSettings()):
+        spec.worldbody.add_light(**asdict(lamp), ambient=[0.0, 0.0, 0.0])
+    set_ambient(spec.visual.headlight, LightSettings())
 
 
 def _add_camera(spec: mujoco.MjSpec, name: str, pose: CameraPose) -> None:
@@ -157,7 +162,11 @@ def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece) -> None:
     )  # fmt: skip
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_MESH, meshname=piece.spec.kind.value, contype=0, conaffinity=0, mass=0.0,
-        rgba=PIECE_RGBA[piece.spec.colour], group=1,
+        material=piece.spec.colour.value, group=1,
+    )  # fmt: skip
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER, contype=0, conaffinity=0, mass=0.0, rgba=FELT_RGBA, group=1,
+        size=[0.96 * shape.foot_radius, FELT_HEIGHT / 2.0, 0], pos=[0, 0, FELT_HEIGHT / 2.0],
     )  # fmt: skip
 
 
@@ -182,7 +191,19 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
     """Quality of pictures, and the meshes of the pieces."""
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
     spec.visual.quality.shadowsize = 2048
+    spec.visual.quality.numslices, spec.visual.quality.numstacks = (
+        24,
+        6,
+    )  # discs and cylinders need no more, and it is slow
+    for part in (
+        "ambient",
+        "diffuse",
+        "specular",
+    ):  # no lamp on the camera: ``LightSettings`` says what lights the table
+        setattr(spec.visual.headlight, part, [0.0, 0.0, 0.0])
     spec.visual.map.znear = 0.02
+    for colour, rgba in PIECE_RGBA.items():
+        spec.add_material(name=colour.value, rgba=rgba, specular=0.35, shininess=0.6)  # lacquered wood
     for kind in Kind:
         vertices, faces = turned_mesh(kind)
         mesh = spec.add_mesh(name=kind.value)

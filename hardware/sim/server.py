@@ -37,6 +37,7 @@ from hardware.sim.scene import build_model
 from hardware.sim.services import NEVER, ClockService, Drives, RefereeService
 from hardware.sim.settings import Pace, WorldSettings, load_settings, stand_pieces
 from hardware.sim.snapshot import STATE_FILE, load_snapshot, save_snapshot
+from hardware.sim.stage import StageService
 from hardware.sim.visitors import Service, Visitors
 
 STANDING_WAIT = 0.001
@@ -88,10 +89,13 @@ class World:
         self._drives = Drives(facts, settings.first_controller, settings.linger)
         self._clocks = ClockService(facts, self.plant)
         latency = round(settings.camera_latency / drive.tick)
-        self._cameras = CameraService(facts, self.plant, self._renderer, run_dir, latency)
+        stage = StageService(facts, self.plant, settings.looks)
+        self._cameras = CameraService(
+            facts, self.plant, self._renderer, run_dir, latency, settings.camera, settings.seed, stage
+        )
         referees = RefereeService(facts, self.plant, self._speed)
         services: dict[str, Service] = {
-            "servo": self._drives, "camera": self._cameras, "clock": self._clocks, "referee": referees,
+            "servo": self._drives, "camera": self._cameras, "clock": self._clocks, "referee": referees, "stage": stage,
         }  # fmt: skip
         self._visitors = Visitors(run_dir, services)
         self._applied: Command | None = None

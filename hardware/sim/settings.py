@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, NonNegativeFloat, NonNegativeInt, Po
 from hardware.interfaces import HardwareError
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.imperfections import PERFECT, Imperfections
+from hardware.sim.looks import CameraSettings, LightSettings, Looks
 from hardware.sim.scene import StandingPiece
 from hardware.table import PieceSpec, TableSettings
 
@@ -52,11 +53,20 @@ class WorldSettings(BaseModel):
     """From exposure to delivery of a frame, plant time [s]."""
     cameras: bool = True
     """False: no renderer, and no OpenGL needed."""
+    camera: CameraSettings = CameraSettings()
+    """Of the board: its pictures, and how it hangs and exposes at the start."""
+    light: LightSettings = LightSettings()
+    """Over the table at the start; ``Stage`` changes it while the world runs."""
     journal: bool = False
     """Keep every command in the run directory, so that the run can be done again; see ``hardware.sim.journal``."""
     realtime: bool = False
     """Pace real: as punctual as a motion board, by real time where the system grants it; for measurements. Otherwise
     the world is an ordinary program."""
+
+    @property
+    def looks(self) -> Looks:
+        """Light, exposure and mount at the start."""
+        return Looks(light=self.light, exposure=self.camera.exposure, mount=self.camera.mount)
 
 
 def load_settings(run_dir: Path) -> WorldSettings:

@@ -1,67 +1,114 @@
-"""Shapes of turned pieces for the camera: profiles as (radius, height) and their meshes of revolution."""
+"""Shapes of turned pieces for the camera: profiles as (radius, height), their meshes of revolution, and what is carved:
+a rook's battlements, a queen's coronet, a king's cross, a knight's head.
+
+Nothing above the foot is wider than the stem that the gripper holds.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, Kind
 
-SEGMENTS = 20
+SEGMENTS = 24
+FELT_HEIGHT = 0.0012
+"""Of the felt under the foot [m]; it is a shape of its own."""
+
+Mesh = tuple[NDArray[np.float64], NDArray[np.int32]]
+"""Vertices (n, 3) [m] and triangles (m, 3)."""
 
 # Profiles above the foot: (radius in stem radii, height as a fraction from the foot's top to the piece's top).
 _PROFILES: dict[Kind, tuple[tuple[float, float], ...]] = {
     Kind.PAWN: (
-        (0.95, 0.05), (0.62, 0.35), (0.6, 0.5), (0.95, 0.55), (0.6, 0.6), (0.9, 0.7), (1.0, 0.8), (0.85, 0.92),
-        (0.45, 0.98),
+        (0.95, 0.05), (0.72, 0.18), (0.6, 0.36), (0.56, 0.5), (0.62, 0.535), (0.97, 0.555), (0.97, 0.585), (0.58, 0.61),
+        (0.82, 0.67), (0.97, 0.75), (1.0, 0.82), (0.9, 0.91), (0.6, 0.975), (0.25, 0.998),
     ),
-    Kind.ROOK: ((1.0, 0.05), (0.8, 0.35), (0.78, 0.6), (1.0, 0.7), (1.0, 1.0), (0.65, 1.0), (0.65, 0.88)),
-    Kind.KNIGHT: ((1.0, 0.05), (0.85, 0.2), (0.75, 0.3)),
+    Kind.ROOK: (
+        (1.0, 0.05), (0.82, 0.2), (0.74, 0.45), (0.74, 0.62), (0.8, 0.66), (1.0, 0.7), (1.0, 0.76), (0.94, 0.78),
+        (1.0, 1.0), (0.7, 1.0), (0.66, 0.86),
+    ),
+    Kind.KNIGHT: ((1.0, 0.05), (0.95, 0.1), (0.98, 0.14), (0.9, 0.18), (0.7, 0.2)),
     Kind.BISHOP: (
-        (1.0, 0.04), (0.6, 0.35), (0.55, 0.55), (0.95, 0.6), (0.55, 0.64), (0.85, 0.74), (0.8, 0.84), (0.35, 0.95),
-        (0.4, 0.97), (0.3, 0.995),
+        (1.0, 0.04), (0.74, 0.16), (0.58, 0.34), (0.54, 0.54), (0.6, 0.57), (0.97, 0.585), (0.97, 0.615), (0.6, 0.63),
+        (0.62, 0.65), (0.84, 0.71), (0.88, 0.77), (0.74, 0.86), (0.42, 0.935), (0.2, 0.95), (0.3, 0.97), (0.2, 0.995),
     ),
     Kind.QUEEN: (
-        (1.0, 0.04), (0.6, 0.35), (0.58, 0.6), (1.0, 0.65), (0.6, 0.69), (0.75, 0.8), (1.0, 0.92), (0.7, 0.93),
-        (0.35, 0.95), (0.4, 0.985),
+        (1.0, 0.04), (0.74, 0.14), (0.6, 0.32), (0.55, 0.56), (0.62, 0.6), (1.0, 0.615), (1.0, 0.645), (0.62, 0.66),
+        (0.56, 0.7), (0.7, 0.8), (1.0, 0.93), (0.78, 0.925), (0.5, 0.94), (0.2, 0.945), (0.3, 0.965), (0.2, 0.993),
     ),
     Kind.KING: (
-        (1.0, 0.04), (0.62, 0.35), (0.6, 0.58), (1.0, 0.63), (0.62, 0.67), (0.75, 0.78), (0.95, 0.88), (0.5, 0.9),
-        (0.2, 0.91), (0.2, 0.99),
+        (1.0, 0.04), (0.76, 0.13), (0.62, 0.3), (0.56, 0.53), (0.64, 0.57), (1.0, 0.585), (1.0, 0.615), (0.64, 0.63),
+        (0.58, 0.67), (0.72, 0.76), (0.97, 0.855), (0.9, 0.87), (0.5, 0.895), (0.22, 0.905), (0.16, 0.91),
     ),
 }  # fmt: skip
 
-# Neck and head of the knight, seen from the side: (y in stem radii, height as above).
+_BATTLEMENTS = (8, 9)
+"""Rings of the rook's profile that are cut down between its battlements."""
+_CORONET = (10,)
+"""Ring of the queen's profile that stands up in points."""
+
+# Neck and head of the knight, seen from the side: (y in stem radii, height as above); it looks towards +y.
 _HORSE = (
-    (-0.95, 0.15), (0.85, 0.15), (0.55, 0.45), (1.0, 0.55), (0.95, 0.72), (0.3, 0.95), (0.1, 1.0), (-0.5, 0.85),
-    (-0.95, 0.5),
+    (-0.85, 0.17), (0.8, 0.17), (0.7, 0.28), (0.4, 0.42), (0.3, 0.5), (0.55, 0.5), (0.9, 0.47), (1.0, 0.54),
+    (0.95, 0.62), (0.55, 0.78), (0.25, 0.88), (0.15, 1.0), (-0.1, 0.91), (-0.5, 0.82), (-0.85, 0.62), (-0.95, 0.38),
 )  # fmt: skip
+_HORSE_LAYERS = ((-0.62, 0.7), (-0.34, 1.0), (0.34, 1.0), (0.62, 0.7))
+"""Across the head: (x in stem radii, scale of the outline), so that its edges are rounded off."""
+
+
+def turned_mesh(kind: Kind) -> Mesh:
+    """Vertices (n, 3) [m], origin at the centre of the foot's underside, and triangles (m, 3) of one kind."""
+    parts = [_revolve(_profile(kind), _carving(kind))]
+    if kind is Kind.KNIGHT:
+        parts.append(_horse_head(kind))
+    if kind is Kind.KING:
+        parts += _cross(kind)
+    return _together(parts)
 
 
 def _profile(kind: Kind) -> list[tuple[float, float]]:
     shape = PIECE_SHAPES[kind]
+    radius, height = shape.foot_radius, shape.foot_height
     foot = [
-        (0.0, 0.0),
-        (shape.foot_radius, 0.0),
-        (shape.foot_radius, 0.45 * shape.foot_height),
-        (0.9 * shape.foot_radius, 0.65 * shape.foot_height),
-        (0.75 * shape.foot_radius, shape.foot_height),
-    ]
-    span = shape.height - shape.foot_height
-    body = [(r * shape.stem_radius, shape.foot_height + f * span) for r, f in _PROFILES[kind]]
+        (0.0, FELT_HEIGHT), (0.98 * radius, FELT_HEIGHT), (radius, 0.25 * height), (radius, 0.45 * height),
+        (0.95 * radius, 0.58 * height), (0.86 * radius, 0.66 * height), (0.84 * radius, 0.74 * height),
+        (0.72 * radius, height),
+    ]  # fmt: skip
+    span = shape.height - height
+    body = [(r * shape.stem_radius, height + f * span) for r, f in _PROFILES[kind]]
     return [*foot, *body, (0.0, body[-1][1])]
 
 
-def _revolve(profile: list[tuple[float, float]]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def _carving(kind: Kind) -> Callable[[int, int], float]:
+    """By how much a ring's vertex stands higher than the profile, as part of the piece above the foot."""
+    rings = {Kind.ROOK: _BATTLEMENTS, Kind.QUEEN: _CORONET}.get(kind, ())
+    first = len(_profile(kind)) - len(_PROFILES[kind]) - 2  # of the profile above the foot, among all rings
+    carved = {first + ring for ring in rings}
+
+    def lift(ring: int, segment: int) -> float:
+        if ring not in carved:
+            return 0.0
+        if kind is Kind.ROOK:
+            return -0.09 if segment % 6 < 2 else 0.0
+        return 0.03 * math.cos(2.0 * math.pi * segment / 3.0)
+
+    return lift
+
+
+def _revolve(profile: list[tuple[float, float]], lift: Callable[[int, int], float]) -> Mesh:
     rings = profile[1:-1]
+    top = max(height for _radius, height in profile)
     angles = 2.0 * np.pi * np.arange(SEGMENTS) / SEGMENTS
     vertices = [[0.0, 0.0, profile[0][1]]]
-    for radius, height in rings:
-        vertices.extend([radius * math.cos(a), radius * math.sin(a), height] for a in angles)
+    for number, (radius, height) in enumerate(rings):
+        for segment, a in enumerate(angles):
+            vertices.append([radius * math.cos(a), radius * math.sin(a), height + top * lift(number, segment)])
     vertices.append([0.0, 0.0, profile[-1][1]])
-    top = len(vertices) - 1
+    end = len(vertices) - 1
     faces: list[list[int]] = []
     for i in range(SEGMENTS):
         j = (i + 1) % SEGMENTS
@@ -70,30 +117,57 @@ def _revolve(profile: list[tuple[float, float]]) -> tuple[NDArray[np.float64], N
             a, b = 1 + ring * SEGMENTS, 1 + (ring + 1) * SEGMENTS
             faces += [[a + i, a + j, b + j], [a + i, b + j, b + i]]
         last = 1 + (len(rings) - 1) * SEGMENTS
-        faces.append([last + i, last + j, top])
+        faces.append([last + i, last + j, end])
     return np.array(vertices), np.array(faces, dtype=np.int32)
 
 
-def _horse_head(kind: Kind) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """A side view of neck and head, cut from a board as thick as the stem; faces +y."""
+def _horse_head(kind: Kind) -> Mesh:
+    """Neck and head: the outline in layers across, the outer ones smaller."""
     shape = PIECE_SHAPES[kind]
-    r, low, span = shape.stem_radius, shape.foot_height, shape.height - shape.foot_height
-    sides = []
-    for x in (-0.55 * r, 0.55 * r):
-        sides += [[x, y * r, low + f * span] for y, f in _HORSE]
-    n = len(_HORSE)
-    centres = [[-0.6 * r, 0.0, low + 0.5 * span], [0.6 * r, 0.0, low + 0.5 * span]]
-    faces = []
-    for i in range(n):
-        j = (i + 1) % n
-        faces += [[2 * n, j, i], [2 * n + 1, n + i, n + j], [i, j, n + j], [i, n + j, n + i]]
-    return np.array(sides + centres), np.array(faces, dtype=np.int32)
+    low, span = shape.foot_height, shape.height - shape.foot_height
+    outline = np.array([[y * shape.stem_radius, low + f * span] for y, f in _HORSE])
+    middle = np.array([-0.1 * shape.stem_radius, low + 0.55 * span])
+    n = len(outline)
+    vertices, faces = [], []
+    for x, scale in _HORSE_LAYERS:
+        ring = middle + scale * (outline - middle)
+        ring[:, 1] = np.minimum(np.maximum(ring[:, 1], low + 0.15 * span), shape.height)
+        vertices += [[x * shape.stem_radius, y, z] for y, z in ring]
+    for layer in range(len(_HORSE_LAYERS) - 1):
+        a, b = layer * n, (layer + 1) * n
+        for i in range(n):
+            j = (i + 1) % n
+            faces += [[a + i, a + j, b + j], [a + i, b + j, b + i]]
+    for layer, turned in ((0, True), (len(_HORSE_LAYERS) - 1, False)):
+        centre = len(vertices)
+        vertices.append([_HORSE_LAYERS[layer][0] * shape.stem_radius, *middle.tolist()])
+        for i in range(n):
+            a, b = layer * n + i, layer * n + (i + 1) % n
+            faces.append([centre, b, a] if turned else [centre, a, b])
+    return np.array(vertices), np.array(faces, dtype=np.int32)
 
 
-def turned_mesh(kind: Kind) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Vertices (n, 3) [m], origin at the centre of the foot's underside, and triangles (m, 3) of one kind."""
-    vertices, faces = _revolve(_profile(kind))
-    if kind is not Kind.KNIGHT:
-        return vertices, faces
-    head, head_faces = _horse_head(kind)
-    return np.vstack([vertices, head]), np.vstack([faces, head_faces + len(vertices)]).astype(np.int32)
+def _cross(kind: Kind) -> list[Mesh]:
+    """On top of the king: an upright and an arm."""
+    shape = PIECE_SHAPES[kind]
+    r, top, span = shape.stem_radius, shape.height, shape.height - shape.foot_height
+    return [
+        _box((0.13 * r, 0.13 * r, 0.05 * span), top - 0.05 * span),
+        _box((0.4 * r, 0.13 * r, 0.014 * span), top - 0.04 * span),
+    ]
+
+
+def _box(half: tuple[float, float, float], height: float) -> Mesh:
+    corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]) * half
+    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    faces = [triangle for a, b, c, d in quads for triangle in ([a, b, c], [a, c, d])]
+    return corners + np.array([0.0, 0.0, height]), np.array(faces, dtype=np.int32)
+
+
+def _together(parts: list[Mesh]) -> Mesh:
+    vertices, faces, count = [], [], 0
+    for points, triangles in parts:
+        vertices.append(points)
+        faces.append(triangles + count)
+        count += len(points)
+    return np.vstack(vertices), np.vstack(faces).astype(np.int32)

@@ -19,6 +19,7 @@ from typing import Any, Final, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from hardware.interfaces import Command, DriveStatus, HardwareError, Measurement
+from hardware.sim.looks import ExposureSettings, LightSettings, MountSettings
 
 SOCKET_NAME = "world.sock"
 LARGEST_MESSAGE = 1 << 16
@@ -88,6 +89,16 @@ class Positions(_Message):
 
 
 REFEREE_REQUEST: Final[TypeAdapter[Look | Positions]] = TypeAdapter(Look | Positions)
+
+
+class Change(_Message):
+    """What people around the table do to how it looks; what is left out stays as it is."""
+
+    light: LightSettings | None = None
+    exposure: ExposureSettings | None = None
+    mount: MountSettings | None = None
+
+
 CAMERA_REQUEST: Final[TypeAdapter[Exposure | Subscription | Taken]] = TypeAdapter(Exposure | Subscription | Taken)
 
 _M = TypeVar("_M", bound=_Message)
@@ -148,7 +159,7 @@ def connect(run_dir: Path, role: str, timeout: float = 30.0) -> tuple[socket.soc
 
     Args:
         run_dir: of the world.
-        role: ``servo``, ``camera``, ``clock`` or ``referee``.
+        role: ``servo``, ``camera``, ``clock``, ``stage`` or ``referee``.
         timeout: for the connection, and then for every answer [s, wall].
 
     Returns:

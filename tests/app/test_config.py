@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import chess
 import pytest
@@ -11,11 +12,13 @@ import pytest
 from app.config import ConfigError, DrivesSection, RigFile, WorldSection, load_rig
 from app.devices import RigFailed
 from app.rig import choose_rig
+from hardware.camera_settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.settings import Pace
 from hardware.table import TableSettings
 
 CONTROLLER = '[controller]\nhost = "192.168.7.2"\nport = 47100\n'
+LAB = CONTROLLER + '[drives]\nbus = "mitsubishi"\n'
 
 
 def write(folder: Path, text: str) -> Path:
@@ -70,6 +73,24 @@ def test_everything_that_a_rig_file_can_say(tmp_path: Path) -> None:
         (CONTROLLER + '[drives]\nbus = "my lab"\n', r"drives\.bus: .*, not 'my lab'"),
         (CONTROLLER + '[drives]\nbus = "mitsubishi"\n[world]\n', r'a \[world\] stands behind bus = "sim" only'),
         ("[controller\n", r"is no TOML: .*: mend that line"),
+        (
+            CONTROLLER + '[camera]\nkind = "none"\n',
+            r'a \[camera\] belongs to a lab; behind bus = "sim" the world has its',
+        ),
+        (LAB + "[camera]\n", r"camera\.kind is missing: give it one of none, realsense, webcam, folder, recording"),
+        (LAB + '[camera]\nkind = "realsens"\n', r"no camera of kind 'realsens': did you mean realsense\?"),
+        (LAB + '[camera]\nkind = "telescope"\n', r"no camera of kind 'telescope': choose none, realsense, webcam"),
+        (LAB + '[camera]\nkind = "realsense"\nserail = "1"\n', r"no setting camera\.serail: did you mean serial\?"),
+        (LAB + '[camera]\nkind = "none"\nfps = 30\n', r"no setting camera\.fps: choose kind"),
+        (LAB + '[camera]\nkind = "folder"\n', r"camera\.path is missing: give it a value"),
+        (
+            LAB + '[camera]\nkind = "folder"\npath = "a"\nplay = "fast"\n',
+            r"camera\.play: .*'clock' or 'frames', not 'fast'",
+        ),
+        (LAB + '[camera]\nkind = "realsense"\nfps = 0\n', r"camera\.fps: .*greater than 0, not 0"),
+        (LAB + '[camera]\nkind = "realsense"\ngain = 1.0\n', r"camera: a gain wants a fixed exposure"),
+        (LAB + '[camera]\nkind = "webcam"\n', r"camera: a webcam's pinhole must be known: give either focal"),
+        (LAB + '[camera]\nkind = "webcam"\ndevice = -1\n', r"camera\.device: .*greater than or equal to 0, not -1"),
     ],
 )
 def test_a_mistake_is_named_with_its_remedy(tmp_path: Path, text: str, sentence: str) -> None:
@@ -96,5 +117,30 @@ def test_the_file_on_the_page_is_a_rig(tmp_path: Path) -> None:
     assert chess.Board(rig.world_section.fen).is_valid()
     assert rig.table == TableSettings(), "the page shows the usual table"
     shown = set(re.findall(r"^(\w+) =", block, re.MULTILINE))
-    assert {*RigFile.model_fields} - {"controller", "drives", "world", "table"} <= shown
+    assert {*RigFile.model_fields} - {"controller", "drives", "world", "table", "camera"} <= shown
     assert {*DrivesSection.model_fields, *WorldSection.model_fields} <= shown
+
+
+def test_the_cameras_on_the_page_are_cameras(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "rigs.md").read_text(encoding="utf-8")
+    shown = {}
+    for block in page.split("## A lab's camera")[1].split("```toml\n")[1:]:
+        text = block.split("```")[0]
+        camera = load_rig(write(tmp_path, LAB + text)).lab_camera
+        shown[type(camera)] = set(re.findall(r"^(\w+) =", text, re.MULTILINE))
+    assert set(shown) == set(get_args(LabCamera))
+    for kind, names in shown.items():
+        assert set(kind.model_fields) - {"focal"} <= names, f"the page shows every setting of {kind}"
+
+
+def test_paths_of_a_camera_count_from_the_file(tmp_path: Path) -> None:
+    def camera(text: str) -> LabCamera:
+        return load_rig(write(tmp_path, LAB + "[camera]\n" + text)).lab_camera
+
+    assert camera('kind = "folder"\npath = "a"') == FolderSettings(path=tmp_path / "a")
+    assert camera('kind = "recording"\npath = "/a.db3"') == RecordingSettings(path=Path("/a.db3"))
+    assert camera('kind = "webcam"\ndevice = "a.avi"\nfocal = 500') == WebcamSettings(
+        device=tmp_path / "a.avi", focal=500
+    )
+    assert camera('kind = "webcam"\ndevice = 2\nfocal = 500') == WebcamSettings(device=2, focal=500)
+    assert load_rig(write(tmp_path, LAB)).lab_camera == NoCameraSettings()

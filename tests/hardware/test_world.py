@@ -341,7 +341,7 @@ def test_a_second_controller_is_refused(world: WorldProcess) -> None:
 
 
 def test_unknown_roles_and_absent_cameras_are_refused(world: WorldProcess) -> None:
-    with pytest.raises(HardwareError, match="'cook' is none of servo, camera, clock, referee"):
+    with pytest.raises(HardwareError, match="'cook' is none of servo, camera, clock, referee, stage"):
         wire.connect(world.run_dir, "cook")
     with pytest.raises(HardwareError, match=r"no connection as camera: .* this world was started without cameras"):
         SimCamera(world.run_dir)
@@ -686,7 +686,7 @@ def test_a_frame_is_exposed_now_and_delivered_its_latency_later(seen: WorldProce
         assert frame.colour.std() > 20.0
         again = camera.read()
         assert again.stamp == (before + latency) * TICK
-        assert (again.colour != frame.colour).mean() < 1e-3  # nothing moved
+        assert np.abs(again.colour.astype(float) - frame.colour).mean() < 3.0  # nothing moved: noise is all
         assert not np.shares_memory(again.colour, frame.colour)
         with pytest.raises(StaleFrame, match=r"the newest camera frame is 0\.060 s old, at most 0\.050 s is accepted"):
             camera.read(max_age=0.05)

@@ -154,7 +154,7 @@ STATE = {
 """State and forces of ``MjData``: what only the simulation itself may change."""
 
 MAY_WRITE = {
-    ("drawing", "_serve", "qpos"),  # the renderer's own copy, in its own process: it is drawn, never stepped
+    ("drawing", "Easel.draw", "qpos"),  # the renderer's own copy, in its own process: it is drawn, never stepped
     ("scene", "_start_positions", "qpos"),  # the key frame from which the world starts
     ("scene", "build_model", "qpos"),
     ("grasp_world", "_start", "qpos"),  # likewise of the figures' block on a surface
@@ -167,9 +167,9 @@ MAY_CALL = {
     "mj_setState": {("plant", "Plant._restore")},
     "mj_stateSize": {("plant", "Plant._restore"), ("snapshot", "save_snapshot")},
     "mj_getState": {("snapshot", "save_snapshot")},
-    "mj_forward": {("plant", "Plant.__init__"), ("drawing", "_serve")},
-    "mj_kinematics": {("drawing", "_serve")},
-    "mj_camlight": {("drawing", "_serve")},
+    "mj_forward": {("plant", "Plant.__init__"), ("drawing", "Easel.__init__")},
+    "mj_kinematics": {("drawing", "Easel.draw")},
+    "mj_camlight": {("drawing", "Easel._prepared")},
     "mj_saveModel": {("server", "World.__init__"), ("grasp_world", "save_model")},
 }
 """The only functions of MuJoCo that take a whole simulation, and where they are called."""

@@ -1,0 +1,44 @@
+"""The simulated camera's geometry, after Intel's datasheet of the RealSense D400 series (337029).
+
+Frames: each sensor's own, as OpenCV's (x right, y down, z along the view). Seen along the view the sensors stand in one
+line: colour, 15 mm to the right the left imager, 50 mm further the right imager. All look the same way.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from hardware.interfaces import Intrinsics
+from hardware.sim.optics import ColourSensor, StereoSensor
+
+COLOUR_FIELD_OF_VIEW: Final = math.radians(42.5)
+"""Vertical, of both colour modes: 1280×720 has 69.4° × 42.5°, and 640×480 is cut out of its middle."""
+DEPTH_FIELD_OF_VIEW: Final = math.radians(87.0)
+"""Horizontal, of the depth mode 848×480."""
+DEPTH_WIDTH: Final = 848
+DEPTH_HEIGHT: Final = 480
+LEFT_IMAGER: Final = 0.015
+"""From the colour sensor to the left imager, where depth is seen from [m]."""
+
+
+def colour_intrinsics(width: int, height: int) -> Intrinsics:
+    """Pinhole of the colour sensor for pictures of this size [px]."""
+    return _pinhole(width, height, 0.5 * height / math.tan(0.5 * COLOUR_FIELD_OF_VIEW))
+
+
+def depth_intrinsics() -> Intrinsics:
+    """Pinhole of the left imager."""
+    return _pinhole(DEPTH_WIDTH, DEPTH_HEIGHT, 0.5 * DEPTH_WIDTH / math.tan(0.5 * DEPTH_FIELD_OF_VIEW))
+
+
+def _pinhole(width: int, height: int, focal: float) -> Intrinsics:
+    """With the focal length in single precision, as librealsense keeps it."""
+    single = float(np.float32(focal))
+    return Intrinsics(width, height, single, single, 0.5 * (width - 1), 0.5 * (height - 1))
+
+
+STEREO: Final = StereoSensor(depth_intrinsics())
+COLOUR: Final = ColourSensor()

@@ -1,0 +1,267 @@
+"""What the sensors of a RealSense D435 make of a scene: depth from two imagers, and a colour picture.
+
+Pure functions of ideal pictures and a random generator; the renderer draws the ideal ones.
+
+Sources:
+    [D] Intel, RealSense D400 series datasheet (337029): fields of view, baseline, distance of the colour sensor,
+        invalid band of depth, least distance.
+    [B] Grunnet-Jepsen, Sweetser, Woodfill: Best-known methods for tuning RealSense D400 depth cameras. Error of
+        depth is z² σ_d / (f b); with projector and good light the sub-pixel error σ_d is 0.08 px or better; 126
+        disparities are searched; 848×480 is the D435's best depth mode.
+    [K] Keselman, Woodfill, Grunnet-Jepsen, Bhowmik: Intel RealSense stereoscopic depth cameras, CVPR workshops 2017.
+        Census matching over windows of 7×7, disparity in 1/32 px, invalid where the imagers disagree.
+    [H] Handa, Whelan, McDonald, Davison: A benchmark for RGB-D visual odometry, ICRA 2014: pixels at edges take the
+        disparity of a neighbour, shifted by a Gaussian amount.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from hardware.interfaces import Intrinsics
+
+Image = NDArray[np.uint8]
+Field = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class StereoSensor:
+    """Two infrared imagers side by side and the matching between them; depth is seen from the left one."""
+
+    intrinsics: Intrinsics
+    baseline: float = 0.050
+    """From the left to the right imager [m] [D]."""
+    subpixel: float = 0.08
+    """Standard deviation of the disparity [px] [B]."""
+    correlation: float = 1.5
+    """The error is alike over so many pixels (Gaussian, standard deviation): neighbours share most of their windows of
+    7×7 [K]."""
+    step: float = 1.0 / 32.0
+    """Disparities are whole multiples of this [px] [K]."""
+    search: float = 126.0
+    """Largest disparity that is looked for [px] [B]."""
+    fattening: int = 2
+    """At an edge the nearer surface wins over so many pixels: a matching window sees both [px] (assumed from the
+    window of 7×7, of which the middle counts most)."""
+    raggedness: float = 0.7
+    """Standard deviation of the shift that makes edges ragged [px] [H]."""
+    dropout: float = 3.2
+    """Patches whose field of luck exceeds so many standard deviations do not match at all (assumed: 0.07 %)."""
+    glare: float = 0.96
+    """Brighter than this part of full scale the pattern drowns: patches of glare do not match (assumed)."""
+
+    @property
+    def scale(self) -> float:
+        """Disparity times depth, f b [px m]."""
+        return self.intrinsics.fx * self.baseline
+
+    @property
+    def nearest(self) -> float:
+        """Nearer than this there is no depth [m]."""
+        return self.scale / self.search
+
+
+@dataclass(frozen=True, slots=True)
+class ColourSensor:
+    """A small colour sensor with a rolling shutter, as far as noise is concerned (assumed, as of 1.4 µm pixels)."""
+
+    full_well: float = 5000.0
+    """Electrons of a white pixel at full scale."""
+    read_noise: float = 4.0
+    """Standard deviation of reading a pixel [electrons]."""
+    blur: float = 0.55
+    """Standard deviation of the lens's point spread, with what the colour mosaic adds [px]."""
+    vignetting: float = 0.22
+    """Light lost in the corners, as part of what the middle has."""
+
+
+def depth_picture(
+    depth: Field, grey: Field | None, sensor: StereoSensor, unit: float, rng: np.random.Generator
+) -> NDArray[np.uint16]:
+    """What the stereo sensor reports.
+
+    Args:
+        depth: true distance along the view from the left imager, shape (h, w) [m].
+        grey: brightness of the scene from there as part of full scale, shape (h, w); None: no glare.
+        sensor: that sees it.
+        unit: of the result [m].
+        rng: decides all errors.
+
+    Returns:
+        Depth in units, shape (h, w); 0 where there is none.
+    """
+    shape = depth.shape
+    ideal: Field = (sensor.scale / np.maximum(depth, 1e-3)).astype(np.float32)
+    disparity = _fatten(ideal, sensor, rng)
+    lost = occluded(disparity) | (disparity > sensor.search)
+    luck = correlated(rng, shape, sensor.correlation)
+    lost |= luck > sensor.dropout
+    if grey is not None:
+        lost |= grey > sensor.glare + 0.01 * luck
+    disparity += np.float32(sensor.subpixel) * correlated(rng, shape, sensor.correlation)
+    disparity = np.rint(disparity / sensor.step) * np.float32(sensor.step)
+    lost |= disparity <= 0.0
+    return whole_units(np.where(lost, 0.0, sensor.scale / np.maximum(disparity, sensor.step)), unit)
+
+
+def whole_units(depth: NDArray[np.floating], unit: float) -> NDArray[np.uint16]:
+    """Depth [m] in whole units; 0 where it is out of reach of 16 bits."""
+    units = np.rint(depth / unit)
+    return np.where(units < 65536.0, units, 0.0).astype(np.uint16)
+
+
+def occluded(disparity: Field) -> NDArray[np.bool_]:
+    """Where the right imager does not see what the left one does.
+
+    Pixel u of the left imager is at u − d in the right one. It is hidden there where something to the right of it in
+    the left picture comes out as far left or further, and it is not in the picture at all where u − d is negative: the
+    invalid band at the left border [D].
+
+    Args:
+        disparity: shape (h, w) [px].
+    """
+    right = np.arange(disparity.shape[1], dtype=np.float32) - disparity
+    beyond = np.minimum.accumulate(right[:, ::-1], axis=1)[:, ::-1]
+    hidden = np.zeros(disparity.shape, dtype=np.bool_)
+    hidden[:, :-1] = beyond[:, 1:] < right[:, :-1]
+    return hidden | (right < 0.0)
+
+
+def correlated(rng: np.random.Generator, shape: tuple[int, ...], length: float) -> Field:
+    """A Gaussian field of mean 0 and standard deviation 1, alike over some pixels.
+
+    Args:
+        rng: draws it.
+        shape: (h, w).
+        length: standard deviation of the Gaussian by which white noise is blurred [px].
+    """
+    noise = _white(rng, shape)
+    reach = max(1, math.ceil(3.0 * length))
+    gaussian = np.asarray(cv2.getGaussianKernel(2 * reach + 1, length, cv2.CV_32F), dtype=np.float32)
+    kernel = gaussian / np.linalg.norm(gaussian)  # of unit energy, so that the variance stays 1
+    field: Field = np.asarray(cv2.sepFilter2D(noise, cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REFLECT_101))
+    return field
+
+
+_NORMAL: Final = ndtri((np.arange(65536) + 0.5) / 65536.0).astype(np.float32)
+"""The normal distribution in 65536 equally likely values, up to 4.3 standard deviations."""
+
+
+def _white(rng: np.random.Generator, shape: tuple[int, ...]) -> Field:
+    """White Gaussian noise; looked up, which takes a third of the time that computing it does."""
+    field: Field = _NORMAL[np.frombuffer(rng.bytes(2 * math.prod(shape)), dtype=np.uint16)].reshape(shape)
+    return field
+
+
+def _fatten(disparity: Field, sensor: StereoSensor, rng: np.random.Generator) -> Field:
+    """Edges as block matching sees them: the nearer surface grows, and its outline is ragged."""
+    side = 2 * sensor.fattening + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    fat = cv2.dilate(disparity, kernel)
+    # on a slope the largest of the neighbours would be a bias: only where the window holds an edge does it win
+    edge = fat - cv2.erode(disparity, kernel) > EDGE
+    merged = np.where(edge, fat, disparity)
+    h, w = disparity.shape
+    u = np.arange(w, dtype=np.float32) + np.float32(sensor.raggedness) * correlated(rng, (h, w), sensor.correlation)
+    v = np.arange(h, dtype=np.float32)[:, None]
+    v = v + np.float32(sensor.raggedness) * correlated(rng, (h, w), sensor.correlation)
+    shifted = cv2.remap(merged, u, v, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
+    near_edge = cv2.dilate(edge.astype(np.uint8), kernel) > 0
+    result: Field = np.where(near_edge, shifted, disparity).astype(np.float32)
+    return result
+
+
+EDGE: Final = 1.0
+"""Disparities that differ by more than this within one matching window belong to two surfaces [px]."""
+
+_DISPLAY_GAMMA: Final = 2.2
+_LEVELS: Final = 4096
+_LINEAR: Final = (np.arange(256) / 255.0) ** _DISPLAY_GAMMA
+_ENCODED: Final = np.rint(255.0 * (np.arange(_LEVELS) / (_LEVELS - 1)) ** (1.0 / _DISPLAY_GAMMA)).astype(np.uint8)
+
+
+def colour_picture(
+    ideal: Image,
+    sensor: ColourSensor | None,
+    *,
+    exposure: float,
+    gain: float,
+    white_balance: tuple[float, float, float],
+    rng: np.random.Generator,
+) -> Image:
+    """What the colour sensor delivers.
+
+    Light is added up and cut off in a linear scale; the picture itself is encoded for displays (gamma 2.2). The noise
+    of a pixel that gathers N electrons is √N, and that of reading it is added; gain amplifies both.
+
+    Args:
+        ideal: RGB, shape (h, w, 3).
+        sensor: that sees it; None: an ideal one, of which exposure, gain and white balance alone are felt.
+        exposure: time, as a factor.
+        gain: analogue gain.
+        white_balance: factors of red, green and blue.
+        rng: draws the noise.
+
+    Returns:
+        RGB, shape (h, w, 3).
+    """
+    curves = (_LINEAR[:, None] * exposure * np.asarray(white_balance)).astype(np.float32)
+    light: Field = np.asarray(cv2.LUT(ideal, curves[None]), dtype=np.float32)
+    if sensor is not None:
+        light = _expose(light, sensor, rng)
+    levels = np.clip(light * np.float32(gain * (_LEVELS - 1)), 0.0, _LEVELS - 1)
+    picture: Image = _ENCODED.take((levels + np.float32(0.5)).astype(np.uint16))
+    return picture
+
+
+def _expose(light: Field, sensor: ColourSensor, rng: np.random.Generator) -> Field:
+    """Lens and pixels: blur, vignetting, shot noise and read noise; linear, part of full scale at gain 1."""
+    blurred: Field = np.asarray(cv2.GaussianBlur(light, (0, 0), sensor.blur), dtype=np.float32)
+    blurred *= _vignette(light.shape[0], light.shape[1], sensor.vignetting)[..., None]
+    variance = blurred / np.float32(sensor.full_well) + np.float32((sensor.read_noise / sensor.full_well) ** 2)
+    noise = _white(rng, light.shape)
+    exposed: Field = blurred + noise * np.sqrt(variance)
+    return exposed
+
+
+def _vignette(h: int, w: int, corner: float) -> Field:
+    """Light of each pixel as part of the middle's, falling with the square of the distance from it."""
+    v, u = np.arange(h) - 0.5 * (h - 1), np.arange(w) - 0.5 * (w - 1)
+    square = (v[:, None] ** 2 + u[None, :] ** 2) / (0.25 * (h * h + w * w))
+    return (1.0 - corner * square).astype(np.float32)
+
+
+def seen_from_left(
+    colour: Image, colour_pinhole: Intrinsics, depth: Field, pinhole: Intrinsics, offset: float
+) -> Field:
+    """Brightness of the scene as the left imager sees it, taken from the colour sensor's picture beside it.
+
+    Args:
+        colour: ideal RGB, shape (h, w, 3).
+        colour_pinhole: of the colour sensor.
+        depth: from the left imager, shape (h', w') [m].
+        pinhole: of the left imager.
+        offset: of the left imager from the colour sensor, to the right [m].
+
+    Returns:
+        Part of full scale, shape (h', w'); 0 outside the colour picture.
+    """
+    h, w = depth.shape
+    grey = np.maximum(np.maximum(colour[..., 0], colour[..., 1]), colour[..., 2])
+    ratio = colour_pinhole.fx / pinhole.fx
+    columns = (np.arange(w, dtype=np.float32) - np.float32(pinhole.cx)) * np.float32(ratio) + np.float32(
+        colour_pinhole.cx
+    )
+    rows = (np.arange(h, dtype=np.float32) - np.float32(pinhole.cy)) * np.float32(ratio) + np.float32(colour_pinhole.cy)
+    u = columns[None, :] + np.float32(colour_pinhole.fx * offset) / np.maximum(depth, np.float32(1e-3))
+    v = np.broadcast_to(rows[:, None], (h, w)).astype(np.float32)
+    seen = cv2.remap(grey, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=(0.0,))
+    brightness: Field = np.asarray(seen, dtype=np.float32) / np.float32(255.0)
+    return brightness

@@ -1,0 +1,154 @@
+"""A plain webcam through OpenCV: colour alone, no depth."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.camera_settings import WebcamSettings
+from hardware.interfaces import CameraClosed, Clock, Frame, HardwareError, Intrinsics, StaleFrame
+
+FIRST_FRAME: Final = 5.0
+"""A camera that has sent nothing so long after its start does not work [s, wall]."""
+RETRY: Final = 0.5
+"""Between two tries to open a lost camera again [s, wall]."""
+
+
+class WebcamCamera:
+    """``Camera`` on whatever OpenCV can open. A thread keeps the newest picture.
+
+    A video file is played at its own speed, over and over.
+
+    Args:
+        settings: which camera and how.
+        clock: of the frames' stamps.
+
+    Attributes:
+        intrinsics: of its frames; the principal point is taken to be the middle.
+
+    Raises:
+        HardwareError: it cannot be opened, or sends nothing.
+    """
+
+    def __init__(self, settings: WebcamSettings, clock: Clock) -> None:
+        self.intrinsics: Intrinsics
+        self._settings = settings
+        self._clock = clock
+        self._news = threading.Condition()
+        self._newest: tuple[NDArray[np.uint8], float] | None = None
+        self._trouble: HardwareError | None = None
+        self._last = -math.inf
+        self._stamped: float | None = None
+        self._closing = threading.Event()
+        capture = self._open()
+        if capture is None:
+            raise self._lost("cannot be opened")
+        self._thread = threading.Thread(target=self._run, args=(capture,), name="webcam", daemon=True)
+        self._thread.start()
+        with self._news:
+            self._news.wait_for(lambda: self._newest or self._trouble, FIRST_FRAME)
+            newest = self._newest
+        if newest is None:
+            self.close()
+            raise self._lost("sends no pictures")
+        self.intrinsics = pinhole(newest[0].shape[1], newest[0].shape[0], settings)
+
+    def read(self, max_age: float) -> Frame:
+        """See ``Camera.read``. A picture's age counts from when the computer got it."""
+        with self._news:
+            if self._closing.is_set():
+                raise CameraClosed
+            if self._trouble is not None:
+                raise self._trouble
+            newest = self._newest
+        if newest is None:
+            raise self._lost("sends no pictures")
+        picture, arrived = newest
+        age = time.monotonic() - arrived
+        if age > max_age:
+            raise StaleFrame(age, max_age)
+        if self._stamped != arrived:
+            self._last, self._stamped = max(self._last, self._clock.now() - age), arrived
+        if picture.shape[:2] != (self.intrinsics.height, self.intrinsics.width):
+            raise HardwareError(
+                f"the webcam's pictures are {picture.shape[1]}x{picture.shape[0]} now, they were "
+                f"{self.intrinsics.width}x{self.intrinsics.height}: start the program again"
+            )
+        colour = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+        return Frame(colour, None, self.intrinsics, self._last)
+
+    def close(self) -> None:
+        """See ``Camera.close``."""
+        self._closing.set()
+        self._thread.join()
+
+    # the thread
+
+    def _run(self, capture: cv2.VideoCapture | None) -> None:
+        pause = self._pause()
+        while not self._closing.is_set():
+            if capture is None:
+                capture = self._open()
+                self._closing.wait(RETRY if capture is None else 0.0)
+                continue
+            there, picture = capture.read()
+            if there:
+                self._keep(np.asarray(picture, dtype=np.uint8))
+                self._closing.wait(pause)
+                continue
+            capture.release()
+            capture = None
+            if not pause:
+                self._say(self._lost("sends no pictures any more"))
+        if capture is not None:
+            capture.release()
+
+    def _keep(self, picture: NDArray[np.uint8]) -> None:
+        with self._news:
+            self._newest, self._trouble = (picture, time.monotonic()), None
+            self._news.notify_all()
+
+    def _say(self, trouble: HardwareError) -> None:
+        with self._news:
+            self._trouble = trouble
+            self._news.notify_all()
+
+    def _pause(self) -> float:
+        """Between two pictures of a video file [s]; 0 for a camera, which comes at its own pace."""
+        device = self._settings.device
+        return 1.0 / self._settings.fps if isinstance(device, Path) and device.is_file() else 0.0
+
+    def _open(self) -> cv2.VideoCapture | None:
+        wanted = self._settings
+        device = str(wanted.device) if isinstance(wanted.device, Path) else wanted.device
+        capture = cv2.VideoCapture(device)
+        if not capture.isOpened():
+            return None
+        if not self._pause():
+            capture.set(cv2.CAP_PROP_FRAME_WIDTH, wanted.width)
+            capture.set(cv2.CAP_PROP_FRAME_HEIGHT, wanted.height)
+            capture.set(cv2.CAP_PROP_FPS, wanted.fps)
+        return capture
+
+    def _lost(self, what: str) -> HardwareError:
+        return HardwareError(
+            f"webcam {self._settings.device} {what}: check its cable and its number, and close other programs that use "
+            "it; once it is there again it is used again"
+        )
+
+
+def pinhole(width: int, height: int, settings: WebcamSettings) -> Intrinsics:
+    """Intrinsics of pictures of this size [px], from the focal length or the horizontal field of view."""
+    if settings.focal is not None:
+        focal = settings.focal * width / settings.width
+    else:
+        assert settings.field_of_view_deg is not None, "the settings demand one of the two"
+        focal = 0.5 * width / math.tan(0.5 * math.radians(settings.field_of_view_deg))
+    return Intrinsics(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
