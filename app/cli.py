@@ -268,6 +268,29 @@ def bench(
     raise typer.Exit(0 if report.holds else 1)
 
 
+@app.command()
+def check(
+    rig: Annotated[str, typer.Option(help="sim, which is started for it, or the TOML file of a lab's rig.")] = "sim",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+) -> None:
+    """Try each device of a rig alone, and say what is wrong and what to do; the arm stays on its brakes."""
+    from rich.console import Console
+
+    from app import UserError
+    from app.check import check_rig
+
+    try:
+        with _interruptible():
+            report = check_rig(rig, _say)
+    except UserError as error:
+        _fail(str(error))
+    if as_json:
+        print(report.model_dump_json(indent=2))
+    else:
+        Console().print(report.table())
+    raise typer.Exit(0 if report.holds else 1)
+
+
 @app.command("link-test")
 def link_test(
     rig: Annotated[

@@ -6,6 +6,7 @@ import contextlib
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from importlib.metadata import entry_points
@@ -181,14 +182,36 @@ def _bus(rig: RigFile, progress: Callable[[str], None]) -> Callable[[RobotParame
         return _driver(rig.drives.bus)
 
     def open_simulated(_parameters: RobotParameters) -> ServoBus:
-        if world_pid(rig.run_dir) is None:
-            progress("starting the simulated world")
-            _start_world(rig)
-        else:
-            progress(f"a simulated world runs already in {rig.run_dir}: going on with it")
+        require_world(rig, progress)
         return _simulated_bus(rig.run_dir)
 
     return open_simulated
+
+
+def require_world(rig: RigFile, progress: Callable[[str], None]) -> None:
+    """Start the simulated world of a rig, unless one runs in its run directory.
+
+    Raises:
+        UserError: it does not start.
+    """
+    if world_pid(rig.run_dir) is None:
+        progress("starting the simulated world")
+        _start_world(rig)
+    else:
+        progress(f"a simulated world runs already in {rig.run_dir}: going on with it")
+
+
+@contextlib.contextmanager
+def drives_of(rig: RigFile, progress: Callable[[str], None]) -> Iterator[Callable[[RobotParameters], ServoBus]]:
+    """What opens the drives of a rig; a simulated world has ended with them afterwards.
+
+    Raises:
+        UserError: the driver is not installed.
+    """
+    with contextlib.suppress(FileExistsError):
+        rig.run_dir.mkdir(mode=0o700, parents=True)
+    yield _bus(rig, progress)
+    _await_end_of_world(rig)
 
 
 def _simulated_bus(run_dir: Path) -> ServoBus:
@@ -233,6 +256,7 @@ def _start_world(rig: RigFile) -> None:
     (rig.run_dir / STATE_FILE).unlink(missing_ok=True)  # of a world before: nobody resumes a game from it here
     (rig.run_dir / FILE_NAME).write_text(settings.model_dump_json(), encoding="utf-8")
     process = spawn("world", rig.run_dir)
+    threading.Thread(target=process.wait, daemon=True).start()  # it ends by itself: nothing of it is left then
     deadline = time.monotonic() + WORLD_TIMEOUT
     while world_pid(rig.run_dir) is None:
         if process.poll() is not None or time.monotonic() > deadline:
