@@ -166,13 +166,18 @@ def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece, feet: Contact) -> None
         conaffinity=TOOL_BITS | SCENE_BITS, size=[shape.stem_radius, 0, 0],
         fromto=[0, 0, shape.stem_radius + 0.001, 0, 0, shape.height - shape.stem_radius], **common,
     )  # fmt: skip
+
+
+def _dress(body: mujoco.MjsBody, piece: StandingPiece) -> None:
+    """What is seen of a piece: lacquered wood on felt."""
+    foot = PIECE_SHAPES[piece.spec.kind].foot_radius
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_MESH, meshname=piece.spec.kind.value, contype=0, conaffinity=0, mass=0.0,
         material=piece.spec.colour.value, group=1,
     )  # fmt: skip
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CYLINDER, contype=0, conaffinity=0, mass=0.0, rgba=FELT_RGBA, group=1,
-        size=[0.96 * shape.foot_radius, FELT_HEIGHT / 2.0, 0], pos=[0, 0, FELT_HEIGHT / 2.0],
+        size=[0.96 * foot, FELT_HEIGHT / 2.0, 0], pos=[0, 0, FELT_HEIGHT / 2.0],
     )  # fmt: skip
 
 
@@ -222,6 +227,8 @@ def _drop_looks(spec: mujoco.MjSpec) -> None:
     for geom in list(spec.geoms):
         if geom.contype == 0 and geom.conaffinity == 0:
             spec.delete(geom)
+    for part in (*spec.meshes, *spec.materials, *spec.textures):
+        spec.delete(part)
 
 
 def build_model(
@@ -268,6 +275,8 @@ def build_model(
     add_arm(spec, parameters, table.centre_in_base)
     for piece in pieces:
         _add_piece(spec, piece, feet)
+        if looks:
+            _dress(spec.body(piece.spec.name), piece)
     if add is not None:
         add(spec)
     _add_contact_sensors(spec)
