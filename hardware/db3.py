@@ -5,7 +5,9 @@ from __future__ import annotations
 import gc
 import queue
 import threading
+import weakref
 from collections import deque
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -106,6 +108,8 @@ class Db3Recording:
             self._playback = self._context.load_device(str(path))
             self._playback.set_real_time(False)
             self._sensors = self._playback.query_sensors()
+            # also at the program's end: librealsense's thread must not call into an interpreter that is gone
+            self._end = weakref.finalize(self, _end, self._sensors, self._closing)
             streams = [(sensor, sensor.get_stream_profiles()) for sensor in self._sensors]
             kinds = [profile.stream_type() for _sensor, profiles in streams for profile in profiles]
             self._waiting: dict[Any, deque[Any]] = {kind: deque() for kind in kinds if kind in _KINDS}
@@ -116,7 +120,7 @@ class Db3Recording:
             self._playback.pause()  # until all sensors listen: else the first pictures of some would be lost
             for sensor in self._sensors:
                 if sensor.get_active_streams():
-                    sensor.start(self._take_in)
+                    sensor.start(partial(_take_in, self._ahead, self._closing))
             self._playback.resume()
         except RuntimeError as error:
             raise HardwareError(f"{path} is no recording that librealsense can play: {error}") from error
@@ -143,21 +147,7 @@ class Db3Recording:
 
     def close(self) -> None:
         """See ``Recording``."""
-        self._closing.set()
-        for sensor in self._sensors:
-            if sensor.get_active_streams():
-                sensor.stop()
-                sensor.close()
-
-    def _take_in(self, picture: Any) -> None:
-        """Called by librealsense's thread; keeps it waiting while enough pictures are there."""
-        picture.keep()
-        while not self._closing.is_set():
-            try:
-                self._ahead.put(picture, timeout=_WAIT)
-            except queue.Full:
-                continue
-            return
+        self._end()
 
     def _pair(self) -> list[Any] | None:
         """The next pictures that belong together; those without a companion are passed over."""
@@ -168,3 +158,23 @@ class Db3Recording:
                 return [waiting.popleft() for waiting in self._waiting.values()]
             min(self._waiting.values(), key=lambda waiting: float(waiting[0].get_timestamp())).popleft()
         return None
+
+
+def _take_in(ahead: queue.Queue[Any], closing: threading.Event, picture: Any) -> None:
+    """Called by librealsense's thread; keeps it waiting while enough pictures are there."""
+    picture.keep()
+    while not closing.is_set():
+        try:
+            ahead.put(picture, timeout=_WAIT)
+        except queue.Full:
+            continue
+        return
+
+
+def _end(sensors: list[Any], closing: threading.Event) -> None:
+    """Stop the playback."""
+    closing.set()
+    for sensor in sensors:
+        if sensor.get_active_streams():
+            sensor.stop()
+            sensor.close()

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import pyrealsense2 as rs
 
+from hardware.background import Background
 from hardware.camera_settings import RealSenseSettings
 from hardware.framesets import FrameMaker
 from hardware.interfaces import CameraClosed, Clock, Frame, HardwareError, StaleFrame
@@ -58,10 +59,9 @@ class RealSenseCamera:
         self._newest: _Newest | None = None
         self._made: tuple[_Newest, Frame] | None = None
         self._trouble: HardwareError | None = None
-        self._closing = threading.Event()
-        pipeline = self._start()  # here, so that a wrong setting is told at once
-        self._thread = threading.Thread(target=self._run, args=(pipeline,), name="realsense", daemon=True)
-        self._thread.start()
+        self._pipeline = self._start()  # here, so that a wrong setting is told at once
+        self._background = Background("realsense", self._run)
+        self._background.start()
         with self._news:
             if not self._news.wait_for(lambda: self._newest or self._trouble, FIRST_FRAME):
                 self._trouble = HardwareError(
@@ -76,7 +76,7 @@ class RealSenseCamera:
     def read(self, max_age: float) -> Frame:
         """See ``Camera.read``. While the camera is unplugged this raises; afterwards it works again."""
         with self._news:
-            if self._closing.is_set():
+            if self._background.closing.is_set():
                 raise CameraClosed
             if self._trouble is not None:
                 raise self._trouble
@@ -97,15 +97,15 @@ class RealSenseCamera:
 
     def close(self) -> None:
         """See ``Camera.close``."""
-        self._closing.set()
-        self._thread.join()
+        self._background.end()
         self._newest = self._made = None
 
     # the thread
 
-    def _run(self, pipeline: Any) -> None:
+    def _run(self) -> None:
         """Take framesets until the camera is closed; when they stop coming, look for the camera again."""
-        while not self._closing.is_set():
+        pipeline: Any = self._pipeline
+        while not self._background.closing.is_set():
             if pipeline is None:
                 pipeline = self._restart()
             elif not self._take(pipeline):
@@ -118,7 +118,7 @@ class RealSenseCamera:
     def _take(self, pipeline: Any) -> bool:
         """Wait for the next pair and keep it; False: none came."""
         deadline = time.monotonic() + SILENCE
-        while time.monotonic() < deadline and not self._closing.is_set():
+        while time.monotonic() < deadline and not self._background.closing.is_set():
             try:
                 there, frameset = pipeline.try_wait_for_frames(100)
             except RuntimeError:  # librealsense noticed first that the device is gone
@@ -126,7 +126,7 @@ class RealSenseCamera:
             if there and frameset.size() == 2:
                 self._keep(frameset)
                 return True
-        return self._closing.is_set()
+        return self._background.closing.is_set()
 
     def _keep(self, frameset: Any) -> None:
         frameset.keep()
@@ -145,7 +145,7 @@ class RealSenseCamera:
                 return self._start()
             except HardwareError as error:
                 self._say(error)
-        self._closing.wait(RETRY)
+        self._background.closing.wait(RETRY)
         return None
 
     def _say(self, trouble: HardwareError) -> None:

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.background import Background
 from hardware.camera_settings import WebcamSettings
 from hardware.interfaces import CameraClosed, Clock, Frame, HardwareError, Intrinsics, StaleFrame
 
@@ -46,12 +47,11 @@ class WebcamCamera:
         self._trouble: HardwareError | None = None
         self._last = -math.inf
         self._stamped: float | None = None
-        self._closing = threading.Event()
-        capture = self._open()
-        if capture is None:
+        self._capture = self._open()
+        if self._capture is None:
             raise self._lost("cannot be opened")
-        self._thread = threading.Thread(target=self._run, args=(capture,), name="webcam", daemon=True)
-        self._thread.start()
+        self._background = Background("webcam", self._run)
+        self._background.start()
         with self._news:
             self._news.wait_for(lambda: self._newest or self._trouble, FIRST_FRAME)
             newest = self._newest
@@ -63,7 +63,7 @@ class WebcamCamera:
     def read(self, max_age: float) -> Frame:
         """See ``Camera.read``. A picture's age counts from when the computer got it."""
         with self._news:
-            if self._closing.is_set():
+            if self._background.closing.is_set():
                 raise CameraClosed
             if self._trouble is not None:
                 raise self._trouble
@@ -86,22 +86,21 @@ class WebcamCamera:
 
     def close(self) -> None:
         """See ``Camera.close``."""
-        self._closing.set()
-        self._thread.join()
+        self._background.end()
 
     # the thread
 
-    def _run(self, capture: cv2.VideoCapture | None) -> None:
-        pause = self._pause()
-        while not self._closing.is_set():
+    def _run(self) -> None:
+        capture, pause, closing = self._capture, self._pause(), self._background.closing
+        while not closing.is_set():
             if capture is None:
                 capture = self._open()
-                self._closing.wait(RETRY if capture is None else 0.0)
+                closing.wait(RETRY if capture is None else 0.0)
                 continue
             there, picture = capture.read()
             if there:
                 self._keep(np.asarray(picture, dtype=np.uint8))
-                self._closing.wait(pause)
+                closing.wait(pause)
                 continue
             capture.release()
             capture = None

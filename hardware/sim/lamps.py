@@ -23,6 +23,7 @@ class Lamp:
     """One of MuJoCo's lights, under the names of its attributes."""
 
     name: str
+    type: mujoco.mjtLightType
     active: bool
     pos: Vector
     dir: Vector
@@ -65,7 +66,7 @@ def _key(light: LightSettings, number: int) -> Lamp:
     parts = KEY_LAMPS if light.radius > 0.0 else 1
     r, g, b = (light.brightness / parts * part for part in light.colour)
     return Lamp(
-        f"key{number}", number < parts, (x, y, z), (-x, -y, -z), (r, g, b),
+        f"key{number}", mujoco.mjtLightType.mjLIGHT_SPOT, number < parts, (x, y, z), (-x, -y, -z), (r, g, b),
         (GLOSS * r, GLOSS * g, GLOSS * b), light.shadows,
     )  # fmt: skip
 
@@ -73,4 +74,5 @@ def _key(light: LightSettings, number: int) -> Lamp:
 def _fill(light: LightSettings) -> Lamp:
     x, y, z = FILL_POSITION
     grey = (light.fill, light.fill, light.fill)
-    return Lamp("fill", True, FILL_POSITION, (-x, -y, -z), grey, (0.0, 0.0, 0.0), False)
+    from_all_over = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    return Lamp("fill", from_all_over, True, FILL_POSITION, (-x, -y, -z), grey, (0.0, 0.0, 0.0), False)

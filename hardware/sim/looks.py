@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, PositiveFlo
 
 Vector = tuple[float, float, float]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
-Colour = tuple[Fraction, Fraction, Fraction]
+Tint = tuple[Fraction, Fraction, Fraction]
 """Red, green, blue, each 0 to 1."""
 
 
@@ -31,7 +31,7 @@ class LightSettings(_Frozen):
     """From the middle of the board to the lamp [m]."""
     brightness: NonNegativeFloat = 0.6
     """Of the lamp: what a white surface that faces it gives of a picture's full scale at exposure 1."""
-    colour: Colour = (1.0, 1.0, 0.97)
+    colour: Tint = (1.0, 1.0, 0.97)
     fill: NonNegativeFloat = 0.35
     """Brightness of the light across from the lamp."""
     ambient: NonNegativeFloat = 0.3

@@ -160,13 +160,18 @@ def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece) -> None:
         fromto=[0, 0, shape.stem_radius + 0.001, 0, 0, shape.height - shape.stem_radius],
         friction=[WOOD_FRICTION, 0.002, 0.0001], **common,
     )  # fmt: skip
+
+
+def _dress(body: mujoco.MjsBody, piece: StandingPiece) -> None:
+    """What is seen of a piece: lacquered wood on felt."""
+    foot = PIECE_SHAPES[piece.spec.kind].foot_radius
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_MESH, meshname=piece.spec.kind.value, contype=0, conaffinity=0, mass=0.0,
         material=piece.spec.colour.value, group=1,
     )  # fmt: skip
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CYLINDER, contype=0, conaffinity=0, mass=0.0, rgba=FELT_RGBA, group=1,
-        size=[0.96 * shape.foot_radius, FELT_HEIGHT / 2.0, 0], pos=[0, 0, FELT_HEIGHT / 2.0],
+        size=[0.96 * foot, FELT_HEIGHT / 2.0, 0], pos=[0, 0, FELT_HEIGHT / 2.0],
     )  # fmt: skip
 
 
@@ -216,6 +221,8 @@ def _drop_looks(spec: mujoco.MjSpec) -> None:
     for geom in list(spec.geoms):
         if geom.contype == 0 and geom.conaffinity == 0:
             spec.delete(geom)
+    for part in (*spec.meshes, *spec.materials, *spec.textures):
+        spec.delete(part)
 
 
 def build_model(
@@ -263,6 +270,8 @@ def build_model(
     add_arm(spec, parameters, table.centre_in_base)
     for piece in pieces:
         _add_piece(spec, piece)
+        if looks:
+            _dress(spec.body(piece.spec.name), piece)
     if add is not None:
         add(spec)
     _add_contact_sensors(spec)

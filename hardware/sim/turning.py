@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, Kind
 
-SEGMENTS = 24
+SEGMENTS = 20
 FELT_HEIGHT = 0.0012
 """Of the felt under the foot [m]; it is a shape of its own."""
 
@@ -60,6 +61,7 @@ _HORSE_LAYERS = ((-0.62, 0.7), (-0.34, 1.0), (0.34, 1.0), (0.62, 0.7))
 """Across the head: (x in stem radii, scale of the outline), so that its edges are rounded off."""
 
 
+@cache
 def turned_mesh(kind: Kind) -> Mesh:
     """Vertices (n, 3) [m], origin at the centre of the foot's underside, and triangles (m, 3) of one kind."""
     parts = [_revolve(_profile(kind), _carving(kind))]
@@ -93,8 +95,8 @@ def _carving(kind: Kind) -> Callable[[int, int], float]:
         if ring not in carved:
             return 0.0
         if kind is Kind.ROOK:
-            return -0.09 if segment % 6 < 2 else 0.0
-        return 0.03 * math.cos(2.0 * math.pi * segment / 3.0)
+            return -0.09 if segment % 5 < 2 else 0.0
+        return 0.03 * math.cos(2.0 * math.pi * segment / 4.0)
 
     return lift
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 LIGHT: Final = (0.90, 0.82, 0.68)
 DARK: Final = (0.45, 0.28, 0.16)
-SQUARE: Final = 96
+SQUARE: Final = 64
 """Side of a square in the picture [px]."""
 GRAIN: Final = 0.04
 """Standard deviation of the brightness within a square, as part of it."""
@@ -44,6 +44,6 @@ def board_png() -> bytes:
 def _grain(rng: np.random.Generator) -> NDArray[np.float64]:
     """Fibres along the columns, shape (SQUARE, SQUARE), standard deviation 1."""
     noise = rng.standard_normal((SQUARE, SQUARE))
-    fibres = np.asarray(cv2.GaussianBlur(noise, (0, 0), sigmaX=1.2, sigmaY=25.0, borderType=cv2.BORDER_REFLECT))
+    fibres = np.asarray(cv2.GaussianBlur(noise, (0, 0), sigmaX=0.8, sigmaY=16.0, borderType=cv2.BORDER_REFLECT))
     grain: NDArray[np.float64] = (fibres - fibres.mean()) / fibres.std()
     return grain

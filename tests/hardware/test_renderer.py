@@ -122,7 +122,7 @@ def test_light_is_what_it_is_told_to_be(studio: Studio) -> None:
     red, _ = studio.shoot(light=LightSettings(colour=(1.0, 0.0, 0.0), fill=0.0, ambient=0.0, brightness=0.8))
     assert red[board][..., 1:].max() <= 2 < red[board][..., 0].mean()
     even, _ = studio.shoot(light=LightSettings(shadows=False))
-    assert np.percentile(even.astype(int) - usual, 0.1) > -3, "without shadows nothing is darker"
+    assert np.percentile(even.astype(int) - usual, 1.0) > -3, "without shadows nothing but edges is darker"
     assert (even.astype(int) - usual).max() > 40
     other, _ = studio.shoot(light=LightSettings(direction=(-0.9, 0.5, 1.0)))
     moved = np.abs(other.astype(int) - usual).max(axis=2) > 40
