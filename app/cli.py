@@ -65,6 +65,9 @@ def demo(
         float | None,
         typer.Option(help="Side of a square of the simulated board [mm]; a larger board stands nearer to the robot."),
     ] = None,
+    randomise: Annotated[
+        Path | None, typer.Option(help="TOML file: how the simulation differs from what the game believes of it.")
+    ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="UDP port of the controller; 0: any free one.")] = 0,
     headless: Annotated[bool, typer.Option("--headless", help="Show nothing while playing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
@@ -83,6 +86,7 @@ def demo(
         rig=rig, plies=plies, pace=None if pace is None else Pace(pace), seed=seed, fen=fen, moves=moves,
         white_elo=white_elo, black_elo=black_elo, move_time=movetime, nodes=nodes, engine=engine, out=out,
         video=video, video_length=video_length, linger=linger, port=port, profile=Profile(profile), square=square,
+        randomise=randomise,
     )  # fmt: skip
     _show_game(lambda face: run_demo(options, face), headless=headless, as_json=as_json)
 

@@ -24,7 +24,7 @@ import difflib
 import tomllib
 from ipaddress import IPv4Address
 from pathlib import Path
-from typing import Annotated, Any, Final, Self, get_args
+from typing import Annotated, Any, Final, Self, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, NonNegativeInt, ValidationError, model_validator
 
@@ -32,11 +32,15 @@ from app import UserError
 from controller.settings import ControllerSettings
 from hardware.camera_settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
 from hardware.parameters import DEFAULT_FILE
+from hardware.sim.randomisation import Randomisation
 from hardware.sim.settings import Pace
 from hardware.table import TableSettings
 
 SIMULATED: Final = "sim"
 """Name of the rig that is simulated and started by whoever uses it; also of its bus."""
+
+
+_M = TypeVar("_M", bound=BaseModel)
 
 
 class ConfigError(UserError):
@@ -83,6 +87,8 @@ class WorldSection(_Frozen):
     fen: str | None = None
     """The position that is set up; the usual one if not given."""
     cameras: bool = True
+    randomisation: Randomisation = Randomisation()
+    """How it differs from what the game believes of it."""
 
 
 class RigFile(_Frozen):
@@ -134,22 +140,33 @@ def load_rig(path: Path) -> RigFile:
     Raises:
         ConfigError: it cannot be read, or something in it is wrong.
     """
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(
-            f"rig '{path}' cannot be read: {error.strerror}: give sim, or the TOML file of a lab's rig"
-        ) from error
-    except ValueError as error:
-        raise ConfigError(f"rig file {path} is no TOML: {error}: mend that line") from error
-    try:
-        rig = RigFile.model_validate(content)
-    except ValidationError as error:
-        raise ConfigError(f"rig file {path}: {_explain(error)}") from error
+    rig = _load(path, RigFile, "rig", "give sim, or the TOML file of a lab's rig")
     folder = path.absolute().parent
     key = rig.controller.model_copy(update={"key": folder / rig.controller.key})
     paths = {"run_dir": folder / rig.run_dir, "parameters": folder / rig.parameters}
     return rig.model_copy(update={"controller": key, "camera": _placed(rig.camera, folder), **paths})
+
+
+def load_randomisation(path: Path) -> Randomisation:
+    """Read a TOML file with how a simulated world differs from what the game believes of it.
+
+    Raises:
+        ConfigError: it cannot be read, or something in it is wrong.
+    """
+    return _load(path, Randomisation, "randomisation", "give a TOML file with fields of Randomisation")
+
+
+def _load(path: Path, model: type[_M], what: str, instead: str) -> _M:
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{what} '{path}' cannot be read: {error.strerror}: {instead}") from error
+    except ValueError as error:
+        raise ConfigError(f"{what} file {path} is no TOML: {error}: mend that line") from error
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise ConfigError(f"{what} file {path}: {_explain(error, model)}") from error
 
 
 def _placed(camera: LabCamera | None, folder: Path) -> LabCamera | None:
@@ -163,13 +180,13 @@ def _placed(camera: LabCamera | None, folder: Path) -> LabCamera | None:
             return camera
 
 
-def _explain(problem: ValidationError) -> str:
+def _explain(problem: ValidationError, model: type[BaseModel]) -> str:
     """The first mistake; an unknown name first, since it is often the misspelt form of a missing one."""
     errors = problem.errors(include_url=False)
     error = next((one for one in errors if one["type"] == "extra_forbidden"), errors[0])
     where = ".".join(_as_written(error["loc"])) or "the file"
     if error["type"] == "extra_forbidden":
-        valid = _names(error["loc"][:-1])
+        valid = _names(error["loc"][:-1], model)
         near = difflib.get_close_matches(str(error["loc"][-1]), valid, n=1)
         return f"there is no setting {where}: " + (f"did you mean {near[0]}?" if near else f"choose {', '.join(valid)}")
     if error["type"] == "missing":
@@ -197,12 +214,12 @@ def _as_written(where: tuple[int | str, ...]) -> list[str]:
     return names
 
 
-def _names(section: tuple[int | str, ...]) -> list[str]:
+def _names(section: tuple[int | str, ...], whole: type[BaseModel]) -> list[str]:
     """Settings that a section of a rig file may hold."""
     if section[:1] == ("camera",):
         kind = next(kind for kind in get_args(LabCamera) if kind.model_fields["kind"].default == section[1])
         return sorted(kind.model_fields)
-    model: Any = RigFile
+    model: Any = whole
     for name in section:
         hints = model.model_fields[name].annotation
         parts = getattr(hints, "__args__", (hints,))

@@ -11,7 +11,7 @@ import chess
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from app import UserError
-from app.config import SIMULATED, RigFile
+from app.config import SIMULATED, RigFile, load_randomisation
 from app.faces import Face
 from app.game import Game, Position
 from app.layout import start_layout
@@ -29,6 +29,7 @@ from controller.settings import ControllerSettings
 from engine.openings import opening_engine, varied_opening
 from engine.stockfish import Engine, EngineSettings
 from hardware.parameters import load_parameters
+from hardware.sim.randomisation import Randomisation
 from hardware.sim.settings import Pace, WorldSettings
 from hardware.table import PIECE_SHAPES, TableSettings
 
@@ -63,6 +64,8 @@ class DemoOptions(BaseModel):
     profile: Profile = Profile.DEFAULT
     square: float | None = None
     """Side of a square of a simulation of our own [mm]; None: the default one."""
+    randomise: Path | None = None
+    """File that says how a simulation of our own differs from what the game believes."""
     journal: bool = False
     """A simulation of our own keeps every command, so that it can be done again."""
 
@@ -167,10 +170,11 @@ def _table(options: DemoOptions) -> TableSettings:
 
 
 def _simulation(options: DemoOptions, inventory: Inventory, pace: Pace) -> SimRigSettings:
+    randomisation = Randomisation() if options.randomise is None else load_randomisation(options.randomise)
     return SimRigSettings(
         world=WorldSettings(
             pieces=tuple(inventory), home=PROFILES[options.profile].at(inventory.table).home, table=inventory.table,
-            pace=pace, seed=options.seed, linger=options.linger, journal=options.journal,
+            pace=pace, seed=options.seed, randomisation=randomisation, linger=options.linger, journal=options.journal,
         ),
         controller=ControllerSettings(linger=max(options.linger, 1e-3), port=options.port),
     )  # fmt: skip

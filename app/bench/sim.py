@@ -17,8 +17,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from app import UserError
 from app.bench.report import BenchReport, Row, machine, row
 from app.demo import DemoOptions, run_demo
@@ -26,13 +24,10 @@ from app.faces import Quiet
 from app.records import Report
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
 from controller.settings import ControllerSettings
-from hardware.parameters import load_parameters
-from hardware.sim.imperfections import Flaws
+from hardware.sim.construction import Construction
 from hardware.sim.journal import Replay
-from hardware.sim.plant import Plant
-from hardware.sim.scene import build_model
 from hardware.sim.server import END_FILE
-from hardware.sim.settings import Pace, load_settings, stand_pieces
+from hardware.sim.settings import Pace, load_settings
 
 SEED: Final = 1
 PLIES: Final = 24
@@ -146,22 +141,17 @@ def _telemetry_digest(path: Path) -> str:
 
 def do_again(run_dir: Path) -> Again:
     """What a world did, done by MuJoCo alone: timed first, then with a look at the closures in every tick."""
-    settings = load_settings(run_dir)
-    parameters = load_parameters(settings.parameters_file)
-    pieces, names = stand_pieces(settings), tuple(piece.name for piece in settings.pieces)
-    model = build_model(parameters, settings.table, pieces, np.array(settings.home), looks=False)
-    replay = Replay(run_dir)
-    flaws = Flaws(settings.imperfections, settings.seed)
-    plant = Plant(model, parameters, names, flaws=flaws)
+    construction, replay = Construction.of(load_settings(run_dir)), Replay(run_dir)
+    plant = construction.plant()
     since = time.perf_counter()
     replay.run(plant)
     wall = time.perf_counter() - since
     state = plant.digest()
-    watched, widest = Plant(model, parameters, names, flaws=flaws), [0.0]
+    watched, widest = construction.plant(), [0.0]
     watched.watch_step = lambda: widest.append(max(widest.pop(), watched.closure_gap()))
     replay.run(watched)
     end = json.loads((run_dir / END_FILE).read_text(encoding="utf-8"))
-    return Again(len(replay) * parameters.drive.tick, wall, widest[0], state != end["state_sha256"])
+    return Again(len(replay) * plant.parameters.drive.tick, wall, widest[0], state != end["state_sha256"])
 
 
 @contextmanager

@@ -210,16 +210,20 @@ def _add_gripper_drive(spec: mujoco.MjSpec, parameters: RobotParameters) -> None
     drive.biasprm[2] = -gain
 
 
-def add_arm(spec: mujoco.MjSpec, parameters: RobotParameters, centre_in_base: tuple[float, float, float]) -> None:
+def add_arm(
+    spec: mujoco.MjSpec, parameters: RobotParameters, base_position: tuple[float, float, float], turn: float = 0.0
+) -> None:
     """Add the whole robot to a scene whose world frame is the board frame (z up).
 
     Args:
         spec: scene to add to.
         parameters: robot.
-        centre_in_base: the board's centre in the base frame [m]; the base hangs accordingly.
+        base_position: of the base's centre in the world frame [m].
+        turn: of the board about the vertical against the robot, which therefore is turned the other way [rad].
     """
-    x, y, z = centre_in_base
-    base = spec.worldbody.add_body(name="base", pos=[-x, y, z], quat=[0.0, 1.0, 0.0, 0.0])
+    cos, sin = math.cos(turn / 2.0), math.sin(turn / 2.0)
+    # first about the world's z by -turn, then about x by half a turn: z₃ points down
+    base = spec.worldbody.add_body(name="base", pos=list(base_position), quat=[0.0, cos, -sin, 0.0])
     base.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CYLINDER, fromto=[0, 0, -0.025, 0, 0, -0.012], size=[0.15, 0, 0],
         rgba=[0.30, 0.31, 0.33, 1.0], contype=0, conaffinity=0, mass=0.0,

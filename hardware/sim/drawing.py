@@ -117,7 +117,7 @@ class Easel:
             units = self._measure(sensor, self._see_depth(), ideal)
             file[:DEPTH_BYTES] = units.view(np.uint8).ravel()
         return colour_picture(
-            ideal, COLOUR if camera.noise else None, exposure=exposure.time, gain=exposure.gain,
+            ideal, COLOUR.noisier(camera.noise) if camera.noise else None, exposure=exposure.time, gain=exposure.gain,
             white_balance=exposure.white_balance, rng=_noise(sensor, _COLOUR_NOISE),
         )  # fmt: skip
 
@@ -127,7 +127,7 @@ class Easel:
             return whole_units(depth, camera.depth_unit)
         pinhole = colour_intrinsics(camera.width, camera.height)
         grey = seen_from_left(ideal, pinhole, depth, STEREO.intrinsics, LEFT_IMAGER)
-        return depth_picture(depth, grey, STEREO, camera.depth_unit, _noise(sensor, _DEPTH_NOISE))
+        return depth_picture(depth, grey, STEREO.noisier(camera.noise), camera.depth_unit, _noise(sensor, _DEPTH_NOISE))
 
     def _see(self, view: str, width: int, height: int) -> NDArray[np.uint8]:
         picture: NDArray[np.uint8] = self._prepared(view, width, height).render()

@@ -67,7 +67,8 @@ def build_block_world(parameters: RobotParameters, world: BlockWorld, substeps: 
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
     spec.visual.map.znear = 0.01
     _add_surface(spec, world)
-    add_arm(spec, parameters, world.centre_in_base)
+    x, y, z = world.centre_in_base
+    add_arm(spec, parameters, (-x, y, z))
     for side in ("right", "left"):  # the bar carries a pad as wide as itself: the pad alone touches
         bar = spec.geom(f"bar_{side}")
         bar.contype, bar.conaffinity = 0, 0

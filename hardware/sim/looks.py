@@ -83,8 +83,9 @@ class CameraSettings(_Frozen):
 
     size: Literal["640x480", "1280x720"] = "640x480"
     """Of colour pictures, and of depth once it is aligned to them [px]."""
-    noise: bool = True
-    """False: what an ideal sensor would see, still from both sensors' own places and in whole depth units."""
+    noise: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
+    """Of both sensors, in a D435's own. 0: what ideal sensors would see, still from their own places and in whole
+    depth units."""
     depth_unit: Annotated[float, Field(ge=1e-4, le=1e-3)] = 1e-3
     """Depth is a whole number of these [m]. The camera's default is 1 mm; 0.1 mm reaches 6.5 m and hides less."""
     exposure: ExposureSettings = ExposureSettings()

@@ -17,7 +17,7 @@ Sources:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import cv2
@@ -67,6 +67,10 @@ class StereoSensor:
         """Nearer than this there is no depth [m]."""
         return self.scale / self.search
 
+    def noisier(self, factor: float) -> StereoSensor:
+        """One whose disparities are so many times as uncertain."""
+        return replace(self, subpixel=self.subpixel * factor, raggedness=self.raggedness * factor)
+
 
 @dataclass(frozen=True, slots=True)
 class ColourSensor:
@@ -80,6 +84,10 @@ class ColourSensor:
     """Standard deviation of the lens's point spread, with what the colour mosaic adds [px]."""
     vignetting: float = 0.22
     """Light lost in the corners, as part of what the middle has."""
+
+    def noisier(self, factor: float) -> ColourSensor:
+        """One with so many times the noise: of fewer electrons."""
+        return replace(self, full_well=self.full_well / factor**2, read_noise=self.read_noise / factor)
 
 
 def depth_picture(

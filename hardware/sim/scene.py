@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import mujoco
 import numpy as np
@@ -60,6 +60,8 @@ class StandingPiece:
         y: of its centre.
         yaw: about its axis.
         height: of what it stands on, above the board.
+        mass: in masses of its kind.
+        friction: in frictions of its felt and its stem.
     """
 
     spec: PieceSpec
@@ -67,6 +69,30 @@ class StandingPiece:
     y: float
     yaw: float = 0.0
     height: float = 0.0
+    mass: float = 1.0
+    friction: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class BoardOffset:
+    """Where the table really stands: the true board's pose in the frame of the board as the robot believes it to be.
+
+    Attributes:
+        shift: of its centre [m].
+        turn: about the vertical [rad].
+    """
+
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: float = 0.0
+
+    def in_true(self, point: tuple[float, float, float]) -> tuple[float, float, float]:
+        """A point of the believed board frame in the true one [m]."""
+        x, y, z = (a - b for a, b in zip(point, self.shift, strict=True))
+        cos, sin = math.cos(self.turn), math.sin(self.turn)
+        return cos * x + sin * y, cos * y - sin * x, z
+
+
+AS_BELIEVED = BoardOffset()
 
 
 def _add_deck(spec: mujoco.MjSpec, table: TableSettings) -> None:
@@ -99,14 +125,15 @@ def _add_deck(spec: mujoco.MjSpec, table: TableSettings) -> None:
         )  # fmt: skip
 
 
-def _add_surroundings(spec: mujoco.MjSpec) -> None:
+def _add_surroundings(spec: mujoco.MjSpec, offset: BoardOffset) -> None:
     spec.add_texture(
         name="room", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
         rgb1=[0.82, 0.85, 0.88], rgb2=[0.55, 0.58, 0.62], width=128, height=768,
     )  # fmt: skip
     _add_lights(spec)
     for name, pose in CAMERAS.items():
-        _add_camera(spec, name, pose)
+        seen = replace(pose, position=offset.in_true(pose.position), target=offset.in_true(pose.target))
+        _add_camera(spec, name, seen)
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:
@@ -145,7 +172,8 @@ def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece) -> None:
     )
     body.add_freejoint(name=piece.spec.name)
     centre, inertia = _piece_inertia(shape)
-    body.mass, body.ipos, body.inertia, body.explicitinertial = shape.mass, list(centre), inertia, True
+    body.mass, body.ipos, body.explicitinertial = piece.mass * shape.mass, list(centre), True
+    body.inertia = [piece.mass * moment for moment in inertia]
     side = FOOT_SIDE * shape.foot_radius
     common = {
         "mass": 0.0, "rgba": [0.0, 0.0, 0.0, 0.0], "group": 3, "contype": SCENE_BITS,
@@ -153,7 +181,7 @@ def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece) -> None:
     }  # fmt: skip
     body.add_geom(
         name=f"{piece.spec.name}.foot", type=mujoco.mjtGeom.mjGEOM_BOX, pos=[0, 0, shape.foot_height / 2.0],
-        size=[side, side, shape.foot_height / 2.0], friction=[FOOT_FRICTION, 0.002, 0.0001], **common,
+        size=[side, side, shape.foot_height / 2.0], friction=[piece.friction * FOOT_FRICTION, 0.002, 0.0001], **common,
     )  # fmt: skip
     body.add_geom(
         name=f"{piece.spec.name}.stem", type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[shape.stem_radius, 0, 0],
@@ -234,6 +262,7 @@ def build_model(
     *,
     looks: bool = True,
     feet: Contact = FOOT_ON_BOARD.contact,
+    offset: BoardOffset = AS_BELIEVED,
     add: Callable[[mujoco.MjSpec], None] | None = None,
 ) -> mujoco.MjModel:
     """Compile the world.
@@ -246,6 +275,7 @@ def build_model(
         timestep: integration step [s], default the drive's tick.
         looks: with all that is only seen. Without it a step is quicker, and what happens is the same.
         feet: of the pieces, on the board.
+        offset: where the table really stands; robot and cameras stay where they are.
         add: puts something more into the world.
 
     World frame: the board frame, z up.
@@ -266,8 +296,9 @@ def build_model(
     option.sleep_tolerance = SLEEP_TOLERANCE
     _add_looks(spec)
     _add_deck(spec, table)
-    _add_surroundings(spec)
-    add_arm(spec, parameters, table.centre_in_base)
+    _add_surroundings(spec, offset)
+    x, y, z = table.centre_in_base
+    add_arm(spec, parameters, offset.in_true((-x, y, z)), offset.turn)
     for piece in pieces:
         _add_piece(spec, piece)
         if looks:
@@ -278,7 +309,7 @@ def build_model(
     if not looks:
         _drop_looks(spec)
     model = spec.compile()
-    give_stiffness(spec, model, parameters.pads, tuple(piece.spec.name for piece in pieces), feet)
+    give_stiffness(spec, model, parameters.pads, {p.spec.name: p.friction for p in pieces}, feet)
     key = spec.add_key(name="start")
     key.qpos = _start_positions(model, parameters, home).tolist()
     model = spec.compile()

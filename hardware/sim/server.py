@@ -21,21 +21,17 @@ from dataclasses import asdict
 from pathlib import Path
 
 import mujoco
-import numpy as np
 
 from hardware.interfaces import Command, HardwareError
-from hardware.parameters import load_parameters
 from hardware.realtime import real_time
 from hardware.sim import wire
-from hardware.sim.imperfections import Flaws
+from hardware.sim.construction import Construction
 from hardware.sim.journal import Journal
 from hardware.sim.pacing import Metronome, SpeedMeter
 from hardware.sim.pictures import CameraService
-from hardware.sim.plant import Plant
 from hardware.sim.renderer import MODEL_FILE, Renderer
-from hardware.sim.scene import build_model
 from hardware.sim.services import NEVER, ClockService, Drives, RefereeService
-from hardware.sim.settings import Pace, WorldSettings, load_settings, stand_pieces
+from hardware.sim.settings import Pace, WorldSettings, load_settings
 from hardware.sim.snapshot import STATE_FILE, load_snapshot, save_snapshot
 from hardware.sim.stage import StageService
 from hardware.sim.visitors import Service, Visitors
@@ -68,16 +64,13 @@ class World:
 
     def __init__(self, run_dir: Path, settings: WorldSettings) -> None:
         self._run_dir = run_dir
-        parameters = load_parameters(settings.parameters_file)
-        drive, home, pieces = parameters.drive, np.array(settings.home), stand_pieces(settings)
+        construction = Construction.of(settings)
+        drive = construction.drawn.parameters.drive
         self._renderer: Renderer | None = None
         if settings.cameras:
-            seen = build_model(parameters, settings.table, pieces, home)
-            mujoco.mj_saveModel(seen, str(run_dir / MODEL_FILE))
+            mujoco.mj_saveModel(construction.model(looks=True), str(run_dir / MODEL_FILE))
             self._renderer = Renderer(run_dir)
-        model = build_model(parameters, settings.table, pieces, home, looks=False)
-        names, before = tuple(piece.name for piece in settings.pieces), load_snapshot(run_dir / STATE_FILE)
-        self.plant = Plant(model, parameters, names, before, Flaws(settings.imperfections, settings.seed))
+        self.plant = construction.plant(load_snapshot(run_dir / STATE_FILE))
         for left in (END_FILE, STATE_FILE):  # of a world before this one: from here on they would be untrue
             (run_dir / left).unlink(missing_ok=True)
         self._journal = Journal() if settings.journal else None
@@ -89,9 +82,9 @@ class World:
         self._drives = Drives(facts, settings.first_controller, settings.linger)
         self._clocks = ClockService(facts, self.plant)
         latency = round(settings.camera_latency / drive.tick)
-        stage = StageService(facts, self.plant, settings.looks)
+        stage = StageService(facts, self.plant, construction.looks)
         self._cameras = CameraService(
-            facts, self.plant, self._renderer, run_dir, latency, settings.camera, settings.seed, stage
+            facts, self.plant, self._renderer, run_dir, latency, construction.camera, settings.seed, stage
         )
         referees = RefereeService(facts, self.plant, self._speed)
         services: dict[str, Service] = {

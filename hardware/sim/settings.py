@@ -5,13 +5,12 @@ from __future__ import annotations
 from enum import StrEnum
 from pathlib import Path
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, NonNegativeFloat, NonNegativeInt, PositiveFloat, ValidationError
 
 from hardware.interfaces import HardwareError
 from hardware.parameters import DEFAULT_FILE
-from hardware.sim.imperfections import PERFECT, Imperfections
-from hardware.sim.looks import CameraSettings, LightSettings, Looks
+from hardware.sim.looks import CameraSettings, LightSettings
+from hardware.sim.randomisation import Randomisation, stand
 from hardware.sim.scene import StandingPiece
 from hardware.table import PieceSpec, TableSettings
 
@@ -43,12 +42,8 @@ class WorldSettings(BaseModel):
     """A world that no controller has used yet ends after this; compiling a controller's law takes some [s, wall]."""
     linger: NonNegativeFloat = 30.0
     """After the controller is lost, wait this long for another one [s, wall]."""
-    placement_sigma: NonNegativeFloat = 0.0007
-    """Pieces are set up by hand: standard deviation of their offset from the centre in x and y [m]."""
-    placement_limit: NonNegativeFloat = 0.002
-    """No offset is larger than this [m]."""
-    imperfections: Imperfections = PERFECT
-    """How devices fall short of what the controller believes of them."""
+    randomisation: Randomisation = Randomisation()
+    """How the world differs from what the app believes; drawn by the seed."""
     camera_latency: PositiveFloat = 0.060
     """From exposure to delivery of a frame, plant time [s]."""
     cameras: bool = True
@@ -62,11 +57,6 @@ class WorldSettings(BaseModel):
     realtime: bool = False
     """Pace real: as punctual as a motion board, by real time where the system grants it; for measurements. Otherwise
     the world is an ordinary program."""
-
-    @property
-    def looks(self) -> Looks:
-        """Light, exposure and mount at the start."""
-        return Looks(light=self.light, exposure=self.camera.exposure, mount=self.camera.mount)
 
 
 def load_settings(run_dir: Path) -> WorldSettings:
@@ -86,13 +76,5 @@ def load_settings(run_dir: Path) -> WorldSettings:
 
 
 def stand_pieces(settings: WorldSettings) -> tuple[StandingPiece, ...]:
-    """Put every piece near the centre of its place, off by a human amount, turned at random; decided by the seed."""
-    rng = np.random.default_rng(settings.seed)
-    standing = []
-    for spec in settings.pieces:
-        x, y = settings.table.xy(spec.place)
-        offset = rng.normal(0.0, settings.placement_sigma, 2) if settings.placement_sigma else np.zeros(2)
-        offset = offset.clip(-settings.placement_limit, settings.placement_limit)
-        yaw = float(rng.uniform(-np.pi, np.pi))
-        standing.append(StandingPiece(spec, x + float(offset[0]), y + float(offset[1]), yaw))
-    return tuple(standing)
+    """Every piece where it is put down before the start; decided by the seed."""
+    return stand(settings.randomisation, settings.seed, settings.pieces, settings.table)

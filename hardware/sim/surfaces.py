@@ -8,6 +8,7 @@ after some ms here. Their impulses are right; their forces, which nobody feels, 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 import mujoco
@@ -68,7 +69,7 @@ PAIRS: Final = (FOOT_ON_BOARD, PAD_ON_PIECE, TOOL_ON_BOARD, TOOL_ON_PIECE)
 
 
 def give_stiffness(
-    spec: mujoco.MjSpec, model: mujoco.MjModel, pads: Pads, pieces: tuple[str, ...], feet: Contact
+    spec: mujoco.MjSpec, model: mujoco.MjModel, pads: Pads, pieces: Mapping[str, float], feet: Contact
 ) -> None:
     """Make every contact of a world as stiff as its pair says.
 
@@ -76,7 +77,7 @@ def give_stiffness(
         spec: the world.
         model: compiled from it: MuJoCo scales a contact by the bodies' masses at the start.
         pads: of the gripper.
-        pieces: their names.
+        pieces: by their names, what each has of the usual friction.
         feet: of the pieces, on the board.
     """
     fingers = [f"{part}_{side}" for side in ("right", "left") for part in ("pad_a", "pad_b", "bar")]
@@ -96,7 +97,7 @@ def give_stiffness(
         _set(spec.geom(f"{piece}.foot"), feet.solver(mass, POINTS_OF_A_FOOT), priority=1)
         stem, held = spec.geom(f"{piece}.stem"), _lighter(model, model.body(piece).id, model.body("finger_right").id)
         _set(stem, PAD_ON_PIECE.contact.solver(held, share), priority=1)
-        stem.condim, stem.friction = 4, [pads.friction, *PAD_TORSION]
+        stem.condim, stem.friction = 4, [pieces[piece] * pads.friction, *PAD_TORSION]
 
 
 def _along_the_finger(pads: Pads) -> float:

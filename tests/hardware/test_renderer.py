@@ -17,6 +17,7 @@ from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.d435 import DEPTH_HEIGHT, DEPTH_WIDTH, STEREO
 from hardware.sim.looks import CameraSettings, ExposureSettings, LightSettings, Looks, MountSettings
+from hardware.sim.randomisation import Randomisation
 from hardware.sim.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, Sensor, Shot, frame_path
 from hardware.sim.scene import CAMERAS, build_model
 from hardware.sim.settings import stand_pieces
@@ -33,7 +34,7 @@ class Studio:
     """A table with three pieces, and the renderer's process."""
 
     def __init__(self, folder: Path) -> None:
-        settings = settings_for(placement_sigma=0.0)
+        settings = settings_for(randomisation=Randomisation(placement_sigma=0.0))
         model = build_model(load_parameters(), TABLE, stand_pieces(settings), np.array(settings.home))
         mujoco.mj_saveModel(model, str(folder / MODEL_FILE))
         frame_path(folder, 0).touch()
