@@ -24,8 +24,6 @@ app = typer.Typer(
     help="A delta robot plays chess, in simulation or in the lab.",
 )
 
-RunDir = Annotated[Path, typer.Option("--run-dir", help="Run directory of the game; holds settings, key and sockets.")]
-
 
 def _fail(sentence: str, status: int = 2) -> NoReturn:
     print(f"touchmove: {sentence}", file=sys.stderr)
@@ -63,6 +61,10 @@ def demo(
     linger: Annotated[
         float, typer.Option(min=0.0, help="If this program is killed: how long the arm waits for another [s].")
     ] = 30.0,
+    square: Annotated[
+        float | None,
+        typer.Option(help="Side of a square of the simulated board [mm]; a larger board stands nearer to the robot."),
+    ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="UDP port of the controller; 0: any free one.")] = 0,
     headless: Annotated[bool, typer.Option("--headless", help="Show nothing while playing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
@@ -80,7 +82,7 @@ def demo(
     options = DemoOptions(
         rig=rig, plies=plies, pace=None if pace is None else Pace(pace), seed=seed, fen=fen, moves=moves,
         white_elo=white_elo, black_elo=black_elo, move_time=movetime, nodes=nodes, engine=engine, out=out,
-        video=video, video_length=video_length, linger=linger, port=port, profile=Profile(profile),
+        video=video, video_length=video_length, linger=linger, port=port, profile=Profile(profile), square=square,
     )  # fmt: skip
     _show_game(lambda face: run_demo(options, face), headless=headless, as_json=as_json)
 
@@ -190,10 +192,20 @@ def _say(step: str) -> None:
 
 
 @app.command()
-def world(run_dir: RunDir) -> None:
-    """The simulated world's process; started by whoever needs one."""
-    from app.processes import run_world
+def world(
+    view: Annotated[
+        bool, typer.Option("--view", help="Show the world of a game that runs in MuJoCo's viewer.")
+    ] = False,
+    game: Annotated[Path | None, typer.Argument(help="Folder of the game; the newest one if left out.")] = None,
+    run_dir: Annotated[Path | None, typer.Option("--run-dir", hidden=True)] = None,
+) -> None:
+    """Look at a simulated world that runs; games start theirs by themselves."""
+    from app.processes import run_world, view_world
 
+    if view:
+        _run(lambda: view_world(game, _say))
+    if run_dir is None:
+        _fail("games start their worlds by themselves: say 'touchmove world --view' to look at one that runs")
     _run(lambda: run_world(run_dir))
 
 

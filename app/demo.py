@@ -19,6 +19,7 @@ from app.lines import parse_line
 from app.manipulation import Inventory
 from app.motion import PROFILES, Profile, contact_limits
 from app.players import EnginePlayer, LinePlayer, Player, Players
+from app.processes import GAMES
 from app.records import EVENTS_FILE, GameRecord, GameSetup, PlyEvent, new_folder, read_history, utc_now
 from app.records.files import write_atomically
 from app.rig import choose_rig, open_rig
@@ -29,7 +30,7 @@ from engine.openings import opening_engine, varied_opening
 from engine.stockfish import Engine, EngineSettings
 from hardware.parameters import load_parameters
 from hardware.sim.settings import Pace, WorldSettings
-from hardware.table import TableSettings
+from hardware.table import PIECE_SHAPES, TableSettings
 
 OPENING_PLIES = 8
 HASH_MB = 16
@@ -60,6 +61,8 @@ class DemoOptions(BaseModel):
     port: int = 0
     rig: str = SIMULATED
     profile: Profile = Profile.DEFAULT
+    square: float | None = None
+    """Side of a square of a simulation of our own [mm]; None: the default one."""
     journal: bool = False
     """A simulation of our own keeps every command, so that it can be done again."""
 
@@ -79,11 +82,11 @@ def run_demo(options: DemoOptions, face: Face) -> SessionResult:
     pace = rig.pace if rig is not None else options.pace or Pace.REAL
     board = _start_board(options.fen)
     line = parse_line(options.moves, board) if options.moves is not None else None
-    table = TableSettings(limits=contact_limits(options.profile)) if rig is None else rig.table
+    table = _table(options) if rig is None else rig.table
     inventory = Inventory.of(start_layout(board, table), table)
     with ExitStack() as stack:
         players = _players(options, board, line, stack, face, pace)
-        folder = options.out if options.out is not None else new_folder(Path("games"), utc_now())
+        folder = options.out if options.out is not None else new_folder(GAMES, utc_now())
         setup = GameSetup(players.name(chess.WHITE), players.name(chess.BLACK), options.seed, pace.value)
         record = stack.enter_context(GameRecord.begin(folder, setup, board, inventory, 0.0))
         kept = options if rig is None else options.model_copy(update={"rig": str(Path(options.rig).absolute())})
@@ -101,7 +104,7 @@ def resume_demo(folder: Path, face: Face) -> SessionResult:
     """
     options = _read_options(folder)
     rig = choose_rig(options.rig)
-    table = TableSettings(limits=contact_limits(options.profile)) if rig is None else rig.table
+    table = _table(options) if rig is None else rig.table
     history = read_history(folder / EVENTS_FILE, table)
     if any(isinstance(event, PlyEvent) and event.physical_ok is False for event in history.events):
         raise UserError(f"a ply of the game in {folder} left the board wrong, see its report: start a new one")
@@ -134,18 +137,40 @@ def _play(
     pace = Pace(record.start.pace)
     at = run_dir if rig is None else rig.run_dir
     filming = Filming(at, record.folder / "game.webm", options.video_length, pace) if filmed else None
+    motion = PROFILES[options.profile].at(position.inventory.table)
     return run_session(
         lambda listener: open_rig(rig, run_dir, world, face.phase, listener),
-        lambda devices: Game(position, players, devices, record, face, PROFILES[options.profile], parameters),
+        lambda devices: Game(position, players, devices, record, face, motion, parameters),
         options.plies, record, parameters.drive.tick, filming, face,
     )  # fmt: skip
+
+
+def _table(options: DemoOptions) -> TableSettings:
+    """Of a simulation of our own; with larger squares it stands nearer to the robot.
+
+    Raises:
+        UserError: the arm does not reach a board of such squares anywhere.
+    """
+    table = TableSettings(limits=contact_limits(options.profile))
+    if options.square is None:
+        return table
+    from controller.model.constants import DeltaModel  # noqa: PLC0415  # the model is compiled: only where it is needed
+    from controller.model.workspace import BoardDoesNotFit, seated  # noqa: PLC0415
+
+    heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
+    try:
+        return seated(
+            DeltaModel(load_parameters(), heaviest), table.model_copy(update={"square": 1e-3 * options.square})
+        )
+    except BoardDoesNotFit as error:
+        raise UserError(f"--square: {error}") from error
 
 
 def _simulation(options: DemoOptions, inventory: Inventory, pace: Pace) -> SimRigSettings:
     return SimRigSettings(
         world=WorldSettings(
-            pieces=tuple(inventory), home=PROFILES[options.profile].home, table=inventory.table, pace=pace,
-            seed=options.seed, linger=options.linger, journal=options.journal,
+            pieces=tuple(inventory), home=PROFILES[options.profile].at(inventory.table).home, table=inventory.table,
+            pace=pace, seed=options.seed, linger=options.linger, journal=options.journal,
         ),
         controller=ControllerSettings(linger=max(options.linger, 1e-3), port=options.port),
     )  # fmt: skip

@@ -24,6 +24,8 @@ from hardware.sim.wire import world_pid
 
 CONTROLLER_SETTINGS_FILE = "controller_settings.json"
 RIG_FILE: Final = "rig.toml"
+GAMES: Final = Path("games")
+"""Where records of games lie unless another folder is named."""
 DRIVERS: Final = "touchmove.drives"
 """Group of entry points under which a lab's package names its driver: a function of the robot's parameters that opens
 the drives and returns a ``ServoBus``."""
@@ -60,6 +62,28 @@ def run_world(run_dir: Path) -> int:
     from hardware.sim.server import serve
 
     serve(run_dir)
+    return 0
+
+
+def view_world(game: Path | None, progress: Callable[[str], None]) -> int:
+    """MuJoCo's viewer on a world that runs; exit status.
+
+    Args:
+        game: folder of a game, or a rig's run directory; None: the newest game that runs.
+        progress: told what is shown.
+
+    Raises:
+        UserError: none runs.
+        HardwareError: there is no screen, or the viewer is not installed.
+    """
+    from hardware.sim.view import watch_world
+
+    games = sorted(GAMES.glob("*/run"), reverse=True) if game is None else [game / "run", game]
+    running = next((folder for folder in games if folder.is_dir() and world_pid(folder) is not None), None)
+    if running is None:
+        where = f"in {GAMES}/" if game is None else f"in {game}"
+        raise UserError(f"no world runs {where}: start one with 'touchmove demo', or name the folder of its game")
+    watch_world(running, progress)
     return 0
 
 
@@ -202,8 +226,9 @@ def _start_world(rig: RigFile) -> None:
     except ValueError as error:
         raise ConfigError(f"world.fen is no position: {error}") from error
     settings = WorldSettings(
-        pieces=start_layout(board, rig.table), home=MotionSettings().home, table=rig.table, pace=world.pace,
-        parameters_file=rig.parameters, seed=world.seed, first_controller=_ALONE, cameras=world.cameras,
+        pieces=start_layout(board, rig.table), home=MotionSettings().at(rig.table).home, table=rig.table,
+        pace=world.pace, parameters_file=rig.parameters, seed=world.seed, first_controller=_ALONE,
+        cameras=world.cameras,
     )  # fmt: skip
     (rig.run_dir / STATE_FILE).unlink(missing_ok=True)  # of a world before: nobody resumes a game from it here
     (rig.run_dir / FILE_NAME).write_text(settings.model_dump_json(), encoding="utf-8")

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 from app import UserError
 from app.bench.finger import finger_bench
+from app.bench.grip import grip_bench
 from app.bench.kills import kills_bench
 from app.bench.law import law_bench
 from app.bench.loop import loop_bench
@@ -25,6 +26,7 @@ BENCHES: Mapping[str, Bench] = MappingProxyType(
         "kills": kills_bench,
         "motion": motion_bench,
         "sim": sim_bench,
+        "grip": grip_bench,
     }
 )
 """By name; each takes ``quick`` and a function that is told what is being done."""

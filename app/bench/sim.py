@@ -27,6 +27,7 @@ from app.records import Report
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
 from controller.settings import ControllerSettings
 from hardware.parameters import load_parameters
+from hardware.sim.imperfections import Flaws
 from hardware.sim.journal import Replay
 from hardware.sim.plant import Plant
 from hardware.sim.scene import build_model
@@ -150,12 +151,13 @@ def do_again(run_dir: Path) -> Again:
     pieces, names = stand_pieces(settings), tuple(piece.name for piece in settings.pieces)
     model = build_model(parameters, settings.table, pieces, np.array(settings.home), looks=False)
     replay = Replay(run_dir)
-    plant = Plant(model, parameters, names)
+    flaws = Flaws(settings.imperfections, settings.seed)
+    plant = Plant(model, parameters, names, flaws=flaws)
     since = time.perf_counter()
     replay.run(plant)
     wall = time.perf_counter() - since
     state = plant.digest()
-    watched, widest = Plant(model, parameters, names), [0.0]
+    watched, widest = Plant(model, parameters, names, flaws=flaws), [0.0]
     watched.watch_step = lambda: widest.append(max(widest.pop(), watched.closure_gap()))
     replay.run(watched)
     end = json.loads((run_dir / END_FILE).read_text(encoding="utf-8"))

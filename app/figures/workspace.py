@@ -13,7 +13,15 @@ from app.figures.table_grid import TableGrid, table_grid
 from app.motion import MotionSettings
 from app.motion.reference import Vector
 from controller.model.constants import DeltaModel
-from controller.model.workspace import LARGEST_CONDITION, Survey, survey, survey_point, working_heights
+from controller.model.workspace import (
+    LARGEST_CONDITION,
+    LargestBoard,
+    Survey,
+    largest_board,
+    survey,
+    survey_point,
+    working_heights,
+)
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, TableSettings
 
@@ -53,7 +61,13 @@ def workspace(progress: Progress) -> Result:
         "least_torque_margin": Bar(float(places.torque_margin.min()), "N m", low=0.0),
         "least_acceleration": Bar(float(places.acceleration.min()), "m/s²", low=asked),
     }
+    progress("looking for the largest board")
+    largest = {"with trays": largest_board(model, table), "without": largest_board(model, table, trays=False)}
     numbers: dict[str, JsonValue] = {
+        "largest_board": {
+            name: {"square_mm": round(1e3 * one.square, 1), "depth_m": round(one.depth, 2)}
+            for name, one in largest.items()
+        },
         "places": len(places.places),
         "heights_mm": [1e3 * height for height in working_heights()],
         "payload_kg": heaviest,
@@ -63,7 +77,8 @@ def workspace(progress: Progress) -> Result:
     }
     grid = table_grid(table, MARGIN)
     found = {height: maps(model, grid, height) for height in working_heights()}
-    return Result("What the arm can do over board and trays", bars, numbers, {"": _draw(table, grid, found)})
+    pictures = {"": _draw(table, grid, found), "-largest": _draw_largest(model, table, largest)}
+    return Result("What the arm can do over board and trays", bars, numbers, pictures)
 
 
 def _remarkable(places: Survey) -> dict[str, int]:
@@ -86,6 +101,29 @@ def _at(places: Survey, index: int) -> dict[str, JsonValue]:
         "torque_margin_Nm": places.torque_margin[index].tolist(),
         "acceleration_m_s2": places.acceleration[index].tolist(),
     }
+
+
+def _draw_largest(model: DeltaModel, table: TableSettings, largest: dict[str, LargestBoard]) -> Picture:
+    """Over the depth of the board, how large its squares can be; and the largest board with trays."""
+    sheet = picture(9.0, 4.2)
+    curve, board = axes(sheet, 1, 2)
+    for (name, one), style in zip(largest.items(), ("-", "--"), strict=True):
+        depth, square = one.by_depth[one.by_depth[:, 1] > 0.0].T
+        curve.plot(depth, 1e3 * square, style, color="tab:blue", label=name)
+        curve.plot(one.depth, 1e3 * one.square, "o", color="tab:blue")
+        curve.annotate(f"{1e3 * one.square:.1f} mm", (one.depth, 1e3 * one.square), (6, 3), textcoords="offset points")
+    curve.plot(table.centre_in_base[2], 1e3 * table.square, "s", color="tab:orange", label="default")
+    curve.axhline(57.0, color="0.7", linewidth=0.8)
+    curve.text(curve.get_xlim()[1], 57.4, "tournament ", fontsize=7, color="0.4", ha="right")
+    curve.set(xlabel="depth of the board below the base, z₃ [m]", ylabel="largest square [mm]")
+    curve.legend(fontsize=8)
+    best = largest["with trays"]
+    big = table.model_copy(update={"square": best.square, "centre_in_base": (0.0, 0.0, best.depth)})
+    grid, height = table_grid(big, MARGIN), working_heights()[1]
+    here = maps(model, grid, height)
+    board_map(board, big, grid.x, grid.y, here.condition, "condition of J_c", (1.0, LARGEST_CONDITION), "viridis_r")
+    board.set_title(f"{1e3 * best.square:.1f} mm, tool {1e3 * height:.0f} mm over the board", fontsize=9)
+    return sheet
 
 
 def _draw(table: TableSettings, grid: TableGrid, found: dict[float, Maps]) -> Picture:

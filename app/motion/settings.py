@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Final
+from typing import Final, Self
 
 from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat
 
 from app.motion.time_law import Law
-from hardware.table import CONTACT_PROFILES, ContactLimits
+from hardware.table import CONTACT_PROFILES, ContactLimits, TableSettings
 
 
 class _Frozen(BaseModel):
@@ -38,6 +38,11 @@ class Gains(_Frozen):
     """Stiffness along z₁ goes within this time when a grasp or a release begins [s] …"""
     firming: PositiveFloat = 0.120
     """… and comes back no quicker than this: a tool 3 mm off then comes back before the error counts as an obstacle."""
+
+
+HIGHEST_HOME: Final = 0.29
+"""z₃ of the tool, base frame [m]: above it the condition of J_c grows from 2 to infinity within 20 mm."""
+_DEFAULT_CENTRE: Final = TableSettings().centre_in_base
 
 
 class Grip(_Frozen):
@@ -105,6 +110,11 @@ class MotionSettings(_Frozen):
     """With the piece on the board, before the fingers open [s]."""
     gains: Gains = Gains()
     grip: Grip = Grip()
+
+    def at(self, table: TableSettings) -> Self:
+        """For another table: home keeps its place over the board, but is no higher than the arm can fold up."""
+        x, y, z = (a + b - c for a, b, c in zip(self.home, table.centre_in_base, _DEFAULT_CENTRE, strict=True))
+        return self.model_copy(update={"home": (x, y, max(z, HIGHEST_HOME))})
 
 
 class Profile(StrEnum):

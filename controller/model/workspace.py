@@ -21,6 +21,14 @@ CLEARANCE: Final = 0.010
 LARGEST_CONDITION: Final = 6.0
 """Of J_c: beyond it a torque or encoder error weighs six times more in one direction than in another."""
 
+LEAST_SQUARE: Final = 0.030
+MOST_SQUARE: Final = 0.080
+SQUARE_STEP: Final = 1e-4
+LEAST_DEPTH: Final = 0.34
+MOST_DEPTH: Final = 0.56
+DEPTH_STEP: Final = 0.01
+"""Between which, and how finely, the largest board is looked for [m]."""
+
 
 class BoardDoesNotFit(ValueError):
     """Somewhere on board or trays the robot cannot work; the message names the squares.
@@ -145,6 +153,86 @@ def require_fit(model: DeltaModel, table: TableSettings, heights: Sequence[float
         f"too heavy to hold (up to {most:.2f} N m, the servomotors are rated for {rated:.2f} N m)",
     )  # fmt: skip
     return found
+
+
+class LargestBoard(NamedTuple):
+    """The largest squares on which the robot can play, and how deep that board lies.
+
+    Attributes:
+        square: side of a square [m].
+        depth: of the playing surface below the base, z₃ [m].
+        by_depth: the largest square at each depth looked at, (n, 2): depth, square [m]; 0 where none fits.
+    """
+
+    square: float
+    depth: float
+    by_depth: FloatArray
+
+
+def largest_board(model: DeltaModel, table: TableSettings, *, trays: bool = True) -> LargestBoard:
+    """The largest board below the base's centre that `require_fit` accepts.
+
+    Args:
+        model: the robot, with the heaviest thing it carries.
+        table: trays keep their size and their distance from the board.
+        trays: whether they have to be in reach, too; without them captured pieces need another place.
+    """
+    depths = np.arange(LEAST_DEPTH, MOST_DEPTH + 1e-9, DEPTH_STEP)
+    squares = np.array([_largest_square(model, table, float(depth), trays) for depth in depths])
+    best = int(squares.argmax())
+    return LargestBoard(float(squares[best]), float(depths[best]), np.column_stack([depths, squares]))
+
+
+def seated(model: DeltaModel, table: TableSettings) -> TableSettings:
+    """The table as it is where it fits; else moved up towards the base, no further than it must.
+
+    Args:
+        model: the robot, with the heaviest thing it carries.
+        table: board and trays.
+
+    Raises:
+        BoardDoesNotFit: it fits nowhere below the base's centre; the message says how large squares may be.
+    """
+    x, y, depth = table.centre_in_base
+    for height in np.arange(0.0, depth - LEAST_DEPTH + 1e-9, DEPTH_STEP).tolist():
+        tried = table.model_copy(update={"centre_in_base": (x, y, round(depth - height, 4))})
+        if _fits(model, tried):
+            return tried
+    largest = largest_board(model, table)
+    raise BoardDoesNotFit(
+        f"a board of {1e3 * table.square:.1f} mm squares with its trays fits nowhere below the base: choose squares of "
+        f"{1e3 * LEAST_SQUARE:.0f} to {1e3 * largest.square:.0f} mm",
+        (),
+    )
+
+
+def _largest_square(model: DeltaModel, table: TableSettings, depth: float, trays: bool) -> float:
+    """By bisection, to a tenth of a millimetre; 0 where not even the smallest fits [m]."""
+    low, high = LEAST_SQUARE, MOST_SQUARE
+
+    def fits(square: float) -> bool:
+        tried = table.model_copy(update={"square": square, "centre_in_base": (0.0, 0.0, depth)})
+        return _fits(model, tried, trays=trays)
+
+    if not fits(low):
+        return 0.0
+    while high - low > SQUARE_STEP:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if fits(middle) else (low, middle)
+    return math.floor(low / SQUARE_STEP) * SQUARE_STEP
+
+
+def _fits(model: DeltaModel, table: TableSettings, *, trays: bool = True) -> bool:
+    """Looks at corner squares and trays alone: what is nearer to the axis is easier."""
+    places = [square_place(corner) for corner in (0, 7, 56, 63)]
+    places += [place for place in table.tray_places() if trays]
+    rated = model.parameters.drive.rated_torque
+    for place in places:
+        for height in working_heights():
+            found = survey_point(model, table.base_from_board(np.array([*table.xy(place), height])))
+            if not (found.condition <= LARGEST_CONDITION and found.holding_torque <= rated):
+                return False
+    return True
 
 
 def _remedy(found: Survey, fails: NDArray[np.bool_]) -> str:

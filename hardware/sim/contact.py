@@ -16,8 +16,6 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import mujoco
-
 
 class Solver(NamedTuple):
     """MuJoCo's numbers of a contact."""
@@ -42,12 +40,20 @@ class Contact:
     damping_ratio: float
     followed: float
 
-    def solver(self, lighter: float, points: int = 1) -> Solver:
+    def met_by(self, mass: float) -> float:
+        """Stiffness as a blow of another mass than the contact's own meets it [N/m].
+
+        Args:
+            mass: effective one of what hits [kg].
+        """
+        return self.stiffness * (1.0 + self.followed / self.mass) / (1.0 + self.followed / mass)
+
+    def solver(self, lighter: float, points: float = 1.0) -> Solver:
         """For one of so many points that touch at once.
 
         Args:
             lighter: mass of the body that MuJoCo takes for m: that of the one which can move, if one cannot [kg].
-            points: that share the force.
+            points: that share the force; of oblique ones, the sum of the squared cosines.
         """
         ratio = self.followed / (points * lighter)
         impedance = ratio / (1.0 + ratio)
@@ -63,10 +69,4 @@ class Contact:
             speed: [m/s].
             mass: effective one of what hits [kg].
         """
-        stiffness = self.stiffness * (1.0 + self.followed / self.mass) / (1.0 + self.followed / mass)
-        return speed * math.sqrt(stiffness * mass)
-
-
-def set_solver(geom: mujoco.MjsGeom, solver: Solver) -> None:
-    """Give a geom a contact's numbers, whatever the other one has."""
-    geom.solref, geom.solimp, geom.priority = list(solver.solref), list(solver.solimp), 1
+        return speed * math.sqrt(self.met_by(mass) * mass)

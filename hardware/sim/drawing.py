@@ -44,7 +44,7 @@ _COLOUR_NOISE, _DEPTH_NOISE = 0, 1
 """Noise of the two sensors is drawn apart, so that a picture is the same with and without depth."""
 
 
-def _draw_rods(scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
+def draw_rods(scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
     """The pair of distal rods of each arm, drawn where they are; the physics lumps them."""
     for arm in (1, 2, 3):
         elbow, flange = data.site(f"elbow{arm}").xpos, data.site(f"flange_joint{arm}").xpos
@@ -149,7 +149,7 @@ class Easel:
         renderer = self._renderers[width, height]
         mujoco.mj_camlight(self._model, self._data)
         renderer.update_scene(self._data, camera=view, scene_option=self._option)
-        _draw_rods(renderer.scene, self._data)
+        draw_rods(renderer.scene, self._data)
         return renderer
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from typing import Final, cast
+from typing import Any, Final, cast
 
 import mujoco
 import numpy as np
@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters
+from hardware.sim import tick
+from hardware.sim.imperfections import PERFECT, Flaws
 from hardware.sim.snapshot import Snapshot
 from hardware.sim.truth import PiecePose, Truth
 
@@ -53,6 +55,7 @@ class Plant:
         parameters: robot.
         pieces: names of all pieces.
         snapshot: where another plant of this model ended, to go on from there.
+        flaws: of amplifiers, shafts and sensors; None: they are as the parameters say.
 
     Attributes:
         model: MuJoCo's; the brakes act as dry friction of the servomotors' joints, nothing else is ever changed.
@@ -69,6 +72,7 @@ class Plant:
         parameters: RobotParameters,
         pieces: tuple[str, ...],
         snapshot: Snapshot | None = None,
+        flaws: Flaws | None = None,
     ) -> None:
         self.model = model
         self.data = mujoco.MjData(model)
@@ -78,10 +82,10 @@ class Plant:
         """Called after every step of the integration; for measurements."""
         drive = parameters.drive
         self._steps = _steps_of_a_tick(drive.tick, model.opt.timestep)
-        self._counts_per_rad = 2.0**drive.encoder_bits / (2.0 * math.pi)
-        self._rad_per_count = 1.0 / self._counts_per_rad
-        self._speed_per_count = 1.0 / (self._counts_per_rad * drive.tick)
-        self._filter = 1.0 - math.exp(-parameters.tactile.bandwidth * drive.tick)
+        self._flaws = flaws or Flaws(PERFECT, 0)
+        self._constants = tick.constants_of(drive.encoder_bits, drive.tick, parameters.tactile.bandwidth)
+        self._rad_per_count = 1.0 / float(self._constants[0])
+        self._memory = np.zeros(tick.MEMORY)
         mujoco.mj_resetDataKeyframe(model, self.data, 0)
         if snapshot is not None:
             self._restore(snapshot)
@@ -89,10 +93,7 @@ class Plant:
         self._find(pieces)
         self._switches = self._latched = 0
         self._resting = 0
-        self._right, self._left = self._pads()
-        self._peak_squared = 0.0
-        self._counts = self._read_encoders()
-        self._speeds: Triple = (0.0, 0.0, 0.0)
+        self._wake_up()
         self._switch(enabled=False, brake=True)
 
     def _restore(self, snapshot: Snapshot) -> None:
@@ -106,19 +107,22 @@ class Plant:
     def _find(self, pieces: tuple[str, ...]) -> None:
         """Views and addresses of what is read and written in every tick."""
         model, data = self.model, self.data
+        self._qpos, self._qvel, self._sensors = data.qpos, data.qvel, data.sensordata
         self._positions = cast("memoryview[float]", memoryview(data.qpos).toreadonly())
-        self._sensors = cast("memoryview[float]", memoryview(data.sensordata).toreadonly())
         self._controls = cast("memoryview[float]", memoryview(data.ctrl))
         servos = [model.joint(f"servo{i}") for i in (1, 2, 3)]
-        self._servo_q = tuple(int(joint.qposadr[0]) for joint in servos)
+        self._servo_q = np.array([joint.qposadr[0] for joint in servos], dtype=np.int64)
         self._servo_v = np.array([joint.dofadr[0] for joint in servos])
         self._finger_q = tuple(int(model.joint(f"finger_{side}").qposadr[0]) for side in ("right", "left"))
         others = ["platform_x", "platform_y", "platform_z", "finger_right", "finger_left"]
         others += [f"universal{i}{c}" for i in (1, 2, 3) for c in "ab"]
-        self._arm_v = np.array([*self._servo_v, *(model.joint(name).dofadr[0] for name in others)])
-        self._right_pad, self._left_pad = (int(model.sensor(f"force_{side}").adr[0]) for side in ("right", "left"))
+        self._arm_v = np.array([*self._servo_v, *(model.joint(name).dofadr[0] for name in others)], dtype=np.int64)
+        pads = [int(model.sensor(f"force_{side}").adr[0]) for side in ("right", "left")]
         contacts = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_CONTACT)
-        self._forces = tuple(int(model.sensor_adr[i]) for i in contacts)
+        more = [int(at) for at in model.sensor_adr[contacts] if at not in pads]
+        self._forces = np.array([*pads, *more], dtype=np.int64)
+        self._step = (tick.step_address(), int(model._address), int(data._address))
+        self._felt = cast("memoryview[float]", memoryview(cast("Any", self._memory)).toreadonly())
         self._piece_q = {name: int(model.joint(name).qposadr[0]) for name in pieces}
         self._rest_scale = np.ones(model.nv)
         for name in pieces:
@@ -129,10 +133,12 @@ class Plant:
 
     # what a drive and a sensor do
 
-    def _read_encoders(self) -> tuple[int, int, int]:
-        q, scale = self._positions, self._counts_per_rad
-        a, b, c = self._servo_q
-        return round(q[a] * scale), round(q[b] * scale), round(q[c] * scale)
+    def _wake_up(self) -> None:
+        """Encoders and fingers at the beginning: at rest, with the forces that are there already."""
+        memory, sensors = self._memory, self.data.sensordata
+        memory[tick.COUNTS] = np.rint(self.data.qpos[self._servo_q] * self._constants[0])
+        right, left = self._forces[:2]
+        memory[tick.TOUCH] = max(0.0, -sensors[right]), max(0.0, sensors[left])
 
     def _switch(self, enabled: bool, brake: bool) -> None:
         """Amplifiers on or off, brakes closed or open; a closed brake is dry friction on the shaft."""
@@ -141,7 +147,8 @@ class Plant:
             return
         self._switches = switches
         drive, friction = self.parameters.drive, self.parameters.friction
-        self.model.dof_frictionloss[self._servo_v] = drive.brake_torque if brake else friction.coulomb
+        coulomb = friction.coulomb * self._flaws.friction
+        self.model.dof_frictionloss[self._servo_v] = drive.brake_torque + coulomb if brake else coulomb
 
     def _trip(self, cause: int) -> None:
         """The drives switch themselves off and brake; the gripper keeps its grip, but opens no further."""
@@ -162,12 +169,13 @@ class Plant:
         Args:
             standing: whether the status shall say that plant time stood still.
         """
-        a, b, c = self._counts
+        a, b, c, v1, v2, v3, right, left, *_ = self._felt
         scale, q, fingers = self._rad_per_count, self._positions, self._finger_q
+        more_right, more_left = self._flaws.tactile(self.tick)
         status = self._latched | self._switches | (_STANDING if standing else 0)
         return Measurement(
-            self.tick, (a * scale, b * scale, c * scale), self._speeds, 0.5 * (q[fingers[0]] + q[fingers[1]]),
-            (self._right, self._left), _STATUS[status],
+            self.tick, (a * scale, b * scale, c * scale), (v1, v2, v3), 0.5 * (q[fingers[0]] + q[fingers[1]]),
+            (right + more_right, left + more_left), _STATUS[status],
         )  # fmt: skip
 
     def apply(self, command: Command) -> None:
@@ -191,6 +199,9 @@ class Plant:
             u1 = u2 = u3 = 0.0
         self._latched = latched
         self._switch(enabled, command.brake or not enabled)
+        if self._flaws.ripples and enabled:
+            a, b, c = (self._felt[i] * self._rad_per_count for i in range(3))
+            u1, u2, u3 = self._flaws.torque((u1, u2, u3), (a, b, c))
         u = self._controls
         u[0], u[1], u[2], u[3] = u1, u2, u3, finger  # the model's actuators cut at the peak
 
@@ -205,49 +216,31 @@ class Plant:
 
     def step(self) -> None:
         """Advance by one tick."""
-        for _ in range(self._steps):
-            mujoco.mj_step(self.model, self.data)
-            if self.watch_step is not None:
+        steps = self._steps
+        if self.watch_step is not None:
+            while steps:
+                mujoco.mj_step(self.model, self.data)
                 self.watch_step()
+                steps -= 1
+        tick.advance(
+            *self._step, steps, self._qpos, self._qvel, self._sensors, self._servo_q, self._arm_v, self._forces,
+            self._constants, self._memory,
+        )  # fmt: skip
         self.tick += 1
-        old, new = self._counts, self._read_encoders()
-        scale = self._speed_per_count
-        a, b, c = (new[0] - old[0]) * scale, (new[1] - old[1]) * scale, (new[2] - old[2]) * scale
-        self._counts, self._speeds = new, (a, b, c)
-        fastest = max(a, -a, b, -b, c, -c)
+        fastest = self._felt[tick.FASTEST]
         if fastest > self.parameters.drive.max_speed:
             self._trip(_OVERSPEED)
-        self._feel()
         self._watch_rest(fastest)
-
-    def _pads(self) -> tuple[float, float]:
-        """Forces on the pads without the sensors' lag [N]: a finger's sensor sits behind its pad and feels the force
-        along the finger axis, pressing positive.
-        """
-        right, left = self._sensors[self._right_pad], self._sensors[self._left_pad]
-        return max(0.0, -right), max(0.0, left)
-
-    def _feel(self) -> None:
-        """Tactile sensors (first-order lag) and the largest contact force so far."""
-        s = self._sensors.tolist()
-        lag = self._filter
-        self._right += lag * (max(0.0, -s[self._right_pad]) - self._right)
-        self._left += lag * (max(0.0, s[self._left_pad]) - self._left)
-        for i in self._forces:
-            x, y, z = s[i], s[i + 1], s[i + 2]
-            squared = x * x + y * y + z * z
-            if squared > self._peak_squared:  # noqa: PLR1730  # a call of max costs as much as all of this line
-                self._peak_squared = squared
 
     def _watch_rest(self, fastest: float) -> None:
         if fastest > 20.0 * REST_SPEED:  # cheap and usual: the arm is under way
             self._resting = 0
             return
         data = self.data
-        quiet = self.arm_speed() < REST_SPEED
+        quiet = self._felt[tick.ARM_SPEED] < REST_SPEED
         if quiet and data.ntree_awake > ARM_TREES:
             awake = data.dof_awake_ind[: data.nv_awake]
-            quiet = float((np.abs(data.qvel) * self._rest_scale)[awake].max()) < PIECE_REST_SPEED
+            quiet = float((np.abs(self._qvel) * self._rest_scale)[awake].max()) < PIECE_REST_SPEED
         self._resting = self._resting + 1 if quiet else 0
 
     @property
@@ -257,15 +250,15 @@ class Plant:
 
     def arm_speed(self) -> float:
         """Fastest joint of arm and gripper [rad/s, m/s]."""
-        return float(np.abs(self.data.qvel[self._arm_v]).max())
+        return float(np.abs(self._qvel[self._arm_v]).max())
 
     # the truth
 
     def truth(self, reset_peak: bool) -> Truth:
         """Everything the referee may know; optionally start a new peak of the contact force."""
-        peak = math.sqrt(self._peak_squared)
+        peak = math.sqrt(self._felt[tick.PEAK_SQUARED])
         if reset_peak:
-            self._peak_squared = 0.0
+            self._memory[tick.PEAK_SQUARED] = 0.0
         poses = tuple(self._pose(name, start) for name, start in self._piece_q.items())
         return Truth(self.tick, poses, peak, self.closure_gap(), self.arm_speed(), self.digest(), self._tool())
 

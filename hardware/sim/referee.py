@@ -8,6 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hardware.sim import wire
 from hardware.sim.truth import PiecePose, Truth
 
@@ -40,6 +43,10 @@ class Referee:
         pieces = tuple(PiecePose(*row) for row in answer.pop("pieces"))
         x, y, z = answer.pop("tool")
         return Truth(pieces=pieces, tool=(x, y, z), **answer), speed
+
+    def positions(self) -> NDArray[np.float64]:
+        """All generalised positions of the world's model, shape (nq,)."""
+        return np.array(wire.ask(self._link, {"positions": True})["positions"])
 
     def close(self) -> None:
         """Let the world go."""

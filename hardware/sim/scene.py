@@ -11,22 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
-from hardware.sim.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics
-from hardware.sim.contact import Contact, set_solver
+from hardware.sim.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics, stiffen_closures
+from hardware.sim.contact import Contact
 from hardware.sim.d435 import COLOUR_FIELD_OF_VIEW
 from hardware.sim.lamps import lamps, set_ambient
 from hardware.sim.looks import LightSettings
+from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, WOOD_FRICTION, give_stiffness
 from hardware.sim.turning import FELT_HEIGHT, turned_mesh
 from hardware.sim.wood import board_png
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceShape, PieceSpec, TableSettings
 
-FEET = 6
-FOOT_PAD_RADIUS = 0.0015
-FOOT_FRICTION = 0.45
-"""Felt on lacquered wood (assumed)."""
-FELT = Contact(stiffness=1.0e5, mass=1.1, damping_ratio=0.2, followed=0.2)
-"""Feet on the board, as a piece in the fingers meets it: 100 N/mm with the mass of the arm behind it. Felt of 2 mm on
-2 cm² (assumed: its modulus is some MPa); it gives back little of what it takes."""
+FOOT_SIDE = 0.85
+"""Half a side of the square that stands for a foot, in radii of the foot: it tips over as late as the round one on
+average. A cylinder's points of contact wander around its rim, and a piece that rocks on them never comes to rest."""
+STANDARD_GRAVITY = 9.80665
+"""[m/s²]"""
 SLEEP_TOLERANCE = 1e-3
 """A resting piece falls asleep below this velocity [m/s, scaled]."""
 
@@ -74,32 +73,33 @@ def _add_deck(spec: mujoco.MjSpec, table: TableSettings) -> None:
     half_board = 4.0 * table.square
     half_x = half_board + table.tray_gap + (table.tray_columns - 1) * table.tray_column_pitch + 0.028
     half_y = max(half_board, table.tray_rows * table.tray_row_pitch / 2.0) + 0.018
+    # the board is let into the table, whose top goes on at the same height: an infinite plane costs the least
     spec.worldbody.add_geom(
-        name="deck", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half_x, half_y, 0.01], pos=[0, 0, -0.01],
-        contype=SCENE_BITS, conaffinity=SCENE_BITS | TOOL_BITS, friction=[FOOT_FRICTION, 0.005, 0.0001],
-        rgba=[0.36, 0.25, 0.17, 1.0],
+        name="deck", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.5, 1.5, 0.1], contype=SCENE_BITS,
+        conaffinity=SCENE_BITS | TOOL_BITS, friction=[WOOD_FRICTION, 0.005, 0.0001], rgba=[0.55, 0.58, 0.60, 1.0],
+        pos=[0, 0, 0],
+    )  # fmt: skip
+    spec.worldbody.add_geom(
+        name="rim", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half_x, half_y, 0.00015], pos=[0, 0, 0], contype=0,
+        conaffinity=0, rgba=[0.36, 0.25, 0.17, 1.0],
     )  # fmt: skip
     spec.assets[SQUARES_FILE] = board_png()
     spec.add_texture(name="squares", type=mujoco.mjtTexture.mjTEXTURE_2D, file=SQUARES_FILE)
     material = spec.add_material(name="squares", reflectance=0.0, specular=0.2)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "squares"
     spec.worldbody.add_geom(
-        name="squares", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half_board, half_board, 0.0002], material="squares",
+        name="squares", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half_board, half_board, 0.0003], material="squares",
         contype=0, conaffinity=0, pos=[0, 0, 0.0],
     )  # fmt: skip
     for place in table.tray_places():
         x, y = table.xy(place)
         spec.worldbody.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.0135, 0.0002, 0], pos=[x, y, 0.0], contype=0, conaffinity=0,
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.0135, 0.0003, 0], pos=[x, y, 0.0], contype=0, conaffinity=0,
             rgba=[0.47, 0.34, 0.24, 1.0],
         )  # fmt: skip
 
 
 def _add_surroundings(spec: mujoco.MjSpec) -> None:
-    spec.worldbody.add_geom(
-        name="desk", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.5, 1.5, 0.1], pos=[0, 0, -0.02],
-        contype=SCENE_BITS, conaffinity=SCENE_BITS, rgba=[0.55, 0.58, 0.60, 1.0],
-    )  # fmt: skip
     spec.add_texture(
         name="room", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
         rgb1=[0.82, 0.85, 0.88], rgb2=[0.55, 0.58, 0.62], width=128, height=768,
@@ -136,9 +136,9 @@ def _piece_inertia(shape: PieceShape) -> tuple[tuple[float, float, float], list[
     return (0.0, 0.0, 0.38 * shape.height), [across, across, 0.5 * shape.mass * radius**2]
 
 
-def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece, feet: Contact) -> None:
+def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece) -> None:
+    """A foot, which stands on felt, and a stem; two shapes are enough for all that the gripper and the table feel."""
     shape = PIECE_SHAPES[piece.spec.kind]
-    solver = feet.solver(shape.mass, FEET)
     half = piece.yaw / 2.0
     body = spec.worldbody.add_body(
         name=piece.spec.name, pos=[piece.x, piece.y, piece.height], quat=[math.cos(half), 0.0, 0.0, math.sin(half)]
@@ -146,25 +146,19 @@ def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece, feet: Contact) -> None
     body.add_freejoint(name=piece.spec.name)
     centre, inertia = _piece_inertia(shape)
     body.mass, body.ipos, body.inertia, body.explicitinertial = shape.mass, list(centre), inertia, True
-    common = {"mass": 0.0, "rgba": [0.0, 0.0, 0.0, 0.0], "group": 3, "friction": [FOOT_FRICTION, 0.002, 0.0001]}
-    ring = shape.foot_radius - FOOT_PAD_RADIUS
-    for i in range(FEET):
-        angle = 2.0 * math.pi * i / FEET
-        foot = body.add_geom(
-            name=f"{piece.spec.name}.foot{i}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[FOOT_PAD_RADIUS, 0, 0],
-            pos=[ring * math.cos(angle), ring * math.sin(angle), FOOT_PAD_RADIUS], contype=SCENE_BITS,
-            conaffinity=0, **common,
-        )  # fmt: skip
-        set_solver(foot, solver)
+    side = FOOT_SIDE * shape.foot_radius
+    common = {
+        "mass": 0.0, "rgba": [0.0, 0.0, 0.0, 0.0], "group": 3, "contype": SCENE_BITS,
+        "conaffinity": TOOL_BITS | SCENE_BITS,
+    }  # fmt: skip
     body.add_geom(
-        name=f"{piece.spec.name}.disc", type=mujoco.mjtGeom.mjGEOM_CYLINDER, contype=0, conaffinity=TOOL_BITS,
-        size=[shape.foot_radius, (shape.foot_height - FOOT_PAD_RADIUS) / 2.0, 0],
-        pos=[0, 0, (shape.foot_height + FOOT_PAD_RADIUS) / 2.0], **common,
+        name=f"{piece.spec.name}.foot", type=mujoco.mjtGeom.mjGEOM_BOX, pos=[0, 0, shape.foot_height / 2.0],
+        size=[side, side, shape.foot_height / 2.0], friction=[FOOT_FRICTION, 0.002, 0.0001], **common,
     )  # fmt: skip
     body.add_geom(
-        name=f"{piece.spec.name}.stem", type=mujoco.mjtGeom.mjGEOM_CAPSULE, contype=SCENE_BITS,
-        conaffinity=TOOL_BITS | SCENE_BITS, size=[shape.stem_radius, 0, 0],
-        fromto=[0, 0, shape.stem_radius + 0.001, 0, 0, shape.height - shape.stem_radius], **common,
+        name=f"{piece.spec.name}.stem", type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[shape.stem_radius, 0, 0],
+        fromto=[0, 0, shape.stem_radius + 0.001, 0, 0, shape.height - shape.stem_radius],
+        friction=[WOOD_FRICTION, 0.002, 0.0001], **common,
     )  # fmt: skip
 
 
@@ -239,7 +233,7 @@ def build_model(
     timestep: float | None = None,
     *,
     looks: bool = True,
-    feet: Contact = FELT,
+    feet: Contact = FOOT_ON_BOARD.contact,
     add: Callable[[mujoco.MjSpec], None] | None = None,
 ) -> mujoco.MjModel:
     """Compile the world.
@@ -263,9 +257,10 @@ def build_model(
     spec.modelname = "touchmove"
     option = spec.option
     option.timestep = timestep or parameters.drive.tick
+    option.gravity = [0.0, 0.0, -STANDARD_GRAVITY]  # MuJoCo's own 9.81 would let a weighed-out arm fall by 3 mm/s²
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = 20.0
+    option.impratio = 100.0  # a shaken king slips 0.05 mm; at 20, 0.14 mm
     option.noslip_iterations = 0
     option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     option.sleep_tolerance = SLEEP_TOLERANCE
@@ -274,7 +269,7 @@ def build_model(
     _add_surroundings(spec)
     add_arm(spec, parameters, table.centre_in_base)
     for piece in pieces:
-        _add_piece(spec, piece, feet)
+        _add_piece(spec, piece)
         if looks:
             _dress(spec.body(piece.spec.name), piece)
     if add is not None:
@@ -283,9 +278,12 @@ def build_model(
     if not looks:
         _drop_looks(spec)
     model = spec.compile()
+    give_stiffness(spec, model, parameters.pads, tuple(piece.spec.name for piece in pieces), feet)
     key = spec.add_key(name="start")
     key.qpos = _start_positions(model, parameters, home).tolist()
-    return spec.compile()
+    model = spec.compile()
+    stiffen_closures(model)
+    return model
 
 
 def _start_positions(

@@ -27,6 +27,7 @@ from hardware.interfaces import Command, HardwareError
 from hardware.parameters import load_parameters
 from hardware.realtime import real_time
 from hardware.sim import wire
+from hardware.sim.imperfections import Flaws
 from hardware.sim.journal import Journal
 from hardware.sim.pacing import Metronome, SpeedMeter
 from hardware.sim.pictures import CameraService
@@ -76,7 +77,7 @@ class World:
             self._renderer = Renderer(run_dir)
         model = build_model(parameters, settings.table, pieces, home, looks=False)
         names, before = tuple(piece.name for piece in settings.pieces), load_snapshot(run_dir / STATE_FILE)
-        self.plant = Plant(model, parameters, names, before)
+        self.plant = Plant(model, parameters, names, before, Flaws(settings.imperfections, settings.seed))
         for left in (END_FILE, STATE_FILE):  # of a world before this one: from here on they would be untrue
             (run_dir / left).unlink(missing_ok=True)
         self._journal = Journal() if settings.journal else None

@@ -163,7 +163,11 @@ class RefereeService:
 
     def hear(self, visitor: Visitor, message: bytes) -> None:
         """See ``Service``."""
-        truth = self._plant.truth(wire.Look.model_validate_json(message).reset_peak)
+        request = wire.REFEREE_REQUEST.validate_json(message)
+        if isinstance(request, wire.Positions):
+            visitor.tell({"positions": self._plant.positions().tolist()})
+            return
+        truth = self._plant.truth(request.reset_peak)
         pieces = [[p.name, p.x, p.y, p.z, p.tilt] for p in truth.pieces]
         ran = {"ran_ticks": self._speed.ticks, "ran_wall": self._speed.wall}
         visitor.tell({**asdict(truth), "pieces": pieces, **ran})

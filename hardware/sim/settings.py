@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, NonNegativeFloat, NonNegativeInt, Po
 
 from hardware.interfaces import HardwareError
 from hardware.parameters import DEFAULT_FILE
+from hardware.sim.imperfections import PERFECT, Imperfections
 from hardware.sim.looks import CameraSettings, LightSettings, Looks
 from hardware.sim.scene import StandingPiece
 from hardware.table import PieceSpec, TableSettings
@@ -46,6 +47,8 @@ class WorldSettings(BaseModel):
     """Pieces are set up by hand: standard deviation of their offset from the centre in x and y [m]."""
     placement_limit: NonNegativeFloat = 0.002
     """No offset is larger than this [m]."""
+    imperfections: Imperfections = PERFECT
+    """How devices fall short of what the controller believes of them."""
     camera_latency: PositiveFloat = 0.060
     """From exposure to delivery of a frame, plant time [s]."""
     cameras: bool = True

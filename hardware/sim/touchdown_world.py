@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 from hardware.parameters import RobotParameters
 from hardware.sim.arm import SCENE_BITS, TOOL_BITS
 from hardware.sim.contact import Contact
-from hardware.sim.scene import FELT, FOOT_FRICTION, StandingPiece, build_model
+from hardware.sim.scene import StandingPiece, build_model
+from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD
 from hardware.table import TableSettings
 
 SUBSTEPS: Final = 8
 """Steps of MuJoCo in a tick: a blow on bare wood takes 3 ms."""
 FOLLOWED: Final = 0.02
 """Mass that moves along with the surface; with steps so short it need not be larger [kg]."""
-FELT_STIFFNESS: Final = FELT.stiffness
+_FELT: Final = FOOT_ON_BOARD.contact
+FELT_STIFFNESS: Final = _FELT.stiffness
 WOOD_STIFFNESS: Final = 1.0e6
 """A piece without felt on a wooden board [N/m]."""
 _SIDE: Final = 0.018
@@ -57,7 +59,7 @@ def build_touchdown_world(
             objname="plate", reftype=mujoco.mjtObj.mjOBJ_UNKNOWN, intprm=[2, 3, 1],
         )  # fmt: skip
 
-    feet = Contact(stiffness, FELT.mass, FELT.damping_ratio, FOLLOWED)
+    feet = Contact(stiffness, _FELT.mass, _FELT.damping_ratio, FOLLOWED)
     timestep = parameters.drive.tick / SUBSTEPS
     return build_model(parameters, table, (piece,), home, timestep, looks=False, feet=feet, add=add_plate)
 

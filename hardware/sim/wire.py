@@ -82,6 +82,15 @@ class Look(_Message):
     reset_peak: bool = False
 
 
+class Positions(_Message):
+    """The referee's other question: every generalised position, for a viewer."""
+
+    positions: Literal[True]
+
+
+REFEREE_REQUEST: Final[TypeAdapter[Look | Positions]] = TypeAdapter(Look | Positions)
+
+
 class Change(_Message):
     """What people around the table do to how it looks; what is left out stays as it is."""
 

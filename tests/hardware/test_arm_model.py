@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
+from hardware.interfaces import Command
 from hardware.parameters import load_parameters
 from hardware.sim.arm import GRIPPER_BODY_CLEARANCE, inverse_kinematics
+from hardware.sim.plant import Plant
 from hardware.sim.scene import build_model
-from hardware.table import PIECE_SHAPES, Kind, TableSettings
+from hardware.table import PIECE_SHAPES, Kind, TableSettings, square_place
 
 PARAMETERS = load_parameters()
 CENTRE = np.array([0.0, 0.0, 0.40])
@@ -177,6 +179,37 @@ def test_the_controllers_gravity_torque_holds_the_arm(arm: Arm, law: TaskSpaceCo
         falling = np.linalg.norm(arm.acceleration())
         assert falling > 5.0
         assert held < 0.002 * falling
+
+
+@pytest.mark.parametrize("height", [0.019, 0.06, 0.104])
+def test_gravity_compensation_alone_holds_the_tool_still_over_board_and_trays(
+    arm: Arm, law: TaskSpaceController, height: float
+) -> None:
+    """Without friction it begins to fall by less than 2 mm/s²."""
+    arm.model.dof_frictionloss[:] = 0.0
+    table = TableSettings()
+    for place in (*map(square_place, range(64)), *table.tray_places()):
+        arm.pose(table.base_from_board(np.array([*table.xy(place), height])))
+        estimate(law, arm)
+        arm.data.ctrl[:3] = law.state.gravity
+        assert np.linalg.norm(arm.acceleration()) < 0.002
+
+
+@pytest.mark.slow
+def test_with_friction_gravity_compensation_alone_keeps_the_tool_for_ten_seconds(law: TaskSpaceController) -> None:
+    table = TableSettings()
+    for place in (0, 7, 27, 36, 56, 63):
+        tool = table.base_from_board(np.array([*table.xy(square_place(place)), 0.06]))
+        plant = Plant(build_model(PARAMETERS, table, (), tool, looks=False), PARAMETERS, ())
+        start = np.array(plant.truth(reset_peak=False).tool)
+        law.reset()
+        for _ in range(round(10.0 / PARAMETERS.drive.tick)):
+            measured = plant.measure(standing=False)
+            law.update(measured.angle, measured.velocity)
+            u1, u2, u3 = law.state.gravity.tolist()
+            plant.apply(Command((u1, u2, u3), 0.0, brake=False, enable=True, busy=True))
+            plant.step()
+        assert np.linalg.norm(np.array(plant.truth(reset_peak=False).tool) - start) < 1e-4
 
 
 def test_the_controllers_task_inertia_is_the_worlds(bare: Arm, law: TaskSpaceController) -> None:

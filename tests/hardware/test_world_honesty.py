@@ -130,7 +130,15 @@ def test_pieces_touch_the_tool_and_the_deck_by_friction_within_reason(model: muj
     assert (model.geom_friction[touching, 0] <= 1.0).all()
     assert not model.geom_margin[touching].any()
     assert not model.geom_gap[touching].any()
-    assert model.npair == 0
+    tool = {f"{part}_{side}" for part in ("pad_a", "pad_b", "bar") for side in ("right", "left")}
+    pairs = {(model.geom(a).name, model.geom(b).name) for a, b in zip(model.pair_geom1, model.pair_geom2, strict=True)}
+    assert pairs == {
+        tuple(sorted(pair, key=lambda name: model.geom(name).id))
+        for pair in ((part, "deck") for part in tool | {"gripper_body", "flange"})
+    }
+    assert (model.pair_friction[:, :2] <= 1.0).all()
+    assert not model.pair_margin.any()
+    assert not model.pair_gap.any()
     pads = [i for i in range(model.ngeom) if model.geom(i).name.startswith("pad_")]
     assert len(pads) == 4
     assert (model.geom_friction[pads, 0] == PARAMETERS.pads.friction).all()
@@ -154,7 +162,7 @@ MAY_WRITE = {
 }
 
 MAY_CALL = {
-    "mj_step": {("plant", "Plant.step")},
+    "mj_step": {("plant", "Plant.step"), ("tick", "step_address")},
     "mj_resetDataKeyframe": {("plant", "Plant.__init__")},
     "mj_setState": {("plant", "Plant._restore")},
     "mj_stateSize": {("plant", "Plant._restore"), ("snapshot", "save_snapshot")},
@@ -327,6 +335,7 @@ def test_between_two_steps_nothing_changes_but_commands_and_brakes(monkeypatch: 
     plant = Plant(model, PARAMETERS, NAMES)
     watch = Watch(mujoco.mj_step)
     monkeypatch.setattr(plant_module.mujoco, "mj_step", watch)
+    plant.watch_step = lambda: None  # every step by Python: to the last bit as by the compiled tick, see below
     start = plant.positions()
     run_hard(plant)
     assert watch.steps >= 600
@@ -336,9 +345,21 @@ def test_between_two_steps_nothing_changes_but_commands_and_brakes(monkeypatch: 
     assert (model_bytes(model) == before).all()
 
 
+def test_the_compiled_tick_does_what_mujocos_step_does() -> None:
+    model = make_model()
+    compiled, stepped = Plant(model, PARAMETERS, NAMES), Plant(make_model(), PARAMETERS, NAMES)
+    stepped.watch_step = lambda: None
+    run_hard(compiled)
+    run_hard(stepped)
+    assert compiled.digest() == stepped.digest()
+    assert compiled.measure(standing=False) == stepped.measure(standing=False)
+    assert compiled.truth(reset_peak=False) == stepped.truth(reset_peak=False)
+
+
 def test_the_watch_would_notice(monkeypatch: pytest.MonkeyPatch) -> None:
     plant = Plant(make_model(), PARAMETERS, NAMES)
     monkeypatch.setattr(plant_module.mujoco, "mj_step", Watch(mujoco.mj_step))
+    plant.watch_step = lambda: None
     plant.step()
     plant.data.qpos[-1] += 1e-9
     with pytest.raises(AssertionError, match="something wrote the state between two steps"):
