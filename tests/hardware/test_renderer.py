@@ -26,8 +26,8 @@ from tests.hardware.test_world import settings_for
 
 TABLE = TableSettings()
 IDEAL = CameraSettings(noise=False, depth_unit=1e-4)
-DESK = -0.02
-"""Height of the desk under the board [m]."""
+BESIDE = (1.0, 0.0)
+"""A bare place of the desk beside the board (x, y) [m]."""
 
 
 class Studio:
@@ -40,6 +40,11 @@ class Studio:
         frame_path(folder, 0).touch()
         self._file = frame_path(folder, 0)
         self._positions = np.array(model.key_qpos[0])
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        above, hit = np.array([*BESIDE, 0.5]), np.zeros(1, np.int32)
+        self.desk = 0.5 - mujoco.mj_ray(model, data, above, np.array([0.0, 0.0, -1.0]), None, 1, -1, hit)
+        """Height of the desk beside the board [m]."""
         self.renderer = Renderer(folder)
 
     def shoot(
@@ -70,20 +75,21 @@ def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Studio]:
 
 
 def straight_down(height: float) -> MountSettings:
-    """Over the bare desk beside the board, looking straight down from so high [m]."""
+    """Beside the board, looking straight down from so high above its surface [m]."""
     pose = CAMERAS["camera"]
     tilt = math.atan2(pose.position[2] - pose.target[2], pose.position[1] - pose.target[1])
-    place = np.array([1.0, 0.0, DESK + height]) - pose.position
+    place = np.array([*BESIDE, height]) - pose.position
     return MountSettings(shift=tuple(place), turn=(-(math.pi / 2.0 - tilt), 0.0, 0.0))
 
 
 @pytest.mark.parametrize("distance", [0.35, 0.6])
 def test_depth_of_the_desk_is_its_distance_and_errs_as_stated(studio: Studio, distance: float) -> None:
-    _, ideal = studio.shoot(mount=straight_down(distance))
+    mount = straight_down(studio.desk + distance)
+    _, ideal = studio.shoot(mount=mount)
     middle = np.s_[100:380, 250:600]
     assert ideal[middle] == pytest.approx(distance, abs=2e-4), "the camera hangs as it was told to, and looks down"
     noisy = CameraSettings(depth_unit=1e-4)
-    _, depth = studio.shoot(noisy, mount=straight_down(distance))
+    _, depth = studio.shoot(noisy, mount=mount)
     valid = depth[middle][depth[middle] > 0.0]
     sigma = distance**2 * math.hypot(STEREO.subpixel, STEREO.step / math.sqrt(12.0)) / STEREO.scale
     assert valid.std() == pytest.approx(sigma, rel=0.1)

@@ -20,7 +20,7 @@ from app.layout import start_layout
 from app.motion import MotionSettings
 from hardware.interfaces import Frame, Intrinsics
 from hardware.parameters import load_parameters
-from hardware.sim.drawing import _draw_rods
+from hardware.sim.drawing import draw_rods
 from hardware.sim.renderer import HEIGHT, WIDTH, intrinsics_for
 from hardware.sim.scene import CAMERAS, StandingPiece, build_model
 from hardware.sim.settings import WorldSettings, stand_pieces
@@ -247,7 +247,7 @@ class Scene:
 
     def _update(self) -> Any:
         self._renderer.update_scene(self._data, camera="camera", scene_option=self._option)
-        _draw_rods(self._renderer.scene, self._data)
+        draw_rods(self._renderer.scene, self._data)
         return self._renderer.scene
 
     def table_geoms(self) -> set[int]:
