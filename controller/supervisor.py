@@ -30,6 +30,7 @@ from controller.safety import (
 from controller.sample_check import SampleCheck
 from controller.settings import ControllerSettings
 from controller.states import BRAKED, Event, State, next_state
+from controller.tare import Tare
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 
 _NO_TORQUE: Triple = (0.0, 0.0, 0.0)
@@ -94,6 +95,7 @@ class Supervisor:
         self._limits = limits
         self._settings = settings
         self._observer = ForceObserver(period)
+        self._tare = Tare(period)
         self._protection = Protection(limits, period)
         self._acting: Triple | None = None
         self._given: Triple | None = None
@@ -143,8 +145,13 @@ class Supervisor:
         """Take a new tick's measurement in: estimate, protect, refer, law, limit."""
         if self._since < 0:
             self._since = measurement.tick
+        trouble = check_measurement(measurement)
+        if trouble is None:
+            tactile = self._tare.weigh(measurement.tactile, self.reference.finger_velocity)
+            if tactile != measurement.tactile:
+                measurement = measurement._replace(tactile=tactile)
         self.measurement = measurement
-        trouble = check_measurement(measurement) or self._estimate(measurement) or self._joints(measurement)
+        trouble = trouble or self._estimate(measurement) or self._joints(measurement)
         state = self.state
         if state is State.HOLD or state is State.TRACK or state is State.STOPPING:
             self._control(measurement, trouble or check_drives(int(measurement.status)))
