@@ -64,10 +64,16 @@ class StandingPiece:
     height: float = 0.0
 
 
-def _add_deck(spec: mujoco.MjSpec, table: TableSettings) -> None:
+def deck_half_size(table: TableSettings) -> tuple[float, float]:
+    """Of the board with its trays, along x and y [m]."""
     half_board = 4.0 * table.square
     half_x = half_board + table.tray_gap + (table.tray_columns - 1) * table.tray_column_pitch + 0.028
-    half_y = max(half_board, table.tray_rows * table.tray_row_pitch / 2.0) + 0.018
+    return half_x, max(half_board, table.tray_rows * table.tray_row_pitch / 2.0) + 0.018
+
+
+def _add_deck(spec: mujoco.MjSpec, table: TableSettings) -> None:
+    half_board = 4.0 * table.square
+    half_x, half_y = deck_half_size(table)
     spec.worldbody.add_geom(
         name="deck", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half_x, half_y, 0.01], pos=[0, 0, -0.01],
         contype=SCENE_BITS, conaffinity=SCENE_BITS | TOOL_BITS, friction=[FOOT_FRICTION, 0.005, 0.0001],

@@ -1,0 +1,248 @@
+"""From what a person sees to motor programs: how to hold a piece, how high to lift it, which way to go.
+
+Pure functions. A person looks where neighbours and the robot are, and comes from the side where there is room.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.sim.hand_body import TIP_RADIUS
+from hardware.sim.hand_motion import Pose, Program, Sketch
+from hardware.sim.hand_sight import SeenPiece, Sight
+from hardware.table import Colour, PieceShape
+
+SQUEEZE: Final = 0.0035
+"""Fingers are asked to close so much further than the piece lets them; times their stiffness it is the force [m]."""
+OPEN: Final = 0.0055
+"""Before and after, each fingertip is so far from the piece [m]; less where neighbours stand near."""
+CLEARANCE: Final = 0.010
+"""What is carried passes so far above what stands below [m]."""
+LEAST_LIFT: Final = 0.012
+_GRASP_LENGTH: Final = 0.016
+"""So much of a stem is between the fingertips [m]."""
+_DOWN_SPEED: Final = 0.22
+"""Highest, down to a piece or with a piece down to the board [m/s]."""
+_PRESS: Final = 0.0015
+"""A piece is pushed so far into the board; times the arm's stiffness it is the force that says that it stands [m]."""
+_ENOUGH_ROOM: Final = 0.004
+_ENOUGH_ARM_ROOM: Final = 0.012
+_COME_OUT: Final = 0.30
+"""Where a hand goes around the board: so far from its middle, on the player's side [m]."""
+_SHOULDER: Final = (0.22, -0.75)
+"""Of a player who sits at −y, from the board's middle [m]: a right arm."""
+_TURNS: Final = tuple(math.radians(7.5 * i) for i in range(-10, 11))
+"""Of the hand that a person tries, from straight across the board [rad]."""
+
+
+def grip_height(shape: PieceShape) -> float:
+    """Height of the fingertips' ends on a standing piece [m]: at its upper part, above its foot."""
+    return max(shape.height - shape.stem_radius - _GRASP_LENGTH, shape.foot_height + TIP_RADIUS + 0.002)
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """A piece between the fingertips.
+
+    Attributes:
+        name: of it.
+        shape: sizes.
+        below: of its foot under the fingertips' ends [m].
+        forward: of its foot from the middle between the fingertips, hand frame, x and y [m].
+    """
+
+    name: str
+    shape: PieceShape
+    below: float
+    forward: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """How the fingertips stand about a point: turn of the hand [rad] and gap when open [m]."""
+
+    yaw: float
+    gap: float
+
+
+@dataclass(frozen=True, slots=True)
+class Person:
+    """Whose hand it is and how quick.
+
+    Attributes:
+        side: of the board.
+        speed: highest of a reach [m/s].
+    """
+
+    side: Colour
+    speed: float
+
+    @property
+    def front(self) -> float:
+        """Sign of y on the person's side."""
+        return -1.0 if self.side is Colour.WHITE else 1.0
+
+    def natural_yaw(self, x: float, y: float) -> float:
+        """Turn of the hand with the forearm pointing to the shoulder [rad]."""
+        base = 0.0 if self.side is Colour.WHITE else math.pi
+        sign = -self.front  # black's view is white's, turned by half a turn
+        dx, dy = _SHOULDER[0] - sign * x, _SHOULDER[1] - sign * y
+        return base + math.atan2(dx, -dy)
+
+    # how to hold
+
+    def choose_hold(
+        self, sight: Sight, x: float, y: float, z: float, lifted: float, radius: float, around: float | None = None
+    ) -> Hold:
+        """The turn of the hand that leaves room for neighbours and for the robot.
+
+        Args:
+            sight: without the piece that is held.
+            x: of the piece [m].
+            y: likewise.
+            z: of the fingertips at the piece [m].
+            lifted: and when they come from above, or lift it [m].
+            radius: of the stem [m].
+            around: turn that would be best otherwise [rad].
+        """
+        best = self.natural_yaw(x, y) if around is None else around
+
+        def cost(yaw: float) -> float:
+            half = radius + OPEN + TIP_RADIUS
+            room = sight.pinch_room(x, y, yaw, z, half)
+            arm = sight.arm_room(Pose(x, y, z, yaw, radius + OPEN), Pose(x, y, lifted, yaw, radius + OPEN))
+            lacking = max(0.0, 1.0 - room / _ENOUGH_ROOM) + max(0.0, 1.0 - arm / _ENOUGH_ARM_ROOM)
+            return 10.0 * lacking + abs(yaw - best)
+
+        base = 0.0 if self.side is Colour.WHITE else math.pi
+        turns = [base + turn for turn in _TURNS]
+        yaw = min([best, *turns], key=cost)
+        room = sight.pinch_room(x, y, yaw, z, radius + OPEN + TIP_RADIUS)
+        narrower = min(0.0025, max(0.0, _ENOUGH_ROOM / 2.0 - room))
+        return Hold(yaw, radius + OPEN - narrower)
+
+    # ways
+
+    def go(self, sight: Sight, start: Pose, x: float, y: float, yaw: float, below: float, wide: float) -> Sketch:
+        """Up, over to a point, and no further down: the program's last pose is where the way down begins.
+
+        Of two ways, straight and around the front of the board, it takes the one that keeps clear of the robot.
+
+        Args:
+            sight: without what is held.
+            start: of the fingertips.
+            x: to go to [m].
+            y: likewise.
+            yaw: turn of the hand there [rad].
+            below: lowest point of what is carried, or of the fingertips, under the fingertips' ends [m].
+            wide: from the way to the middle of a piece that could be touched [m].
+        """
+        end = Pose(x, y, 0.0, yaw, start.gap)
+        around = self._way_out(start), self._way_out(end)
+        return self._clearer(sight, start, around, end, below, wide)
+
+    def _clearer(
+        self, sight: Sight, start: Pose, around: tuple[Pose, ...], end: Pose, below: float, wide: float
+    ) -> Sketch:
+        """Straight, or over some corners if that keeps clearer of the robot."""
+        straight = self._way(sight, start, (), end, below, wide)
+        room = sight.arm_room(*_samples(straight.done()))
+        if room > _ENOUGH_ARM_ROOM:
+            return straight
+        detour = self._way(sight, start, around, end, below, wide)
+        return detour if sight.arm_room(*_samples(detour.done())) > room else straight
+
+    def _way_out(self, pose: Pose) -> Pose:
+        """Where the fingertips come out in front of the board if the hand is drawn back along the forearm."""
+        back = math.sin(pose.yaw), -math.cos(pose.yaw)
+        needed = (self.front * _COME_OUT - pose.y) / back[1] if abs(back[1]) > 0.1 else 0.0
+        length = min(max(0.0, needed), 0.6)
+        return pose._replace(x=pose.x + length * back[0], y=pose.y + length * back[1])
+
+    def _way(
+        self, sight: Sight, start: Pose, between: tuple[Pose, ...], end: Pose, below: float, wide: float
+    ) -> Sketch:
+        corners = [(start.x, start.y), *((pose.x, pose.y) for pose in between), (end.x, end.y)]
+        height = sight.highest(*corners, width=wide) + CLEARANCE
+        z = max(height, LEAST_LIFT) + below
+        sketch = Sketch(start, self.speed)
+        if z > start.z:
+            sketch.to(z=z)
+        for pose in (*between, end):
+            sketch.to(x=pose.x, y=pose.y, yaw=pose.yaw, overlap=0.25)
+        if z < start.z:
+            sketch.to(z=z, overlap=0.3)
+        return sketch
+
+    # parts of actions
+
+    def reach(self, sight: Sight, start: Pose, piece: SeenPiece) -> tuple[Program, Hold]:
+        """To a standing piece, down around it and close the fingers."""
+        shape, others = piece.shape, sight.without(piece.name)
+        z = piece.z + grip_height(shape)
+        lifted = max(z, piece.top + TIP_RADIUS + CLEARANCE)
+        hold = self.choose_hold(others, piece.x, piece.y, z, lifted, shape.stem_radius)
+        sketch = self.go(sight, start, piece.x, piece.y, hold.yaw, TIP_RADIUS, 0.036)
+        sketch.to(gap=hold.gap, overlap=1.0)
+        sketch.to(z=z, overlap=0.15, speed=_DOWN_SPEED).wait(0.04)
+        sketch.to(gap=shape.stem_radius - SQUEEZE).wait(0.06)
+        return sketch.done(), hold
+
+    def place(self, sight: Sight, start: Pose, held: Held, x: float, y: float, yaw: float) -> Program:
+        """Carry what is held to a point, turned somewhat, and set it down; the fingers stay closed."""
+        others, shape = sight.without(held.name), held.shape
+        z = held.below
+        turned = self.choose_hold(others, x, y, z, z + 0.03, shape.stem_radius, around=yaw).yaw
+        to_x, to_y = _tips_for(x, y, turned, held.forward)
+        sketch = self.go(others, start, to_x, to_y, turned, held.below, 0.028 + shape.foot_radius)
+        sketch.to(z=z - _PRESS, overlap=0.15, speed=_DOWN_SPEED).wait(0.05)
+        return sketch.done()
+
+    def let_go(self, sight: Sight, start: Pose, held: Held) -> Program:
+        """Open the fingers about a piece that stands, and rise above it."""
+        others = sight.without(held.name)
+        half = held.shape.stem_radius + OPEN + TIP_RADIUS
+        room = others.pinch_room(start.x, start.y, start.yaw, start.z, half)
+        gap = held.shape.stem_radius + OPEN - min(0.0025, max(0.0, _ENOUGH_ROOM / 2.0 - room))
+        sketch = Sketch(start, self.speed).to(gap=gap).wait(0.03)
+        return sketch.to(z=max(start.z, held.shape.height + TIP_RADIUS + CLEARANCE)).done()
+
+    def lift(self, start: Pose, height: float) -> Program:
+        """Straight up [m]."""
+        return Sketch(start, self.speed).to(z=start.z + height, speed=_DOWN_SPEED).done()
+
+    def home(self, sight: Sight, start: Pose, home: Pose) -> Program:
+        """Up, back along the forearm, and away to where the hand is parked."""
+        end = home._replace(gap=start.gap)
+        sketch = self._clearer(sight, start, (self._way_out(start),), end, TIP_RADIUS, 0.036)
+        return sketch.to(z=home.z, gap=home.gap, overlap=0.5).done()
+
+    def over(self, sight: Sight, start: Pose, x: float, y: float, z: float) -> Sketch:
+        """To a point in the air; the fingertips end at a height above the board [m]."""
+        yaw = self.choose_hold(Sight((), sight.tool), x, y, z, z, 0.0).yaw
+        sketch = self.go(sight, start, x, y, yaw, TIP_RADIUS, 0.036).to(gap=0.004, overlap=1.0)
+        return sketch.to(z=z, overlap=0.15, speed=_DOWN_SPEED)
+
+
+def _tips_for(x: float, y: float, yaw: float, forward: tuple[float, float]) -> tuple[float, float]:
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return x - cos * forward[0] + sin * forward[1], y - sin * forward[0] - cos * forward[1]
+
+
+def held_now(piece: SeenPiece, pose: Pose) -> Held:
+    """How a piece is held by fingertips in a pose."""
+    dx, dy = piece.x - pose.x, piece.y - pose.y
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    return Held(piece.name, piece.shape, pose.z - piece.z, (cos * dx + sin * dy, -sin * dx + cos * dy))
+
+
+def _samples(program: Program, spacing: float = 0.03) -> list[Pose]:
+    times: NDArray[np.float64] = np.arange(0.0, program.duration + spacing, spacing)
+    return [Pose(*program.at(float(time)).position.tolist()) for time in times]
+
+
