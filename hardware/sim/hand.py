@@ -60,15 +60,15 @@ class Hand:
         self._routines = Routines(self._view, settings, table, np.random.default_rng([seed, _STREAM]))
         self._work: Iterator[Program] | None = None
         self._began = 0
-        home = parked(settings.side)
+        self._home = parked(settings.side)
         here = self._measured()
-        away = math.dist(here[:3], home[:3]) > _PARKED_WITHIN
-        self._pose = here if away else home
+        away = math.dist(here[:3], self._home[:3]) > _PARKED_WITHIN
+        self._pose = here if away else self._home
         self._program = Program(self._pose, (), 0.0)
         self._command(0.0)
         if away:
-            self._routines.remember_grip()
-            self._start((Withdraw(),))
+            self._work = self._routines.leave_off()
+            self._allow_sleep(False)
 
     # what others ask
 
@@ -92,12 +92,13 @@ class Hand:
             raise HandFailed("the hand is busy: wait until its actions are done")
         self._start(actions)
 
-    def interrupt(self) -> None:
-        """Leave off as soon as what has begun to move comes to rest, and withdraw."""
+    def withdraw(self) -> None:
+        """Leave off as soon as what has begun to move comes to rest, put down what is held, and go home."""
         if self.busy:
             self._program = self._program.cut(self._time())
-            self._routines.reconsider()
-            self._work = self._routines.do((Withdraw(),))
+            self._work = self._routines.leave_off()
+        elif math.dist(self._pose[:3], self._home[:3]) > _PARKED_WITHIN:
+            self._start((Withdraw(),))
 
     # time
 
@@ -156,7 +157,7 @@ class Hand:
             )
 
     def _allow_sleep(self, allowed: bool) -> None:
-        """A tree that may not sleep wakes up by itself in the next step; a change of its servo's targets does not wake it."""
+        """A tree that may not sleep wakes up in the next step; new targets of its servos would not wake it."""
         policy = mujoco.mjtSleepPolicy.mjSLEEP_ALLOWED if allowed else mujoco.mjtSleepPolicy.mjSLEEP_NEVER
         self._plant.model.tree_sleep_policy[self._tree] = int(policy)
 

@@ -29,6 +29,7 @@ JOINTS: Final = ("hand_x", "hand_y", "hand_z", "hand_yaw", "hand_thumb", "hand_i
 
 TIP_RADIUS: Final = 0.006
 """Of a fingertip [m]: narrow ones, that pass between pieces on squares of 40 mm."""
+_TIP_HALF_WIDTH: Final = 0.005
 DISTAL: Final = 0.040
 """A finger's last two bones stand upright for so long [m]."""
 WIDEST_GAP: Final = 0.030
@@ -104,11 +105,24 @@ def _add_skin(body: mujoco.MjsBody, name: str, bone: Bone) -> None:
     skin.priority = 2  # over the pads'
 
 
-def _add_flesh(body: mujoco.MjsBody, name: str, bone: Bone) -> None:
-    """What pieces and board meet."""
-    _bone(
-        body, bone, name=name, contype=TOOL_BITS, conaffinity=0, condim=4, friction=list(_FLESH_FRICTION), priority=1,
-        solref=list(_FLESH_SOLREF), solimp=list(_FLESH_SOLIMP), group=3, rgba=[0, 0, 0, 0],
+def _add_flesh(finger: mujoco.MjsBody, name: str, side: int) -> None:
+    """What pieces and board meet: a flat fingertip, as soft ones become on what they hold, and the finger's root.
+
+    MuJoCo finds one contact between two capsules that are not quite parallel, and a piece would swing about it.
+    """
+    (low, high, radius), root = finger_bones(side)
+    options = {
+        "contype": TOOL_BITS, "conaffinity": 0, "condim": 4, "friction": list(_FLESH_FRICTION), "priority": 1,
+        "solref": list(_FLESH_SOLREF), "solimp": list(_FLESH_SOLIMP), "group": 3, "rgba": [0, 0, 0, 0], "mass": 0.0,
+    }  # fmt: skip
+    finger.add_geom(
+        name=f"{name}_tip", type=mujoco.mjtGeom.mjGEOM_BOX, pos=[low[0], 0.0, (low[2] - radius + high[2]) / 2.0],
+        size=[radius, _TIP_HALF_WIDTH, (high[2] - low[2] + radius) / 2.0], **options,
+    )  # fmt: skip
+    start, end, thickness = root
+    finger.add_geom(
+        name=f"{name}_root", type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[*start, *end], size=[thickness, 0, 0],
+        **options,
     )  # fmt: skip
 
 
@@ -151,8 +165,8 @@ def _add_finger(hand: mujoco.MjsBody, name: str, side: int) -> None:
     )
     for part, bone in zip(("end", "root"), finger_bones(side), strict=True):
         _add_skin(finger, f"hand_{name}_{part}_skin", bone)
-        _add_flesh(finger, f"hand_{name}_{part}", bone)
         _add_look(finger, bone)
+    _add_flesh(finger, f"hand_{name}", side)
 
 
 def _add_looks(hand: mujoco.MjsBody) -> None:
@@ -188,7 +202,7 @@ def add_hand(spec: mujoco.MjSpec, side: Colour) -> None:
     slides = zip(JOINTS[:3], ([turn, 0, 0], [0, turn, 0], [0, 0, 1]), (x, y, z), strict=True)
     for name, axis, start in slides:
         hand.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, ref=start)
-    hand.add_joint(name=JOINTS[3], type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1], ref=yaw)
+    hand.add_joint(name=JOINTS[3], type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1], ref=math.degrees(yaw))
     _add_skin(hand, "hand_palm_skin", PALM)
     _add_skin(hand, "hand_forearm_skin", FOREARM)
     _add_looks(hand)

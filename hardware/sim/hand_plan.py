@@ -34,6 +34,10 @@ _ENOUGH_ROOM: Final = 0.004
 _ENOUGH_ARM_ROOM: Final = 0.012
 _COME_OUT: Final = 0.30
 """Where a hand goes around the board: so far from its middle, on the player's side [m]."""
+_STAGE: Final = 0.085
+"""A detour begins or ends so far from where a piece stands [m] …"""
+_STAGINGS: Final = 8
+"""… in one of so many directions."""
 _SHOULDER: Final = (0.22, -0.75)
 """Of a player who sits at −y, from the board's middle [m]: a right arm."""
 _TURNS: Final = tuple(math.radians(7.5 * i) for i in range(-10, 11))
@@ -143,19 +147,23 @@ class Person:
             wide: from the way to the middle of a piece that could be touched [m].
         """
         end = Pose(x, y, 0.0, yaw, start.gap)
-        around = self._way_out(start), self._way_out(end)
-        return self._clearer(sight, start, around, end, below, wide)
+        around = (self._way_out(start), self._way_out(end))
+        return self._clearest(sight, start, (around, *_stagings(start, end)), end, below, wide)
 
-    def _clearer(
-        self, sight: Sight, start: Pose, around: tuple[Pose, ...], end: Pose, below: float, wide: float
+    def _clearest(
+        self, sight: Sight, start: Pose, detours: tuple[tuple[Pose, ...], ...], end: Pose, below: float, wide: float
     ) -> Sketch:
-        """Straight, or over some corners if that keeps clearer of the robot."""
-        straight = self._way(sight, start, (), end, below, wide)
-        room = sight.arm_room(*_samples(straight.done()))
-        if room > _ENOUGH_ARM_ROOM:
-            return straight
-        detour = self._way(sight, start, around, end, below, wide)
-        return detour if sight.arm_room(*_samples(detour.done())) > room else straight
+        """Straight, or over some corners if only that keeps clear of the robot."""
+        best, most = None, -math.inf
+        for between in ((), *detours):
+            way = self._way(sight, start, between, end, below, wide)
+            room = sight.arm_room(*_samples(way.done()))
+            if best is None or room > most + 0.002:
+                best, most = way, room
+            if room > _ENOUGH_ARM_ROOM:
+                break
+        assert best is not None
+        return best
 
     def _way_out(self, pose: Pose) -> Pose:
         """Where the fingertips come out in front of the board if the hand is drawn back along the forearm."""
@@ -167,17 +175,15 @@ class Person:
     def _way(
         self, sight: Sight, start: Pose, between: tuple[Pose, ...], end: Pose, below: float, wide: float
     ) -> Sketch:
-        corners = [(start.x, start.y), *((pose.x, pose.y) for pose in between), (end.x, end.y)]
-        height = sight.highest(*corners, width=wide) + CLEARANCE
-        z = max(height, LEAST_LIFT) + below
-        sketch = Sketch(start, self.speed)
-        if z > start.z:
-            sketch.to(z=z)
-        for pose in (*between, end):
+        """On each straight part only as high as what stands below it wants."""
+        sketch, corners = Sketch(start, self.speed), (*between, end)
+        for pose in corners:
+            line = (sketch.pose.x, sketch.pose.y), (pose.x, pose.y)
+            z = max(sight.highest(*line, width=wide) + CLEARANCE, LEAST_LIFT) + below
+            if z > sketch.pose.z or between:
+                sketch.to(z=z, overlap=0.15)
             sketch.to(x=pose.x, y=pose.y, yaw=pose.yaw, overlap=0.25)
-        if z < start.z:
-            sketch.to(z=z, overlap=0.3)
-        return sketch
+        return sketch.to(z=z, overlap=0.3) if z < sketch.pose.z else sketch
 
     # parts of actions
 
@@ -199,7 +205,7 @@ class Person:
         z = held.below
         turned = self.choose_hold(others, x, y, z, z + 0.03, shape.stem_radius, around=yaw).yaw
         to_x, to_y = _tips_for(x, y, turned, held.forward)
-        sketch = self.go(others, start, to_x, to_y, turned, held.below, 0.028 + shape.foot_radius)
+        sketch = self.go(others, start, to_x, to_y, turned, held.below, 0.026 + shape.foot_radius)
         sketch.to(z=z - _PRESS, overlap=0.15, speed=_DOWN_SPEED).wait(0.05)
         return sketch.done()
 
@@ -219,7 +225,9 @@ class Person:
     def home(self, sight: Sight, start: Pose, home: Pose) -> Program:
         """Up, back along the forearm, and away to where the hand is parked."""
         end = home._replace(gap=start.gap)
-        sketch = self._clearer(sight, start, (self._way_out(start),), end, TIP_RADIUS, 0.036)
+        out = (self._way_out(start),)
+        low = tuple((near, self._way_out(near)) for near in _around(start, start.yaw))
+        sketch = self._clearest(sight, start, (out, *low), end, TIP_RADIUS, 0.036)
         return sketch.to(z=home.z, gap=home.gap, overlap=0.5).done()
 
     def over(self, sight: Sight, start: Pose, x: float, y: float, z: float) -> Sketch:
@@ -227,6 +235,18 @@ class Person:
         yaw = self.choose_hold(Sight((), sight.tool), x, y, z, z, 0.0).yaw
         sketch = self.go(sight, start, x, y, yaw, TIP_RADIUS, 0.036).to(gap=0.004, overlap=1.0)
         return sketch.to(z=z, overlap=0.15, speed=_DOWN_SPEED)
+
+
+def _around(pose: Pose, yaw: float) -> list[Pose]:
+    """Points about a pose from which one may come to it, or to which one may leave it."""
+    circle = [2.0 * math.pi * i / _STAGINGS for i in range(_STAGINGS)]
+    return [pose._replace(x=pose.x + _STAGE * math.cos(a), y=pose.y + _STAGE * math.sin(a), yaw=yaw) for a in circle]
+
+
+def _stagings(start: Pose, end: Pose) -> list[tuple[Pose, ...]]:
+    """Corners that let a hand leave low before it rises, and come down before it arrives, under the robot's tool."""
+    leaving, coming = _around(start, start.yaw), _around(end, end.yaw)
+    return [(b,) for b in coming] + [(a,) for a in leaving] + [(a, b) for a in leaving for b in coming]
 
 
 def _tips_for(x: float, y: float, yaw: float, forward: tuple[float, float]) -> tuple[float, float]:
@@ -244,5 +264,3 @@ def held_now(piece: SeenPiece, pose: Pose) -> Held:
 def _samples(program: Program, spacing: float = 0.03) -> list[Pose]:
     times: NDArray[np.float64] = np.arange(0.0, program.duration + spacing, spacing)
     return [Pose(*program.at(float(time)).position.tolist()) for time in times]
-
-

@@ -91,16 +91,13 @@ class Routines:
         for action in actions:
             yield from self._one(action)
 
-    def remember_grip(self) -> None:
-        """Find out by looking whether closed fingers hold a piece."""
+    def leave_off(self) -> Iterator[Program]:
+        """Something was interrupted: find out by looking whether the fingers hold a piece, and withdraw."""
         pose, sight = self._view.pose(), self._view.look()
         near = [p for p in sight.pieces if p.distance(pose.x, pose.y) < 0.008 and p.z <= pose.z <= p.top]
-        self.held = held_now(near[0], pose) if near and pose.gap < near[0].shape.stem_radius else None
-
-    def reconsider(self) -> None:
-        """After an interruption: what is held is what is seen to be off the board between the fingers."""
-        if self.held is None:
-            self.remember_grip()
+        closed = near and pose.gap < near[0].shape.stem_radius
+        self.held = held_now(near[0], pose) if closed else None
+        yield from self._withdraw()
 
     def _one(self, action: Action) -> Iterator[Program]:
         match action:
@@ -253,5 +250,5 @@ class Routines:
         places = [(x, y) for x in np.arange(-wide, wide, 0.02).tolist() for y in np.arange(-deep, deep, 0.02).tolist()]
         near = sorted([here, *places], key=lambda at: math.dist(at, here))
         at = next((at for at in near if self._is_free(sight, held, at)), here)
-        yield self._person.place(sight, pose, held, *at, pose.yaw)
+        yield self._person.place(sight, pose, held, at[0], at[1], pose.yaw)
         yield from self._release()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, field
 from typing import Final
@@ -140,7 +141,7 @@ class Sight:
 def _distance_to_chain(piece: SeenPiece, points: tuple[tuple[float, float], ...]) -> float:
     if len(points) == 1:
         return piece.distance(*points[0])
-    return min(_distance_to_line(piece, a, b) for a, b in zip(points, points[1:], strict=False))
+    return min(_distance_to_line(piece, a, b) for a, b in itertools.pairwise(points))
 
 
 def _distance_to_line(piece: SeenPiece, a: tuple[float, float], b: tuple[float, float]) -> float:
@@ -166,7 +167,7 @@ _REST: Final = np.vstack([_dots(bone) for bone in (*_WIDE_PALM, FOREARM, SLEEVE)
 
 def _outline(pose: Pose) -> NDArray[np.float64]:
     """Balls that fill the hand: centres in the board frame and radii, shape (n, 4) [m]."""
-    shifted = [dots + [side * pose.gap, 0.0, 0.0, 0.0] for side, dots in _FINGERS.items()]
+    shifted = [dots + np.array([side * pose.gap, 0.0, 0.0, 0.0]) for side, dots in _FINGERS.items()]
     dots = np.vstack([*shifted, _REST])
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
     x, y = dots[:, 0], dots[:, 1]

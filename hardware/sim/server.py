@@ -18,6 +18,7 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import mujoco
@@ -27,6 +28,9 @@ from hardware.interfaces import Command, HardwareError
 from hardware.parameters import load_parameters
 from hardware.realtime import real_time
 from hardware.sim import wire
+from hardware.sim.hand import Hand
+from hardware.sim.hand_body import add_hand
+from hardware.sim.hand_service import HandService
 from hardware.sim.journal import Journal
 from hardware.sim.pacing import Metronome, SpeedMeter
 from hardware.sim.pictures import CameraService
@@ -69,11 +73,12 @@ class World:
         parameters = load_parameters(settings.parameters_file)
         drive, home, pieces = parameters.drive, np.array(settings.home), stand_pieces(settings)
         self._renderer: Renderer | None = None
+        add = partial(add_hand, side=settings.hand.side) if settings.hand else None
         if settings.cameras:
-            seen = build_model(parameters, settings.table, pieces, home)
+            seen = build_model(parameters, settings.table, pieces, home, add=add)
             mujoco.mj_saveModel(seen, str(run_dir / MODEL_FILE))
             self._renderer = Renderer(run_dir)
-        model = build_model(parameters, settings.table, pieces, home, looks=False)
+        model = build_model(parameters, settings.table, pieces, home, looks=False, add=add)
         names, before = tuple(piece.name for piece in settings.pieces), load_snapshot(run_dir / STATE_FILE)
         self.plant = Plant(model, parameters, names, before)
         for left in (END_FILE, STATE_FILE):  # of a world before this one: from here on they would be untrue
@@ -88,9 +93,14 @@ class World:
         self._clocks = ClockService(facts, self.plant)
         latency = round(settings.camera_latency / drive.tick)
         self._cameras = CameraService(facts, self.plant, self._renderer, run_dir, latency)
+        hand = None
+        if settings.hand:
+            hand = Hand(self.plant, settings.hand, settings.pieces, settings.table, settings.seed)
+        self._hand = HandService(facts, self.plant, hand)
         referees = RefereeService(facts, self.plant, self._speed)
         services: dict[str, Service] = {
             "servo": self._drives, "camera": self._cameras, "clock": self._clocks, "referee": referees,
+            "hand": self._hand,
         }  # fmt: skip
         self._visitors = Visitors(run_dir, services)
         self._applied: Command | None = None
@@ -178,7 +188,7 @@ class World:
         return self._applied is None or command[1:] != self._applied[1:]
 
     def _others_wait(self) -> bool:
-        return self._clocks.due != NEVER or self._cameras.waiting
+        return self._clocks.due != NEVER or self._cameras.waiting or self._hand.busy
 
     def _lonely_turn(self) -> None:
         """Nobody holds the drives: if somebody did, come to rest on the brakes, then stand unless others need time."""
@@ -251,6 +261,8 @@ class World:
 
     def _advance(self, command: Command | None) -> None:
         plant = self.plant
+        if self._hand.busy:
+            self._hand.drive()
         plant.step()
         if self._journal is not None:
             self._journal.ran(command)
@@ -272,11 +284,13 @@ class World:
 
     def _come_to_rest(self) -> None:
         """Without a controller the drives' watchdog brakes; the plant goes on until all rests."""
+        self._hand.withdraw()
         for ticks in range(round(LONGEST_REST / self.plant.parameters.drive.tick)):
             if ticks >= self._watchdog_ticks:
                 self._trip()
-                if self.plant.resting:
+                if self.plant.resting and not self._hand.busy:
                     break
+            self._hand.drive()
             self.plant.step()
             if self._journal is not None:
                 self._journal.ran(None)

@@ -4,12 +4,22 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
+from typing import Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, NonNegativeFloat, NonNegativeInt, PositiveFloat, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveFloat,
+    ValidationError,
+    model_validator,
+)
 
 from hardware.interfaces import HardwareError
 from hardware.parameters import DEFAULT_FILE
+from hardware.sim.hand_actions import HandSettings
 from hardware.sim.scene import StandingPiece
 from hardware.table import PieceSpec, TableSettings
 
@@ -49,11 +59,19 @@ class WorldSettings(BaseModel):
     """From exposure to delivery of a frame, plant time [s]."""
     cameras: bool = True
     """False: no renderer, and no OpenGL needed."""
+    hand: HandSettings | None = None
+    """The hand of a person who plays; None: nobody sits at the board, and nothing is different for it."""
     journal: bool = False
     """Keep every command in the run directory, so that the run can be done again; see ``hardware.sim.journal``."""
     realtime: bool = False
     """Pace real: as punctual as a motion board, by real time where the system grants it; for measurements. Otherwise
     the world is an ordinary program."""
+
+    @model_validator(mode="after")
+    def _repeatable(self) -> Self:
+        if self.journal and self.hand is not None:
+            raise ValueError("a journal holds the drives' commands alone, so a world with a hand cannot keep one")
+        return self
 
 
 def load_settings(run_dir: Path) -> WorldSettings:

@@ -141,7 +141,7 @@ def connect(run_dir: Path, role: str, timeout: float = 30.0) -> tuple[socket.soc
 
     Args:
         run_dir: of the world.
-        role: ``servo``, ``camera``, ``clock`` or ``referee``.
+        role: ``servo``, ``camera``, ``clock``, ``hand`` or ``referee``.
         timeout: for the connection, and then for every answer [s, wall].
 
     Returns:
