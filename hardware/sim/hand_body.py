@@ -2,7 +2,8 @@
 
 The hand hangs on position servos of limited force, as soft and as strong as a person's: three slides, a turn about the
 vertical, and one slide for each of thumb and index finger. What a robot feels of it is ISO/TS 15066's: 0.6 kg behind a
-skin of 75 N/mm. The skin meets the robot, the fingertips' other surfaces meet pieces and board.
+spring of 75 N/mm. The robot meets a skin on that spring; pieces and board meet the fingers themselves. So a hand that
+is pressed on the board gives by its spring, and the force on it is the spring's.
 
 Frame of the hand: origin in the middle between the fingertips, x along the pinch from thumb to index finger, −y back
 along the forearm, z up.
@@ -16,27 +17,33 @@ from typing import Final
 import mujoco
 
 from hardware.sim.arm import TOOL_BITS
-from hardware.sim.contact import Contact, set_solver
 from hardware.sim.finger_world import MASS, STIFFNESS
 from hardware.sim.hand_motion import Pose
 from hardware.table import Colour
 
 NAME: Final = "hand"
 SENSOR: Final = "hand_force"
-"""Net force of the robot on the hand [N], world frame."""
+"""Net force of the robot on the skin [N], world frame; the spring's is what counts."""
+SPRINGS: Final = ("skin_x", "skin_y", "skin_z")
+"""Joints of the skin, and sensors of how far the spring is pressed in [m]."""
 JOINTS: Final = ("hand_x", "hand_y", "hand_z", "hand_yaw", "hand_thumb", "hand_index")
 """Each with an actuator of the same name, in this order, after the robot's."""
 
 TIP_RADIUS: Final = 0.006
 """Of a fingertip [m]: narrow ones, that pass between pieces on squares of 40 mm."""
 _TIP_HALF_WIDTH: Final = 0.005
+_FLESH_SEEN: Final = 0.001
+"""A finger looks so much thicker than it is where it presses on something [m]."""
 DISTAL: Final = 0.040
 """A finger's last two bones stand upright for so long [m]."""
 WIDEST_GAP: Final = 0.030
 
 FINGER_MASS: Final = 0.03
 """Of thumb or index finger alone [kg], assumed; part of ISO's 0.6 kg, which are what is felt at the fingertips."""
-_HAND_MASS: Final = MASS - 2.0 * FINGER_MASS
+SKIN_MASS: Final = 0.08
+"""Of the skin on its spring [kg], part of the 0.6 kg. √(75 N/mm / 0.08 kg) times a tick of 0.88 ms is 0.85, well below
+the 2 at which a spring that is stepped through time would no longer be one."""
+_HAND_MASS: Final = MASS - 2.0 * FINGER_MASS - SKIN_MASS
 _TURNING_INERTIA: Final = 0.004
 """Of hand and forearm about the fingertips' vertical axis [kg m²], assumed."""
 
@@ -55,9 +62,12 @@ _FLESH_FRICTION: Final = (0.8, 0.002, 0.0001)
 _FLESH_SOLREF: Final = (0.004, 1.0)
 _FLESH_SOLIMP: Final = (0.97, 0.99, 0.0003, 0.5, 2.0)
 """As the robot's pads: what gives in a pinch are the fingers' servos."""
-SKIN: Final = Contact(stiffness=STIFFNESS, mass=0.35, damping_ratio=0.03, followed=0.05)
-"""Towards the robot. ``mass``: 0.6 kg against the 0.86 kg of flange and gripper."""
-_SKIN_LIGHTER: Final = 0.35
+_SKIN_DAMPING: Final = 15.0
+"""Of that spring [N s/m]; a tenth of what would keep the skin from swinging, and little against 75 N/mm in an impact."""
+_SKIN_SOLREF: Final = (0.002, 1.0)
+_SKIN_SOLIMP: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+"""A hard surface: what gives is the spring; as in ``finger_world``."""
+GRAVITY: Final = 9.81
 
 SKIN_RGBA: Final = (0.86, 0.64, 0.52, 1.0)
 SLEEVE_RGBA: Final = (0.17, 0.25, 0.42, 1.0)
@@ -85,7 +95,7 @@ def finger_bones(side: int) -> tuple[Bone, Bone]:
     """Upright end and slanting root of thumb (−1) or index finger (1), with its inner side at x = 0."""
     x = side * TIP_RADIUS
     root = (side * KNUCKLE[0], KNUCKLE[1], KNUCKLE[2])
-    return ((x, 0.0, 0.0), (x, 0.0, DISTAL), TIP_RADIUS), ((x, 0.0, DISTAL), root, 0.0075)
+    return ((x, 0.0, 0.0), (x, 0.0, DISTAL), TIP_RADIUS), ((x, 0.0, DISTAL), root, 0.0080)
 
 
 def _bone(body: mujoco.MjsBody, bone: Bone, **options: object) -> mujoco.MjsGeom:
@@ -95,14 +105,26 @@ def _bone(body: mujoco.MjsBody, bone: Bone, **options: object) -> mujoco.MjsGeom
     )
 
 
-def _add_skin(body: mujoco.MjsBody, name: str, bone: Bone) -> None:
-    """What the robot meets."""
-    skin = _bone(
-        body, bone, name=name, contype=0, conaffinity=TOOL_BITS, friction=[0.5, 0.005, 0.0001], group=3,
-        rgba=[0, 0, 0, 0],
-    )  # fmt: skip
-    set_solver(skin, SKIN.solver(_SKIN_LIGHTER))
-    skin.priority = 2  # over the pads'
+def _add_skin(hand: mujoco.MjsBody) -> None:
+    """What the robot meets, on its spring."""
+    skin = hand.add_body(name="hand_skin")
+    skin.mass, skin.explicitinertial = SKIN_MASS, True
+    skin.ipos, skin.inertia = [0.0, 0.0, 0.0], [2e-4] * 3
+    for name, axis in zip(SPRINGS, ([1, 0, 0], [0, 1, 0], [0, 0, 1]), strict=True):
+        skin.add_joint(
+            name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, stiffness=STIFFNESS, damping=_SKIN_DAMPING
+        )
+    fingers = [_shifted(bone, side * TIP_RADIUS) for side in (-1, 1) for bone in finger_bones(side)]
+    for bone in (*fingers, PALM, FOREARM):
+        _bone(
+            skin, bone, contype=0, conaffinity=TOOL_BITS, friction=[0.5, 0.005, 0.0001], group=3, rgba=[0, 0, 0, 0],
+            priority=2, solref=list(_SKIN_SOLREF), solimp=list(_SKIN_SOLIMP),
+        )  # fmt: skip
+
+
+def _shifted(bone: Bone, aside: float) -> Bone:
+    (a, b, c), (d, e, f), radius = bone
+    return (a + aside, b, c), (d, e, f), radius
 
 
 def _add_flesh(finger: mujoco.MjsBody, name: str, side: int) -> None:
@@ -163,9 +185,9 @@ def _add_finger(hand: mujoco.MjsBody, name: str, side: int) -> None:
     finger.add_joint(
         name=f"hand_{name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[side, 0, 0], limited=True, range=[0.0, WIDEST_GAP]
     )
-    for part, bone in zip(("end", "root"), finger_bones(side), strict=True):
-        _add_skin(finger, f"hand_{name}_{part}_skin", bone)
-        _add_look(finger, bone)
+    for bone in finger_bones(side):
+        start, end, radius = bone
+        _add_look(finger, (start, end, radius + _FLESH_SEEN))
     _add_flesh(finger, f"hand_{name}", side)
 
 
@@ -203,17 +225,27 @@ def add_hand(spec: mujoco.MjSpec, side: Colour) -> None:
     for name, axis, start in slides:
         hand.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, ref=start)
     hand.add_joint(name=JOINTS[3], type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1], ref=math.degrees(yaw))
-    _add_skin(hand, "hand_palm_skin", PALM)
-    _add_skin(hand, "hand_forearm_skin", FOREARM)
+    _add_skin(hand)
     _add_looks(hand)
     _add_finger(hand, "thumb", -1)
     _add_finger(hand, "index", 1)
-    spec.add_exclude(bodyname1="hand_thumb", bodyname2="hand_index")
+    for finger in ("hand_thumb", "hand_index"):
+        spec.add_exclude(bodyname1=finger, bodyname2="hand_skin")
     strengths = (STRENGTH, STRENGTH, STRENGTH, _TURNING_STRENGTH, _PINCH_STRENGTH, _PINCH_STRENGTH)
     for joint, (stiffness, mass), strength in zip(JOINTS, servo_constants(), strengths, strict=True):
-        _add_servo(spec, joint, stiffness, mass, strength, MASS * 9.81 if joint == "hand_z" else 0.0)
+        _add_servo(spec, joint, stiffness, mass, strength, MASS * GRAVITY if joint == "hand_z" else 0.0)
     net_force = 3
     spec.add_sensor(
-        name=SENSOR, type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_XBODY, objname=NAME,
+        name=SENSOR, type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_BODY, objname="hand_skin",
         reftype=mujoco.mjtObj.mjOBJ_XBODY, refname="base", intprm=[2, net_force, 1],
     )  # fmt: skip
+    for name in SPRINGS:
+        spec.add_sensor(
+            name=name, type=mujoco.mjtSensor.mjSENS_JOINTPOS, objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=name
+        )
+
+
+def felt_force(skin: tuple[float, float, float]) -> float:
+    """What the hand feels [N], from how far its spring is pressed in along x, y and z [m], without the skin's weight."""
+    x, y, z = skin
+    return STIFFNESS * math.hypot(x, y, z + SKIN_MASS * GRAVITY / STIFFNESS)

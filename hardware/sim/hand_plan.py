@@ -38,6 +38,7 @@ _STAGE: Final = 0.085
 """A detour begins or ends so far from where a piece stands [m] …"""
 _STAGINGS: Final = 8
 """… in one of so many directions."""
+_LONGEST_RETREAT: Final = 0.35
 _SHOULDER: Final = (0.22, -0.75)
 """Of a player who sits at −y, from the board's middle [m]: a right arm."""
 _TURNS: Final = tuple(math.radians(7.5 * i) for i in range(-10, 11))
@@ -169,7 +170,7 @@ class Person:
         """Where the fingertips come out in front of the board if the hand is drawn back along the forearm."""
         back = math.sin(pose.yaw), -math.cos(pose.yaw)
         needed = (self.front * _COME_OUT - pose.y) / back[1] if abs(back[1]) > 0.1 else 0.0
-        length = min(max(0.0, needed), 0.6)
+        length = min(max(0.0, needed), _LONGEST_RETREAT)
         return pose._replace(x=pose.x + length * back[0], y=pose.y + length * back[1])
 
     def _way(

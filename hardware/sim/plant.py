@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters
 from hardware.sim.hand_body import SENSOR as HAND_SENSOR
+from hardware.sim.hand_body import SPRINGS, felt_force
 from hardware.sim.snapshot import Snapshot
 from hardware.sim.truth import PiecePose, Truth
 
@@ -91,7 +92,7 @@ class Plant:
         self._switches = self._latched = 0
         self._resting = 0
         self._right, self._left = self._pads()
-        self._peak_squared = self._hand_squared = 0.0
+        self._peak_squared = self._peak_hand = 0.0
         self._counts = self._read_encoders()
         self._speeds: Triple = (0.0, 0.0, 0.0)
         self._switch(enabled=False, brake=True)
@@ -121,7 +122,8 @@ class Plant:
         contacts = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_CONTACT)
         names = {int(i): model.sensor(int(i)).name for i in contacts}
         self._forces = tuple(int(model.sensor_adr[i]) for i, name in names.items() if name != HAND_SENSOR)
-        self._hand = tuple(int(model.sensor_adr[i]) for i, name in names.items() if name == HAND_SENSOR)
+        self._touched = [int(model.sensor_adr[i]) for i, name in names.items() if name == HAND_SENSOR]
+        self._skin = [int(model.sensor(name).adr[0]) for name in SPRINGS] if self._touched else []
         self._piece_q = {name: int(model.joint(name).qposadr[0]) for name in pieces}
         self._rest_scale = np.ones(model.nv)
         for name in pieces:
@@ -241,8 +243,10 @@ class Plant:
             squared = x * x + y * y + z * z
             if squared > self._peak_squared:  # noqa: PLR1730  # a call of max costs as much as all of this line
                 self._peak_squared = squared
-        for i in self._hand:  # none in a world without one
-            self._hand_squared = max(self._hand_squared, s[i] ** 2 + s[i + 1] ** 2 + s[i + 2] ** 2)
+        for i in self._touched:  # none in a world without a hand
+            if s[i] or s[i + 1] or s[i + 2]:
+                x, y, z = (s[j] for j in self._skin)
+                self._peak_hand = max(self._peak_hand, felt_force((x, y, z)))
 
     def _watch_rest(self, fastest: float) -> None:
         if fastest > 20.0 * REST_SPEED:  # cheap and usual: the arm is under way
@@ -268,9 +272,9 @@ class Plant:
 
     def truth(self, reset_peak: bool) -> Truth:
         """Everything the referee may know; optionally start new peaks of the contact forces."""
-        peak, hand = math.sqrt(self._peak_squared), math.sqrt(self._hand_squared)
+        peak, hand = math.sqrt(self._peak_squared), self._peak_hand
         if reset_peak:
-            self._peak_squared = self._hand_squared = 0.0
+            self._peak_squared = self._peak_hand = 0.0
         poses = tuple(self._pose(name, start) for name, start in self._piece_q.items())
         return Truth(self.tick, poses, peak, self.closure_gap(), self.arm_speed(), self.digest(), self._tool(), hand)
 

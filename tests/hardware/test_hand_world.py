@@ -131,9 +131,7 @@ def test_time_goes_on_for_the_hand_alone_and_stands_for_a_controller_that_waits(
         ({"actions": [{"do": "put", "at": [0.1, 0.0]}]}, "the hand holds nothing to put down"),
     ],
 )  # fmt: skip
-def test_a_bad_request_is_answered_by_a_sentence(
-    shared: WorldProcess, request_: dict[str, object], said: str
-) -> None:
+def test_a_bad_request_is_answered_by_a_sentence(shared: WorldProcess, request_: dict[str, object], said: str) -> None:
     link, _ = wire.connect(shared.run_dir, "hand")
     with closing(link), pytest.raises(HardwareError, match=said):
         wire.ask(link, request_)
