@@ -1,6 +1,6 @@
-"""Draws docs/pictures/hand.jpg: a person's hand takes a piece and rests in the arm's way, as the board's camera sees it.
+"""Draws hand.jpg: a person's hand puts a piece down and rests in the arm's way, as the board's camera sees it.
 
-Run it in the repository: ``MUJOCO_GL=egl .venv/bin/python -P docs/pictures/hand.py`` (with ``PYTHONPATH=.``).
+Run from the top of the repository: PYTHONPATH=. MUJOCO_GL=egl python docs/pictures/hand.py
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ _FLESH_SOLREF: Final = (0.004, 1.0)
 _FLESH_SOLIMP: Final = (0.97, 0.99, 0.0003, 0.5, 2.0)
 """As the robot's pads: what gives in a pinch are the fingers' servos."""
 _SKIN_DAMPING: Final = 15.0
-"""Of that spring [N s/m]; a tenth of what would keep the skin from swinging, and little against 75 N/mm in an impact."""
+"""Of that spring [N s/m]; a tenth of what would keep the skin from swinging."""
 _SKIN_SOLREF: Final = (0.002, 1.0)
 _SKIN_SOLIMP: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """A hard surface: what gives is the spring; as in ``finger_world``."""
@@ -246,6 +246,6 @@ def add_hand(spec: mujoco.MjSpec, side: Colour) -> None:
 
 
 def felt_force(skin: tuple[float, float, float]) -> float:
-    """What the hand feels [N], from how far its spring is pressed in along x, y and z [m], without the skin's weight."""
+    """What the hand feels [N] where its spring is pressed in so far along x, y and z [m]; less the skin's weight."""
     x, y, z = skin
     return STIFFNESS * math.hypot(x, y, z + SKIN_MASS * GRAVITY / STIFFNESS)

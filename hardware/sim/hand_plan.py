@@ -26,6 +26,7 @@ CLEARANCE: Final = 0.010
 LEAST_LIFT: Final = 0.012
 _GRASP_LENGTH: Final = 0.016
 """So much of a stem is between the fingertips [m]."""
+_GAP_AT_EASE: Final = 0.004
 _DOWN_SPEED: Final = 0.22
 """Highest, down to a piece or with a piece down to the board [m/s]."""
 _PRESS: Final = 0.0015
@@ -231,10 +232,13 @@ class Person:
         sketch = self._clearest(sight, start, (out, *low), end, TIP_RADIUS, 0.036)
         return sketch.to(z=home.z, gap=home.gap, overlap=0.5).done()
 
-    def over(self, sight: Sight, start: Pose, x: float, y: float, z: float) -> Sketch:
-        """To a point in the air; the fingertips end at a height above the board [m]."""
+    def over(self, sight: Sight, start: Pose, x: float, y: float, z: float, held: Held | None = None) -> Sketch:
+        """To a point in the air, fingertips at a height above the board [m]; nearly closed if they hold nothing."""
         yaw = self.choose_hold(Sight((), sight.tool), x, y, z, z, 0.0).yaw
-        sketch = self.go(sight, start, x, y, yaw, TIP_RADIUS, 0.036).to(gap=0.004, overlap=1.0)
+        if held is not None:
+            sketch = self.go(sight.without(held.name), start, x, y, yaw, held.below, 0.026 + held.shape.foot_radius)
+        else:
+            sketch = self.go(sight, start, x, y, yaw, TIP_RADIUS, 0.036).to(gap=_GAP_AT_EASE, overlap=1.0)
         return sketch.to(z=z, overlap=0.15, speed=_DOWN_SPEED)
 
 

@@ -113,7 +113,8 @@ class Routines:
             case Knock():
                 yield from self._knock(action)
             case Hover():
-                sketch = self._person.over(self._view.look(), self._view.pose(), *action.at, action.height)
+                x, y = action.at
+                sketch = self._person.over(self._view.look(), self._view.pose(), x, y, action.height, self.held)
                 yield sketch.wait(action.duration).done()
             case Hesitate():
                 yield self._hesitate(action)
@@ -161,13 +162,22 @@ class Routines:
     def _put(self, at: Point) -> Iterator[Program]:
         if self.held is None:
             raise HandFailed("the hand holds nothing to put down: take a piece first")
-        held, sight = self.held, self._view.look()
+        sight = self._view.look()
+        held = self._still_held(sight, self.held)
         self._check_free(sight, held, at)
         x, y = np.add(at, self._slip()).tolist()
         turn = float(self._rng.uniform(-1.0, 1.0)) * self._settings.turning
         yaw = self._person.natural_yaw(x, y) + turn
         yield self._person.place(sight, self._view.pose(), held, x, y, yaw)
         yield from self._release()
+
+    def _still_held(self, sight: Sight, before: Held) -> Held:
+        """How it is held by now, after whatever happened on the way."""
+        self.held = held_now(sight.find(before.name), self._view.pose())
+        if math.hypot(*self.held.forward) > NEAR or abs(self.held.below - before.below) > NEAR:
+            self.held = None
+            raise HandFailed("the piece fell out of the hand on its way: look where it lies")
+        return self.held
 
     def _release(self) -> Iterator[Program]:
         assert self.held is not None
@@ -223,14 +233,17 @@ class Routines:
     def _hesitate(self, action: Hesitate) -> Program:
         x, y = action.at
         sight = self._view.look()
-        low = sight.highest((x, y), width=0.04) + TIP_RADIUS + 0.012
-        sketch = self._person.over(sight, self._view.pose(), x, y, low)
+        below = TIP_RADIUS if self.held is None else self.held.below
+        low = sight.highest((x, y), width=0.04) + below + 0.012
+        sketch = self._person.over(sight, self._view.pose(), x, y, low, self.held)
         pose = sketch.pose
         back = math.sin(pose.yaw), -math.cos(pose.yaw)
         sketch.wait(0.3 * action.duration).to(x=x + 0.07 * back[0], y=y + 0.07 * back[1], z=low + 0.03)
         return sketch.wait(0.3 * action.duration).to(x=x, y=y, z=low + 0.01).wait(0.4 * action.duration).done()
 
     def _rest(self, action: Rest) -> Iterator[Program]:
+        if self.held is not None:
+            raise HandFailed("the hand holds a piece: put it down before the hand rests")
         x, y = action.at
         sketch = self._person.over(self._view.look(), self._view.pose(), x, y, 0.03)
         sketch.to(z=TIP_RADIUS - 0.003, speed=0.15).wait(action.duration)
