@@ -103,7 +103,15 @@ class Person:
     # how to hold
 
     def choose_hold(
-        self, sight: Sight, x: float, y: float, z: float, lifted: float, radius: float, around: float | None = None
+        self,
+        sight: Sight,
+        x: float,
+        y: float,
+        z: float,
+        lifted: float,
+        radius: float,
+        around: float | None = None,
+        then: tuple[float, float] | None = None,
     ) -> Hold:
         """The turn of the hand that leaves room for neighbours and for the robot.
 
@@ -115,13 +123,16 @@ class Person:
             lifted: and when they come from above, or lift it [m].
             radius: of the stem [m].
             around: turn that would be best otherwise [rad].
+            then: where the fingertips go from there, at the same height [m].
         """
+        further = then or (x, y)
         best = self.natural_yaw(x, y) if around is None else around
 
         def cost(yaw: float) -> float:
             half = radius + OPEN + TIP_RADIUS
             room = sight.pinch_room(x, y, yaw, z, half)
-            arm = sight.arm_room(Pose(x, y, z, yaw, radius + OPEN), Pose(x, y, lifted, yaw, radius + OPEN))
+            first = Pose(x, y, z, yaw, radius + OPEN)
+            arm = sight.arm_room(first, first._replace(z=lifted), first._replace(x=further[0], y=further[1]))
             lacking = max(0.0, 1.0 - room / _ENOUGH_ROOM) + max(0.0, 1.0 - arm / _ENOUGH_ARM_ROOM)
             return 10.0 * lacking + abs(yaw - best)
 
@@ -232,9 +243,18 @@ class Person:
         sketch = self._clearest(sight, start, (out, *low), end, TIP_RADIUS, 0.036)
         return sketch.to(z=home.z, gap=home.gap, overlap=0.5).done()
 
-    def over(self, sight: Sight, start: Pose, x: float, y: float, z: float, held: Held | None = None) -> Sketch:
+    def over(
+        self,
+        sight: Sight,
+        start: Pose,
+        x: float,
+        y: float,
+        z: float,
+        held: Held | None = None,
+        then: tuple[float, float] | None = None,
+    ) -> Sketch:
         """To a point in the air, fingertips at a height above the board [m]; nearly closed if they hold nothing."""
-        yaw = self.choose_hold(Sight((), sight.tool), x, y, z, z, 0.0).yaw
+        yaw = self.choose_hold(Sight((), sight.tool), x, y, z, z, 0.0, then=then).yaw
         if held is not None:
             sketch = self.go(sight.without(held.name), start, x, y, yaw, held.below, 0.026 + held.shape.foot_radius)
         else:

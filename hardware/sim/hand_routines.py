@@ -41,6 +41,7 @@ _SWEEP: Final = 0.030
 """A knock begins so far before the piece and goes on so far behind it [m]."""
 _SWEEP_SPEED: Final = 0.45
 _SLIDE_SPEED: Final = 0.25
+_SETTLING_SPEED: Final = 0.08
 _GAP_CLOSED: Final = 0.0005
 
 
@@ -222,10 +223,10 @@ class Routines:
         piece, sight = self._standing_piece(action.at), self._view.look()
         dx, dy = math.cos(action.direction), math.sin(action.direction)
         before = piece.shape.stem_radius + TIP_RADIUS + _SWEEP
-        x, y, z = piece.x - before * dx, piece.y - before * dy, piece.z + piece.shape.height - 0.010
-        sketch = self._person.over(sight, self._view.pose(), x, y, z)
-        sketch.to(gap=_GAP_CLOSED)
-        sketch.to(x=piece.x + _SWEEP * dx, y=piece.y + _SWEEP * dy, speed=_SWEEP_SPEED)
+        x, y, z = piece.x - before * dx, piece.y - before * dy, piece.z + piece.shape.height - 0.001
+        end = piece.x + _SWEEP * dx, piece.y + _SWEEP * dy
+        sketch = self._person.over(sight, self._view.pose(), x, y, z, then=end)
+        sketch.to(gap=_GAP_CLOSED).to(x=end[0], y=end[1], speed=_SWEEP_SPEED)
         yield sketch.to(z=0.10, overlap=0.1).done()
 
     # being in the way
@@ -246,7 +247,7 @@ class Routines:
             raise HandFailed("the hand holds a piece: put it down before the hand rests")
         x, y = action.at
         sketch = self._person.over(self._view.look(), self._view.pose(), x, y, 0.03)
-        sketch.to(z=TIP_RADIUS - 0.003, speed=0.15).wait(action.duration)
+        sketch.to(z=TIP_RADIUS - 0.003, speed=_SETTLING_SPEED).wait(action.duration)
         yield sketch.to(z=0.03, speed=0.15).done()
 
     def _withdraw(self) -> Iterator[Program]:
