@@ -132,9 +132,10 @@ class Person:
             half = radius + OPEN + TIP_RADIUS
             room = sight.pinch_room(x, y, yaw, z, half)
             first = Pose(x, y, z, yaw, radius + OPEN)
-            arm = sight.arm_room(first, first._replace(z=lifted), first._replace(x=further[0], y=further[1]))
-            lacking = max(0.0, 1.0 - room / _ENOUGH_ROOM) + max(0.0, 1.0 - arm / _ENOUGH_ARM_ROOM)
-            return 10.0 * lacking + abs(yaw - best)
+            low = sight.arm_room(first, first._replace(x=further[0], y=further[1]))
+            high = sight.arm_room(first._replace(z=lifted))  # there are other ways than straight from above
+            lacking = max(0.0, 1.0 - room / _ENOUGH_ROOM) + max(0.0, 1.0 - low / _ENOUGH_ARM_ROOM)
+            return 10.0 * lacking + 3.0 * max(0.0, 1.0 - high / _ENOUGH_ARM_ROOM) + abs(yaw - best)
 
         base = 0.0 if self.side is Colour.WHITE else math.pi
         turns = [base + turn for turn in _TURNS]
@@ -204,7 +205,8 @@ class Person:
         """To a standing piece, down around it and close the fingers."""
         shape, others = piece.shape, sight.without(piece.name)
         z = piece.z + grip_height(shape)
-        lifted = max(z, piece.top + TIP_RADIUS + CLEARANCE)
+        way = (start.x, start.y), (piece.x, piece.y)
+        lifted = max(piece.top, others.highest(*way, width=0.036)) + TIP_RADIUS + CLEARANCE
         hold = self.choose_hold(others, piece.x, piece.y, z, lifted, shape.stem_radius)
         sketch = self.go(sight, start, piece.x, piece.y, hold.yaw, TIP_RADIUS, 0.036)
         sketch.to(gap=hold.gap, overlap=1.0)
@@ -216,9 +218,11 @@ class Person:
         """Carry what is held to a point, turned somewhat, and set it down; the fingers stay closed."""
         others, shape = sight.without(held.name), held.shape
         z = held.below
-        turned = self.choose_hold(others, x, y, z, z + 0.03, shape.stem_radius, around=yaw).yaw
+        wide = 0.026 + shape.foot_radius
+        lifted = z + max(others.highest((start.x, start.y), (x, y), width=wide) + CLEARANCE, LEAST_LIFT)
+        turned = self.choose_hold(others, x, y, z, lifted, shape.stem_radius, around=yaw).yaw
         to_x, to_y = _tips_for(x, y, turned, held.forward)
-        sketch = self.go(others, start, to_x, to_y, turned, held.below, 0.026 + shape.foot_radius)
+        sketch = self.go(others, start, to_x, to_y, turned, held.below, wide)
         sketch.to(z=z - _PRESS, overlap=0.15, speed=_DOWN_SPEED).wait(0.05)
         return sketch.done()
 

@@ -69,9 +69,13 @@ class SeenPiece:
         return self.z + max(0.0, self.axis[2]) * self.shape.height + 2.0 * self.shape.foot_radius * math.sin(self.tilt)
 
     def distance(self, x: float, y: float) -> float:
-        """Of its foot from a point [m]; a fallen piece is where its middle lies."""
-        along = 0.0 if self.standing else 0.5 * self.shape.height
-        return math.hypot(self.x + along * self.axis[0] - x, self.y + along * self.axis[1] - y)
+        """Of its foot from a point [m]; of all that lies on the board from it if it has fallen."""
+        dx, dy = x - self.x, y - self.y
+        if self.standing:
+            return math.hypot(dx, dy)
+        i, j, _ = self.axis
+        along = min(self.shape.height, max(0.0, dx * i + dy * j))
+        return math.hypot(dx - along * i, dy - along * j)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
