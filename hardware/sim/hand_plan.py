@@ -6,6 +6,7 @@ Pure functions. A person looks where neighbours and the robot are, and comes fro
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -35,6 +36,9 @@ _ENOUGH_ROOM: Final = 0.004
 _ENOUGH_ARM_ROOM: Final = 0.012
 _COME_OUT: Final = 0.30
 """Where a hand goes around the board: so far from its middle, on the player's side [m]."""
+_MOST_HOLDS: Final = 4
+_DIFFERENT: Final = 0.4
+"""Between two holds that are tried [rad]."""
 _STAGE: Final = 0.085
 """A detour begins or ends so far from where a piece stands [m] …"""
 _STAGINGS: Final = 8
@@ -102,7 +106,7 @@ class Person:
 
     # how to hold
 
-    def choose_hold(
+    def holds(
         self,
         sight: Sight,
         x: float,
@@ -112,8 +116,8 @@ class Person:
         radius: float,
         around: float | None = None,
         then: tuple[float, float] | None = None,
-    ) -> Hold:
-        """The turn of the hand that leaves room for neighbours and for the robot.
+    ) -> list[Hold]:
+        """Turns of the hand that leave room for neighbours and for the robot, quite different ones, best first.
 
         Args:
             sight: without the piece that is held.
@@ -139,35 +143,53 @@ class Person:
 
         base = 0.0 if self.side is Colour.WHITE else math.pi
         turns = [base + turn for turn in _TURNS]
-        yaw = min([best, *turns], key=cost)
-        room = sight.pinch_room(x, y, yaw, z, radius + OPEN + TIP_RADIUS)
-        narrower = min(0.0025, max(0.0, _ENOUGH_ROOM / 2.0 - room))
-        return Hold(yaw, radius + OPEN - narrower)
+        found: list[Hold] = []
+        for yaw in sorted([best, *turns], key=cost):
+            if len(found) < _MOST_HOLDS and all(abs(yaw - hold.yaw) > _DIFFERENT for hold in found):
+                room = sight.pinch_room(x, y, yaw, z, radius + OPEN + TIP_RADIUS)
+                found.append(Hold(yaw, radius + OPEN - min(0.0025, max(0.0, _ENOUGH_ROOM / 2.0 - room))))
+        return found
 
     # ways
 
-    def go(self, sight: Sight, start: Pose, x: float, y: float, yaw: float, below: float, wide: float) -> Sketch:
+    def go(
+        self,
+        sight: Sight,
+        start: Pose,
+        holds: list[Hold],
+        tips: Callable[[Hold], tuple[float, float]],
+        below: float,
+        wide: float,
+    ) -> tuple[Sketch, Hold]:
         """Up, over to a point, and no further down: the program's last pose is where the way down begins.
 
-        Of two ways, straight and around the front of the board, it takes the one that keeps clear of the robot.
+        Of several ways and holds it takes the first that keeps clear of the robot, else the one that does so best.
 
         Args:
             sight: without what is held.
             start: of the fingertips.
-            x: to go to [m].
-            y: likewise.
-            yaw: turn of the hand there [rad].
+            holds: at the end, best first.
+            tips: where the fingertips shall be for a hold, x and y [m].
             below: lowest point of what is carried, or of the fingertips, under the fingertips' ends [m].
             wide: from the way to the middle of a piece that could be touched [m].
         """
-        end = Pose(x, y, 0.0, yaw, start.gap)
-        around = (self._way_out(start), self._way_out(end))
-        return self._clearest(sight, start, (around, *_stagings(start, end)), end, below, wide)
+        best, most = None, -math.inf
+        for hold in holds:
+            x, y = tips(hold)
+            end = Pose(x, y, 0.0, hold.yaw, start.gap)
+            around = (self._way_out(start), self._way_out(end))
+            way, room = self._clearest(sight, start, (around, *_stagings(start, end)), end, below, wide)
+            if best is None or room > most:
+                best, most = (way, hold), room
+            if room > _ENOUGH_ARM_ROOM:
+                break
+        assert best is not None
+        return best
 
     def _clearest(
         self, sight: Sight, start: Pose, detours: tuple[tuple[Pose, ...], ...], end: Pose, below: float, wide: float
-    ) -> Sketch:
-        """Straight, or over some corners if only that keeps clear of the robot."""
+    ) -> tuple[Sketch, float]:
+        """Straight, or over some corners if only that keeps clear of the robot; and how clear it keeps [m]."""
         best, most = None, -math.inf
         for between in ((), *detours):
             way = self._way(sight, start, between, end, below, wide)
@@ -177,7 +199,7 @@ class Person:
             if room > _ENOUGH_ARM_ROOM:
                 break
         assert best is not None
-        return best
+        return best, most
 
     def _way_out(self, pose: Pose) -> Pose:
         """Where the fingertips come out in front of the board if the hand is drawn back along the forearm."""
@@ -207,8 +229,8 @@ class Person:
         z = piece.z + grip_height(shape)
         way = (start.x, start.y), (piece.x, piece.y)
         lifted = max(piece.top, others.highest(*way, width=0.036)) + TIP_RADIUS + CLEARANCE
-        hold = self.choose_hold(others, piece.x, piece.y, z, lifted, shape.stem_radius)
-        sketch = self.go(sight, start, piece.x, piece.y, hold.yaw, TIP_RADIUS, 0.036)
+        holds = self.holds(others, piece.x, piece.y, z, lifted, shape.stem_radius)
+        sketch, hold = self.go(sight, start, holds, lambda _: (piece.x, piece.y), TIP_RADIUS, 0.036)
         sketch.to(gap=hold.gap, overlap=1.0)
         sketch.to(z=z, overlap=0.15, speed=_DOWN_SPEED).wait(0.04)
         sketch.to(gap=shape.stem_radius - SQUEEZE).wait(0.06)
@@ -220,9 +242,10 @@ class Person:
         z = held.below
         wide = 0.026 + shape.foot_radius
         lifted = z + max(others.highest((start.x, start.y), (x, y), width=wide) + CLEARANCE, LEAST_LIFT)
-        turned = self.choose_hold(others, x, y, z, lifted, shape.stem_radius, around=yaw).yaw
-        to_x, to_y = _tips_for(x, y, turned, held.forward)
-        sketch = self.go(others, start, to_x, to_y, turned, held.below, wide)
+        holds = self.holds(others, x, y, z, lifted, shape.stem_radius, around=yaw)
+        sketch, _ = self.go(
+            others, start, holds, lambda hold: _tips_for(x, y, hold.yaw, held.forward), held.below, wide
+        )
         sketch.to(z=z - _PRESS, overlap=0.15, speed=_DOWN_SPEED).wait(0.05)
         return sketch.done()
 
@@ -244,7 +267,7 @@ class Person:
         end = home._replace(gap=start.gap)
         out = (self._way_out(start),)
         low = tuple((near, self._way_out(near)) for near in _around(start, start.yaw))
-        sketch = self._clearest(sight, start, (out, *low), end, TIP_RADIUS, 0.036)
+        sketch, _ = self._clearest(sight, start, (out, *low), end, TIP_RADIUS, 0.036)
         return sketch.to(z=home.z, gap=home.gap, overlap=0.5).done()
 
     def over(
@@ -258,11 +281,13 @@ class Person:
         then: tuple[float, float] | None = None,
     ) -> Sketch:
         """To a point in the air, fingertips at a height above the board [m]; nearly closed if they hold nothing."""
-        yaw = self.choose_hold(Sight((), sight.tool), x, y, z, z, 0.0, then=then).yaw
-        if held is not None:
-            sketch = self.go(sight.without(held.name), start, x, y, yaw, held.below, 0.026 + held.shape.foot_radius)
+        holds = self.holds(Sight((), sight.tool), x, y, z, z, 0.0, then=then)
+        if held is None:
+            sketch, _ = self.go(sight, start, holds, lambda _: (x, y), TIP_RADIUS, 0.036)
+            sketch.to(gap=_GAP_AT_EASE, overlap=1.0)
         else:
-            sketch = self.go(sight, start, x, y, yaw, TIP_RADIUS, 0.036).to(gap=_GAP_AT_EASE, overlap=1.0)
+            wide, others = 0.026 + held.shape.foot_radius, sight.without(held.name)
+            sketch, _ = self.go(others, start, holds, lambda _: (x, y), held.below, wide)
         return sketch.to(z=z, overlap=0.15, speed=_DOWN_SPEED)
 
 

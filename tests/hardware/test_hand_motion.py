@@ -83,7 +83,7 @@ def test_on_a_full_board_every_piece_can_be_held_between_its_neighbours(side: Co
     radius, z = PIECE_SHAPES[kind].stem_radius, grip_height(PIECE_SHAPES[kind])
     for one in everything.pieces:
         others = everything.without(one.name)
-        hold = person.choose_hold(others, one.x, one.y, z, 0.1, radius)
+        hold = person.holds(others, one.x, one.y, z, 0.1, radius)[0]
         assert others.pinch_room(one.x, one.y, hold.yaw, z, hold.gap + 0.006) > 0.002
         assert hold.gap >= radius + 0.003
         base = 0.0 if side is Colour.WHITE else math.pi
