@@ -29,8 +29,9 @@ from hardware.sim.hand_actions import (
 )
 from hardware.sim.hand_body import TIP_RADIUS, parked
 from hardware.sim.hand_motion import Pose, Program, Sketch
-from hardware.sim.hand_plan import LEAST_LIFT, Held, Person, held_now
+from hardware.sim.hand_plan import Held, Person, held_now
 from hardware.sim.hand_sight import SeenPiece, Sight
+from hardware.sim.hand_ways import LEAST_LIFT
 from hardware.sim.scene import deck_half_size
 from hardware.table import TableSettings
 
