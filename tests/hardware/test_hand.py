@@ -144,7 +144,7 @@ def check_moves(side: Colour, seed: int, count: int) -> None:
 
 @pytest.mark.parametrize("side", list(Colour))
 def test_any_piece_is_taken_and_put_between_its_neighbours(side: Colour) -> None:
-    check_moves(side, seed=5, count=5)
+    check_moves(side, seed=5, count=3)
 
 
 @pytest.mark.slow
@@ -161,7 +161,7 @@ def test_each_kind_is_held_upright_and_does_not_slip(kind: Kind) -> None:
     held = table.pieces()["piece"]
     assert 0.009 < held.z < 0.014
     assert table.hand.holding
-    assert not table.do(Hover(at=(0.1, 0.1), height=0.12, duration=1.0))
+    assert not table.do(Hover(at=(0.08, 0.05), height=0.12, duration=0.3))
     assert not table.do(Put(at=xy("f6")))
     assert not table.hand.holding
     put = table.pieces()["piece"]
@@ -285,7 +285,7 @@ def test_the_same_seed_gives_the_same_state_and_another_one_another() -> None:
     def final(seed: int) -> str:
         table = Table(FEW, seed=seed)
         table.step(50)
-        assert not table.do(Move(start=xy("e2"), to=xy("e4")), Withdraw())
+        assert not table.do(Move(start=xy("e2"), to=xy("e4")))
         return table.plant.digest()
 
     assert final(3) == final(3)
