@@ -12,7 +12,7 @@ from typing import Final
 from hardware.sim.hand_body import TIP_RADIUS
 from hardware.sim.hand_motion import Pose, Program, Sketch
 from hardware.sim.hand_sight import SeenPiece, Sight
-from hardware.sim.hand_ways import CLEARANCE, ENOUGH_ARM_ROOM, LEAST_LIFT, Hold, Traveller, around
+from hardware.sim.hand_ways import CLEARANCE, EMPTY_WIDTH, ENOUGH_ARM_ROOM, LEAST_LIFT, Hold, Traveller
 from hardware.table import Colour, PieceShape
 
 SQUEEZE: Final = 0.0035
@@ -122,9 +122,9 @@ class Person(Traveller):
         shape, others = piece.shape, sight.without(piece.name)
         z = piece.z + grip_height(shape)
         way = (start.x, start.y), (piece.x, piece.y)
-        lifted = max(piece.top, others.highest(*way, width=0.036)) + TIP_RADIUS + CLEARANCE
+        lifted = max(piece.top, others.highest(*way, width=EMPTY_WIDTH)) + TIP_RADIUS + CLEARANCE
         holds = self.holds(others, piece.x, piece.y, z, lifted, shape.stem_radius)
-        sketch, hold = self.go(sight, start, holds, lambda _: (piece.x, piece.y), TIP_RADIUS, 0.036)
+        sketch, hold = self.go(sight, start, holds, lambda _: (piece.x, piece.y), TIP_RADIUS, EMPTY_WIDTH)
         sketch.to(gap=hold.gap, overlap=1.0)
         sketch.to(z=z, overlap=0.15, speed=_DOWN_SPEED).wait(0.04)
         sketch.to(gap=shape.stem_radius - SQUEEZE).wait(0.06)
@@ -159,9 +159,7 @@ class Person(Traveller):
     def home(self, sight: Sight, start: Pose, home: Pose) -> Program:
         """Up, back along the forearm, and away to where the hand is parked."""
         end = home._replace(gap=start.gap)
-        out = (self.way_out(start),)
-        low = tuple((near, self.way_out(near)) for near in around(start, start.yaw))
-        sketch, _ = self.clearest(sight, start, (out, *low), end, TIP_RADIUS, 0.036)
+        sketch = self.leave(sight, start, Hold(home.yaw, start.gap), end)
         return sketch.to(z=home.z, gap=home.gap, overlap=0.5).done()
 
     def over(
@@ -177,7 +175,7 @@ class Person(Traveller):
         """To a point in the air, fingertips at a height above the board [m]; nearly closed if they hold nothing."""
         holds = self.holds(Sight((), sight.tool), x, y, z, z, 0.0, then=then)
         if held is None:
-            sketch, _ = self.go(sight, start, holds, lambda _: (x, y), TIP_RADIUS, 0.036)
+            sketch, _ = self.go(sight, start, holds, lambda _: (x, y), TIP_RADIUS, EMPTY_WIDTH)
             sketch.to(gap=_GAP_AT_EASE, overlap=1.0)
         else:
             wide, others = 0.026 + held.shape.foot_radius, sight.without(held.name)

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.sim.hand_body import TIP_RADIUS
 from hardware.sim.hand_motion import Pose, Program, Sketch
 from hardware.sim.hand_sight import Sight
 from hardware.table import Colour
@@ -25,6 +26,8 @@ _STAGE: Final = 0.085
 _STAGINGS: Final = 8
 """… in one of so many directions."""
 _LONGEST_RETREAT: Final = 0.35
+EMPTY_WIDTH: Final = 0.036
+"""To each side of the way of empty fingers [m]."""
 CAREFUL: Final = 0.20
 """A hand that has to pass closer to the robot goes no faster than this [m/s]."""
 
@@ -75,35 +78,38 @@ class Traveller:
             below: lowest point of what is carried, or of the fingertips, under the fingertips' ends [m].
             wide: from the way to the middle of a piece that could be touched [m].
         """
-        best, most = None, -math.inf
+        ways: list[tuple[Hold, Pose, list[tuple[Pose, ...]]]] = []
         for hold in holds:
             x, y = tips(hold)
             end = Pose(x, y, 0.0, hold.yaw, start.gap)
             out = (self.way_out(start), self.way_out(end))
-            way, room = self.clearest(sight, start, (out, *_stagings(start, end)), end, below, wide)
-            if best is None or room > most:
-                best, most = (way, hold), room
-            if room > ENOUGH_ARM_ROOM:
-                break
-        assert best is not None
-        if most < ENOUGH_ARM_ROOM / 2.0 and self.speed > CAREFUL:
-            return replace(self, speed=CAREFUL).go(sight, start, holds, tips, below, wide)
-        return best
+            ways.append((hold, end, [(), out, *_stagings(start, end)]))
+        tried = [(hold, end, corners[i]) for i in range(len(ways[0][2])) for hold, end, corners in ways]
+        hold, sketch = self._first_clear(sight, start, tried, below, wide)
+        return sketch, hold
 
-    def clearest(
-        self, sight: Sight, start: Pose, detours: tuple[tuple[Pose, ...], ...], end: Pose, below: float, wide: float
-    ) -> tuple[Sketch, float]:
-        """Straight, or over some corners if only that keeps clear of the robot; and how clear it keeps [m]."""
-        best, most = None, -math.inf
-        for between in ((), *detours):
-            way = self._way(sight, start, between, end, below, wide)
-            room = sight.arm_room(*_samples(way.done()))
-            if best is None or room > most + 0.002:
-                best, most = way, room
+    def leave(self, sight: Sight, start: Pose, hold: Hold, end: Pose) -> Sketch:
+        """Likewise to a place in the air, with empty fingers."""
+        out = (self.way_out(start),)
+        low = [(near, self.way_out(near)) for near in around(start, start.yaw)]
+        tried = [(hold, end, corners) for corners in [(), out, *low]]
+        return self._first_clear(sight, start, tried, TIP_RADIUS, EMPTY_WIDTH)[1]
+
+    def _first_clear(
+        self, sight: Sight, start: Pose, tried: list[tuple[Hold, Pose, tuple[Pose, ...]]], below: float, wide: float
+    ) -> tuple[Hold, Sketch]:
+        """Of holds, ends and corners in between the first that keeps clear of the robot, or the best one, slowly."""
+        best, most = tried[0], -math.inf
+        for hold, end, between in tried:
+            sketch = self._way(sight, start, between, end, below, wide)
+            room = sight.arm_room(*_samples(sketch.done()))
             if room > ENOUGH_ARM_ROOM:
-                break
-        assert best is not None
-        return best, most
+                return hold, sketch
+            if room > most:
+                best, most = (hold, end, between), room
+        careful = replace(self, speed=min(self.speed, CAREFUL)) if most < ENOUGH_ARM_ROOM / 2.0 else self
+        hold, end, between = best
+        return hold, careful._way(sight, start, between, end, below, wide)
 
     def way_out(self, pose: Pose) -> Pose:
         """Where the fingertips come out in front of the board if the hand is drawn back along the forearm."""
@@ -135,9 +141,10 @@ def around(pose: Pose, yaw: float) -> list[Pose]:
 def _stagings(start: Pose, end: Pose) -> list[tuple[Pose, ...]]:
     """Corners that let a hand leave low before it rises, and come down before it arrives, under the robot's tool."""
     leaving, coming = around(start, start.yaw), around(end, end.yaw)
-    return [(b,) for b in coming] + [(a,) for a in leaving] + [(a, b) for a in leaving for b in coming]
+    both = [(a, min(coming, key=lambda b: math.dist(a[:2], b[:2]))) for a in leaving]
+    return [*((b,) for b in coming), *((a,) for a in leaving), *both]
 
 
-def _samples(program: Program, spacing: float = 0.03) -> list[Pose]:
+def _samples(program: Program, spacing: float = 0.05) -> list[Pose]:
     times: NDArray[np.float64] = np.arange(0.0, program.duration + spacing, spacing)
     return [Pose(*program.at(float(time)).position.tolist()) for time in times]
