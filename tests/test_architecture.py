@@ -49,6 +49,7 @@ KNOW_THE_SIMULATION = {
     "app.video": "films the world",
     "app.game": "hands the referee's truth to the judge",
     "app.judging": "compares truth and game",
+    "app.hand_moves": "tells the simulated person what to do",
     "app.bench.kills": "sees how an arm comes to rest that nobody controls any more",
     "app.bench.cell": "runs supervisor and plant in one process",
     "app.bench.plies": "sets worlds up for a bench, and reads where the pieces came to stand",

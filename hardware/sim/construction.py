@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from hardware.parameters import load_parameters
+from hardware.sim.hand_body import add_hand
 from hardware.sim.imperfections import Flaws
 from hardware.sim.looks import CameraSettings, Looks
 from hardware.sim.plant import Plant
@@ -55,9 +57,10 @@ class Construction(NamedTuple):
         Raises:
             ValueError: the arm does not reach home.
         """
-        home, drawn = np.array(self.settings.home), self.drawn
+        home, drawn, hand = np.array(self.settings.home), self.drawn, self.settings.hand
         return build_model(
-            drawn.parameters, self.settings.table, drawn.pieces, home, looks=looks, offset=drawn.board
+            drawn.parameters, self.settings.table, drawn.pieces, home, looks=looks, offset=drawn.board,
+            add=partial(add_hand, side=hand.side) if hand else None,
         )  # fmt: skip
 
     def plant(self, snapshot: Snapshot | None = None) -> Plant:

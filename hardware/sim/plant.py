@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters
 from hardware.sim import tick
+from hardware.sim.hand_body import SENSOR as HAND_SENSOR
+from hardware.sim.hand_body import SPRINGS, felt_force
 from hardware.sim.imperfections import PERFECT, Flaws
 from hardware.sim.snapshot import Snapshot
 from hardware.sim.truth import PiecePose, Truth
@@ -94,6 +96,7 @@ class Plant:
         self._switches = self._latched = 0
         self._resting = 0
         self._wake_up()
+        self._peak_hand = 0.0
         self._switch(enabled=False, brake=True)
 
     def _restore(self, snapshot: Snapshot) -> None:
@@ -119,8 +122,11 @@ class Plant:
         self._arm_v = np.array([*self._servo_v, *(model.joint(name).dofadr[0] for name in others)], dtype=np.int64)
         pads = [int(model.sensor(f"force_{side}").adr[0]) for side in ("right", "left")]
         contacts = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_CONTACT)
-        more = [int(at) for at in model.sensor_adr[contacts] if at not in pads]
+        names = {int(model.sensor_adr[i]): model.sensor(int(i)).name for i in contacts}
+        more = [at for at, name in names.items() if at not in pads and name != HAND_SENSOR]
         self._forces = np.array([*pads, *more], dtype=np.int64)
+        self._touched = [at for at, name in names.items() if name == HAND_SENSOR]
+        self._skin = [int(model.sensor(name).adr[0]) for name in SPRINGS] if self._touched else []
         self._step = (tick.step_address(), int(model._address), int(data._address))
         self._felt = cast("memoryview[float]", memoryview(cast("Any", self._memory)).toreadonly())
         self._piece_q = {name: int(model.joint(name).qposadr[0]) for name in pieces}
@@ -227,10 +233,20 @@ class Plant:
             self._constants, self._memory,
         )  # fmt: skip
         self.tick += 1
+        if self._touched:
+            self._feel_for_the_hand()
         fastest = self._felt[tick.FASTEST]
         if fastest > self.parameters.drive.max_speed:
             self._trip(_OVERSPEED)
         self._watch_rest(fastest)
+
+    def _feel_for_the_hand(self) -> None:
+        """The largest force of the robot on the skin of a person's hand, if there is one in this world."""
+        s = self._sensors
+        for i in self._touched:
+            if s[i] or s[i + 1] or s[i + 2]:
+                x, y, z = (float(s[j]) for j in self._skin)
+                self._peak_hand = max(self._peak_hand, felt_force((x, y, z)))
 
     def _watch_rest(self, fastest: float) -> None:
         if fastest > 20.0 * REST_SPEED:  # cheap and usual: the arm is under way
@@ -255,12 +271,12 @@ class Plant:
     # the truth
 
     def truth(self, reset_peak: bool) -> Truth:
-        """Everything the referee may know; optionally start a new peak of the contact force."""
-        peak = math.sqrt(self._felt[tick.PEAK_SQUARED])
+        """Everything the referee may know; optionally start new peaks of the contact forces."""
+        peak, hand = math.sqrt(self._felt[tick.PEAK_SQUARED]), self._peak_hand
         if reset_peak:
-            self._memory[tick.PEAK_SQUARED] = 0.0
+            self._memory[tick.PEAK_SQUARED] = self._peak_hand = 0.0
         poses = tuple(self._pose(name, start) for name, start in self._piece_q.items())
-        return Truth(self.tick, poses, peak, self.closure_gap(), self.arm_speed(), self.digest(), self._tool())
+        return Truth(self.tick, poses, peak, self.closure_gap(), self.arm_speed(), self.digest(), self._tool(), hand)
 
     def closure_gap(self) -> float:
         """How far the loops of the arm are from being closed, the widest one [m]."""

@@ -95,10 +95,16 @@ class BoardOffset:
 AS_BELIEVED = BoardOffset()
 
 
-def _add_deck(spec: mujoco.MjSpec, table: TableSettings) -> None:
+def deck_half_size(table: TableSettings) -> tuple[float, float]:
+    """Of the board with its trays, along x and y [m]."""
     half_board = 4.0 * table.square
     half_x = half_board + table.tray_gap + (table.tray_columns - 1) * table.tray_column_pitch + 0.028
-    half_y = max(half_board, table.tray_rows * table.tray_row_pitch / 2.0) + 0.018
+    return half_x, max(half_board, table.tray_rows * table.tray_row_pitch / 2.0) + 0.018
+
+
+def _add_deck(spec: mujoco.MjSpec, table: TableSettings) -> None:
+    half_board = 4.0 * table.square
+    half_x, half_y = deck_half_size(table)
     # the board is let into the table, whose top goes on at the same height: an infinite plane costs the least
     spec.worldbody.add_geom(
         name="deck", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.5, 1.5, 0.1], contype=SCENE_BITS,

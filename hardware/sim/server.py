@@ -26,6 +26,8 @@ from hardware.interfaces import Command, HardwareError
 from hardware.realtime import real_time
 from hardware.sim import wire
 from hardware.sim.construction import Construction
+from hardware.sim.hand import Hand
+from hardware.sim.hand_service import HandService
 from hardware.sim.journal import Journal
 from hardware.sim.pacing import Metronome, SpeedMeter
 from hardware.sim.pictures import CameraService
@@ -86,9 +88,14 @@ class World:
         self._cameras = CameraService(
             facts, self.plant, self._renderer, run_dir, latency, construction.camera, settings.seed, stage
         )
+        hand = None
+        if settings.hand:
+            hand = Hand(self.plant, settings.hand, settings.pieces, settings.table, settings.seed)
+        self._hand = HandService(facts, self.plant, hand)
         referees = RefereeService(facts, self.plant, self._speed)
         services: dict[str, Service] = {
             "servo": self._drives, "camera": self._cameras, "clock": self._clocks, "referee": referees, "stage": stage,
+            "hand": self._hand,
         }  # fmt: skip
         self._visitors = Visitors(run_dir, services)
         self._applied: Command | None = None
@@ -176,7 +183,7 @@ class World:
         return self._applied is None or command[1:] != self._applied[1:]
 
     def _others_wait(self) -> bool:
-        return self._clocks.due != NEVER or self._cameras.waiting
+        return self._clocks.due != NEVER or self._cameras.waiting or self._hand.busy
 
     def _lonely_turn(self) -> None:
         """Nobody holds the drives: if somebody did, come to rest on the brakes, then stand unless others need time."""
@@ -249,6 +256,8 @@ class World:
 
     def _advance(self, command: Command | None) -> None:
         plant = self.plant
+        if self._hand.busy:
+            self._hand.drive()
         plant.step()
         if self._journal is not None:
             self._journal.ran(command)
@@ -270,11 +279,13 @@ class World:
 
     def _come_to_rest(self) -> None:
         """Without a controller the drives' watchdog brakes; the plant goes on until all rests."""
+        self._hand.withdraw()
         for ticks in range(round(LONGEST_REST / self.plant.parameters.drive.tick)):
             if ticks >= self._watchdog_ticks:
                 self._trip()
-                if self.plant.resting:
+                if self.plant.resting and not self._hand.busy:
                     break
+            self._hand.drive()
             self.plant.step()
             if self._journal is not None:
                 self._journal.ran(None)

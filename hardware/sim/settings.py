@@ -4,11 +4,21 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
+from typing import Self
 
-from pydantic import BaseModel, ConfigDict, NonNegativeFloat, NonNegativeInt, PositiveFloat, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveFloat,
+    ValidationError,
+    model_validator,
+)
 
 from hardware.interfaces import HardwareError
 from hardware.parameters import DEFAULT_FILE
+from hardware.sim.hand_actions import HandSettings
 from hardware.sim.looks import CameraSettings, LightSettings
 from hardware.sim.randomisation import Randomisation, stand
 from hardware.sim.scene import StandingPiece
@@ -52,11 +62,19 @@ class WorldSettings(BaseModel):
     """Of the board: its pictures, and how it hangs and exposes at the start."""
     light: LightSettings = LightSettings()
     """Over the table at the start; ``Stage`` changes it while the world runs."""
+    hand: HandSettings | None = None
+    """The hand of a person who plays; None: nobody sits at the board, and nothing is different for it."""
     journal: bool = False
     """Keep every command in the run directory, so that the run can be done again; see ``hardware.sim.journal``."""
     realtime: bool = False
     """Pace real: as punctual as a motion board, by real time where the system grants it; for measurements. Otherwise
     the world is an ordinary program."""
+
+    @model_validator(mode="after")
+    def _repeatable(self) -> Self:
+        if self.journal and self.hand is not None:
+            raise ValueError("a journal holds the drives' commands alone, so a world with a hand cannot keep one")
+        return self
 
 
 def load_settings(run_dir: Path) -> WorldSettings:

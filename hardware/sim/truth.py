@@ -32,3 +32,5 @@ class Truth:
     """Digest of all positions and velocities."""
     tool: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """The tool point, base frame, at the beginning of the last tick [m]."""
+    hand_force: float = 0.0
+    """Largest force of the robot on a person's hand since the last reset of the peak [N]; 0 in a world without one."""

@@ -159,7 +159,7 @@ def connect(run_dir: Path, role: str, timeout: float = 30.0) -> tuple[socket.soc
 
     Args:
         run_dir: of the world.
-        role: ``servo``, ``camera``, ``clock``, ``stage`` or ``referee``.
+        role: ``servo``, ``camera``, ``clock``, ``hand``, ``stage`` or ``referee``.
         timeout: for the connection, and then for every answer [s, wall].
 
     Returns:
