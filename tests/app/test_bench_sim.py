@@ -18,3 +18,10 @@ def test_a_game_repeats_itself_with_other_processes_with_none_and_under_load(mon
     assert report.rows["closure"].max < 30.0
     assert report.rows["cost"].max == pytest.approx(1.0 / report.rows["speed"].max)
     assert report.rows["over_mujoco"].max > 1.0
+
+
+def test_telemetry_differs_where_both_were_recorded() -> None:
+    first = {16: b"a", 32: b"b", 48: b"c"}
+    assert not sim.telemetry_differs(first, {32: b"b", 48: b"c", 64: b"d"})
+    assert sim.telemetry_differs(first, {32: b"x", 48: b"c"})
+    assert sim.telemetry_differs(first, {16: b"a", 48: b"c"})
