@@ -65,6 +65,7 @@ def demo(
         float | None,
         typer.Option(help="Side of a square of the simulated board [mm]; a larger board stands nearer to the robot."),
     ] = None,
+    pads: Annotated[str, typer.Option(help="What the fingers end in: grooved or flat.")] = "grooved",
     randomise: Annotated[
         Path | None, typer.Option(help="TOML file: how the simulation differs from what the game believes of it.")
     ] = None,
@@ -76,17 +77,19 @@ def demo(
     if pace not in (None, "real", "fast"):
         _fail(f"--pace is '{pace}', choose real or fast")
 
-    from app.demo import DemoOptions, run_demo
+    from app.demo import DemoOptions, PadKind, run_demo
     from app.motion import Profile
     from hardware.sim.settings import Pace
 
+    if pads not in list(PadKind):
+        _fail(f"--pads is '{pads}', choose {', '.join(PadKind)}")
     if profile not in list(Profile):
         _fail(f"--profile is '{profile}', choose {', '.join(Profile)}")
     options = DemoOptions(
         rig=rig, plies=plies, pace=None if pace is None else Pace(pace), seed=seed, fen=fen, moves=moves,
         white_elo=white_elo, black_elo=black_elo, move_time=movetime, nodes=nodes, engine=engine, out=out,
         video=video, video_length=video_length, linger=linger, port=port, profile=Profile(profile), square=square,
-        randomise=randomise,
+        randomise=randomise, pads=PadKind(pads),
     )  # fmt: skip
     _show_game(lambda face: run_demo(options, face), headless=headless, as_json=as_json)
 

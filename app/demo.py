@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from contextlib import ExitStack
+from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
@@ -28,7 +29,7 @@ from app.sim_rig import SimRigSettings
 from controller.settings import ControllerSettings
 from engine.openings import opening_engine, varied_opening
 from engine.stockfish import Engine, EngineSettings
-from hardware.parameters import load_parameters
+from hardware.parameters import DEFAULT_FILE, FLAT_PADS_FILE, load_parameters
 from hardware.sim.randomisation import Randomisation
 from hardware.sim.settings import Pace, WorldSettings
 from hardware.table import PIECE_SHAPES, TableSettings
@@ -37,6 +38,18 @@ OPENING_PLIES = 8
 HASH_MB = 16
 OPTIONS_FILE: Final = "demo.json"
 """In the folder of a game: what it was started with."""
+
+
+class PadKind(StrEnum):
+    """What the fingers of a simulation of our own end in."""
+
+    GROOVED = "grooved"
+    """V-grooves, which centre round stems."""
+    FLAT = "flat"
+    """Flat rubber."""
+
+
+_ROBOTS: Final = {PadKind.GROOVED: DEFAULT_FILE, PadKind.FLAT: FLAT_PADS_FILE}
 
 
 class DemoOptions(BaseModel):
@@ -64,6 +77,7 @@ class DemoOptions(BaseModel):
     profile: Profile = Profile.DEFAULT
     square: float | None = None
     """Side of a square of a simulation of our own [mm]; None: the default one."""
+    pads: PadKind = PadKind.GROOVED
     randomise: Path | None = None
     """File that says how a simulation of our own differs from what the game believes."""
     journal: bool = False
@@ -135,7 +149,7 @@ def _play(
 ) -> SessionResult:
     """On the rig, from a position on; ``world`` None: what runs, or was left, in the folder's run directory."""
     run_dir = record.folder / "run"
-    parameters = load_parameters() if rig is None else load_parameters(rig.parameters)
+    parameters = load_parameters(_ROBOTS[options.pads] if rig is None else rig.parameters)
     filmed = options.video and not position.begun and (rig is None or rig.simulated)
     pace = Pace(record.start.pace)
     at = run_dir if rig is None else rig.run_dir
@@ -161,20 +175,21 @@ def _table(options: DemoOptions) -> TableSettings:
     from controller.model.workspace import BoardDoesNotFit, seated  # noqa: PLC0415
 
     heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
+    robot = DeltaModel(load_parameters(_ROBOTS[options.pads]), heaviest)
     try:
-        return seated(
-            DeltaModel(load_parameters(), heaviest), table.model_copy(update={"square": 1e-3 * options.square})
-        )
+        return seated(robot, table.model_copy(update={"square": 1e-3 * options.square}))
     except BoardDoesNotFit as error:
         raise UserError(f"--square: {error}") from error
 
 
 def _simulation(options: DemoOptions, inventory: Inventory, pace: Pace) -> SimRigSettings:
     randomisation = Randomisation() if options.randomise is None else load_randomisation(options.randomise)
+    home = PROFILES[options.profile].at(inventory.table).home
     return SimRigSettings(
         world=WorldSettings(
-            pieces=tuple(inventory), home=PROFILES[options.profile].at(inventory.table).home, table=inventory.table,
-            pace=pace, seed=options.seed, randomisation=randomisation, linger=options.linger, journal=options.journal,
+            pieces=tuple(inventory), home=home, table=inventory.table, pace=pace, seed=options.seed,
+            randomisation=randomisation, parameters_file=_ROBOTS[options.pads], linger=options.linger,
+            journal=options.journal,
         ),
         controller=ControllerSettings(linger=max(options.linger, 1e-3), port=options.port),
     )  # fmt: skip

@@ -21,6 +21,8 @@ from pydantic import (
 )
 
 DEFAULT_FILE = Path(__file__).with_name("parameters.toml")
+FLAT_PADS_FILE = Path(__file__).with_name("flat_pads.toml")
+"""The same robot with flat rubber pads."""
 
 
 class ParametersError(ValueError):
@@ -94,11 +96,14 @@ class Gripper(_Frozen):
 
 
 class Pads(_Frozen):
-    """V-groove pads: half width and height of the groove [m], face angle [rad], back [m], friction coefficient."""
+    """Pads: half width and height [m], angle of their faces [rad], back [m], friction coefficient.
+
+    Faces that lean make a V-groove, which centres a round stem; at angle 0 a pad is flat.
+    """
 
     half_width: PositiveFloat
     half_height: PositiveFloat
-    groove_angle: PositiveFloat
+    groove_angle: NonNegativeFloat
     back: PositiveFloat
     friction: PositiveFloat
 

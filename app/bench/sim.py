@@ -102,7 +102,10 @@ def rows_of(first: Game, second: Game, again: Again) -> dict[str, Row]:
         "closure": row([1e6 * again.closure], "µm", CLOSURE_LIMIT, "max"),
         "again_differs": row([float(again.differs)], "states", 0.0, "max"),
         "second_differs": row(
-            [float(report.world_state != second.report.world_state), float(telemetry_differs(first.telemetry, second.telemetry))],
+            [
+                float(report.world_state != second.report.world_state),
+                float(telemetry_differs(first.telemetry, second.telemetry)),
+            ],
             "records", 0.0, "max",
         ),
     }  # fmt: skip

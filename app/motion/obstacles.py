@@ -155,9 +155,13 @@ def needed_heights(
 
 
 def closed_position(kind: Kind, pads: Pads) -> float:
-    """Finger position (pad's front edge from the tool centre) when the V-grooves hold a stem [m]."""
+    """Finger position (pad's front edge from the tool centre) when the pads hold a stem [m].
+
+    Faces that lean by β touch a stem of radius r where r / cos β is left from its axis to their apex; flat ones, β = 0,
+    at r.
+    """
     depth = pads.half_width * math.tan(pads.groove_angle)
-    return PIECE_SHAPES[kind].stem_radius / math.sin(pads.groove_angle) - depth
+    return PIECE_SHAPES[kind].stem_radius / math.cos(pads.groove_angle) - depth
 
 
 def blocking_neighbour(

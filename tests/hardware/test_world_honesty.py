@@ -95,7 +95,7 @@ def test_nothing_else_can_pull_hold_or_carry(model: mujoco.MjModel) -> None:
     assert not model.body_gravcomp.any()
     assert not model.opt.wind.any()
     assert model.opt.density == model.opt.viscosity == 0.0
-    np.testing.assert_allclose(model.opt.gravity, [0.0, 0.0, -9.81])
+    np.testing.assert_allclose(model.opt.gravity, [0.0, 0.0, -9.80665])
     assert model.opt.disableflags == 0
 
 
@@ -155,6 +155,7 @@ STATE = {
 
 MAY_WRITE = {
     ("drawing", "Easel.draw", "qpos"),  # the renderer's own copy, in its own process: it is drawn, never stepped
+    ("view", "watch_world", "qpos"),  # the viewer's likewise
     ("scene", "_start_positions", "qpos"),  # the key frame from which the world starts
     ("scene", "build_model", "qpos"),
     ("grasp_world", "_start", "qpos"),  # likewise of the figures' block on a surface
@@ -168,8 +169,8 @@ MAY_CALL = {
     "mj_stateSize": {("plant", "Plant._restore"), ("snapshot", "save_snapshot")},
     "mj_getState": {("snapshot", "save_snapshot")},
     "mj_forward": {("plant", "Plant.__init__"), ("drawing", "Easel.__init__")},
-    "mj_kinematics": {("drawing", "Easel.draw")},
-    "mj_camlight": {("drawing", "Easel._prepared")},
+    "mj_kinematics": {("drawing", "Easel.draw"), ("view", "watch_world")},
+    "mj_camlight": {("drawing", "Easel._prepared"), ("view", "watch_world")},
     "mj_saveModel": {("server", "World.__init__"), ("grasp_world", "save_model")},
 }
 """The only functions of MuJoCo that take a whole simulation, and where they are called."""

@@ -251,9 +251,9 @@ class Scene:
         return self._renderer.scene
 
     def table_geoms(self) -> set[int]:
-        """Deck, squares and the marks of the trays: what belongs to no body but the world, except the desk."""
+        """Deck, squares and the marks of the trays: what belongs to no body but the world, except the table."""
         mine = {i for i in range(self.model.ngeom) if self.model.geom_bodyid[i] == 0}
-        return mine - {self.model.geom("desk").id}
+        return mine - {self.model.geom("deck").id}
 
 
 @pytest.fixture
