@@ -26,6 +26,8 @@ from app.records.files import write_atomically
 from app.rig import choose_rig, open_rig
 from app.session import Filming, SessionResult, run_session
 from app.sim_rig import SimRigSettings
+from controller.model.constants import DeltaModel
+from controller.model.workspace import BoardDoesNotFit, seated
 from controller.settings import ControllerSettings
 from engine.openings import opening_engine, varied_opening
 from engine.stockfish import Engine, EngineSettings
@@ -171,9 +173,6 @@ def _table(options: DemoOptions) -> TableSettings:
     table = TableSettings(limits=contact_limits(options.profile))
     if options.square is None:
         return table
-    from controller.model.constants import DeltaModel  # noqa: PLC0415  # the model is compiled: only where it is needed
-    from controller.model.workspace import BoardDoesNotFit, seated  # noqa: PLC0415
-
     heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
     robot = DeltaModel(load_parameters(_ROBOTS[options.pads]), heaviest)
     try:

@@ -55,6 +55,8 @@ KNOW_THE_SIMULATION = {
     "app.bench.plies": "sets worlds up for a bench, and reads where the pieces came to stand",
     "app.bench.finger": "puts a finger into the world",
     "app.bench.touchdown": "sets pieces down in a world in the same process",
+    "app.bench.grip": "shakes a king in one process",
+    "app.check.rig": "tries the devices of a simulated rig",
     "app.bench.sim": "does a game's ticks again by the plant alone",
     "app.bench.recording": "records the law over a plant in the same process",
     "app.figures.grasp_mujoco": "computes a figure on the plant",
@@ -71,6 +73,7 @@ KNOW_THE_TRUTH = {
     "app.sim_rig",
     "hardware.sim.plant",
     "hardware.sim.referee",
+    "hardware.sim.view",  # a window for people
 }
 """The only modules that may import ``hardware.sim.referee`` or ``hardware.sim.truth``."""
 
