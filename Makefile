@@ -1,5 +1,5 @@
 # make demo    two engines play a game that the arm executes; options in ARGS, e.g. make demo ARGS="--pace fast --plies 20"
-# make test    all tests; ARGS go to pytest
+# make test    all tests, on all processors; ARGS go to pytest
 # make check   format, lint, strict types
 # make clean   back to a fresh clone; records in games/ stay
 # make constraints   pin the newest versions that the ranges in pyproject.toml admit
@@ -16,7 +16,7 @@ demo:
 
 test:
 	@bash .ci/setup dev
-	@.venv/bin/python -m pytest $(ARGS)
+	@.venv/bin/python -m pytest --numprocesses auto --dist loadfile $(ARGS)
 
 check:
 	@bash .ci/setup dev

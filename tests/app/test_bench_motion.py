@@ -107,7 +107,7 @@ def test_a_piece_is_set_down_softly_wherever_the_board_is_and_harder_on_bare_woo
     felt = set_down(Touchdown(error), settings, PARAMETERS)
     wood = set_down(Touchdown(error, WOOD, kind=Kind.PAWN), settings, PARAMETERS)
     assert 4.0 < felt.peak <= 10.0
-    assert wood.peak > 1.3 * felt.peak
+    assert wood.peak > 1.05 * felt.peak  # not by much: the piece slips in the fingers
     assert felt.lasting < 8.0
 
 

@@ -55,7 +55,7 @@ def test_ripple_is_a_share_of_the_torque_and_its_mean_over_a_turn_is_the_torque(
     made = np.array([flaws.torque((2.0, 0.0, -1.0), (a, a, a)) for a in angles.tolist()])
     assert made.mean(axis=0) == pytest.approx([2.0, 0.0, -1.0], abs=1e-6)
     assert np.ptp(made[:, 1]) == pytest.approx(0.02, rel=1e-3)
-    assert np.abs(made[:, 0] - 2.0).max() == pytest.approx(0.07, rel=0.05)
+    assert 0.06 <= np.abs(made[:, 0] - 2.0).max() <= 0.07 + 1e-9  # their peaks need not meet
 
 
 def test_friction_stays_within_what_was_said() -> None:
@@ -65,7 +65,8 @@ def test_friction_stays_within_what_was_said() -> None:
 
 
 def test_noise_and_offset_of_the_fingers_are_as_large_as_was_said() -> None:
-    right, left = np.array([Flaws(ALL, 4).tactile(tick) for tick in range(20_000)]).T
+    flaws = Flaws(ALL, 4)
+    right, left = np.array([flaws.tactile(tick) for tick in range(20_000)]).T
     for side in (right, left):
         assert side.std() == pytest.approx(0.05, rel=0.03)
         assert abs(side.mean()) <= 0.2
