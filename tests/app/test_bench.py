@@ -134,7 +134,7 @@ def test_an_unknown_bench_is_refused_with_the_choices() -> None:
         done.stderr
         == "touchmove: there is no bench 'speed', choose from: law, loop, finger, kills, motion, sim, grip\n"
     )
-    assert set(BENCHES) == {"law", "loop", "finger", "kills", "motion", "sim"}
+    assert set(BENCHES) == {"law", "loop", "finger", "kills", "motion", "sim", "grip"}
 
 
 def fake_report(holds: bool) -> BenchReport:
