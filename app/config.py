@@ -32,6 +32,7 @@ from app import UserError
 from controller.settings import ControllerSettings
 from hardware.camera_settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
 from hardware.parameters import DEFAULT_FILE
+from hardware.sim.looks import CameraSettings, LightSettings
 from hardware.sim.randomisation import Randomisation
 from hardware.sim.settings import Pace
 from hardware.table import TableSettings
@@ -87,6 +88,10 @@ class WorldSection(_Frozen):
     fen: str | None = None
     """The position that is set up; the usual one if not given."""
     cameras: bool = True
+    camera: CameraSettings = CameraSettings()
+    """Size of its pictures, noise, exposure, and how the camera hangs off its nominal pose."""
+    light: LightSettings = LightSettings()
+    """Lamp, fill and ambient light over the table."""
     randomisation: Randomisation = Randomisation()
     """How it differs from what the game believes of it."""
 

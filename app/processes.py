@@ -251,7 +251,7 @@ def _start_world(rig: RigFile) -> None:
     settings = WorldSettings(
         pieces=start_layout(board, rig.table), home=MotionSettings().at(rig.table).home, table=rig.table,
         pace=world.pace, parameters_file=rig.parameters, seed=world.seed, first_controller=_ALONE,
-        cameras=world.cameras, randomisation=world.randomisation,
+        cameras=world.cameras, randomisation=world.randomisation, camera=world.camera, light=world.light,
     )  # fmt: skip
     (rig.run_dir / STATE_FILE).unlink(missing_ok=True)  # of a world before: nobody resumes a game from it here
     (rig.run_dir / FILE_NAME).write_text(settings.model_dump_json(), encoding="utf-8")

@@ -131,13 +131,28 @@ def _add_deck(spec: mujoco.MjSpec, table: TableSettings) -> None:
         )  # fmt: skip
 
 
-def _add_surroundings(spec: mujoco.MjSpec, offset: BoardOffset) -> None:
+def camera_poses(table: TableSettings) -> dict[str, CameraPose]:
+    """Views of a table: of one that is larger than the usual one from as much further away."""
+    ratios = np.divide(deck_half_size(table), deck_half_size(TableSettings()))
+    scale = max(1.0, float(ratios.max()))
+    return {
+        name: replace(pose, position=_scaled(pose.position, scale), target=_scaled(pose.target, scale))
+        for name, pose in CAMERAS.items()
+    }
+
+
+def _scaled(point: tuple[float, float, float], scale: float) -> tuple[float, float, float]:
+    x, y, z = point
+    return scale * x, scale * y, scale * z
+
+
+def _add_surroundings(spec: mujoco.MjSpec, table: TableSettings, offset: BoardOffset) -> None:
     spec.add_texture(
         name="room", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
         rgb1=[0.82, 0.85, 0.88], rgb2=[0.55, 0.58, 0.62], width=128, height=768,
     )  # fmt: skip
     _add_lights(spec)
-    for name, pose in CAMERAS.items():
+    for name, pose in camera_poses(table).items():
         seen = replace(pose, position=offset.in_true(pose.position), target=offset.in_true(pose.target))
         _add_camera(spec, name, seen)
 
@@ -302,7 +317,7 @@ def build_model(
     option.sleep_tolerance = SLEEP_TOLERANCE
     _add_looks(spec)
     _add_deck(spec, table)
-    _add_surroundings(spec, offset)
+    _add_surroundings(spec, table, offset)
     x, y, z = table.centre_in_base
     add_arm(spec, parameters, offset.in_true((-x, y, z)), offset.turn)
     for piece in pieces:

@@ -66,7 +66,10 @@ def test_everything_that_a_rig_file_can_say(tmp_path: Path) -> None:
         (CONTROLLER + "prot = 1\n", r"no setting controller\.prot: did you mean port\?"),
         (CONTROLLER + "[drive]\n", r"no setting drive: did you mean drives\?"),
         (CONTROLLER + "[world]\nsede = 3\n", r"no setting world\.sede: did you mean seed\?"),
-        (CONTROLLER + "[world]\nzzz = 3\n", r"no setting world\.zzz: choose cameras, fen, pace, randomisation, seed"),
+        (
+            CONTROLLER + "[world]\nzzz = 3\n",
+            r"no setting world\.zzz: choose camera, cameras, fen, light, pace, randomisation, seed",
+        ),
         ('[controller]\nport = "x"\n', r"controller\.port: .*integer.*, not 'x'"),
         (CONTROLLER.replace("192.168.7.2", "localhost"), r"controller\.host: .*IPv4.*'localhost'"),
         ("[controller]\nport = 0\n", r"controller\.port: .*greater than or equal to 1, not 0"),
