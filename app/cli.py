@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 if TYPE_CHECKING:
+    from app.check import CheckReport
     from app.faces import Face
+    from app.link_test import LinkReport
     from app.session import SessionResult
 
 app = typer.Typer(
@@ -281,21 +283,9 @@ def check(
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
 ) -> None:
     """Try each device of a rig alone, and say what is wrong and what to do; the arm stays on its brakes."""
-    from rich.console import Console
-
-    from app import UserError
     from app.check import check_rig
 
-    try:
-        with _interruptible():
-            report = check_rig(rig, _say)
-    except UserError as error:
-        _fail(str(error))
-    if as_json:
-        print(report.model_dump_json(indent=2))
-    else:
-        Console().print(report.table())
-    raise typer.Exit(0 if report.holds else 1)
+    _show_report(lambda: check_rig(rig, _say), as_json)
 
 
 @app.command("link-test")
@@ -307,14 +297,20 @@ def link_test(
     as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
 ) -> None:
     """Say whether this PC and network are good enough for the controller, and what to change."""
+    from app.link_test import link_test as run_link_test
+
+    _show_report(lambda: run_link_test(rig, duration, _say), as_json)
+
+
+def _show_report(find: Callable[[], CheckReport | LinkReport], as_json: bool) -> NoReturn:
+    """Find out, show it, and end the program with what it says."""
     from rich.console import Console
 
     from app import UserError
-    from app.link_test import link_test as run_link_test
 
     try:
         with _interruptible():
-            report = run_link_test(rig, duration, _say)
+            report = find()
     except UserError as error:
         _fail(str(error))
     if as_json:

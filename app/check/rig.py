@@ -114,8 +114,8 @@ def _check_drives(
     if name != SIMULATED and rig.controller.key.exists():
         try:
             telemetry = operate(STATUS, name)
-        except UserError:
-            pass  # nobody holds them: they can be tried
+        except UserError as error:
+            judge.left_out("controller", f"none holds them: {error}")
         else:
             held = f"a controller at {rig.controller.host}:{rig.controller.port} holds them: {telemetry.state.name}"
             judge.left_out("all", f"{held}; end it to try them alone")
@@ -127,7 +127,7 @@ def _check_drives(
                 require_world(rig, progress)
                 with closing(SimCamera(rig.run_dir)) as camera:
                     seen = check_camera(camera)
-            return check_drives(open_bus, parameters, rig.table) + seen
+            return judge.findings + check_drives(open_bus, parameters, rig.table) + seen
     except (UserError, HardwareError) as error:
         judge.wrong("connection", str(error), "mend what it says, then check again")
         return judge.findings

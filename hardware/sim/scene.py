@@ -245,16 +245,8 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
     """Quality of pictures, and the meshes of the pieces."""
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
     spec.visual.quality.shadowsize = 2048
-    spec.visual.quality.numslices, spec.visual.quality.numstacks = (
-        24,
-        6,
-    )  # discs and cylinders need no more, and it is slow
-    for part in (
-        "ambient",
-        "diffuse",
-        "specular",
-    ):  # no lamp on the camera: ``LightSettings`` says what lights the table
-        setattr(spec.visual.headlight, part, [0.0, 0.0, 0.0])
+    # discs and cylinders need no more, and more is slow
+    spec.visual.quality.numslices, spec.visual.quality.numstacks = 24, 6
     spec.visual.map.znear = 0.02
     for colour, rgba in PIECE_RGBA.items():
         spec.add_material(name=colour.value, rgba=rgba, specular=0.35, shininess=0.6)  # lacquered wood

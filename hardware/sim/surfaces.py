@@ -82,6 +82,7 @@ def give_stiffness(
     """
     fingers = [f"{part}_{side}" for side in ("right", "left") for part in ("pad_a", "pad_b", "bar")]
     masses = {piece: _lighter(model, model.body(piece).id) for piece in pieces}
+    typical = sum(masses.values()) / max(1, len(masses))
     for name in (*fingers, "gripper_body", "flange"):
         points = POINTS_OF_A_BOX * (len(fingers) if name in fingers else 1)
         solver = TOOL_ON_BOARD.contact.solver(_lighter(model, model.geom(name).bodyid[0]), points)
@@ -90,12 +91,12 @@ def give_stiffness(
             friction=[WOOD_FRICTION, WOOD_FRICTION, *3 * PAD_TORSION[1:]],
         )  # fmt: skip
         if pieces and not name.startswith("pad"):
-            typical = sum(masses.values()) / len(pieces)
             _set(spec.geom(name), TOOL_ON_PIECE.contact.solver(typical, POINTS_OF_A_FACE), priority=2)
+    finger = model.body("finger_right").id
     share = FACES_OF_A_PAD * POINTS_OF_A_FACE * _along_the_finger(pads)
     for piece, mass in masses.items():
         _set(spec.geom(f"{piece}.foot"), feet.solver(mass, POINTS_OF_A_FOOT), priority=1)
-        stem, held = spec.geom(f"{piece}.stem"), _lighter(model, model.body(piece).id, model.body("finger_right").id)
+        stem, held = spec.geom(f"{piece}.stem"), _lighter(model, model.body(piece).id, finger)
         _set(stem, PAD_ON_PIECE.contact.solver(held, share), priority=1)
         stem.condim, stem.friction = 4, [pieces[piece] * pads.friction, *PAD_TORSION]
 
