@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import threading
+import math
 import time
 from dataclasses import dataclass
 from typing import Any, Final
 
 import pyrealsense2 as rs
 
-from hardware.background import Background
+from hardware.background import Background, Newest
 from hardware.camera_settings import RealSenseSettings
 from hardware.framesets import FrameMaker
 from hardware.interfaces import CameraClosed, Clock, Frame, HardwareError, StaleFrame
@@ -29,8 +29,8 @@ class NoRealSense(HardwareError):
 
 
 @dataclass(frozen=True, slots=True)
-class _Newest:
-    """The newest frameset and when it was exposed [s, system clock]."""
+class _Pair:
+    """A frameset and when it was exposed [s, system clock]."""
 
     frameset: Any
     exposed: float
@@ -55,32 +55,27 @@ class RealSenseCamera:
         self._context = context if context is not None else rs.context()
         self._serial = choose_serial(settings.serial, _serials(self._context))
         self._maker = FrameMaker()
-        self._news = threading.Condition()
-        self._newest: _Newest | None = None
-        self._made: tuple[_Newest, Frame] | None = None
-        self._trouble: HardwareError | None = None
+        self._newest = Newest[_Pair]()
+        self._exposed = -math.inf
+        self._made: tuple[_Pair, Frame] | None = None
         self._pipeline = self._start()  # here, so that a wrong setting is told at once
         self._background = Background("realsense", self._run)
         self._background.start()
-        with self._news:
-            if not self._news.wait_for(lambda: self._newest or self._trouble, FIRST_FRAME):
-                self._trouble = HardwareError(
+        try:
+            if self._newest.get(FIRST_FRAME) is None:
+                raise HardwareError(
                     f"RealSense {self._serial} sends no pictures: plug it into a USB 3 port, and close other programs "
                     "that use it"
                 )
-            trouble = self._trouble
-        if trouble is not None:
+        except HardwareError:
             self.close()
-            raise trouble
+            raise
 
     def read(self, max_age: float) -> Frame:
         """See ``Camera.read``. While the camera is unplugged this raises; afterwards it works again."""
-        with self._news:
-            if self._background.closing.is_set():
-                raise CameraClosed
-            if self._trouble is not None:
-                raise self._trouble
-            newest = self._newest
+        if self._background.closing.is_set():
+            raise CameraClosed
+        newest = self._newest.get()
         if newest is None:
             raise self._lost()
         age = time.time() - newest.exposed
@@ -98,7 +93,7 @@ class RealSenseCamera:
     def close(self) -> None:
         """See ``Camera.close``."""
         self._background.end()
-        self._newest = self._made = None
+        self._newest, self._made = Newest(), None
 
     # the thread
 
@@ -111,7 +106,7 @@ class RealSenseCamera:
             elif not self._take(pipeline):
                 _stop(pipeline)
                 pipeline = None
-                self._say(self._lost())
+                self._newest.fail(self._lost())
         if pipeline is not None:
             _stop(pipeline)
 
@@ -132,11 +127,8 @@ class RealSenseCamera:
         frameset.keep()
         arrived = time.time()
         exposed = min(exposure_time(frameset.get_color_frame(), arrived), arrived)
-        with self._news:
-            if self._newest is not None:
-                exposed = max(exposed, self._newest.exposed)
-            self._newest, self._trouble = _Newest(frameset, exposed), None
-            self._news.notify_all()
+        self._exposed = max(exposed, self._exposed)
+        self._newest.put(_Pair(frameset, self._exposed))
 
     def _restart(self) -> Any:
         """A new pipeline if the camera is there again, else None after a while."""
@@ -144,14 +136,9 @@ class RealSenseCamera:
             try:
                 return self._start()
             except HardwareError as error:
-                self._say(error)
+                self._newest.fail(error)
         self._background.closing.wait(RETRY)
         return None
-
-    def _say(self, trouble: HardwareError) -> None:
-        with self._news:
-            self._trouble = trouble
-            self._news.notify_all()
 
     def _lost(self) -> HardwareError:
         return NoRealSense(

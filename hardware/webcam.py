@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from pathlib import Path
 from typing import Final
@@ -12,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.background import Background
+from hardware.background import Background, Newest
 from hardware.camera_settings import WebcamSettings
 from hardware.interfaces import CameraClosed, Clock, Frame, HardwareError, Intrinsics, StaleFrame
 
@@ -42,9 +41,7 @@ class WebcamCamera:
         self.intrinsics: Intrinsics
         self._settings = settings
         self._clock = clock
-        self._news = threading.Condition()
-        self._newest: tuple[NDArray[np.uint8], float] | None = None
-        self._trouble: HardwareError | None = None
+        self._newest = Newest[tuple[NDArray[np.uint8], float]]()
         self._last = -math.inf
         self._stamped: float | None = None
         self._capture = self._open()
@@ -52,22 +49,20 @@ class WebcamCamera:
             raise self._lost("cannot be opened")
         self._background = Background("webcam", self._run)
         self._background.start()
-        with self._news:
-            self._news.wait_for(lambda: self._newest or self._trouble, FIRST_FRAME)
-            newest = self._newest
-        if newest is None:
+        try:
+            newest = self._newest.get(FIRST_FRAME)
+            if newest is None:
+                raise self._lost("sends no pictures")
+        except HardwareError:
             self.close()
-            raise self._lost("sends no pictures")
+            raise
         self.intrinsics = pinhole(newest[0].shape[1], newest[0].shape[0], settings)
 
     def read(self, max_age: float) -> Frame:
         """See ``Camera.read``. A picture's age counts from when the computer got it."""
-        with self._news:
-            if self._background.closing.is_set():
-                raise CameraClosed
-            if self._trouble is not None:
-                raise self._trouble
-            newest = self._newest
+        if self._background.closing.is_set():
+            raise CameraClosed
+        newest = self._newest.get()
         if newest is None:
             raise self._lost("sends no pictures")
         picture, arrived = newest
@@ -99,25 +94,15 @@ class WebcamCamera:
                 continue
             there, picture = capture.read()
             if there:
-                self._keep(np.asarray(picture, dtype=np.uint8))
+                self._newest.put((np.asarray(picture, dtype=np.uint8), time.monotonic()))
                 closing.wait(pause)
                 continue
             capture.release()
             capture = None
             if not pause:
-                self._say(self._lost("sends no pictures any more"))
+                self._newest.fail(self._lost("sends no pictures any more"))
         if capture is not None:
             capture.release()
-
-    def _keep(self, picture: NDArray[np.uint8]) -> None:
-        with self._news:
-            self._newest, self._trouble = (picture, time.monotonic()), None
-            self._news.notify_all()
-
-    def _say(self, trouble: HardwareError) -> None:
-        with self._news:
-            self._trouble = trouble
-            self._news.notify_all()
 
     def _pause(self) -> float:
         """Between two pictures of a video file [s]; 0 for a camera, which comes at its own pace."""
