@@ -12,7 +12,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
@@ -42,6 +42,8 @@ from hardware.table import PIECE_SHAPES
 
 START_TIMEOUT = 120.0
 """World and controller together; the first start on a machine compiles the law [s, wall]."""
+LAST_WORDS_TIME = 2.0
+"""For a world that may be ending to say why, when another process has failed first [s, wall]."""
 END_TIMEOUT = 8.0
 """For each process to end by itself; then it is killed, and the drives' watchdog brakes [s, wall]."""
 
@@ -177,11 +179,19 @@ class SimRig:
 
     def _culprit(self) -> str | None:
         """The process that ended by itself and took others along: one with a failure, the world before others."""
-        status = {name: process.poll() for name, process in self._processes.items()}
+        status = self._statuses()
+        if any(status.values()) and status.get("world", 0) is None:
+            # A world that fails lets its connections go before it is gone itself, and a quick controller ends first.
+            with suppress(subprocess.TimeoutExpired):
+                self._processes["world"].wait(LAST_WORDS_TIME)
+            status = self._statuses()
         failed = [name for name, code in status.items() if code]
         if not failed and status and None not in status.values():
             failed = list(status)
         return failed[0] if failed else None
+
+    def _statuses(self) -> dict[str, int | None]:
+        return {name: process.poll() for name, process in self._processes.items()}
 
     def _last_words(self, name: str) -> str:
         said = last_words(log_of(name, self._run_dir))
