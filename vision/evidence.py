@@ -38,19 +38,26 @@ class Evidence:
         states: logarithm of how likely empty, white and black are by looks, shape (64, 3), at most 0.
         changed: logarithm of the odds that the content has changed, shape (64,).
         cover: share of the squares (columns) that a piece on a square (rows) covers, shape (64, 64).
-        heights: of what stands on each square, shape (64,) [m]; 0 where nothing does. None: the camera has no depth.
+        solid: the same as ``states``, by depth; no piece hides another there. None: the camera has no depth.
     """
 
     states: Array
     changed: Array
     cover: Array
-    heights: Array | None = None
+    solid: Array | None = None
 
     def probabilities(self) -> Array:
         """Of empty, white and black for each square by looks alone: shape (64, 3)."""
-        likelihood = np.exp(self.states)
+        likelihood = np.exp(self.states if self.solid is None else self.states + self.solid)
         probabilities: Array = likelihood / likelihood.sum(axis=1, keepdims=True)
         return probabilities
+
+    def read(self, before: Codes) -> NDArray[np.intp]:
+        """The likeliest state of each square by its looks and by whether it has changed, whatever the rules: (64,)."""
+        looks, did, kept = (one[0] for one in self._terms(before[None], before))
+        as_before = np.arange(3) == states_of(before)[:, None]
+        read: NDArray[np.intp] = (looks + np.where(as_before, kept[:, None], did[:, None])).argmax(axis=1)
+        return read
 
     def scores(self, codes: Codes, before: Codes) -> Array:
         """How well positions explain the look, square by square.
@@ -94,6 +101,8 @@ class Evidence:
         moved = differ @ self.cover - differ
         hidden = np.minimum(self.hidden(codes), 1.0)
         looks = self.states * (1.0 - hidden)[..., None]
+        if self.solid is not None:
+            looks = looks + self.solid
         either = np.log(0.5)
         did = np.where(np.maximum(hidden, self.hidden(before)) > COVERED, HARD_TO_SEE, -BOUND)
         did = np.maximum(-np.logaddexp(0.0, -self.changed), did)

@@ -13,20 +13,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.sight import CELLS, MARGIN, PLAN_PX, SQUARE_PX, Field, Picture, Sight
+from vision.sight import MARGIN, PLAN_PX, SQUARE_PX, Field, Picture
+from vision.solids import DARKEST
 
 Array = NDArray[np.float64]
 
-DARKEST: Final = 0.08
-"""Added to brightness (0 to 1) before its logarithm: below it there is more noise than picture."""
 BLOCKS: Final = 5
 """A square is described by BLOCKS × BLOCKS blocks."""
 EDGE: Final = 0.02
 """Added to the size of gradients before their logarithm, for the same reason."""
-TALL: Final = 0.012
-"""What is higher than this is no board [m]: a pawn is 34 mm high, the depth of a D435 errs by 1–2 mm."""
-CEILING: Final = 0.08
-"""What is higher than this is no piece, but a hand or the arm [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,50 +63,20 @@ def exposure_step(light: Light, reference: Light) -> Array:
     return step
 
 
-def describe(light: Light, heights: Field | None, shift: tuple[int, int] = (0, 0)) -> Array:
+def describe(light: Light, shift: tuple[int, int] = (0, 0)) -> Array:
     """What each square looks like: shape (64, n), row 0 is a1, row 63 is h8.
 
     Args:
         light: of the sight.
-        heights: of the sight, or None; then n is smaller.
         shift: columns and rows [px] by which the squares are taken off their places, to learn how it looks when a
-            piece does not stand in the middle. Heights do not shift.
+            piece does not stand in the middle.
     """
     start = MARGIN * SQUARE_PX
     rows = slice(start + shift[1], start + shift[1] + 8 * SQUARE_PX)
     columns = slice(start + shift[0], start + shift[0] + 8 * SQUARE_PX)
     brightness = _blocks(light.level[rows, columns], BLOCKS)
     edges = 2.0 * np.log(_blocks(light.size[rows, columns], BLOCKS) + EDGE)
-    parts = [brightness, edges]
-    if heights is not None:
-        parts.append(describe_heights(heights))
-    return np.concatenate(parts, axis=1)
-
-
-def describe_heights(heights: Field) -> Array:
-    """How much of each square's middle stands up, and how high: shape (64, 2), of order 1 where a piece stands."""
-    middle = _middle(heights)
-    share = _stands(middle).sum(axis=1) / np.maximum(np.isfinite(middle).sum(axis=1), 8)
-    return np.stack([4.0 * share, tops(heights) / 0.02], axis=1)
-
-
-def tops(heights: Field) -> Array:
-    """How high it is what stands on each square: shape (64,) [m], 0 where nothing does."""
-    middle = _middle(heights)
-    # the third highest cell: one cell alone is often a flying pixel
-    tops: Array = np.sort(np.where(_stands(middle), middle, 0.0), axis=1)[:, -3].astype(float)
-    return tops
-
-
-def _middle(heights: Field) -> Field:
-    """Cells of the middle of each square, shape (64, n)."""
-    return by_square(heights[..., None], CELLS)[:, 1:-1, 1:-1, 0].reshape(64, -1)
-
-
-def _stands(heights: Field) -> NDArray[np.bool_]:
-    with np.errstate(invalid="ignore"):
-        stands: NDArray[np.bool_] = (heights > TALL) & (heights < CEILING)
-    return stands
+    return np.concatenate([brightness, edges], axis=1)
 
 
 def _blocks(picture: Field, count: int) -> Array:

@@ -35,12 +35,11 @@ class Kinds:
                 seen.append(float(heights[square]))
                 del seen[:-50]
 
-    def promoted(self, decision: Decision, board: chess.Board, heights: Array | None) -> Decision:
+    def promoted(self, decision: Decision, heights: Array | None) -> Decision:
         """The decision with the piece that was promoted to; ``promotion_unsure`` where it is not seen for certain.
 
         Args:
             decision: on a look.
-            board: before it.
             heights: in the look; None: it has no depth.
         """
         if decision.verdict is not Verdict.MOVE or not any(move.promotion for move in decision.moves):

@@ -1,7 +1,7 @@
 """What a camera sees of the board, laid out square by square: the common form that everything which looks works on.
 
 A sight is a plan of the board with a margin of one square around it: the colour picture seen from straight above, as
-if all of it lay in the board's plane, and, where the camera has depth, the height of what stands there. Lengths are in
+if all of it lay in the board's plane, and, where the camera has depth, what stands up from it. Lengths are in
 sides of a square, so that photographs of boards of unknown size serve as well. Plan frame: origin at the outer corner
 of a1, x along the files a→h, y along the ranks 1→8, z up.
 """
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hardware.interfaces import Frame
 from vision.board import BoardNotFound, BoardView
+from vision.solids import Solids, solids_of
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -27,8 +28,6 @@ SQUARE_PX: Final = 32
 MARGIN: Final = 1
 """Squares around the board that the plan shows as well: pieces lean over its edge."""
 PLAN_PX: Final = (8 + 2 * MARGIN) * SQUARE_PX
-CELLS: Final = 8
-"""Cells of the map of heights along a square."""
 USUAL_FOCAL: Final = 1.0
 """Focal length of an unknown camera in widths of its picture: 53° wide, between webcams (60°–78°) and telephones'
 second lenses. Only asked where a view from straight above does not tell it."""
@@ -43,14 +42,13 @@ class Sight:
     Attributes:
         plan: RGB, shape (PLAN_PX, PLAN_PX, 3); the row of the 8th rank is above, the a-file left.
         camera: the pinhole in the plan frame, shape (3,) [squares]; approximate where the camera is unknown.
-        heights: for each of CELLS × CELLS cells of a square, plan layout without margin, the height of the highest
-            surface seen there, shape (8 CELLS, 8 CELLS) [m]; NaN where none was seen. None: no depth.
+        solids: what stands up from the board, by depth. None: the camera has no depth.
         stamp: of exposure [s].
     """
 
     plan: Picture
     camera: Array
-    heights: Field | None = None
+    solids: Solids | None = None
     stamp: float = 0.0
 
 
@@ -83,8 +81,8 @@ def sight_of_frame(frame: Frame, view: BoardView) -> Sight:
     half = 4.0 * view.table.square
     corners = view.project(np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]]))
     camera = view.camera_position / view.table.square + np.array([4.0, 4.0, 0.0])
-    heights = None if frame.depth is None else _heights(frame.depth, view, corners)
-    return Sight(_plan(frame.colour, corners), camera, heights, frame.stamp)
+    solids = None if frame.depth is None else solids_of(frame, view)
+    return Sight(_plan(frame.colour, corners), camera, solids, frame.stamp)
 
 
 def _plan(colour: Picture, corners: Array) -> Picture:
@@ -128,28 +126,3 @@ def _focal(first: Array, second: Array) -> float:
         return USUAL_FOCAL
     inverse = float(rows @ right) / weight
     return 1.0 / float(np.sqrt(inverse)) if inverse > 1e-2 else USUAL_FOCAL
-
-
-def _heights(depth: Field, view: BoardView, corners: Array) -> Field:
-    """Map of the highest surfaces from a depth picture; only what lies around the board is looked at."""
-    left, top = np.maximum(np.floor(corners.min(axis=0)).astype(int) - 80, 0)
-    right, bottom = np.ceil(corners.max(axis=0)).astype(int) + 20
-    part = depth[top:bottom, left:right]
-    rows, columns = np.nonzero(part > 0.0)
-    along = part[rows, columns]
-    pinhole, pose = view.intrinsics, view.camera_from_board.astype(np.float32)
-    rays = np.stack([
-        (columns + (left - pinhole.cx)).astype(np.float32) / np.float32(pinhole.fx),
-        (rows + (top - pinhole.cy)).astype(np.float32) / np.float32(pinhole.fy),
-        np.ones(len(along), dtype=np.float32),
-    ])  # fmt: skip
-    x, y, z = pose[:3, :3].T @ (rays * along - pose[:3, 3:4])
-    cell = view.table.square / CELLS
-    count = 8 * CELLS
-    column = np.floor(x / cell).astype(np.intp) + count // 2
-    row = count // 2 - 1 - np.floor(y / cell).astype(np.intp)
-    inside = (column >= 0) & (column < count) & (row >= 0) & (row < count)
-    heights = np.full(count * count, -np.inf, dtype=np.float32)
-    np.maximum.at(heights, row[inside] * count + column[inside], z[inside])
-    heights[np.isneginf(heights)] = np.nan
-    return heights.reshape(count, count)
