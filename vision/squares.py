@@ -1,0 +1,94 @@
+"""Which squares alternate: what tells where a lattice's board begins and ends.
+
+Two squares with a common side differ in colour, and any step from one to the next changes the sign. Measured close to
+the sides of squares, since pieces stand in the middle; beyond the board there is nothing that alternates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.grid import Grid
+
+Array = NDArray[np.float64]
+Picture = NDArray[np.float32]
+
+ALONG: Final = np.array([0.12, 0.24, 0.37, 0.5, 0.63, 0.76, 0.88])
+"""Where along a side [sides of a square]."""
+ACROSS: Final = 0.13
+"""How far from it to either side [sides of a square]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sides:
+    """How well the two squares at each side differ as they should: 1 as on the board, 0 by chance, -1 the other way.
+
+    Attributes:
+        origin: column and row of the first square.
+        upright: between squares (i - 1, j) and (i, j), shape (columns, rows); not a number outside of the picture.
+        level: between squares (i, j - 1) and (i, j), shape (columns, rows).
+    """
+
+    origin: tuple[int, int]
+    upright: Array
+    level: Array
+
+
+def compare_sides(
+    picture: Picture, grid: Grid, bright: int, weights: Array, low: tuple[int, int], high: tuple[int, int]
+) -> Sides:
+    """Compare the squares on either side of all sides in a range.
+
+    Args:
+        picture: shape (h, w, channels).
+        grid: where the lines are in it.
+        bright: 1 where square (0, 0) is a light one, otherwise -1.
+        weights: of the channels, shape (channels,), so that light less dark is about 1.
+        low: first column and row.
+        high: one beyond the last column and row.
+    """
+    columns, rows = np.arange(low[0], high[0]), np.arange(low[1], high[1])
+    i, j = np.meshgrid(columns, rows, indexing="ij")
+    parity = bright * (1.0 - 2.0 * ((i + j) % 2))
+    result = []
+    for axis in (0, 1):
+        places = np.empty((*i.shape, len(ALONG), 2, 2))
+        places[..., axis] = (i if axis == 0 else j)[..., None, None] + np.array([-ACROSS, ACROSS])
+        places[..., 1 - axis] = (j if axis == 0 else i)[..., None, None] + ALONG[:, None]
+        values = sample(picture, grid.project(places)) @ weights
+        difference = np.clip((values[..., 1] - values[..., 0]) * parity[..., None], -1.0, 1.0)
+        seen = np.isfinite(difference)
+        total = np.where(seen, difference, 0.0).sum(axis=-1)
+        count = seen.sum(axis=-1)
+        result.append(np.where(count >= len(ALONG) / 2, total / np.maximum(count, 1), np.nan))
+    return Sides((int(low[0]), int(low[1])), result[0], result[1])
+
+
+def sample(picture: Picture, points: Array) -> Array:
+    """Values at points (..., 2) [px] in between pixels, shape (..., channels); not a number outside."""
+    height, width = picture.shape[:2]
+    flat = points.reshape(-1, 2)
+    inside = (flat[:, 0] >= 0) & (flat[:, 1] >= 0) & (flat[:, 0] <= width - 1) & (flat[:, 1] <= height - 1)
+    safe = np.where(inside[:, None], flat, 0.0).astype(np.float32)
+    # OpenCV's remap has a limit of 32767 rows or columns
+    values = np.concatenate([
+        cv2.remap(picture, part[None], None, cv2.INTER_LINEAR)[0] for part in np.array_split(safe, len(safe) // 30000 + 1)
+    ]).astype(float)  # fmt: skip
+    values[~inside] = np.nan
+    return np.asarray(values.reshape(*points.shape[:-1], -1))
+
+
+def channel_weights(picture: Picture, grid: Grid, bright: int, places: Array) -> Array:
+    """Weights that make light less dark 1 at the median of crossings (n, 2), shape (channels,)."""
+    offsets = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
+    values = sample(picture, grid.project(places[:, None, :] + offsets))
+    parity = bright * (1.0 - 2.0 * (places.sum(axis=1) % 2))
+    difference = 0.5 * parity[:, None] * (values[:, 0] + values[:, 2] - values[:, 1] - values[:, 3])
+    direction = np.nanmedian(difference, axis=0)
+    length = float(np.linalg.norm(direction))
+    return np.asarray(direction / max(length, 1e-9) ** 2)
