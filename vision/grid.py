@@ -1,7 +1,8 @@
 """Where the lines of a board cross in a picture: a homography and one term of radial distortion, fitted robustly.
 
 Places count squares: the board's corner a1 is (0, 0), h1 (8, 0), h8 (8, 8); crossings are at whole numbers. The lens
-bends a point at distance r from the picture's centre, in half diagonals, to r (1 + k r²).
+bends a point at distance r from the picture's centre, in half diagonals, to r (1 + k r² / (1 + 4 r²)): as k r² near the
+centre, and levelling off outside, since what a lens does there cannot be told from the middle of a board.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from vision.lattice import fit_homography, project, steps
 
 Array = NDArray[np.float64]
 
+LEVEL: Final = 4.0
+"""How early the bending levels off [1/half diagonal²]."""
 PRIOR_BENDING: Final = 0.05
 """What k is about, where the crossings do not tell: cameras without fisheye lenses stay below 0.1."""
 CORNERS: Final = np.array([[0.0, 0.0], [8.0, 0.0], [8.0, 8.0], [0.0, 8.0]])
@@ -38,7 +41,7 @@ class Grid:
     size: tuple[int, int]
 
     def project(self, places: Array) -> Array:
-        """Pixels of places (..., 2); not a number for those behind the camera or beyond the lens's fold."""
+        """Pixels of places (..., 2); not a number for those behind the camera."""
         return bend(project(self.homography, places), self.bending, self.size)
 
     def sides(self, places: Array) -> Array:
@@ -61,8 +64,7 @@ def bend(points: Array, bending: float, size: tuple[int, int]) -> Array:
     centre = 0.5 * (np.array(size, dtype=float) - 1.0)
     offset = (points - centre) / np.linalg.norm(centre)
     squared = (offset**2).sum(axis=-1, keepdims=True)
-    factor = np.where(1.0 + 3.0 * bending * squared > 0.1, 1.0 + bending * squared, np.nan)
-    return np.asarray(centre + (points - centre) * factor)
+    return np.asarray(centre + (points - centre) * (1.0 + bending * squared / (1.0 + LEVEL * squared)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,14 +94,15 @@ def fit_grid(
         points: where they were found, shape (n, 2) [px].
         size: width and height of the picture [px].
         scatter: how far good ones are expected off [sides of a square].
-        weights: of each, shape (n,), 1 if None.
+        weights: of each along columns and along rows, shape (n, 2), 1 if None.
     """
-    weight = np.ones(len(places)) if weights is None else weights
+    weight = np.ones(places.shape) if weights is None else weights
     centre = places.mean(axis=0)
     local = places - centre
-    start = fit_homography(local, points, weight)
+    start = fit_homography(local, points, weight.min(axis=1))
     start = start / start[2, 2]
     side = np.linalg.norm(steps(start, local), axis=2).min(axis=1)
+    inward = np.linalg.inv(np.swapaxes(steps(start, local), 1, 2))
     unit = np.append(np.tile([1.0, 1.0, 1.0], 2) * side.mean(), [0.01, 0.01, PRIOR_BENDING])
 
     def grid_of(parameters: Array) -> Grid:
@@ -107,14 +110,14 @@ def fit_grid(
         return Grid(np.append(scaled[:8], 1.0).reshape(3, 3), float(scaled[8]), size)
 
     def residuals(parameters: Array) -> Array:
-        off = (grid_of(parameters).project(local) - points) / side[:, None] * weight[:, None]
+        off = np.einsum('nij,nj->ni', inward, grid_of(parameters).project(local) - points) * weight
         return np.append(np.nan_to_num(off, nan=1.0).ravel(), scatter * parameters[8])
 
     first = np.append(start.ravel()[:8], 0.0) / unit
     result = least_squares(residuals, first, loss="soft_l1", f_scale=2.0 * scatter, max_nfev=30)
     grid = grid_of(result.x)
-    off = (grid.project(local) - points) / side[:, None]
-    middle = float(np.median(np.abs(off)[weight >= np.median(weight)])) * 1.4826
+    off = np.einsum('nij,nj->ni', inward, grid.project(local) - points)
+    middle = float(np.median(np.abs(off[weight.min(axis=1) >= 1.0]))) * 1.4826
     corners = CORNERS - centre
     reference = grid.project(corners)
     sides = grid.sides(corners)

@@ -30,8 +30,8 @@ LEAST_LIKENESS: Final = 0.75
 """Correlation of the window with four squares that meet."""
 FURTHEST: Final = 0.2
 """A crossing that moves further than this is another feature [sides of a square]."""
-BORDER_WEIGHT: Final = 0.3
-"""Weight of crossings on the border, where frames and inlays have lines of their own."""
+BORDER_WEIGHT: Final = 0.1
+"""Weight across the border of crossings on it: frames and inlays have lines of their own, up to 0.1 squares outside."""
 FINEST, COARSEST = 18.0, 44.0
 """Squares of this side are measured best [px]: below, pixels are too few; above, grain and blur are seen."""
 
@@ -66,7 +66,7 @@ def refine_grid(picture: Picture, grid: Grid, weights: Array, dark: int) -> Grid
         if np.count_nonzero(~seen.border) < 12:
             return None
         points = grid.project(seen.found)
-        weight = np.where(seen.border, BORDER_WEIGHT, 1.0)
+        weight = np.where((seen.places == 0.0) | (seen.places == 8.0), BORDER_WEIGHT, 1.0)
         fit = fit_grid(seen.places, points, grid.size, scatter=0.01, weights=weight)
         grid = fit.grid
     return fit
