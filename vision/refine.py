@@ -10,15 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.grid import CORNERS, Grid, GridFit, fit_grid
-from vision.squares import sample
+from vision.squares import Look
 
 Array = NDArray[np.float64]
-Picture = NDArray[np.float32]
 
 HALF_WINDOW: Final = 0.24
 """Half of the window around a crossing [sides of a square]; pieces that stand in the middle begin at about 0.3."""
@@ -51,18 +49,17 @@ class Crossings:
     border: NDArray[np.bool_]
 
 
-def refine_grid(picture: Picture, grid: Grid, weights: Array, dark: int) -> GridFit | None:
+def refine_grid(look: Look, grid: Grid, dark: int) -> GridFit | None:
     """Fit a grid to all crossings of its board that can be seen; None if they are too few.
 
     Args:
-        picture: shape (h, w, channels).
+        look: into the picture.
         grid: about right, to a fifth of a square.
-        weights: of the channels, so that light less dark is about 1.
         dark: 1 where the square of a1 is dark, -1 where it is light.
     """
     fit: GridFit | None = None
     for _ in range(2):
-        seen = find_crossings(picture, grid, weights, dark)
+        seen = find_crossings(look, grid, dark)
         if np.count_nonzero(~seen.border) < 12:
             return None
         points = grid.project(seen.found)
@@ -80,23 +77,30 @@ def working_scale(grid: Grid) -> float:
     return min(2.0, FINEST / side) if side < FINEST else 1.0
 
 
-def find_crossings(picture: Picture, grid: Grid, weights: Array, dark: int) -> Crossings:
-    """Where the lines of a grid cross in the picture, those that can be seen."""
-    step = np.linspace(-HALF_WINDOW, HALF_WINDOW, WINDOW)
+def find_crossings(look: Look, grid: Grid, dark: int, samples: int = WINDOW, rounds: int = ROUNDS) -> Crossings:
+    """Where the lines of a grid cross in the picture, those that can be seen.
+
+    Args:
+        look: into the picture.
+        grid: about right, to a fifth of a square.
+        dark: 1 where the square of a1 is dark, -1 where it is light.
+        samples: along a side of the window around each crossing.
+        rounds: how often the window is moved onto the crossing.
+    """
+    step = np.linspace(-HALF_WINDOW, HALF_WINDOW, samples)
     window = np.stack(np.meshgrid(step, step, indexing="ij"), axis=-1)
     i, j = np.meshgrid(np.arange(9), np.arange(9), indexing="ij")
     places = np.stack([i.ravel(), j.ravel()], axis=1).astype(float)
-    grey = cv2.GaussianBlur(np.asarray(picture @ weights.astype(np.float32)), (0, 0), 0.8)[..., None]
     found = places.copy()
     alive = np.ones(len(places), dtype=bool)
-    for _ in range(ROUNDS):
-        values = sample(grey, grid.project(found[:, None, None] + window))[..., 0]
+    for _ in range(rounds):
+        values = look(grid.project(found[:, None, None] + window))
         alive &= np.isfinite(values).all(axis=(1, 2))
         shift = _crossing_of_edges(np.nan_to_num(values), window)
         found = found + np.clip(shift, -0.1, 0.1)
         alive &= np.abs(found - places).max(axis=1) < FURTHEST
         found = np.where(alive[:, None], found, places)
-    values = np.nan_to_num(sample(grey, grid.project(found[:, None, None] + window))[..., 0])
+    values = np.nan_to_num(look(grid.project(found[:, None, None] + window)))
     parity = dark * (2.0 * (places.sum(axis=1) % 2) - 1.0)
     likeness = _likeness(values, window, places, parity)
     border = ((places == 0.0) | (places == 8.0)).any(axis=1)

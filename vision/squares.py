@@ -6,6 +6,7 @@ the sides of squares, since pieces stand in the middle; beyond the board there i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,6 +18,9 @@ from vision.grid import Grid
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.float32]
+
+Look = Callable[[Array], Array]
+"""Gives lightness at points (..., 2) [px], shape (...), light less dark squares about 1; not a number outside."""
 
 ALONG: Final = np.array([0.12, 0.24, 0.37, 0.5, 0.63, 0.76, 0.88])
 """Where along a side [sides of a square]."""
@@ -39,16 +43,13 @@ class Sides:
     level: Array
 
 
-def compare_sides(
-    picture: Picture, grid: Grid, bright: int, weights: Array, low: tuple[int, int], high: tuple[int, int]
-) -> Sides:
+def compare_sides(look: Look, grid: Grid, bright: int, low: tuple[int, int], high: tuple[int, int]) -> Sides:
     """Compare the squares on either side of all sides in a range.
 
     Args:
-        picture: shape (h, w, channels).
+        look: into the picture.
         grid: where the lines are in it.
         bright: 1 where square (0, 0) is a light one, otherwise -1.
-        weights: of the channels, shape (channels,), so that light less dark is about 1.
         low: first column and row.
         high: one beyond the last column and row.
     """
@@ -60,7 +61,7 @@ def compare_sides(
         places = np.empty((*i.shape, len(ALONG), 2, 2))
         places[..., axis] = (i if axis == 0 else j)[..., None, None] + np.array([-ACROSS, ACROSS])
         places[..., 1 - axis] = (j if axis == 0 else i)[..., None, None] + ALONG[:, None]
-        values = sample(picture, grid.project(places)) @ weights
+        values = look(grid.project(places))
         difference = np.clip((values[..., 1] - values[..., 0]) * parity[..., None], -1.0, 1.0)
         seen = np.isfinite(difference)
         total = np.where(seen, difference, 0.0).sum(axis=-1)
@@ -69,7 +70,7 @@ def compare_sides(
     return Sides((int(low[0]), int(low[1])), result[0], result[1])
 
 
-def sample(picture: Picture, points: Array) -> Array:
+def sample(picture: Picture | NDArray[np.uint8], points: Array) -> Array:
     """Values at points (..., 2) [px] in between pixels, shape (..., channels); not a number outside."""
     height, width = picture.shape[:2]
     flat = points.reshape(-1, 2)
@@ -81,6 +82,16 @@ def sample(picture: Picture, points: Array) -> Array:
     ]).astype(float)  # fmt: skip
     values[~inside] = np.nan
     return np.asarray(values.reshape(*points.shape[:-1], -1))
+
+
+def look_into(picture: NDArray[np.float32], weights: Array) -> Look:
+    """Lightness in a picture (h, w, channels) with weights of its channels."""
+    grey = np.ascontiguousarray(picture @ weights.astype(np.float32))
+
+    def look(points: Array) -> Array:
+        return np.asarray(sample(grey[..., None], points)[..., 0])
+
+    return look
 
 
 def channel_weights(picture: Picture, grid: Grid, bright: int, places: Array) -> Array:

@@ -18,11 +18,11 @@ from vision.squares import Sides
 
 Array = NDArray[np.float64]
 
-LEAST_LINE: Final = 0.12
+LEAST_LINE: Final = 0.1
 """Mark below which a row of the board cannot be told from what is beside the board."""
 LEAST_MEAN: Final = 0.4
 """Mean mark of the board's rows and columns."""
-LEAST_MARGIN: Final = 0.12
+LEAST_MARGIN: Final = 0.1
 """How much better the outermost row must be than the one it would be exchanged for by a shift."""
 MOST_OUTSIDE: Final = 0.4
 """Mark of a row beyond the board: above it, the pattern goes on and is no chessboard."""
@@ -70,15 +70,15 @@ def best_window(sides: Sides) -> Window | None:
     """The window whose rows and columns alternate best; None if the range has fewer than eight."""
     columns, rows = sides.upright.shape
     windows = [
-        _judge(sides, i, j)
+        judge(sides, i, j)
         for i in range(1, columns - 8)
         for j in range(1, rows - 8)
     ]  # fmt: skip
     return max(windows, key=lambda one: one.mean * one.seen, default=None)
 
 
-def _judge(sides: Sides, i: int, j: int) -> Window:
-    """Marks of the window that begins with square (i, j) of the range."""
+def judge(sides: Sides, i: int, j: int) -> Window:
+    """Marks of the window that begins with square (i, j) of the range, counted from its first, both at least 1."""
     along = _marks(sides.upright[i + 1 : i + 8, j - 1 : j + 9], axis=0)
     across = _marks(sides.level[i - 1 : i + 9, j + 1 : j + 8], axis=1)
     inner = np.concatenate([sides.upright[i + 1 : i + 8, j : j + 8].ravel(), sides.level[i : i + 8, j + 1 : j + 8].ravel()])
