@@ -8,6 +8,7 @@ seen beyond the border, where squares go on.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,8 +19,8 @@ from vision.board import BoardNotFound
 from vision.find import find_board
 from vision.grid import CORNERS, Grid
 from vision.lattice import fit_homography
-from vision.refine import Crossings, find_crossings
-from vision.squares import Look, compare_sides, sample
+from vision.refine import PLACES, Crossings, crossings_in, window_places
+from vision.squares import rate_sides, sample, side_places
 from vision.window import judge
 
 Array = NDArray[np.float64]
@@ -33,8 +34,8 @@ LEAST_SHARE: Final = 0.3
 """Share of the crossings of the reference that must be seen."""
 GONE_ON: Final = -0.3
 """Margin of the window below which squares go on beyond the border: a shift by whole squares."""
-SAMPLES, ROUNDS = 9, 2
-"""Coarser windows than for finding: what is looked for is known to be close."""
+SAMPLES: Final = 9
+"""Along a side of a window: coarser than for finding, since what is looked for is known to be close."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +76,11 @@ class Anchor:
         self._grid = Grid(fit_homography(CORNERS, self._corners), 0.0, (colour.shape[1], colour.shape[0]))
         inner = np.stack(np.meshgrid(np.arange(1.0, 8.0), np.arange(1.0, 8.0), indexing="ij"), axis=-1).reshape(-1, 2)
         self._weights, self._dark = _weights(colour, self._grid, inner)
-        self._reference = self._crossings(colour)
+        windows = PLACES[:, None, None] + window_places(SAMPLES)
+        sides = side_places((-1, -1), (9, 9))
+        self._shapes = windows.shape[:-1], sides.shape[:-1]
+        self._points = self._grid.project(np.concatenate([windows.reshape(-1, 2), sides.reshape(-1, 2)]))
+        self._reference, _ = self._look(colour)
         inside = ~self._reference.border
         if not _enough(self._reference.places[inside], 1):
             raise BoardNotFound(
@@ -99,7 +104,7 @@ class Anchor:
         """
         if colour.shape != self._shape:
             raise ValueError(f"a picture of shape {colour.shape} cannot be compared with one of {self._shape}")
-        now = self._crossings(colour)
+        now, goes_on = self._look(colour)
         known = {tuple(place): k for k, place in enumerate(self._reference.places.tolist())}
         pairs = [(k, known[tuple(place)]) for k, place in enumerate(now.places.tolist()) if tuple(place) in known]
         here = np.array([k for k, _ in pairs], dtype=np.intp)
@@ -107,7 +112,7 @@ class Anchor:
         seen = len(pairs) / len(self._reference.places)
         places = self._reference.places[there]
         unknown = np.full(4, np.nan)
-        if seen < LEAST_SHARE or not _enough(places, 3) or self._goes_on(colour):
+        if seen < LEAST_SHARE or not _enough(places, 3) or goes_on:
             return Check(unknown, None, seen, self._corners)
         offset = _corner_offsets(places, now.found[here] - self._reference.found[there])
         shift = np.linalg.norm(offset, axis=1)
@@ -137,19 +142,13 @@ class Anchor:
             return Check(shift, False, first.seen, self._corners)
         return Check(shift, True, first.seen, found.corners)
 
-    def _look(self, colour: Colour) -> Look:
-        def look(points: Array) -> Array:
-            return np.asarray(np.log1p(sample(colour, points) / 20.0) @ self._weights)
-
-        return look
-
-    def _crossings(self, colour: Colour) -> Crossings:
-        return find_crossings(self._look(colour), self._grid, self._dark, SAMPLES, ROUNDS)
-
-    def _goes_on(self, colour: Colour) -> bool:
-        """Whether squares alternate beyond a border and do not at the one across: moved by whole squares."""
-        sides = compare_sides(self._look(colour), self._grid, -self._dark, (-1, -1), (9, 9))
-        return judge(sides, 1, 1).margin < GONE_ON
+    def _look(self, colour: Colour) -> tuple[Crossings, bool]:
+        """Crossings, and whether squares go on beyond a border but not at the one across: a shift by whole squares."""
+        values = np.log1p(sample(colour, self._points) / 20.0) @ self._weights
+        windows, sides = self._shapes
+        count = math.prod(windows)
+        marks = rate_sides(values[count:].reshape(sides), -self._dark, (-1, -1))
+        return crossings_in(values[:count].reshape(windows), self._dark), judge(marks, 1, 1).margin < GONE_ON
 
 
 def _weights(colour: Colour, grid: Grid, inner: Array) -> tuple[Array, int]:

@@ -193,7 +193,7 @@ def _place(picture: Picture, lattice: Lattice, doubts: list[str]) -> _Candidate 
     low, high = lattice.places.min(axis=0) - 9, lattice.places.max(axis=0) + 9
     look = look_into(picture, weights)
     window = best_window(compare_sides(look, grid, lattice.bright, (low[0], low[1]), (high[0], high[1])))
-    if not _believed(window, doubts):
+    if window is None or not _believed(window, doubts):
         return None
     i, j = window.origin
     dark = -lattice.bright * (1 - 2 * ((i + j) % 2))

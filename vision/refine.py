@@ -30,6 +30,8 @@ FURTHEST: Final = 0.2
 """A crossing that moves further than this is another feature [sides of a square]."""
 BORDER_WEIGHT: Final = 0.1
 """Weight across the border of crossings on it: frames and inlays have lines of their own, up to 0.1 squares outside."""
+PLACES: Final = np.stack(np.meshgrid(np.arange(9.0), np.arange(9.0), indexing="ij"), axis=-1).reshape(-1, 2)
+"""All crossings of a board's lines and its border, shape (81, 2)."""
 FINEST, COARSEST = 18.0, 44.0
 """Squares of this side are measured best [px]: below, pixels are too few; above, grain and blur are seen."""
 
@@ -77,35 +79,52 @@ def working_scale(grid: Grid) -> float:
     return min(2.0, FINEST / side) if side < FINEST else 1.0
 
 
-def find_crossings(look: Look, grid: Grid, dark: int, samples: int = WINDOW, rounds: int = ROUNDS) -> Crossings:
+def find_crossings(look: Look, grid: Grid, dark: int) -> Crossings:
     """Where the lines of a grid cross in the picture, those that can be seen.
 
     Args:
         look: into the picture.
         grid: about right, to a fifth of a square.
         dark: 1 where the square of a1 is dark, -1 where it is light.
-        samples: along a side of the window around each crossing.
-        rounds: how often the window is moved onto the crossing.
     """
-    step = np.linspace(-HALF_WINDOW, HALF_WINDOW, samples)
-    window = np.stack(np.meshgrid(step, step, indexing="ij"), axis=-1)
-    i, j = np.meshgrid(np.arange(9), np.arange(9), indexing="ij")
-    places = np.stack([i.ravel(), j.ravel()], axis=1).astype(float)
+    window = window_places(WINDOW)
+    places = PLACES
     found = places.copy()
     alive = np.ones(len(places), dtype=bool)
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         values = look(grid.project(found[:, None, None] + window))
         alive &= np.isfinite(values).all(axis=(1, 2))
-        shift = _crossing_of_edges(np.nan_to_num(values), window)
-        found = found + np.clip(shift, -0.1, 0.1)
+        found = found + np.clip(_crossing_of_edges(np.nan_to_num(values), window), -0.1, 0.1)
         alive &= np.abs(found - places).max(axis=1) < FURTHEST
         found = np.where(alive[:, None], found, places)
     values = np.nan_to_num(look(grid.project(found[:, None, None] + window)))
-    parity = dark * (2.0 * (places.sum(axis=1) % 2) - 1.0)
-    likeness = _likeness(values, window, places, parity)
-    border = ((places == 0.0) | (places == 8.0)).any(axis=1)
-    kept = alive & (likeness > LEAST_LIKENESS)
-    return Crossings(places[kept], found[kept], border[kept])
+    likeness = _likeness(values, window, places, np.zeros_like(places), dark)
+    return _select(found, alive & (likeness > LEAST_LIKENESS))
+
+
+def crossings_in(values: Array, dark: int) -> Crossings:
+    """Crossings in windows of lightness (81, m, m) that were looked up at ``PLACES`` and ``window_places(m)``: at once.
+
+    Less exact than ``find_crossings`` where a crossing is far from the middle of its window.
+    """
+    window = window_places(values.shape[1])
+    safe = np.nan_to_num(values)
+    shift = _crossing_of_edges(safe, window)
+    alive = np.isfinite(values).all(axis=(1, 2)) & (np.abs(shift).max(axis=1) < FURTHEST)
+    shift = np.where(alive[:, None], shift, 0.0)
+    likeness = _likeness(safe, window, PLACES, shift, dark)
+    return _select(PLACES + shift, alive & (likeness > LEAST_LIKENESS))
+
+
+def window_places(samples: int) -> Array:
+    """Where a window is looked at, from its middle, shape (samples, samples, 2) [sides of a square]."""
+    step = np.linspace(-HALF_WINDOW, HALF_WINDOW, samples)
+    return np.stack(np.meshgrid(step, step, indexing="ij"), axis=-1)
+
+
+def _select(found: Array, kept: NDArray[np.bool_]) -> Crossings:
+    border = ((PLACES == 0.0) | (PLACES == 8.0)).any(axis=1)
+    return Crossings(PLACES[kept], found[kept], border[kept])
 
 
 def _crossing_of_edges(values: Array, window: Array) -> Array:
@@ -120,16 +139,17 @@ def _crossing_of_edges(values: Array, window: Array) -> Array:
     return np.stack([(vv * bu - uv * bv) / safe, (uu * bv - uv * bu) / safe], axis=1)
 
 
-def _likeness(values: Array, window: Array, places: Array, parity: Array) -> Array:
-    """Correlation with light and dark squares that meet, over the part of each window on the board, shape (n,)."""
-    spot = places[:, None, None] + window
-    on_board = ((spot > 0.02) & (spot < 7.98)).all(axis=-1)
-    clear = on_board & (np.abs(window).min(axis=-1) > 0.03)
-    pattern = parity[:, None, None] * np.sign(window[..., 0] * window[..., 1])
+def _likeness(values: Array, window: Array, places: Array, shift: Array, dark: int) -> Array:
+    """Correlation with light and dark squares that meet off the middle, over what is on the board, shape (n,)."""
+    spot = window - shift[:, None, None]
+    place = places[:, None, None] + spot
+    clear = ((place > 0.02) & (place < 7.98)).all(axis=-1) & (np.abs(spot).min(axis=-1) > 0.03)
+    parity = dark * (2.0 * (places.sum(axis=1) % 2) - 1.0)
+    pattern = parity[:, None, None] * np.sign(spot[..., 0] * spot[..., 1])
     count = np.maximum(clear.sum(axis=(1, 2)), 1)
-    mean = np.where(clear, values, 0.0).sum(axis=(1, 2)) / count
-    level = np.where(clear, pattern, 0.0).sum(axis=(1, 2)) / count
-    a = np.where(clear, values - mean[:, None, None], 0.0)
-    b = np.where(clear, pattern - level[:, None, None], 0.0)
+    a, b = (
+        np.where(clear, one - (np.where(clear, one, 0.0).sum(axis=(1, 2)) / count)[:, None, None], 0.0)
+        for one in (values, pattern)
+    )
     power = np.sqrt((a * a).sum(axis=(1, 2)) * (b * b).sum(axis=(1, 2)))
     return np.asarray((a * b).sum(axis=(1, 2)) / np.maximum(power, 1e-9))

@@ -53,21 +53,34 @@ def compare_sides(look: Look, grid: Grid, bright: int, low: tuple[int, int], hig
         low: first column and row.
         high: one beyond the last column and row.
     """
-    columns, rows = np.arange(low[0], high[0]), np.arange(low[1], high[1])
-    i, j = np.meshgrid(columns, rows, indexing="ij")
+    return rate_sides(look(grid.project(side_places(low, high))), bright, low)
+
+
+def side_places(low: tuple[int, int], high: tuple[int, int]) -> Array:
+    """Places to look at on either side of all sides of squares in a range.
+
+    Returns:
+        Shape (2, columns, rows, n, 2, 2): [upright or level, column, row, along the side, before or behind it].
+    """
+    i, j = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]), indexing="ij")
+    places = np.empty((2, *i.shape, len(ALONG), 2, 2))
+    for axis, (across, along) in enumerate(((i, j), (j, i))):
+        places[axis, ..., axis] = across[..., None, None] + np.array([-ACROSS, ACROSS])
+        places[axis, ..., 1 - axis] = along[..., None, None] + ALONG[:, None]
+    return places
+
+
+def rate_sides(values: Array, bright: int, low: tuple[int, int]) -> Sides:
+    """The same for lightness (2, columns, rows, n, 2) that was looked up at ``side_places``."""
+    columns, rows = values.shape[1:3]
+    i, j = np.meshgrid(np.arange(low[0], low[0] + columns), np.arange(low[1], low[1] + rows), indexing="ij")
     parity = bright * (1.0 - 2.0 * ((i + j) % 2))
-    result = []
-    for axis in (0, 1):
-        places = np.empty((*i.shape, len(ALONG), 2, 2))
-        places[..., axis] = (i if axis == 0 else j)[..., None, None] + np.array([-ACROSS, ACROSS])
-        places[..., 1 - axis] = (j if axis == 0 else i)[..., None, None] + ALONG[:, None]
-        values = look(grid.project(places))
-        difference = np.clip((values[..., 1] - values[..., 0]) * parity[..., None], -1.0, 1.0)
-        seen = np.isfinite(difference)
-        total = np.where(seen, difference, 0.0).sum(axis=-1)
-        count = seen.sum(axis=-1)
-        result.append(np.where(count >= len(ALONG) / 2, total / np.maximum(count, 1), np.nan))
-    return Sides((int(low[0]), int(low[1])), result[0], result[1])
+    difference = np.clip((values[..., 1] - values[..., 0]) * parity[..., None], -1.0, 1.0)
+    seen = np.isfinite(difference)
+    count = seen.sum(axis=-1)
+    total = np.where(seen, difference, 0.0).sum(axis=-1)
+    marks = np.where(count >= len(ALONG) / 2, total / np.maximum(count, 1), np.nan)
+    return Sides((int(low[0]), int(low[1])), marks[0], marks[1])
 
 
 def sample(picture: Picture | NDArray[np.uint8], points: Array) -> Array:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from vision.squares import Sides
@@ -67,14 +68,16 @@ class Window:
 
 
 def best_window(sides: Sides) -> Window | None:
-    """The window whose rows and columns alternate best; None if the range has fewer than eight."""
+    """The window whose squares alternate best; None if the range has fewer than ten rows or columns."""
     columns, rows = sides.upright.shape
-    windows = [
-        judge(sides, i, j)
-        for i in range(1, columns - 8)
-        for j in range(1, rows - 8)
-    ]  # fmt: skip
-    return max(windows, key=lambda one: one.mean * one.seen, default=None)
+    if columns < 10 or rows < 10:
+        return None
+    upright, level = (np.nan_to_num(one) for one in (sides.upright, sides.level))
+    across = sliding_window_view(upright[1:], (7, 8)).sum(axis=(2, 3))[: columns - 7, : rows - 7]
+    along = sliding_window_view(level[:, 1:], (8, 7)).sum(axis=(2, 3))[: columns - 7, : rows - 7]
+    best = (across + along)[1:-1, 1:-1]  # one row beyond is needed to tell the board from what is beside it
+    i, j = np.unravel_index(int(best.argmax()), best.shape)
+    return judge(sides, int(i) + 1, int(j) + 1)
 
 
 def judge(sides: Sides, i: int, j: int) -> Window:
