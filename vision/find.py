@@ -27,8 +27,9 @@ from vision.window import LEAST_MEAN, Window, best_window, judge
 Array = NDArray[np.float64]
 Colour = NDArray[np.uint8]
 
-SIZES: Final = (640, 1280, 400)
-"""Longer sides of the pictures that are searched one after another [px]: boards near, small, or out of focus."""
+PASSES: Final = ((640, 0.0), (1280, 0.0), (400, 0.0), (640, 3.0))
+"""Longer side and blur of the pictures that are searched one after another [px]: boards near, small, out of focus, and
+with lines drawn between the squares."""
 NEAR_SIDE: Final = 32.0
 """Side of a square in the picture that is searched for a board near a known place [px]."""
 NEAR_MARGIN: Final = 2.0
@@ -98,9 +99,9 @@ def find_board(colour: Colour, *, near: ArrayLike | None = None) -> FoundBoard:
     found = None
     if near is not None:
         found = _find_near(colour, np.asarray(near, dtype=float), doubts)
-    for longest in SIZES:
+    for longest, blur in PASSES:
         if found is None:
-            found = _find_at(colour, longest / max(colour.shape[:2]), (0, 0), doubts)
+            found = _find_at(colour, longest / max(colour.shape[:2]), blur, doubts)
     if found is None:
         reason = doubts[-1] if doubts else "no squares were found that lie as on a board"
         raise BoardNotFound(
@@ -155,21 +156,20 @@ def refine_corners(colour: Colour, corners: ArrayLike) -> FoundBoard:
     return FoundBoard(best, True, found[1])
 
 
-def _find_at(
-    colour: Colour, factor: float, shift: tuple[int, int], doubts: list[str]
-) -> tuple[Array, float] | None:  # fmt: skip
-    """Corners, dark a1 first, and their error; searched in a resized picture whose origin is at ``shift`` [px]."""
+def _find_at(colour: Colour, factor: float, blur: float, doubts: list[str]) -> tuple[Array, float] | None:
+    """Corners, dark a1 first, and their error; searched in a picture resized by a factor, then blurred [px]."""
     picture = levels(_resize(colour, factor))
-    for lattice in grow_lattices(find_saddles(picture, MOST_SADDLES), LEAST_CROSSINGS, ENOUGH_CROSSINGS, MOST_SEEDS)[
-        :MOST_LATTICES
-    ]:
+    if blur > 0.0:
+        picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), blur), dtype=np.float32)
+    saddles = find_saddles(picture, MOST_SADDLES)
+    for lattice in grow_lattices(saddles, LEAST_CROSSINGS, ENOUGH_CROSSINGS, MOST_SEEDS)[:MOST_LATTICES]:
         candidate = _place(picture, lattice, doubts)
         if candidate is None:
             continue
         size = (colour.shape[1], colour.shape[0])
         found = _measure(colour, candidate.grid.scaled(1.0 / factor, size), candidate, doubts)
         if found is not None:
-            return found[0] + np.array(shift), found[1]
+            return found
     return None
 
 
@@ -182,7 +182,8 @@ def _find_near(colour: Colour, near: Array, doubts: list[str]) -> tuple[Array, f
         return None
     part = np.ascontiguousarray(colour[low[1] : high[1], low[0] : high[0]])
     factor = min(2.0, max(NEAR_SIDE / side, 320.0 / max(part.shape[:2])))
-    return _find_at(part, factor, (int(low[0]), int(low[1])), doubts)
+    found = _find_at(part, factor, 0.0, doubts)
+    return None if found is None else (found[0] + low, found[1])
 
 
 def _place(picture: Picture, lattice: Lattice, doubts: list[str]) -> _Candidate | None:
