@@ -113,13 +113,13 @@ def fit_grid(
         return Grid(np.append(scaled[:8], 1.0).reshape(3, 3), float(scaled[8]), size)
 
     def residuals(parameters: Array) -> Array:
-        off = np.einsum('nij,nj->ni', inward, grid_of(parameters).project(local) - points) * weight
+        off = np.einsum("nij,nj->ni", inward, grid_of(parameters).project(local) - points) * weight
         return np.append(np.nan_to_num(off, nan=1.0).ravel(), scatter * parameters[8])
 
     first = np.append(start.ravel()[:8], 0.0) / unit
     result = least_squares(residuals, first, loss="soft_l1", f_scale=2.0 * scatter, max_nfev=30)
     grid = grid_of(result.x)
-    off = np.einsum('nij,nj->ni', inward, grid.project(local) - points)
+    off = np.einsum("nij,nj->ni", inward, grid.project(local) - points)
     middle = float(np.median(np.abs(off[weight.min(axis=1) >= 1.0]))) * 1.4826
     corners = CORNERS - centre
     reference = grid.project(corners)

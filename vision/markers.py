@@ -143,7 +143,9 @@ def write_sheet(path: Path, settings: MarkerSettings) -> None:
     body = [_marker(one, 10.0 + (one % 2) * pitch, 10.0 + (one // 2) * pitch, side) for one in range(4)]
     foot = PAGE[1] - 15.0
     body.append(f'<path d="M10 {foot}h{RULER}m0 -2v4m-{RULER} 0v-4" stroke="black" stroke-width="0.3" fill="none"/>')
-    body.append(f'<text x="10" y="{foot - 4.0}" font-size="4">{RULER:.0f} mm; markers {side:g} mm, upper edge to rank 8</text>')
+    body.append(
+        f'<text x="10" y="{foot - 4.0}" font-size="4">{RULER:.0f} mm; markers {side:g} mm, upper edge to rank 8</text>'
+    )
     head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{PAGE[0]:g}mm" height="{PAGE[1]:g}mm" viewBox="0 0 {PAGE[0]:g} {PAGE[1]:g}">'
     path.write_text("\n".join([head, '<rect width="100%" height="100%" fill="white"/>', *body, "</svg>"]) + "\n")
 

@@ -57,7 +57,7 @@ def orient(colour: NDArray[np.uint8], corners: ArrayLike, placement: chess.BaseB
     board = chess.BaseBoard() if placement is None else placement
     expected = _expected(board)
     relief, lightness = _squares(colour, given)
-    turned = [(np.rot90(relief, turn), np.rot90(lightness, turn)) for turn in range(4)]
+    turned = [(np.rot90(relief, -turn), np.rot90(lightness, -turn)) for turn in range(4)]
     fits = np.array([_fit(one, light, expected) for one, light in turned])
     best = int(fits.argmax())
     margin = float(fits[best] - np.max(np.delete(fits, best)))

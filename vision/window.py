@@ -84,7 +84,9 @@ def judge(sides: Sides, i: int, j: int) -> Window:
     """Marks of the window that begins with square (i, j) of the range, counted from its first, both at least 1."""
     along = _marks(sides.upright[i + 1 : i + 8, j - 1 : j + 9], axis=0)
     across = _marks(sides.level[i - 1 : i + 9, j + 1 : j + 8], axis=1)
-    inner = np.concatenate([sides.upright[i + 1 : i + 8, j : j + 8].ravel(), sides.level[i : i + 8, j + 1 : j + 8].ravel()])
+    inner = np.concatenate(
+        [sides.upright[i + 1 : i + 8, j : j + 8].ravel(), sides.level[i : i + 8, j + 1 : j + 8].ravel()]
+    )
     marks = np.concatenate([along[1:-1], across[1:-1]])
     margins = [low - high for line in (along, across) for low, high in ((line[1], line[-1]), (line[-2], line[0]))]
     return Window(

@@ -28,7 +28,9 @@ class Drawing:
     noise: float = 3.0
 
 
-def pose(tilt: float, turn: float, fill: float, size: tuple[int, int], shift: tuple[float, float] = (0.0, 0.0)) -> NDArray[np.float64]:
+def pose(
+    tilt: float, turn: float, fill: float, size: tuple[int, int], shift: tuple[float, float] = (0.0, 0.0)
+) -> NDArray[np.float64]:
     """Homography from places, a1 at (0, 0) and h8 at (8, 8), to pixels, for a board seen by a pinhole.
 
     Args:
@@ -46,7 +48,9 @@ def pose(tilt: float, turn: float, fill: float, size: tuple[int, int], shift: tu
     distance = focal * 8.0 / (fill * height)
     # v points down, the ranks up; the far side is the upper one
     view = np.array([[1.0, 0.0, 0.0], [0.0, -np.cos(tilt), 0.0], [0.0, np.sin(tilt), distance]])
-    pinhole = np.array([[focal, 0.0, (0.5 + shift[0]) * width - 0.5], [0.0, focal, (0.5 + shift[1]) * height - 0.5], [0.0, 0.0, 1.0]])
+    pinhole = np.array(
+        [[focal, 0.0, (0.5 + shift[0]) * width - 0.5], [0.0, focal, (0.5 + shift[1]) * height - 0.5], [0.0, 0.0, 1.0]]
+    )
     return pinhole @ view @ spin @ centre
 
 
@@ -73,7 +77,10 @@ def draw(homography: NDArray[np.float64], placement: str | None, drawing: Drawin
             if letter.isdigit():
                 column += int(letter)
                 continue
-            middle = (rim + column * unit + unit // 2 + int(rng.integers(-3, 4)), rim + row * unit + unit // 2 + int(rng.integers(-3, 4)))
+            middle = (
+                rim + column * unit + unit // 2 + int(rng.integers(-3, 4)),
+                rim + row * unit + unit // 2 + int(rng.integers(-3, 4)),
+            )
             colour = drawing.white if letter.isupper() else drawing.black
             cv2.circle(flat, middle, 13, tuple(int(0.7 * one) for one in colour), -1, cv2.LINE_AA)
             cv2.circle(flat, middle, 10, colour, -1, cv2.LINE_AA)
@@ -87,7 +94,12 @@ def draw(homography: NDArray[np.float64], placement: str | None, drawing: Drawin
     table = np.empty((big[1], big[0], 3), np.uint8)
     table[:] = drawing.table
     warped = cv2.warpPerspective(
-        flat, double @ homography @ place_of_pixel, big, dst=table, flags=cv2.INTER_AREA, borderMode=cv2.BORDER_TRANSPARENT
+        flat,
+        double @ homography @ place_of_pixel,
+        big,
+        dst=table,
+        flags=cv2.INTER_AREA,
+        borderMode=cv2.BORDER_TRANSPARENT,
     )
     picture = cv2.resize(warped, drawing.size, interpolation=cv2.INTER_AREA).astype(float)
     picture += rng.normal(0.0, drawing.noise, picture.shape)

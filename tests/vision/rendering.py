@@ -56,7 +56,9 @@ def rendered(
         exposure: of the sensor.
     """
     home = np.array(MotionSettings().home)
-    settings = WorldSettings(pieces=() if fen is None else start_layout(chess.Board(fen), TABLE), home=MotionSettings().home)
+    settings = WorldSettings(
+        pieces=() if fen is None else start_layout(chess.Board(fen), TABLE), home=MotionSettings().home
+    )
     model = build_model(load_parameters(), TABLE, stand_pieces(settings), home if tool is None else tool)
     lamp = light or LightSettings()
     data = mujoco.MjData(model)

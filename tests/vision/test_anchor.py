@@ -52,8 +52,8 @@ def test_what_does_not_move_the_board(anchor: Anchor, kind: str) -> None:
     np.testing.assert_array_equal(check.corners, anchor.corners)
 
 
-@pytest.mark.parametrize("along", [0.12, -0.5, 0.5, 1.0, -1.0, 2.0])
-@pytest.mark.parametrize("across", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("along", [0.12, -0.5, 1.0])
+@pytest.mark.parametrize("across", [0.0, 1.0])
 def test_a_board_that_moved_is_found_again(anchor: Anchor, along: float, across: float) -> None:
     seen = moved(along, across)
     colour = draw(seen, LATER, Drawing(), seed=3)

@@ -41,7 +41,7 @@ def picture(seen: NDArray[np.float64], shown: tuple[int, ...] = (0, 1, 2, 3), pu
 @pytest.mark.parametrize("shown", [(0, 1, 2, 3), (0, 2, 3), (1, 2, 3)])
 @pytest.mark.parametrize("turn", [0.0, 2.2])
 def test_markers_tell_place_and_orientation(shown: tuple[int, ...], turn: float) -> None:
-    seen = pose(0.4, turn, 0.55, SIZE)
+    seen = pose(0.4, turn, 0.42, SIZE)
     found = find_markers(picture(seen, shown), SETTINGS, TABLE)
     corners = corners_of(seen)
     side = np.linalg.norm(corners[1] - corners[0]) / 8.0
@@ -50,14 +50,14 @@ def test_markers_tell_place_and_orientation(shown: tuple[int, ...], turn: float)
 
 
 def test_too_few_markers_are_named() -> None:
-    seen = pose(0.4, 0.0, 0.55, SIZE)
+    seen = pose(0.4, 0.0, 0.42, SIZE)
     with pytest.raises(BoardNotFound, match=r"2 of the four markers are seen, .* uncover 2 \(h8\), 3 \(a8\)"):
         find_markers(picture(seen, (0, 1)), SETTINGS, TABLE)
 
 
 def test_a_marker_in_another_place_is_noticed() -> None:
     with pytest.raises(BoardNotFound, match="the markers are up to .* squares from where the settings have them"):
-        find_markers(picture(pose(0.4, 0.0, 0.55, SIZE), push=0.03), SETTINGS, TABLE)
+        find_markers(picture(pose(0.4, 0.0, 0.42, SIZE), push=0.03), SETTINGS, TABLE)
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,9 @@ def test_the_sheet_has_true_size_and_readable_markers(tmp_path: Path) -> None:
     assert text.count('width="30.0000" height="30.0000" fill="black"') == 4
     scale = 8
     page = np.full((297 * scale, 210 * scale, 3), 255, np.uint8)
-    for x, y, w, h in re.findall(r'<rect x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="([\d.]+)" fill="black"', text):
+    for x, y, w, h in re.findall(
+        r'<rect x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="([\d.]+)" fill="black"', text
+    ):
         _fill(page, scale, (float(x), float(y), float(w), float(h)), 0)
     for x, y, w in re.findall(r"M([\d.]+) ([\d.]+)h([\d.]+)v", text):
         _fill(page, scale, (float(x), float(y), float(w), float(w)), 255)
