@@ -78,7 +78,7 @@ class _Normal:
         self._count = np.zeros(3)
         self._mean = np.zeros((3, size))
         self._scatter = np.zeros((size, size))
-        self._precision: Array | None = None
+        self._axes: Array | None = None
 
     def fade(self, memory: float) -> None:
         self._count *= memory
@@ -94,18 +94,19 @@ class _Normal:
             self._mean[state] += (mean - self._mean[state]) * len(of_state) / total
             self._count[state] = total
             self._scatter += (of_state - mean).T @ (of_state - mean)
-        self._precision = None
+        self._axes = None
 
     def likelihood(self, examples: Array) -> Array:
         known = self._count > 0.0
         if not known.any():
             return np.zeros((len(examples), 3))
-        if self._precision is None:
+        if self._axes is None:
             covariance = self._scatter / self._count.sum()
             variance = np.diag(covariance)
             covariance = (1.0 - DIAGONAL) * covariance + np.diag(DIAGONAL * variance + FLOOR * variance.mean())
-            self._precision = np.linalg.inv(covariance)
-        off = examples[:, None, :] - self._mean
-        likelihood: Array = -0.5 * np.einsum("isj,jk,isk->is", off, self._precision, off, optimize=True)
+            self._axes = np.linalg.solve(covariance, self._mean.T)
+        # with one covariance for all states, what is quadratic in the example is common to them and drops out
+        offset = -0.5 * np.einsum("sj,js->s", self._mean, self._axes)
+        likelihood: Array = examples @ self._axes + offset
         likelihood[:, ~known] = likelihood[:, known].max(axis=1, keepdims=True)
         return likelihood

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.features import Light, exposure_step, square_means
+from vision.features import Light, length, square_means
 
 Array = NDArray[np.float64]
 
@@ -27,12 +27,15 @@ and tried on it, the weights change little and the errors do not."""
 
 
 def change_measures(light: Light, reference: Light) -> Array:
-    """Change of colour and of gradients, each relative to the board's median and as it is: shape (64, 4)."""
-    step = exposure_step(light, reference).astype(np.float32)
-    colour = square_means(np.abs(light.level - reference.level - step).sum(axis=2), MIDDLE)
-    across, upward = light.across - reference.across, light.upward - reference.upward
-    moved = np.sqrt(np.einsum("ijk,ijk->ij", across, across) + np.einsum("ijk,ijk->ij", upward, upward))
-    turned = square_means(moved, MIDDLE) / (square_means(light.size + reference.size, MIDDLE) + 0.01)
+    """Change of colour and of gradients, each relative to the board's median and as it is: shape (64, 4).
+
+    Args:
+        light: of the sight, as if it had the exposure of the reference.
+        reference: of the earlier one.
+    """
+    colour = square_means(np.abs(light.level - reference.level).sum(axis=2), MIDDLE)
+    moved = square_means(length(light.slopes - reference.slopes), MIDDLE)
+    turned = moved / (square_means(light.size + reference.size, MIDDLE) + 0.01)
     colour, turned = np.log(colour + 0.01), np.log(turned + 0.02)
     return np.stack([colour - np.median(colour), turned - np.median(turned), colour, turned], axis=1)
 

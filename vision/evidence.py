@@ -119,10 +119,14 @@ class Evidence:
 
 def codes_of(board: chess.BaseBoard) -> Codes:
     """The pieces of a position."""
-    codes = np.zeros(64, dtype=np.int8)
-    for square, piece in board.piece_map().items():
-        codes[square] = piece.piece_type if piece.color else -piece.piece_type
+    kinds = (board.pawns, board.knights, board.bishops, board.rooks, board.queens, board.kings)
+    sets = [kind & side for side in (board.occupied_co[chess.WHITE], board.occupied_co[chess.BLACK]) for kind in kinds]
+    bits = np.unpackbits(np.array(sets, dtype="<u8").view(np.uint8), bitorder="little").reshape(12, 64)
+    codes: Codes = _CODES @ bits.astype(np.int8)
     return codes
+
+
+_CODES: Final = np.array([1, 2, 3, 4, 5, 6, -1, -2, -3, -4, -5, -6], dtype=np.int8)
 
 
 def states_of(codes: Codes) -> NDArray[np.intp]:

@@ -6,7 +6,7 @@ without changing what is to be seen in it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import cv2
@@ -18,6 +18,8 @@ from vision.solids import DARKEST
 
 Array = NDArray[np.float64]
 
+SMOOTHING: Final = 0.75
+"""Of what gradients are taken from: below it there is noise, and the camera's own blur [px]."""
 BLOCKS: Final = 5
 """A square is described by BLOCKS × BLOCKS blocks."""
 EDGE: Final = 0.02
@@ -30,14 +32,18 @@ class Light:
 
     Attributes:
         level: natural logarithm of brightness, shape (PLAN_PX, PLAN_PX, 3).
-        across, upward: gradients of the smoothed ``level`` along columns and rows, same shape [1/px].
+        slopes: gradients of the smoothed ``level``: along columns in red, green and blue, then along rows, shape
+            (PLAN_PX, PLAN_PX, 6) [1/px].
         size: length of the gradient over all colours, shape (PLAN_PX, PLAN_PX) [1/px].
     """
 
     level: Field
-    across: Field
-    upward: Field
+    slopes: Field
     size: Field
+
+    def brighter(self, step: Array) -> Light:
+        """The same, with so much more light in each colour, shape (3,), logarithmic."""
+        return replace(self, level=self.level + step.astype(np.float32))
 
 
 _LOGARITHM: Final = np.log(np.arange(256, dtype=np.float32) / 255.0 + DARKEST)
@@ -45,12 +51,18 @@ _LOGARITHM: Final = np.log(np.arange(256, dtype=np.float32) / 255.0 + DARKEST)
 
 def light_of(plan: Picture) -> Light:
     """Logarithmic brightness and gradients of a plan."""
-    level = _LOGARITHM[plan]
-    smooth = cv2.GaussianBlur(level, (0, 0), 1.0)
-    across = np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=1 / 8), dtype=np.float32)
-    upward = np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=1 / 8), dtype=np.float32)
-    size = np.sqrt(np.einsum("ijk,ijk->ij", across, across) + np.einsum("ijk,ijk->ij", upward, upward))
-    return Light(level, across, upward, size)
+    level = np.asarray(cv2.LUT(plan, _LOGARITHM), dtype=np.float32)
+    smooth = cv2.GaussianBlur(level, (0, 0), SMOOTHING)
+    slopes = np.empty((*level.shape[:2], 6), dtype=np.float32)
+    slopes[..., :3] = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=1 / 8)
+    slopes[..., 3:] = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=1 / 8)
+    return Light(level, slopes, length(slopes))
+
+
+def length(slopes: Field) -> Field:
+    """Length of gradients (h, w, 6): shape (h, w)."""
+    size: Field = np.sqrt(np.einsum("ijk,ijk->ij", slopes, slopes))
+    return size
 
 
 def exposure_step(light: Light, reference: Light) -> Array:
@@ -58,9 +70,9 @@ def exposure_step(light: Light, reference: Light) -> Array:
 
     The median over the board: what a few pieces change does not count.
     """
-    inner = slice(MARGIN * SQUARE_PX, PLAN_PX - MARGIN * SQUARE_PX, 2)  # every other pixel says as much
-    step: Array = np.median((light.level - reference.level)[inner, inner], axis=(0, 1)).astype(float)
-    return step
+    inner = slice(MARGIN * SQUARE_PX + 1, PLAN_PX - MARGIN * SQUARE_PX, 3)  # every third pixel says as much
+    step: Array = np.median((light.level[inner, inner] - reference.level[inner, inner]).reshape(-1, 3), axis=0)
+    return step.astype(float)
 
 
 def describe(light: Light, shift: tuple[int, int] = (0, 0)) -> Array:
@@ -100,5 +112,3 @@ def square_means(picture: Field, share: float) -> Array:
     middle = by_square(board, SQUARE_PX)[:, edge : SQUARE_PX - edge, edge : SQUARE_PX - edge, 0]
     means: Array = middle.mean(axis=(1, 2)).astype(float)
     return means
-
-

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import chess
-import numpy as np
 
 from vision.appearance import Appearance
 from vision.change import change_odds
@@ -15,11 +14,12 @@ from vision.features import Light, describe, exposure_step, light_of
 from vision.kinds import Kinds
 from vision.leaning import cover
 from vision.moves import Decision, decide
-from vision.sight import Sight
+from vision.sight import SQUARE_PX, Sight
 from vision.solids import Solids
 from vision.standing import Standing
 
-SHIFTS: Final = tuple((x, y) for x in (-3, 0, 3) for y in (-3, 0, 3))
+_STEP: Final = SQUARE_PX // 10
+SHIFTS: Final = tuple((x, y) for x in (-_STEP, 0, _STEP) for y in (-_STEP, 0, _STEP))
 """By which squares are taken off their places to learn from them: a tenth of a square, as people put pieces down [px]."""
 
 
@@ -59,7 +59,7 @@ class Observer:
             raise ValueError("one look has depth and another has none: follow a game with one camera")
         light = light_of(sight.plan)
         # brightness as if the exposure had stayed what it was at first
-        light = replace(light, level=light.level - exposure_step(light, self._light_before).astype(np.float32))
+        light = light.brighter(-exposure_step(light, self._light_before))
         states = self._appearance.likelihood(describe(light))
         solid = None if sight.solids is None else self._standing.likelihood(sight.solids)
         evidence = Evidence(states, change_odds(light, self._light_before), cover(sight.camera), solid)

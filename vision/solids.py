@@ -16,6 +16,7 @@ from hardware.interfaces import Frame
 from vision.board import BoardView
 
 Array = NDArray[np.float64]
+Field = NDArray[np.float32]
 
 TALL: Final = 0.012
 """What is higher than this is no board [m]: a pawn is 34 mm high, the depth of a D435 errs by 1 to 2 mm at 0.6 m."""
@@ -60,22 +61,19 @@ def solids_of(frame: Frame, view: BoardView) -> Solids:
     """
     if frame.depth is None:
         raise ValueError("this frame has no depth: solids are seen by a camera that has it")
-    rows, columns, x, y, z = _points(frame.depth, view)
-    side = view.table.square
-    file, rank = np.floor(x / side).astype(np.int32) + 4, np.floor(y / side).astype(np.int32) + 4
-    from_centre = np.maximum(np.abs(x / side + 3.5 - file), np.abs(y / side + 3.5 - rank))
-    over = (file >= 0) & (file < 8) & (rank >= 0) & (rank < 8) & (from_centre < REACH)
-    square, z = (8 * rank + file)[over], z[over]
-    stands = (z > TALL) & (z < CEILING)
+    window, x, y, z = _points(frame.depth, view)
+    file, rank = np.floor(x), np.floor(y)
+    over = (np.abs(x - file - 0.5) < REACH) & (np.abs(y - rank - 0.5) < REACH)
+    over &= (file >= 0) & (file < 8) & (rank >= 0) & (rank < 8) & (frame.depth[window] > 0.0)
+    square = (8.0 * rank + file).astype(np.int32)
+    stands = over & (z > TALL) & (z < CEILING)
     of_piece = square[stands]
     count = np.bincount(of_piece, minlength=64)
-    pixels = frame.colour[rows[over][stands], columns[over][stands]]
+    pixels = frame.colour[window][stands]
     level = [np.bincount(of_piece, _LOGARITHM[pixels[:, band]], minlength=64) for band in range(3)]
     colour = np.stack(level, axis=1) / np.maximum(count, 1)[:, None]
-    return Solids(
-        np.bincount(square, minlength=64), count, np.bincount(square[z >= CEILING], minlength=64),
-        _tops(of_piece, z[stands], count), colour,
-    )  # fmt: skip
+    above = np.bincount(square[over & (z >= CEILING)], minlength=64)
+    return Solids(np.bincount(square[over], minlength=64), count, above, _tops(of_piece, z[stands], count), colour)
 
 
 def _tops(square: NDArray[np.int32], height: NDArray[np.float32], count: NDArray[np.intp]) -> Array:
@@ -89,21 +87,31 @@ def _tops(square: NDArray[np.int32], height: NDArray[np.float32], count: NDArray
     return np.where(count > 0, ordered[which], 0.0).astype(float)
 
 
-def _points(
-    depth: NDArray[np.float32], view: BoardView
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Rows and columns of pixels that may show the board or what stands on it; and their points, board frame [m]."""
+def _points(depth: Field, view: BoardView) -> tuple[tuple[slice, slice], Field, Field, Field]:
+    """The part of a picture that may show the board or what stands on it, and the points of its pixels.
+
+    Returns:
+        Rows and columns of the part; then x and y [sides of a square, from the outer corner of a1] and z [m] for each
+        of its pixels.
+    """
     half = 4.0 * view.table.square
     box = np.array([[x, y, z] for x in (-half, half) for y in (-half, half) for z in (0.0, CEILING)])
     pixels = view.project(box)
     h, w = depth.shape
     left, top = np.clip(np.floor(pixels.min(axis=0)), 0, (w, h)).astype(int)
     right, bottom = np.clip(np.ceil(pixels.max(axis=0)), 0, (w, h)).astype(int)
-    rows, columns = np.nonzero(depth[top:bottom, left:right] > 0.0)
-    rows, columns = rows + top, columns + left
-    pinhole, pose = view.intrinsics, view.camera_from_board.astype(np.float32)
-    z = depth[rows, columns]
-    u = (columns.astype(np.float32) - np.float32(pinhole.cx)) * np.float32(1.0 / pinhole.fx) * z
-    v = (rows.astype(np.float32) - np.float32(pinhole.cy)) * np.float32(1.0 / pinhole.fy) * z
-    points = np.stack([u - pose[0, 3], v - pose[1, 3], z - pose[2, 3]], axis=1) @ pose[:3, :3]
-    return rows, columns, points[:, 0], points[:, 1], points[:, 2]
+    window = slice(top, bottom), slice(left, right)
+    pinhole, turn, shift = view.intrinsics, view.camera_from_board[:3, :3], view.camera_from_board[:3, 3]
+    u = (np.arange(left, right) - pinhole.cx) / pinhole.fx
+    v = (np.arange(top, bottom) - pinhole.cy) / pinhole.fy
+    away = depth[window]
+    coordinates = []
+    for axis in range(3):  # a point is its ray times its depth, turned into the board frame: linear in columns and rows
+        a, b, c = turn[:, axis]
+        offset = -float(turn[:, axis] @ shift)
+        scale = 1.0 if axis == 2 else 1.0 / view.table.square
+        start = offset * scale + (0.0 if axis == 2 else 4.0)
+        ray = ((b * v + c) * scale).astype(np.float32)[:, None] + (a * u * scale).astype(np.float32)
+        coordinates.append(ray * away + np.float32(start))
+    x, y, z = coordinates
+    return window, x, y, z
