@@ -223,6 +223,13 @@ class ControllerClient:
         """Stop, and admit no motion until ``resume``."""
         self._command(CommandCode.HOLD, lambda t: not _moving(t))
 
+    def ask_to_hold(self) -> None:
+        """As ``hold``, but returns as soon as the controller has begun to stop; the arm still moves for up to 0.1 s.
+
+        For whoever keeps plant time waiting meanwhile, on a lockstep bus, and for whoever is in a hurry.
+        """
+        self._command(CommandCode.HOLD, lambda t: True)
+
     def resume(self) -> None:
         """Admit motions again."""
         self._command(CommandCode.RESUME, lambda t: bool(t.flags & Flag.ADMITTING))
