@@ -93,7 +93,7 @@ def draw_mask(view: BoardView, capsules: Capsules, margin: float = 0.0, grow: in
     for outline in fixed:
         cv2.fillConvexPoly(mask, cv2.convexHull(outline), 1, shift=_SHIFT)
     if grow > 0:
-        mask = cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * grow + 1, 2 * grow + 1)))
+        mask = cv2.dilate(mask, np.ones((2 * grow + 1, 2 * grow + 1), np.uint8))
     return mask.astype(np.bool_)
 
 

@@ -56,13 +56,14 @@ class SimWatchCamera:
         self._depth = depth
         self._device = SoftwareCamera(self.intrinsics, depth_stream(view["depth"]) if depth else None)
         self._maker = FrameMaker()
-        self._held = self._closed = False
+        self._held = self._closed = self._watching = False
         self._reading, self._sending = threading.Lock(), threading.Lock()
         self._link.settimeout(_GLANCE)
-        self._tell({"camera": "camera", "watch_ticks": ticks, "depth": depth})
+        self._wish = {"camera": "camera", "watch_ticks": ticks, "depth": depth}
 
     def wake(self, awake: bool) -> None:
         """Whether plant time shall run for this camera, also while nothing moves; pace real: no difference."""
+        self._begin()
         self._tell({"wake": awake})
 
     def release(self) -> None:
@@ -81,6 +82,7 @@ class SimWatchCamera:
             HardwareError: the world is gone, or draws no pictures any more.
         """
         with self._reading:
+            self._begin()
             self.release()
             answer = self._next()
             self._held = True
@@ -92,11 +94,18 @@ class SimWatchCamera:
         return frame
 
     def close(self) -> None:
-        """Let the world go; a reader in another thread ends with ``CameraClosed``."""
+        """Let the world go; a reader in another thread ends with ``CameraClosed``. A second call does nothing."""
         self._closed = True
         with self._reading:
             self._link.close()
             self._device.close()
+
+    def _begin(self) -> None:
+        """Frames come from the first use on: plant time would wait for a reader who is not there yet."""
+        with self._sending:
+            begun, self._watching = self._watching, True
+        if not begun:
+            self._tell(self._wish)
 
     def _next(self) -> dict[str, Any]:
         while not self._closed:
