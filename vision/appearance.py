@@ -45,7 +45,9 @@ class Appearance:
         large: whatever differs and is at least so large is no piece, nor a few of them [squares].
     """
 
-    def __init__(self, zone: Zone, reach: float = 0.15, body: float = 0.5, lone: float = 1.2, large: float = 5.0) -> None:
+    def __init__(
+        self, zone: Zone, reach: float = 0.15, body: float = 0.5, lone: float = 1.2, large: float = 5.0
+    ) -> None:
         self._zone = zone
         self._reach = reach
         self._body = body

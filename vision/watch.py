@@ -212,9 +212,7 @@ class _Senses:
         self._learn(small, distance, covered, still=not moving and relief is None)
         return self._tell(area, over, moving)
 
-    def _evidence(
-        self, glance: Glance, relief: Relief | None
-    ) -> tuple[float, frozenset[int], frozenset[int]]:
+    def _evidence(self, glance: Glance, relief: Relief | None) -> tuple[float, frozenset[int], frozenset[int]]:
         """Area of a hand [squares], squares it is over, and those where it may touch something."""
         if relief is None:
             return glance.reaching, glance.over, glance.over
@@ -254,7 +252,11 @@ class _Senses:
                 self._heights.learn(distance, mask, moved=course.moved)
             course.moved = False
         course.still_since = (course.still_since or self._stamp) if still else None
-        if course.hand and course.still_since is not None and self._stamp - course.still_since > self._settings.patience:
+        if (
+            course.hand
+            and course.still_since is not None
+            and self._stamp - course.still_since > self._settings.patience
+        ):
             self._appearance.forget()
             self._course = _Course()
 

@@ -18,7 +18,7 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 import chess
 import numpy as np
@@ -47,6 +47,7 @@ from hardware.sim.referee import Referee
 from hardware.sim.settings import Pace, WorldSettings
 from hardware.sim.watching import SimWatchCamera
 from hardware.table import Colour, TableSettings
+from vision.watch import Seen
 
 SEED: Final = 11
 ENTRIES: Final = 200
@@ -108,7 +109,9 @@ def measure(entries: int, plies: int, progress: Callable[[str], None], seed: int
     try:
         for first in range(0, entries, A_WORLD):
             count = min(A_WORLD, entries - first)
-            with _scene(seed + first, HandSettings(side=rng.choice(list(Colour)), speed=rng.uniform(0.4, 1.2))) as scene:
+            with _scene(
+                seed + first, HandSettings(side=rng.choice(list(Colour)), speed=rng.uniform(0.4, 1.2))
+            ) as scene:
                 for number in range(first, first + count):
                     _enter(scene, rng, figures, to_the_end=number % GONE_EVERY == 0)
                     progress(f"{number + 1} of {entries} hands")
@@ -158,17 +161,21 @@ class _Scene:
         self.history.take(telemetry)
         self.telemetry.append(telemetry)
 
-    def guard(self) -> HandGuard:
-        """A guard that is not started yet."""
+    def guard(self, seen: list[tuple[float, Seen]]) -> HandGuard:
+        """A guard that is not started yet; ``seen`` gets what it sees, and when, in plant time."""
         masks = ArmMasks(self.view, self.parameters, self.table, self.history)
-        return HandGuard(SimWatchCamera(self.run_dir), self.view, masks, self.rig.client)
+        camera = SimWatchCamera(self.run_dir)
+        return HandGuard(
+            camera, self.view, masks, self.rig.client, listener=lambda _, one: seen.append((self.history.newest, one))
+        )
 
-    def at_rest_since(self, tick: int) -> float | None:
-        """Plant time of the first telemetry after a tick in which the arm is at rest [s]."""
-        for one in list(self.telemetry):
-            if one.tick >= tick and one.state is State.HOLD:
-                return one.tick * self.parameters.drive.tick
-        return None
+    def rested(self, since: float) -> float | None:
+        """When the arm came to rest, if it has moved after a plant time and moves no more [s]; None: it still moves."""
+        told = [one for one in list(self.telemetry) if one.tick * self.parameters.drive.tick >= since]
+        moving = [k for k, one in enumerate(told) if one.state in (State.TRACK, State.STOPPING)]
+        if not told or (moving and moving[-1] == len(told) - 1):
+            return None
+        return told[moving[-1] + 1 if moving else 0].tick * self.parameters.drive.tick
 
 
 @contextmanager
@@ -227,18 +234,12 @@ def _enter(scene: _Scene, rng: random.Random, figures: Figures, *, to_the_end: b
     point = rng.uniform(-half, half), rng.uniform(-half, half)
     hover = Hover(at=point, height=rng.uniform(0.07, 0.14), duration=rng.uniform(0.1, 0.5))
     delay = rng.uniform(0.05, 0.6)
-    guard = scene.guard()
-    watching = threading.Event()
-
-    def watch() -> None:
-        guard.start()
-        watching.set()
-
+    seen = list[tuple[float, Seen]]()
+    guard = scene.guard(seen)
     with ExitStack() as stack:
         hand = stack.enter_context(closing(SimHand(scene.run_dir)))
         stack.callback(guard.close)
-        follower = stack.enter_context(closing(_Follower(scene.run_dir, scene.table, watch)))
-        first = scene.telemetry[-1].tick
+        follower = stack.enter_context(closing(_Follower(scene.run_dir, scene.table, guard.start)))
 
         def come() -> None:
             scene.rig.clock.sleep(delay)
@@ -247,9 +248,9 @@ def _enter(scene: _Scene, rng: random.Random, figures: Figures, *, to_the_end: b
         comer = threading.Thread(target=come, name="comer")
         stopped = _sweep(scene, comer)
         comer.join()
-        _note_stop(scene, figures, follower, first, stopped)
-        if to_the_end and watching.wait(TIMEOUT):
-            _note_gone(scene, figures, follower, guard)
+        _note_stop(scene, figures, follower, stopped)
+        if to_the_end:
+            _note_gone(figures, follower, guard, seen)
         guard.close()
         hand.wait()
         scene.rig.client.resume()
@@ -278,39 +279,42 @@ def _round(start: np.ndarray[tuple[int], np.dtype[np.float64]], settings: Motion
     return Plan("sweep", tuple(motions))
 
 
-def _note_stop(scene: _Scene, figures: Figures, follower: _Follower, first: int, stopped: Cause) -> None:
+def _note_stop(scene: _Scene, figures: Figures, follower: _Follower, stopped: Cause) -> None:
+    """How long the arm moved after the hand had crossed the edge."""
     if stopped is Cause.NONE:
         figures.missed += 1
         return
-    figures.collisions += stopped is not Cause.HOLD_COMMAND
-    deadline = time.monotonic() + TIMEOUT
-    while not follower.crossings() and time.monotonic() < deadline:
-        time.sleep(0.01)
-    ended = max((one.end_tick for one in scene.telemetry[-400:] if one.tick >= first), default=first)
-    rest = None
-    while rest is None and time.monotonic() < deadline:
-        rest = scene.at_rest_since(ended)
-        time.sleep(0.01)
-    if rest is None or not follower.crossings():
-        raise UserError(f"the bench was cut short: no hand came, or the arm never rested ({stopped.name})")
-    figures.rest.append(max(0.0, rest - follower.crossings()[0]))
+    figures.collisions += stopped not in (Cause.HOLD_COMMAND, Cause.NOT_ADMITTED)
+    crossed = _until(lambda: follower.crossings()[:1], "a hand that crosses the board's edge")[0]
+    rested = _until(lambda: scene.rested(crossed), "an arm at rest")
+    figures.rest.append(max(0.0, rested - crossed))
 
 
-def _note_gone(scene: _Scene, figures: Figures, follower: _Follower, guard: HandGuard) -> None:
-    """Wait until the guard says that the board is clear; how long after the hand left it that was."""
-    seen = guard.clear()
-    known = max(scene.history.newest, seen.stamp)
+def _note_gone(figures: Figures, follower: _Follower, guard: HandGuard, seen: list[tuple[float, Seen]]) -> None:
+    """How long after the hand had left the board the guard knew of a settled board."""
+    guard.clear()
     left = follower.crossings()
     if len(left) >= 2:
-        figures.gone.append(max(0.0, known - left[-1]))
+        known = [when for when, one in list(seen) if one.settled and one.stamp > left[-1]]
+        figures.gone.append(known[0] - left[-1])
 
 
-def _play(
-    scene: _Scene, plies: int, rng: random.Random, figures: Figures, progress: Callable[[str], None]
-) -> None:
+_T = TypeVar("_T")
+
+
+def _until(ask: Callable[[], _T | None], what: str) -> _T:
+    deadline = time.monotonic() + TIMEOUT
+    while time.monotonic() < deadline:
+        if answer := ask():
+            return answer
+        time.sleep(0.01)
+    raise UserError(f"the bench was cut short: {what} did not come within {TIMEOUT:g} s")
+
+
+def _play(scene: _Scene, plies: int, rng: random.Random, figures: Figures, progress: Callable[[str], None]) -> None:
     """Random plies without a hand, all of them watched."""
     board, inventory = chess.Board(), scene.inventory
-    with scene.guard() as guard:
+    with scene.guard([]) as guard:
         for _ in range(plies):
             move = rng.choice(list(board.legal_moves))
             ply = transfers(board, move, inventory)
