@@ -123,10 +123,10 @@ def _gripper(parameters: RobotParameters, tool: Array, finger: float) -> list[tu
     links = [(body - aside, body + aside, BODY_RADIUS)]
     out = finger + pads.half_width * math.tan(pads.groove_angle) + 0.5 * pads.back
     for side in (-1.0, 1.0):
-        tip = tool + [side * out, 0.0, 0.0]
+        tip = tool + np.array([side * out, 0.0, 0.0])
         links.append((tip - [0.0, 0.0, BODY_HEIGHT], tip, FINGER_RADIUS))
     below, above = HELD_BELOW - HELD_RADIUS / 2.0, HELD_ABOVE - HELD_RADIUS / 2.0
-    links.append((tool - [0.0, 0.0, above], tool + [0.0, 0.0, below], HELD_RADIUS))
+    links.append((tool - [0.0, 0.0, above], tool + np.array([0.0, 0.0, below]), HELD_RADIUS))
     return links
 
 
@@ -146,7 +146,7 @@ class ArmHistory:
         self._news = threading.Condition()
 
     def take(self, telemetry: Telemetry) -> None:
-        """Keep what one telemetry tells; a listener of the controller's client. Older ones than the last are not news."""
+        """Keep what one telemetry tells, unless it is older than the last; a listener of the controller's client."""
         with self._news:
             if self._ticks and telemetry.tick <= self._ticks[-1]:
                 return

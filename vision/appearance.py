@@ -98,7 +98,8 @@ class Appearance:
         blended = small
         if not moved:
             gain = gain_between(small, self._background, self._zone.around & seen & self._known)
-            blended = cv2.addWeighted(self._background, gain * (1.0 - _LEARNING), small, _LEARNING, 0.0)
+            mixed = cv2.addWeighted(self._background, gain * (1.0 - _LEARNING), small, _LEARNING, 0.0)
+            blended = np.asarray(mixed, dtype=np.uint8)
         fresh = seen & self._known if not moved else seen
         self._background[fresh] = blended[fresh]
         new = seen & ~self._known

@@ -88,12 +88,12 @@ def draw_mask(view: BoardView, capsules: Capsules, margin: float = 0.0, grow: in
     ends, radii, _ = clip(capsules.ends @ rotation.T + shift, capsules.radii + margin)
     corners = _outlines(ends, radii)
     pixels = corners[..., :2] / corners[..., 2:] * (view.intrinsics.fx, view.intrinsics.fy)
-    pixels = (pixels + (view.intrinsics.cx, view.intrinsics.cy)).clip(-_FAR, _FAR)
+    pixels = (pixels + np.array([view.intrinsics.cx, view.intrinsics.cy])).clip(-_FAR, _FAR)
     fixed = np.rint(pixels * (1 << _SHIFT)).astype(np.int32)
     for outline in fixed:
         cv2.fillConvexPoly(mask, cv2.convexHull(outline), 1, shift=_SHIFT)
     if grow > 0:
-        mask = cv2.dilate(mask, np.ones((2 * grow + 1, 2 * grow + 1), np.uint8))
+        mask = np.asarray(cv2.dilate(mask, np.ones((2 * grow + 1, 2 * grow + 1), np.uint8)), dtype=np.uint8)
     return mask.astype(np.bool_)
 
 

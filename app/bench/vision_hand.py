@@ -2,8 +2,8 @@
 soon a board is settled that a hand has left.
 
 Processes of a real game in pace fast: world with a person, camera with its noise, controller, and the guard of
-``app.hand_guard``. Light, exposure, camera noise and mount are drawn anew for each world. Hands come at random moments of
-the arm's motion, to random points, at random speeds. When a hand crosses the board's edge, and when it leaves, is the
+``app.hand_guard``. Light, exposure, camera noise and mount are drawn anew for each world. Hands come at random moments
+of the arm's motion, to random points, at random speeds. When a hand crosses the board's edge, and when it leaves, is the
 referee's word; when the arm rests, the controller's.
 """
 
@@ -31,7 +31,7 @@ from app.bench.report import Row, row
 from app.hand_guard import ArmMasks, HandGuard
 from app.layout import start_layout
 from app.manipulation import Inventory, transfers
-from app.motion import MotionSettings, Plan, plan_ply
+from app.motion import Motion, MotionSettings, Plan, plan_ply
 from app.sim_rig import SimRig, SimRigSettings
 from app.watch_view import nominal_view
 from controller.causes import Cause
@@ -272,7 +272,7 @@ def _sweep(scene: _Scene, comer: threading.Thread) -> Cause:
 
 def _round(start: np.ndarray[tuple[int], np.dtype[np.float64]], settings: MotionSettings) -> Plan:
     """Three times round, as one plan of straight motions."""
-    motions, at = [], start
+    motions, at = list[Motion](), start
     for target in (*WAY, *WAY, *WAY):
         motions.extend(straight(at, np.array(target), settings).motions)
         at = np.array(target)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import socket
 import threading
 from pathlib import Path
 from typing import Any
@@ -138,5 +137,5 @@ class SimWatchCamera:
         try:
             with self._sending:
                 self._link.send(json.dumps(message).encode())
-        except (OSError, socket.error) as error:
+        except OSError as error:
             raise HardwareError(f"the world does not answer ({error}); its log is in the run directory") from error

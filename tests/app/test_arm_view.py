@@ -43,7 +43,7 @@ def surface(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Any:
     else:
         turn = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
         circle = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=1) * size[0]
-        local = np.concatenate([circle + [0.0, 0.0, h * size[1]] for h in np.linspace(-1.0, 1.0, 9)])
+        local = np.concatenate([circle + np.array([0.0, 0.0, h * size[1]]) for h in np.linspace(-1.0, 1.0, 9)])
     return data.geom_xpos[geom] + local @ data.geom_xmat[geom].reshape(3, 3).T
 
 

@@ -141,7 +141,7 @@ def test_motions_are_admitted_again_when_the_board_is_clear_and_settled_and_not_
     waiter.start()
     frames.put(HAND, 6)
     frames.put(FREE, 5)
-    until(lambda: frames.waiting.empty())
+    until(frames.waiting.empty)
     waiter.join(0.2)
     assert controller.asked == ["hold"]
     assert waiter.is_alive()
@@ -157,7 +157,7 @@ def test_a_board_without_a_hand_is_clear_once_newer_frames_say_so(
     frames: Frames, controller: Controller, guard: HandGuard
 ) -> None:
     frames.put(FREE, 12)
-    until(lambda: frames.waiting.empty())
+    until(frames.waiting.empty)
     threading.Timer(0.1, lambda: frames.put(FREE, 4)).start()
     before = guard.seen
     after = guard.clear()

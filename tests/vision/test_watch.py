@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -35,7 +34,7 @@ class Scene:
 
     def __init__(self, seed: int = 1) -> None:
         self.rng = np.random.default_rng(seed)
-        self.pieces = {square: (60, 40, 30) for square in range(48, 64)} | dict.fromkeys(range(16), (225, 200, 160))
+        self.pieces = dict.fromkeys(range(48, 64), (60, 40, 30)) | dict.fromkeys(range(16), (225, 200, 160))
         self.times = count(1)
         self.noise = [self.rng.normal(0.0, 2.5, (480, 640, 3)).astype(np.int16) for _ in range(3)]
         self.rough = [self.rng.normal(0.0, 0.0013, (480, 640)) for _ in range(3)]
@@ -119,8 +118,8 @@ def look(scene: Scene, watch: Watch | ColourWatch, colour: Picture, hidden: Any 
 
 
 @pytest.fixture(params=["view", "corners"])
-def watch(request: pytest.FixtureRequest) -> Iterator[Watch | ColourWatch]:
-    yield Watch() if request.param == "view" else ColourWatch(CORNERS)
+def watch(request: pytest.FixtureRequest) -> Watch | ColourWatch:
+    return Watch() if request.param == "view" else ColourWatch(CORNERS)
 
 
 def test_a_board_that_is_left_alone_settles_after_the_stable_time(watch: Watch | ColourWatch) -> None:
