@@ -102,7 +102,7 @@ class Heights:
         return Relief(area, _covered(where[mask]), _covered(where[mask & (height < _TOUCHING)]))
 
     def learn(self, depth: Floats, hidden: Mask | None, *, moved: bool) -> None:
-        """A picture of the settled board; arguments as of ``Appearance.learn``."""
+        """A picture of the settled board; arguments as of ``Differences.learn``."""
         height = self._space.coordinate(depth, 2)
         seen = depth > 0.0 if hidden is None else (depth > 0.0) & ~hidden
         if self._background is None:

@@ -2,7 +2,7 @@
 
 Frame by frame and without any clock of its own: time is what frames are stamped with. With depth a hand is what stands
 higher than any piece, or reaches in from outside (:mod:`vision.heights`); without, it is what differs from the settled
-board, whatever the light does, and reaches in from outside (:mod:`vision.appearance`). What is known to be before the
+board, whatever the light does, and reaches in from outside (:mod:`vision.difference`). What is known to be before the
 table, such as the arm's links, is masked by whoever knows where it is.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hardware.interfaces import Frame
-from vision.appearance import Appearance, Glance
+from vision.difference import Differences, Glance
 from vision.board import BoardView
 from vision.heights import Heights, Relief
 from vision.zone import Floats, Mask, Space, Zone, shrink
@@ -180,7 +180,7 @@ class _Senses:
 
     def __init__(self, settings: WatchSettings, zone: Zone, heights: Heights | None, square: float) -> None:
         self._settings, self._zone, self._heights = settings, zone, heights
-        self._appearance = Appearance(zone)
+        self._differences = Differences(zone)
         self._square = square
         self._course = _Course()
         self._stamp = float("-inf")
@@ -198,7 +198,7 @@ class _Senses:
         small = shrink(colour, step)
         covered = None if hidden is None else _every(hidden, step, small)
         distance = None if depth is None or self._heights is None else _every(depth, step, small)
-        glance = self._appearance.look(small, covered, reaching=distance is None)
+        glance = self._differences.look(small, covered, reaching=distance is None)
         relief = None if distance is None or self._heights is None else self._heights.look(distance, covered)
         area, over, low = self._evidence(glance, relief)
         if low and (relief is not None or glance.moving > 0.0):
@@ -243,11 +243,11 @@ class _Senses:
         course, delay = self._course, self._settings.learning_delay
         if course.settled:
             course.pending.append((self._stamp, small, depth, hidden))
-            if not self._appearance.knows_the_board:
+            if not self._differences.knows_the_board:
                 delay = 0.0
         while course.pending and self._stamp - course.pending[0][0] >= delay:
             _, picture, distance, mask = course.pending.popleft()
-            self._appearance.learn(picture, mask, moved=course.moved)
+            self._differences.learn(picture, mask, moved=course.moved)
             if self._heights is not None and distance is not None:
                 self._heights.learn(distance, mask, moved=course.moved)
             course.moved = False
@@ -257,7 +257,7 @@ class _Senses:
             and course.still_since is not None
             and self._stamp - course.still_since > self._settings.patience
         ):
-            self._appearance.forget()
+            self._differences.forget()
             self._course = _Course()
 
     def _tell(self, area: float, over: frozenset[int], moving: bool) -> Seen:

@@ -3,8 +3,8 @@ soon a board is settled that a hand has left.
 
 Processes of a real game in pace fast: world with a person, camera with its noise, controller, and the guard of
 ``app.hand_guard``. Light, exposure, camera noise and mount are drawn anew for each world. Hands come at random moments
-of the arm's motion, to random points, at random speeds. When a hand crosses the board's edge, and when it leaves, is the
-referee's word; when the arm rests, the controller's.
+of the arm's motion, to random points, at random speeds. When a hand crosses the board's edge, and when it leaves,
+is the referee's word; when the arm rests, the controller's.
 """
 
 from __future__ import annotations

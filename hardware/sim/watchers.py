@@ -1,8 +1,8 @@
 """Frames for those who watch the table while the arm moves: exposed at a steady rate, delivered a latency later.
 
 In pace fast plant time waits for a frame to be drawn when it is due, and then for its taker: what the watcher does
-about a frame is done before the next tick. In pace real a frame that is drawn late comes late, and one that nobody has time
-for is left out.
+about a frame is done before the next tick. In pace real a frame that is drawn late comes late, and one that nobody has
+time for is left out.
 """
 
 from __future__ import annotations

@@ -1,0 +1,109 @@
+"""What stands up from the board, square by square, by depth.
+
+Each pixel with a depth is a point of a surface. Points over a square that are higher than the board belong to what
+stands there, whatever they hide in the picture behind them: depth does not lean.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.interfaces import Frame
+from vision.board import BoardView
+
+Array = NDArray[np.float64]
+
+TALL: Final = 0.012
+"""What is higher than this is no board [m]: a pawn is 34 mm high, the depth of a D435 errs by 1 to 2 mm at 0.6 m."""
+CEILING: Final = 0.08
+"""What is higher than this is no piece, but a hand or the arm [m]."""
+REACH: Final = 0.45
+"""Points count for a square up to so far from its centre, along both axes [sides of a square]."""
+HIGHEST: Final = 0.9
+"""Of the points of a piece, this share is below what counts as its top: single points fly."""
+DARKEST: Final = 0.08
+"""Added to brightness (0 to 1) before its logarithm: below it there is more noise than picture."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solids:
+    """What stands on each square, a1 first.
+
+    Attributes:
+        seen: number of points over the square, of whatever height; shape (64,).
+        standing: number of those that are no board and no hand; shape (64,).
+        above: number of those above any piece; shape (64,).
+        top: height of what stands there, shape (64,) [m]; 0 where nothing does.
+        colour: mean of the natural logarithm of red, green and blue (0 to 1, plus ``DARKEST``) of the standing
+            points, shape (64, 3); 0 where there are none.
+    """
+
+    seen: NDArray[np.intp]
+    standing: NDArray[np.intp]
+    above: NDArray[np.intp]
+    top: Array
+    colour: Array
+
+
+_LOGARITHM: Final = np.log(np.arange(256) / 255.0 + DARKEST).astype(np.float32)
+
+
+def solids_of(frame: Frame, view: BoardView) -> Solids:
+    """What stands on the board in a frame with depth.
+
+    Raises:
+        ValueError: the frame has no depth.
+    """
+    if frame.depth is None:
+        raise ValueError("this frame has no depth: solids are seen by a camera that has it")
+    rows, columns, x, y, z = _points(frame.depth, view)
+    side = view.table.square
+    file, rank = np.floor(x / side).astype(np.int32) + 4, np.floor(y / side).astype(np.int32) + 4
+    from_centre = np.maximum(np.abs(x / side + 3.5 - file), np.abs(y / side + 3.5 - rank))
+    over = (file >= 0) & (file < 8) & (rank >= 0) & (rank < 8) & (from_centre < REACH)
+    square, z = (8 * rank + file)[over], z[over]
+    stands = (z > TALL) & (z < CEILING)
+    of_piece = square[stands]
+    count = np.bincount(of_piece, minlength=64)
+    pixels = frame.colour[rows[over][stands], columns[over][stands]]
+    level = [np.bincount(of_piece, _LOGARITHM[pixels[:, band]], minlength=64) for band in range(3)]
+    colour = np.stack(level, axis=1) / np.maximum(count, 1)[:, None]
+    return Solids(
+        np.bincount(square, minlength=64), count, np.bincount(square[z >= CEILING], minlength=64),
+        _tops(of_piece, z[stands], count), colour,
+    )  # fmt: skip
+
+
+def _tops(square: NDArray[np.int32], height: NDArray[np.float32], count: NDArray[np.intp]) -> Array:
+    """The height below which ``HIGHEST`` of each square's points are, shape (64,) [m]."""
+    order = np.lexsort((height, square))
+    ordered = height[order]
+    ends = np.cumsum(count)
+    which = np.minimum(ends - count + (HIGHEST * count).astype(np.intp), np.maximum(len(ordered) - 1, 0))
+    if not len(ordered):
+        return np.zeros(64)
+    return np.where(count > 0, ordered[which], 0.0).astype(float)
+
+
+def _points(
+    depth: NDArray[np.float32], view: BoardView
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Rows and columns of pixels that may show the board or what stands on it; and their points, board frame [m]."""
+    half = 4.0 * view.table.square
+    box = np.array([[x, y, z] for x in (-half, half) for y in (-half, half) for z in (0.0, CEILING)])
+    pixels = view.project(box)
+    h, w = depth.shape
+    left, top = np.clip(np.floor(pixels.min(axis=0)), 0, (w, h)).astype(int)
+    right, bottom = np.clip(np.ceil(pixels.max(axis=0)), 0, (w, h)).astype(int)
+    rows, columns = np.nonzero(depth[top:bottom, left:right] > 0.0)
+    rows, columns = rows + top, columns + left
+    pinhole, pose = view.intrinsics, view.camera_from_board.astype(np.float32)
+    z = depth[rows, columns]
+    u = (columns.astype(np.float32) - np.float32(pinhole.cx)) * np.float32(1.0 / pinhole.fx) * z
+    v = (rows.astype(np.float32) - np.float32(pinhole.cy)) * np.float32(1.0 / pinhole.fy) * z
+    points = np.stack([u - pose[0, 3], v - pose[1, 3], z - pose[2, 3]], axis=1) @ pose[:3, :3]
+    return rows, columns, points[:, 0], points[:, 1], points[:, 2]
