@@ -93,7 +93,7 @@ def describe(light: Light, shift: tuple[int, int] = (0, 0)) -> Array:
 
 def _blocks(picture: Field, count: int) -> Array:
     """Means over ``count`` × ``count`` blocks of each square: shape (64, n)."""
-    small = cv2.resize(picture, (8 * count, 8 * count), interpolation=cv2.INTER_AREA)
+    small = np.asarray(cv2.resize(picture, (8 * count, 8 * count), interpolation=cv2.INTER_AREA), dtype=np.float32)
     return by_square(small.reshape(8 * count, 8 * count, -1), count).reshape(64, -1).astype(float)
 
 

@@ -26,7 +26,6 @@ from hardware.framesets import FrameMaker
 from hardware.interfaces import Frame
 from hardware.sim.construction import Construction
 from hardware.sim.d435 import DEPTH_HEIGHT, DEPTH_WIDTH, LEFT_IMAGER, colour_intrinsics, depth_intrinsics
-from hardware.sim.looks import Looks
 from hardware.sim.randomisation import Randomisation
 from hardware.sim.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, Sensor, Shot, frame_path
 from hardware.sim.settings import WorldSettings
