@@ -58,6 +58,8 @@ KNOW_THE_SIMULATION = {
     "app.bench.grip": "shakes a king in one process",
     "app.check.rig": "tries the devices of a simulated rig",
     "app.bench.sim": "does a game's ticks again by the plant alone",
+    "app.bench.vision_hand": "has hands come in worlds of its own, and asks the referee when they did",
+    "app.watch_view": "knows where the rig's camera is meant to hang",
     "app.bench.recording": "records the law over a plant in the same process",
     "app.figures.grasp_mujoco": "computes a figure on the plant",
     "app.figures.grasp_views": "has the plant of a figure drawn",
@@ -66,6 +68,7 @@ KNOW_THE_SIMULATION = {
 
 KNOW_THE_TRUTH = {
     "app.bench.kills",
+    "app.bench.vision_hand",
     "app.devices",
     "app.game",
     "app.judging",
