@@ -114,9 +114,9 @@ def _taken_back(at: _Difference) -> Finding | None:
     for count in range(1, min(2, len(before.move_stack)) + 1):
         before.pop()
         if _shows(at, before):
-            moves = "the last move" if count == 1 else "the last two moves"
+            moves = "the last move is" if count == 1 else "the last two moves are"
             return Finding(
-                Situation.TAKEN_BACK, at.squares, f"{moves} stand taken back: say so if that is meant, or play on from "
+                Situation.TAKEN_BACK, at.squares, f"{moves} taken back: say so if that is meant, or play on from "
                 f"the position before ({_names(at.squares)} differ)",
             )  # fmt: skip
     return None
@@ -127,7 +127,8 @@ def _unfinished(at: _Difference) -> Finding | None:
     for move in _moves(at.board):
         for states, advice in _halves(at.board, move):
             if np.array_equal(states, at.seen):
-                return Finding(Situation.UNFINISHED, _touched(move, at), advice)
+                squares = {*_touched(move, at), *_squares(states_of(codes_of(_played(at.board, move))) != at.seen)}
+                return Finding(Situation.UNFINISHED, tuple(sorted(squares)), advice)
     return None
 
 
