@@ -71,9 +71,7 @@ def demo(
     pads: Annotated[str, typer.Option(help="What the fingers end in: grooved or flat.")] = "grooved",
     captured: Annotated[
         str | None,
-        typer.Option(
-            help="Where captured pieces go: tray, the default, to places of their own; box: dropped."
-        ),
+        typer.Option(help="Where captured pieces go: tray, the default, to places of their own; box: dropped."),
     ] = None,
     randomise: Annotated[
         Path | None, typer.Option(help="TOML file: how the simulation differs from what the game believes of it.")
