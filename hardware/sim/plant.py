@@ -36,8 +36,8 @@ PIECE_REST_TURNING = 0.02
 its contacts are more than it needs, and the solver lets it tremble by up to 0.007 rad/s."""
 HEAP_REST_SPEED = 5e-3
 HEAP_REST_TURNING = 0.3
-"""The same of a piece in a box [m/s, rad/s]: of a hundred that fell on others one trembles on for good, by up to
-0.2 rad/s about the points that hold it, and goes nowhere."""
+"""The same of a piece in a box [m/s, rad/s]: on bare wood one of some hundred that fell on others trembled for
+good, by up to 0.2 rad/s about the points that held it, and went nowhere; on a lining none was seen to."""
 REST_TICKS = 25
 """Everything must have been resting for so long."""
 
