@@ -69,6 +69,10 @@ def demo(
         typer.Option(help="Side of a square of the simulated board [mm]; a larger board stands nearer to the robot."),
     ] = None,
     pads: Annotated[str, typer.Option(help="What the fingers end in: grooved or flat.")] = "grooved",
+    captured: Annotated[
+        str | None,
+        typer.Option(help="Where captured pieces go: tray, the default, to places of their own; box: dropped."),
+    ] = None,
     randomise: Annotated[
         Path | None, typer.Option(help="TOML file: how the simulation differs from what the game believes of it.")
     ] = None,
@@ -83,7 +87,10 @@ def demo(
     from app.demo import DemoOptions, PadKind, run_demo
     from app.motion import Profile
     from hardware.sim.settings import Pace
+    from hardware.table import Captured
 
+    if captured not in (None, *Captured):
+        _fail(f"--captured is '{captured}', choose {', '.join(Captured)}")
     if pads not in list(PadKind):
         _fail(f"--pads is '{pads}', choose {', '.join(PadKind)}")
     if profile not in list(Profile):
@@ -92,7 +99,7 @@ def demo(
         rig=rig, plies=plies, pace=None if pace is None else Pace(pace), seed=seed, fen=fen, moves=moves,
         white_elo=white_elo, black_elo=black_elo, move_time=movetime, nodes=nodes, engine=engine, out=out,
         video=video, video_length=video_length, linger=linger, port=port, profile=Profile(profile), square=square,
-        randomise=randomise, pads=PadKind(pads),
+        randomise=randomise, pads=PadKind(pads), captured=None if captured is None else Captured(captured),
     )  # fmt: skip
     _show_game(lambda face: run_demo(options, face), headless=headless, as_json=as_json)
 

@@ -34,7 +34,7 @@ from engine.stockfish import Engine, EngineSettings
 from hardware.parameters import DEFAULT_FILE, FLAT_PADS_FILE, load_parameters
 from hardware.sim.randomisation import Randomisation
 from hardware.sim.settings import Pace, WorldSettings
-from hardware.table import PIECE_SHAPES, TableSettings
+from hardware.table import PIECE_SHAPES, Captured, TableSettings
 
 OPENING_PLIES = 8
 HASH_MB = 16
@@ -82,6 +82,8 @@ class DemoOptions(BaseModel):
     pads: PadKind = PadKind.GROOVED
     randomise: Path | None = None
     """File that says how a simulation of our own differs from what the game believes."""
+    captured: Captured | None = None
+    """Where captured pieces go on the table of a simulation of our own; None: to trays. A rig file says its own."""
     journal: bool = False
     """A simulation of our own keeps every command, so that it can be done again."""
 
@@ -96,6 +98,11 @@ def run_demo(options: DemoOptions, face: Face) -> SessionResult:
     rig = choose_rig(options.rig)
     if rig is not None and options.pace not in (None, rig.pace):
         raise UserError(f"rig {options.rig} runs in pace {rig.pace}: leave --pace out, or change its file")
+    if rig is not None and options.captured not in (None, rig.table.captured):
+        raise UserError(
+            f"on the table of rig {options.rig} captured pieces go to a {rig.table.captured}: leave --captured out, or "
+            "change its file"
+        )
     if rig is not None and rig.simulated and options.fen is None:
         options = options.model_copy(update={"fen": rig.world_section.fen})
     pace = rig.pace if rig is not None else options.pace or Pace.REAL
@@ -170,7 +177,7 @@ def _table(options: DemoOptions) -> TableSettings:
     Raises:
         UserError: the arm does not reach a board of such squares anywhere.
     """
-    table = TableSettings(limits=contact_limits(options.profile))
+    table = TableSettings(limits=contact_limits(options.profile), captured=options.captured or Captured.TRAY)
     if options.square is None:
         return table
     heaviest = max(shape.mass for shape in PIECE_SHAPES.values())

@@ -12,9 +12,21 @@ from typing import Final
 
 import chess
 
+from app import UserError
 from app.manipulation import Inventory, Ply, Transfer, transfers
 from hardware.sim.hand_actions import Action, Move, Withdraw
 from hardware.table import Place, TableSettings
+
+
+class HandDropsNothing(UserError):
+    """The simulated hand sets pieces down where they stand; into a box they would have to fall."""
+
+    def __init__(self, transfer: Transfer) -> None:
+        super().__init__(
+            f"the simulated hand cannot drop the {transfer.colour} {transfer.kind} from {transfer.source} into a box: "
+            'play against it with captured = "tray"'
+        )
+
 
 NOWHERE_ELSE: Final[Mapping[Place, tuple[float, float]]] = MappingProxyType({})
 
@@ -40,6 +52,7 @@ def hand_move(
         IllegalPly: the move is not legal.
         InventoryError: inventory and position do not agree.
         NoSpare: nothing to promote to is left of that kind.
+        HandDropsNothing: a piece would have to go into a box.
     """
     ply = transfers(board, move, inventory)
     return ply, (*hand_transfers(ply.transfers, inventory.table, seen), Withdraw())
@@ -57,9 +70,12 @@ def hand_transfers(
 
     Raises:
         ValueError: the table has no such place.
+        HandDropsNothing: a piece would have to go into a box.
     """
     where, actions = dict(seen), []
     for transfer in moved:
+        if transfer.target.in_box:
+            raise HandDropsNothing(transfer)
         start = where.pop(transfer.source, table.xy(transfer.source))
         where.pop(transfer.target, None)
         actions.append(Move(start=start, to=table.xy(transfer.target)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from app.manipulation import Inventory, expected
 from hardware.sim.truth import PiecePose, Truth
-from hardware.table import PieceSpec, Place, TableSettings
+from hardware.table import Box, PieceSpec, Place, TableSettings
 
 UPRIGHT = math.radians(5.0)
 """A piece that leans further than this does not stand; standing ones lean below 0.1°."""
@@ -21,7 +21,7 @@ class Verdict:
 
     Attributes:
         failures: a sentence for each piece that is not as it should be.
-        errors: distance of every piece from the centre of its place [m], by name.
+        errors: distance of every piece that stands from the centre of its place [m], by name.
     """
 
     failures: tuple[str, ...]
@@ -34,7 +34,9 @@ class Verdict:
 
 
 def judge(truth: Truth, inventory: Inventory) -> Verdict:
-    """Compare every piece with where the game says it stands: within a quarter square of the centre, upright."""
+    """Compare every piece with where the game says it stands: within a quarter square of the centre,
+    upright; in a box, anyhow within its walls.
+    """
     table = inventory.table
     poses = {pose.name: pose for pose in truth.pieces}
     failures: list[str] = []
@@ -44,6 +46,11 @@ def judge(truth: Truth, inventory: Inventory) -> Verdict:
         if pose is None:
             failures.append(f"{piece.name} should be on {place} but does not exist")
             continue
+        if place.in_box:
+            box = table.box_of(place)
+            if not (box.holds(pose.x, pose.y) and -ON_SURFACE <= pose.z <= box.height):
+                failures.append(_outside(piece, pose, place, box))
+            continue
         x, y = table.xy(place)
         errors[piece.name] = math.hypot(pose.x - x, pose.y - y)
         problem = _problem(piece, pose, place, errors[piece.name], table)
@@ -51,6 +58,14 @@ def judge(truth: Truth, inventory: Inventory) -> Verdict:
             failures.append(problem)
     failures += [f"{name} is unknown to the game" for name in poses]
     return Verdict(tuple(failures), errors)
+
+
+def _outside(piece: PieceSpec, pose: PiecePose, place: Place, box: Box) -> str:
+    return (
+        f"{piece.name} was dropped into the box ({place}) and lies outside: ({(pose.x - box.x) * 1e3:.0f}, "
+        f"{(pose.y - box.y) * 1e3:.0f}) mm from its middle, {pose.z * 1e3:.0f} mm above the board; its inside ends at "
+        f"±{box.half_x * 1e3:.0f} and ±{box.half_y * 1e3:.0f} mm, its walls at {box.height * 1e3:.0f} mm"
+    )
 
 
 def _problem(piece: PieceSpec, pose: PiecePose, place: Place, error: float, table: TableSettings) -> str | None:

@@ -13,7 +13,7 @@ from types import MappingProxyType
 import chess
 
 from app import UserError
-from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from hardware.table import Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
 
 SPARES: Mapping[Kind, int] = MappingProxyType({Kind.QUEEN: 3, Kind.ROOK: 2, Kind.BISHOP: 2, Kind.KNIGHT: 2})
 """Spare pieces of each colour.
@@ -43,12 +43,22 @@ class PositionImpossible(UserError):
 
 
 class TraysTooSmall(UserError):
-    """The trays cannot hold all that may have to leave the board in one game."""
+    """Trays and boxes cannot hold all that may have to leave the board in one game."""
+
+    def __init__(self, places: int, needed: int, what: str = "all pieces but the kings") -> None:
+        super().__init__(
+            f"the trays have {places} places, {needed} are needed for {what}: "
+            "enlarge tray_rows or tray_columns of the table"
+        )
+
+
+class BoxesTooSmall(UserError):
+    """The boxes cannot hold all that may leave the board in one game."""
 
     def __init__(self, places: int, needed: int) -> None:
         super().__init__(
-            f"the trays have {places} places, {needed} are needed for all pieces but the kings: "
-            "enlarge tray_rows or tray_columns of the table"
+            f"the boxes have room for {places} pieces, {needed} are needed for all but the kings: "
+            "enlarge box_points or box_rounds of the table"
         )
 
 
@@ -85,23 +95,27 @@ def start_layout(board: chess.Board, table: TableSettings) -> tuple[PieceSpec, .
 
     Pieces of the position stand on their squares, each on its home square or file where that is possible. Spares and
     what the position lacks stand in the trays, outer column first and near the rank where their colour promotes, so
-    that the innermost places stay free for captures.
+    that the innermost places stay free for captures. With boxes for captured pieces, only spares stand in the trays;
+    what the position lacks is not on the table, since it could never serve any more.
 
     Args:
         board: any position with one king a side; it is not changed.
         table: board and trays.
 
     Returns:
-        One entry for each of the 50 pieces, in the order of :func:`physical_set`.
+        One entry for each of the 50 pieces, or of those on the table, in the order of :func:`physical_set`.
 
     Raises:
         PositionImpossible: the position needs more of a kind than set and spares hold, or not one king a side.
-        TraysTooSmall: the trays do not hold all pieces but the kings.
+        TraysTooSmall: the trays do not hold all pieces but the kings, or with boxes, all spares.
+        BoxesTooSmall: the boxes do not hold all pieces but the kings.
     """
     pieces = physical_set()
-    _check_trays(pieces, table)
+    _check_room(pieces, table)
     _check_enough(board, pieces)
     placed = _on_squares(board, pieces)
+    if table.captured is Captured.BOX:
+        pieces = tuple(piece for piece in pieces if piece in placed or piece.home is None)
     return tuple(
         PieceSpec(piece.name, piece.kind, piece.colour, place)
         for piece, place in _with_trays(pieces, placed, table).items()
@@ -123,10 +137,17 @@ def _spares(colour: Colour) -> Iterable[SetPiece]:
             yield SetPiece(f"{colour}-{kind}-spare-{number}", kind, colour, None)
 
 
-def _check_trays(pieces: tuple[SetPiece, ...], table: TableSettings) -> None:
-    needed = sum(piece.kind is not Kind.KING for piece in pieces)
-    if 2 * table.tray_size < needed:
-        raise TraysTooSmall(2 * table.tray_size, needed)
+def _check_room(pieces: tuple[SetPiece, ...], table: TableSettings) -> None:
+    needed, room = sum(piece.kind is not Kind.KING for piece in pieces), len(table.tray_places())
+    if table.captured is Captured.TRAY:
+        if room < needed:
+            raise TraysTooSmall(room, needed)
+        return
+    spares = sum(piece.home is None for piece in pieces)
+    if room < spares:
+        raise TraysTooSmall(room, spares, "the spares")
+    if len(table.box_places()) < needed:
+        raise BoxesTooSmall(len(table.box_places()), needed)
 
 
 def _check_enough(board: chess.Board, pieces: tuple[SetPiece, ...]) -> None:

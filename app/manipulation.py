@@ -3,7 +3,8 @@
 Everything here is pure: no function changes the board, the inventory or a ply it is given. Errors::
 
     UserError
-    └── NoSpare            the set has no piece of that kind left to promote to
+    ├── NoSpare            the set has no piece of that kind left to promote to
+    └── PieceBoxed         the piece was dropped into a box, from which the arm takes nothing
     ValueError
     └── IllegalPly         the move is not legal in that position
     RuntimeError
@@ -22,7 +23,7 @@ import chess
 
 from app import UserError
 from app.layout import KINDS, colour_of, kind_of
-from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from hardware.table import Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
 
 _PROMOTED = (Kind.QUEEN, Kind.ROOK, Kind.BISHOP, Kind.KNIGHT)
 _TIE = 6
@@ -49,6 +50,16 @@ class NoSpare(UserError):
         self.kind = kind
         self.colour = colour
         self.others = others
+
+
+class PieceBoxed(UserError):
+    """The piece lies in a box, somehow and somewhere: no arm that cannot see it takes it out."""
+
+    def __init__(self, name: str, place: Place) -> None:
+        super().__init__(
+            f"{name} was dropped into the box ({place}) and lies there anyhow: take it out by hand, "
+            'or play with captured = "tray", where pieces can be taken back'
+        )
 
 
 class MoveKind(StrEnum):
@@ -105,7 +116,7 @@ class Ply:
 
 @dataclass(frozen=True, slots=True)
 class Inventory:
-    """Which physical piece stands at which place, on the board and in the trays.
+    """Which physical piece stands at which place, on the board and in the trays, or lies in which box.
 
     A piece's ``place`` is where it stands now, so the pieces of an inventory can start a world in the same state.
     """
@@ -154,34 +165,49 @@ class Inventory:
         raise InventoryError(f"there is no piece named {name}")
 
     def spares(self, kind: Kind, colour: Colour) -> tuple[PieceSpec, ...]:
-        """Pieces beside the board that can serve for a promotion: spares and captured ones alike."""
-        return tuple(p for p in self if p.kind is kind and p.colour is colour and not p.place.on_board)
+        """Pieces beside the board that can serve for a promotion: spares and captured ones alike, but none in a box."""
+        beside = (p for p in self if not p.place.on_board and not p.place.in_box)
+        return tuple(p for p in beside if p.kind is kind and p.colour is colour)
 
     def travel(self, source: Place, target: Place) -> float:
         """Distance between two places in the plane of the table, to a micrometre [m]."""
         return round(math.dist(self.table.xy(source), self.table.xy(target)), _TIE)
 
     def nearest_free(self, place: Place) -> Place:
-        """The free tray place with the shortest travel from ``place``; ties go to tray L, then to the lower number.
+        """Where a piece that leaves the board goes from ``place``.
+
+        The free place of the trays with the shortest travel; ties go to the left, then to the lower number. With boxes,
+        the drop point with the shortest travel of those that were used least, so that no heap grows.
 
         Raises:
-            InventoryError: the trays are full (``layout.start_layout`` sees to it that this cannot happen).
+            InventoryError: all are full (``layout.start_layout`` sees to it that this cannot happen).
         """
+        if self.table.captured is Captured.BOX:
+            return self._next_drop(place)
         free = [tray for tray in self.table.tray_places() if tray not in self.standing]
         if not free:
             raise InventoryError(f"all {2 * self.table.tray_size} places of the trays are taken")
         return min(free, key=lambda tray: (self.travel(place, tray), tray))
 
+    def _next_drop(self, place: Place) -> Place:
+        free = [drop for drop in self.table.box_places() if drop not in self.standing]
+        if not free:
+            raise InventoryError(f"the boxes are full with {len(self.table.box_places())} pieces")
+        return min(free, key=lambda drop: (self.table.box_round(drop), self.travel(place, drop), drop))
+
     def moved(self, transfer: Transfer) -> Inventory:
         """The inventory after one transfer.
 
         Raises:
+            PieceBoxed: it would be taken out of a box.
             InventoryError: another piece or none stands at the source, or the target is taken.
         """
         piece = self.at(transfer.source)
         if piece is None or piece.name != transfer.name:
             found = "nothing" if piece is None else piece.name
             raise InventoryError(f"{transfer.name} should stand on {transfer.source}, but {found} does")
+        if transfer.source.in_box:
+            raise PieceBoxed(transfer.name, transfer.source)
         taken = self.at(transfer.target)
         if taken is not None:
             raise InventoryError(f"{transfer.name} cannot go to {transfer.target}: {taken.name} stands there")
@@ -220,7 +246,7 @@ class Inventory:
 
 
 def expected(inventory: Inventory) -> dict[Place, PieceSpec]:
-    """What must stand where, for the referee: every occupied place of the board and the trays, sorted by place."""
+    """What must be where, for the referee: every occupied place of board, trays and boxes, sorted by place."""
     return {place: inventory.standing[place] for place in sorted(inventory.standing)}
 
 
@@ -238,8 +264,8 @@ def move_kind(board: chess.Board, move: chess.Move) -> MoveKind:
 def transfers(board: chess.Board, move: chess.Move, inventory: Inventory) -> Ply:
     """Plan the transfers that show a move on the table; none ever ends on an occupied place.
 
-    A captured piece leaves first, then a promoted pawn. Pieces leave to the free tray place with the shortest travel; a
-    promotion takes the nearest piece of its kind beside the board.
+    A captured piece leaves first, then a promoted pawn; where to, :meth:`Inventory.nearest_free` says. A promotion
+    takes the nearest piece of its kind beside the board.
 
     Args:
         board: the position before the move; it is not changed.

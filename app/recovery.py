@@ -70,8 +70,10 @@ def progress_of(
 
 
 def _over(transfer: Transfer, arm: ArmState, table: TableSettings) -> bool:
-    """Whether the tool is where it sets the piece down."""
+    """Whether the tool is where it sets the piece down; or over the box, into which the piece falls from anywhere."""
     x, y, z = table.board_from_base(arm.reference).tolist()
+    if transfer.target.in_box:
+        return table.box_of(transfer.target).holds(x, y)
     there_x, there_y = table.xy(transfer.target)
     height = PIECE_SHAPES[transfer.kind].grip_height
     return math.hypot(x - there_x, y - there_y) < ABOVE and z < height + ABOVE

@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Final
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
+from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt, model_validator
 
 _AXES = np.array([1.0, -1.0, -1.0])
 """The base frame's axes in the board frame: x = z₁, y = −z₂, z = −z₃."""
@@ -35,6 +35,15 @@ class Kind(StrEnum):
     ROOK = "rook"
     QUEEN = "queen"
     KING = "king"
+
+
+class Captured(StrEnum):
+    """Where captured pieces and promoted pawns go."""
+
+    TRAY = "tray"
+    """To numbered places, from which they can serve as spares."""
+    BOX = "box"
+    """Dropped into a plain box at either side, as in the paper; they stay there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,21 +73,31 @@ PIECE_SHAPES: dict[Kind, PieceShape] = {
 }
 
 
+TRAY_ZONES: Final = ("L", "R")
+BOX_ZONES: Final = ("BL", "BR")
+
+
 @dataclass(frozen=True, slots=True, order=True)
 class Place:
-    """Somewhere a piece can stand: a square (0 = a1 … 63 = h8) or a numbered place of a tray.
+    """Somewhere a piece can be: a square (0 = a1 … 63 = h8), a numbered place of a tray, or a drop into a box.
 
-    Trays: ``L`` beside the a-file, ``R`` beside the h-file.
+    Trays: ``L`` beside the a-file, ``R`` beside the h-file. Boxes: ``BL`` and ``BR`` likewise; their numbers count what
+    was dropped, since who lies in a box lies anywhere in it.
     """
 
     zone: str
-    """``"board"``, ``"L"`` or ``"R"``."""
+    """``"board"``, ``"L"``, ``"R"``, ``"BL"`` or ``"BR"``."""
     index: int
 
     @property
     def on_board(self) -> bool:
         """True for a square."""
         return self.zone == "board"
+
+    @property
+    def in_box(self) -> bool:
+        """True for a box: nothing is ever taken from there."""
+        return self.zone in BOX_ZONES
 
     def __str__(self) -> str:
         if self.on_board:
@@ -92,12 +111,13 @@ class Place:
         Raises:
             ValueError: no place is written so.
         """
-        number = text[1:]
-        if text[:1] in ("L", "R") and number.isdecimal() and not number.startswith("0"):
-            return cls(text[0], int(number) - 1)
+        zone = text[:2] if text[:2] in BOX_ZONES else text[:1]
+        number = text[len(zone) :]
+        if zone in (*TRAY_ZONES, *BOX_ZONES) and number.isdecimal() and not number.startswith("0"):
+            return cls(zone, int(number) - 1)
         if len(text) == 2 and text[0] in "abcdefgh" and text[1] in "12345678":
             return square_place("abcdefgh".index(text[0]) + 8 * (int(text[1]) - 1))
-        raise ValueError(f"'{text}' is no place: e4, L3 and R24 are")
+        raise ValueError(f"'{text}' is no place: e4, L3, R24 and BL7 are")
 
 
 def square_place(square: int) -> Place:
@@ -105,6 +125,23 @@ def square_place(square: int) -> Place:
     if not 0 <= square < 64:
         raise ValueError(f"square {square} is not on the board: 0 (a1) to 63 (h8)")
     return Place("board", square)
+
+
+class Box(NamedTuple):
+    """An open box on the table: the middle of its inside, half its inside along x and y, board frame; its walls [m]."""
+
+    zone: str
+    x: float
+    y: float
+    half_x: float
+    half_y: float
+    height: float
+    wall: float
+    """How thick they are."""
+
+    def holds(self, x: float, y: float) -> bool:
+        """Whether a point lies within the walls [m]."""
+        return abs(x - self.x) <= self.half_x and abs(y - self.y) <= self.half_y
 
 
 class _Frozen(BaseModel):
@@ -135,7 +172,7 @@ CONTACT_PROFILES: Final[Mapping[str, ContactLimits]] = MappingProxyType({
 
 
 class TableSettings(_Frozen):
-    """Board, trays and how they stand before the robot."""
+    """Board, trays, boxes and how they stand before the robot."""
 
     square: PositiveFloat = 0.040
     """Side of a square [m]."""
@@ -143,17 +180,96 @@ class TableSettings(_Frozen):
     """Centre of the playing surface in the robot's base frame [m]."""
     tray_rows: PositiveInt = 12
     tray_columns: PositiveInt = 2
+    """With boxes, each takes the place of the outermost column of its tray."""
     tray_row_pitch: PositiveFloat = 0.030
     """Along y; rows are across the finger axis, so feet need no room for fingers between them [m]."""
     tray_column_pitch: PositiveFloat = 0.038
     tray_gap: PositiveFloat = 0.030
     """From the playing area's edge to the centres of the first column [m]."""
+    captured: Captured = Captured.TRAY
+    box_points: PositiveInt = 8
+    """Pieces are dropped over so many points in a row along y, one after the other; then over those between them."""
+    box_rounds: PositiveInt = 3
+    """So often that happens: points times rounds is what a box holds. Both hold 48, as two trays do."""
+    box_pitch: PositiveFloat = 0.037
+    """Between two points, and from the last one to the end of the box [m]."""
+    box_width: PositiveFloat = 0.056
+    """Inside, along x: a queen can lie across [m]."""
+    box_height: PositiveFloat = 0.060
+    """Of its walls [m]."""
+    box_fill: PositiveFloat = 0.075
+    """Nothing in it reaches higher, be it a piece that leans on others: the arm stays above [m]."""
+    box_wall: PositiveFloat = 0.003
+    box_gap: PositiveFloat = 0.026
+    """From the centres of the column beside it to its wall: open fingers, and a piece 3 mm off, fit between [m]."""
     limits: ContactLimits = ContactLimits()
+
+    @model_validator(mode="after")
+    def _boxes_leave_trays(self) -> Self:
+        if self.captured is Captured.BOX and self.tray_columns < 2:
+            raise ValueError("boxes take the place of a column, and spares need one: make tray_columns 2 or more")
+        return self
 
     @property
     def tray_size(self) -> int:
         """Number of places in one tray."""
-        return self.tray_rows * self.tray_columns
+        return self.tray_rows * self._columns
+
+    @property
+    def _columns(self) -> int:
+        return self.tray_columns - (self.captured is Captured.BOX)
+
+    @property
+    def half_width(self) -> float:
+        """Of all that belongs to the table, along x from the board's centre to the edge [m]."""
+        if boxes := self.boxes():
+            return boxes[-1].x + boxes[-1].half_x + self.box_wall
+        return self._column_x(self.tray_columns - 1) + 0.028
+
+    def _column_x(self, column: int) -> float:
+        return 4.0 * self.square + self.tray_gap + column * self.tray_column_pitch
+
+    def boxes(self) -> tuple[Box, ...]:
+        """The boxes for captured pieces, left one first; none where trays take those."""
+        if self.captured is Captured.TRAY:
+            return ()
+        half_x, half_y = self.box_width / 2.0, (self.box_points + 1) * self.box_pitch / 2.0
+        x = self._column_x(self._columns - 1) + self.box_gap + self.box_wall + half_x
+        return tuple(
+            Box(zone, side * x, 0.0, half_x, half_y, self.box_height, self.box_wall)
+            for zone, side in zip(BOX_ZONES, (-1.0, 1.0), strict=True)
+        )
+
+    def box_of(self, place: Place) -> Box:
+        """The box that a place belongs to.
+
+        Raises:
+            ValueError: to none.
+        """
+        self.xy(place)
+        for box in self.boxes():
+            if box.zone == place.zone:
+                return box
+        raise ValueError(f"{place} is not in a box")
+
+    def box_places(self) -> tuple[Place, ...]:
+        """What the boxes hold, in the order in which they are filled: all points of both before any again."""
+        if self.captured is Captured.TRAY:
+            return ()
+        return tuple(
+            Place(zone, turn * self.box_points + point)
+            for turn in range(self.box_rounds)
+            for zone in BOX_ZONES
+            for point in range(self.box_points)
+        )
+
+    def box_round(self, place: Place) -> int:
+        """How many rounds of drops come before the one that a place of a box belongs to."""
+        return place.index // self.box_points
+
+    def drop_points(self) -> tuple[Place, ...]:
+        """One place for each point over which pieces are dropped; from the third round on they repeat."""
+        return tuple(place for place in self.box_places() if self.box_round(place) < 2)
 
     def tray_places(self) -> tuple[Place, ...]:
         """All numbered places of both trays, left one first; a column is filled before the next one outwards."""
@@ -170,13 +286,24 @@ class TableSettings(_Frozen):
             if not 0 <= index < 64:
                 square_place(index)  # says what is wrong
             return (index % 8 - 3.5) * self.square, (index // 8 - 3.5) * self.square
-        if place.zone not in ("L", "R") or not 0 <= place.index < self.tray_size:
-            last = self.tray_size
-            raise ValueError(f"there is no place {place}: trays are L1 to L{last} and R1 to R{last}")
-        column, row = divmod(place.index, self.tray_rows)
-        x = 4.0 * self.square + self.tray_gap + column * self.tray_column_pitch
-        y = (row - (self.tray_rows - 1) / 2.0) * self.tray_row_pitch
+        for box in self.boxes():
+            if place.zone == box.zone and 0 <= index < self.box_points * self.box_rounds:
+                # every second round between the pieces of the one before, many of which stand where they fell
+                point = index % self.box_points + (0.25 if self.box_round(place) % 2 else -0.25)
+                return box.x, (point - (self.box_points - 1) / 2.0) * self.box_pitch
+        if place.zone not in TRAY_ZONES or not 0 <= index < self.tray_size:
+            raise ValueError(f"there is no place {place}: {self._beside_the_board()}")
+        column, row = divmod(index, self.tray_rows)
+        x, y = self._column_x(column), (row - (self.tray_rows - 1) / 2.0) * self.tray_row_pitch
         return (x if place.zone == "R" else -x), y
+
+    def _beside_the_board(self) -> str:
+        last = self.tray_size
+        trays = f"trays are L1 to L{last} and R1 to R{last}"
+        if self.captured is Captured.TRAY:
+            return trays
+        last = self.box_points * self.box_rounds
+        return f"{trays}, boxes BL1 to BL{last} and BR1 to BR{last}"
 
     def base_from_board(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map points (..., 3) from the board frame into the base frame [m]: x = z₁, y = −z₂, z = −z₃."""

@@ -67,7 +67,7 @@ def board_map(axis: Axes, table: TableSettings, x: Sequence[float], y: Sequence[
 
 
 def draw_table(axis: Axes, table: TableSettings) -> None:
-    """Outlines of the squares and dots for the trays' places, in millimetres of the board frame."""
+    """Outlines of squares and boxes and dots for the trays' places, in millimetres of the board frame."""
     side = 1e3 * table.square
     for index in range(64):
         cx, cy = (1e3 * v for v in table.xy(square_place(index)))
@@ -75,6 +75,9 @@ def draw_table(axis: Axes, table: TableSettings) -> None:
     for place in table.tray_places():
         cx, cy = (1e3 * v for v in table.xy(place))
         axis.plot(cx, cy, "o", ms=2.5, mfc="none", mec="white", mew=0.6)
+    for box in table.boxes():
+        corner = 1e3 * (box.x - box.half_x), 1e3 * (box.y - box.half_y)
+        axis.add_patch(Rectangle(corner, 2e3 * box.half_x, 2e3 * box.half_y, fill=False, lw=1.0, ec="white"))
     axis.set_aspect("equal")
     axis.set_xlabel("board x = z₁ [mm]", fontsize=9)
     axis.set_ylabel("board y = −z₂ [mm]", fontsize=9)

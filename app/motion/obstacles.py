@@ -1,4 +1,4 @@
-"""What stands in the tool's way: how high to pass, and whether the open fingers fit."""
+"""What is in the tool's way: how high to pass over pieces and boxes, and whether the open fingers fit."""
 
 from __future__ import annotations
 
@@ -36,24 +36,40 @@ _SHAPES: Final = {
 }
 
 
+_NO_BOXES: Final = np.zeros((0, 5))
+
+
+def _boxes(table: TableSettings | None) -> Vector:
+    if table is None:
+        return _NO_BOXES
+    rows = [
+        (box.x, box.y, box.half_x + box.wall, box.half_y + box.wall, max(table.box_fill, box.height))
+        for box in table.boxes()
+    ]
+    return np.array(rows, dtype=float).reshape((len(rows), 5))
+
+
 @dataclass(frozen=True, slots=True)
 class Crowd:
-    """Pieces that stand.
+    """Pieces that stand, and boxes.
 
     Attributes:
         pieces: which.
         table: of each x and y of its centre, height, foot's radius, stem's radius, foot's height, (n, 6) [m].
+        boxes: of each x and y of its centre, half its extent along x and y with its walls, and how high up it or what
+            lies in it reaches, (m, 5) [m].
     """
 
     pieces: tuple[Standing, ...]
     table: Vector
+    boxes: Vector
 
     @classmethod
-    def of(cls, pieces: Iterable[Standing]) -> Crowd:
-        """Of pieces."""
+    def of(cls, pieces: Iterable[Standing], table: TableSettings | None = None) -> Crowd:
+        """Of pieces, and of a table's boxes."""
         pieces = tuple(pieces)
         rows = [(piece.x, piece.y, *_SHAPES[piece.kind]) for piece in pieces]
-        return cls(pieces, np.array(rows, dtype=float).reshape((len(rows), 6)))
+        return cls(pieces, np.array(rows, dtype=float).reshape((len(rows), 6)), _boxes(table))
 
     def without(self, name: str) -> Crowd:
         """But for one."""
@@ -61,13 +77,13 @@ class Crowd:
         if len(left) == len(self.pieces):
             return self
         i = self._index(name)
-        return Crowd(left, np.concatenate([self.table[:i], self.table[i + 1 :]]))
+        return Crowd(left, np.concatenate([self.table[:i], self.table[i + 1 :]]), self.boxes)
 
     def with_moved(self, moved: Standing) -> Crowd:
         """With the piece of that name there."""
         i, pieces, table = self._index(moved.name), list(self.pieces), np.array(self.table)
         pieces[i], table[i, 0:2] = moved, (moved.x, moved.y)
-        return Crowd(tuple(pieces), table)
+        return Crowd(tuple(pieces), table, self.boxes)
 
     def _index(self, name: str) -> int:
         return next(i for i, piece in enumerate(self.pieces) if piece.name == name)
@@ -90,10 +106,10 @@ class Moving(NamedTuple):
         return cls(outer, pads.half_width + pads.back, pads.half_height, carried)
 
 
-@compiled_as(ROW(ROW, PAIR, PAIR, TABLE, SCALAR, SCALAR, SCALAR, SCALAR, SCALAR, SCALAR, SCALAR))
+@compiled_as(ROW(ROW, PAIR, PAIR, TABLE, TABLE, SCALAR, SCALAR, SCALAR, SCALAR, SCALAR, SCALAR, SCALAR))
 def _highest_needs(
-    share: FloatArray, start: tuple[float, float], end: tuple[float, float], pieces: FloatArray, half_x: float,
-    half_y: float, below: float, foot: float, hangs: float, beside: float, clearance: float,
+    share: FloatArray, start: tuple[float, float], end: tuple[float, float], pieces: FloatArray, boxes: FloatArray,
+    half_x: float, half_y: float, below: float, foot: float, hangs: float, beside: float, clearance: float,
 ) -> FloatArray:  # fmt: skip
     """See `needed_heights`; ``foot`` is the radius of the carried piece's foot, negative if there is none, and
     ``hangs`` how far below the tool it is [m].
@@ -109,12 +125,18 @@ def _highest_needs(
             reach = foot + radius
             if foot >= 0.0 and dx * dx + dy * dy < reach * reach:
                 needed[i] = max(needed[i], pieces[j, 2] + hangs + clearance)
+        for j in range(boxes.shape[0]):
+            dx, dy = abs(x - boxes[j, 0]) - boxes[j, 2] - beside, abs(y - boxes[j, 1]) - boxes[j, 3] - beside
+            if dx < half_x and dy < half_y:
+                needed[i] = max(needed[i], boxes[j, 4] + below + clearance)
+            if dx < foot and dy < foot:
+                needed[i] = max(needed[i], boxes[j, 4] + hangs + clearance)
     return needed
 
 
 @compiled_as(STATUS(SCALAR, SCALAR, SCALAR, TABLE, SCALAR, SCALAR))
 def _first_touched(x: float, y: float, tip_height: float, pieces: FloatArray, half_x: float, half_y: float) -> int:
-    """See `blocking_neighbour`; which one, or -1."""
+    """See `blocking_neighbour`; which one, or -1. Pieces alone: `box_in_the_way` looks at boxes."""
     for j in range(pieces.shape[0]):
         radius = pieces[j, 3] if tip_height < pieces[j, 5] else pieces[j, 4]
         near = abs(pieces[j, 0] - x) < half_x + radius and abs(pieces[j, 1] - y) < half_y + radius
@@ -150,8 +172,16 @@ def needed_heights(
     if moving.carried is not None:
         foot, hangs = moving.carried.foot_radius, moving.carried.grip_height
     return _highest_needs(
-        share, start, end, others.table, moving.half_x, moving.half_y, moving.below, foot, hangs, beside, clearance
-    )
+        share, start, end, others.table, others.boxes, moving.half_x, moving.half_y, moving.below, foot, hangs, beside,
+        clearance,
+    )  # fmt: skip
+
+
+def box_in_the_way(x: float, y: float, finger_position: float, tip_height: float, others: Crowd, pads: Pads) -> bool:
+    """Whether open fingers would touch a box, or what may lie in it, on their way down; as `blocking_neighbour`."""
+    moving = Moving.of(pads, finger_position)
+    away = np.abs(others.boxes[:, 0:2] - (x, y)) - others.boxes[:, 2:4] - (moving.half_x, moving.half_y)
+    return bool(np.any((away < 0.0).all(axis=1) & (others.boxes[:, 4] > tip_height)))
 
 
 def closed_position(kind: Kind, pads: Pads) -> float:

@@ -12,9 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.manipulation import Inventory, Stage, Transfer
+from app.manipulation import Inventory, PieceBoxed, Stage, Transfer
+from app.motion.drop import fall_time
 from app.motion.gains import Softness
-from app.motion.obstacles import Crowd, Standing, blocking_neighbour, closed_position
+from app.motion.obstacles import Crowd, Standing, blocking_neighbour, box_in_the_way, closed_position
 from app.motion.path import Vector
 from app.motion.plan import Motion, Plan, PlanRefused, Style
 from app.motion.route import Route, Timed, timed
@@ -57,13 +58,18 @@ def plan_ply(
         low: the fingers may still be around a piece that stands: they open before the arm moves.
 
     Raises:
-        PlanRefused: open fingers would touch a neighbour, or a way leads out of the workspace.
+        PlanRefused: open fingers would touch a neighbour or a box, or a way leads out of the workspace.
+        PieceBoxed: a piece would be taken out of a box.
     """
     table = inventory.table
+    for transfer in transfers:
+        if transfer.source.in_box:
+            raise PieceBoxed(transfer.name, transfer.source)
     cell = Workcell.of(settings, parameters, table)
     motions: list[Motion] = []
     point = np.asarray(start, dtype=float)
-    stands = Crowd.of(Standing.at(piece.name, piece.place, piece.kind, table) for piece in inventory)
+    standing = (piece for piece in inventory if not piece.place.in_box)
+    stands = Crowd.of((Standing.at(piece.name, piece.place, piece.kind, table) for piece in standing), table)
     for index, transfer in enumerate(transfers):
         others = stands.without(transfer.name)
         if index == 0 and not holding:
@@ -79,8 +85,9 @@ def plan_ply(
         carried = f"{transfer.kind} {transfer.source} to {transfer.target}"
         motion, _ = _motion(cell, carried, route, index, Stage.CARRY)
         motions.append(motion)
-        point = cell.base([(*table.xy(transfer.target), PIECE_SHAPES[transfer.kind].grip_height)])[0]
-        stands = stands.with_moved(Standing.at(transfer.name, transfer.target, transfer.kind, table))
+        point = cell.base([(*table.xy(transfer.target), cell.height(transfer.kind, transfer.target))])[0]
+        moved = Standing.at(transfer.name, transfer.target, transfer.kind, table)
+        stands = others if transfer.target.in_box else stands.with_moved(moved)
         following = transfers[index + 1] if index + 1 < len(transfers) else None
         route = _release(cell, transfer, following, stands, point)
         where = "home" if following is None else f"to {following.source}"
@@ -137,22 +144,25 @@ def _least_opening(cell: Workcell, kind: Kind) -> float:
 
 
 def _opening(cell: Workcell, kind: Kind, place: Place, others: Crowd) -> float:
-    """As wide as is useful and as neighbours leave room for.
+    """As wide as is useful and as neighbours and boxes leave room for.
 
     Raises:
         PlanRefused: not even the least opening fits.
     """
     grip, pads = cell.settings.grip, cell.parameters.pads
     x, y = cell.table.xy(place)
-    tip = PIECE_SHAPES[kind].grip_height - cell.parameters.pads.half_height
+    tip = cell.height(kind, place) - pads.half_height
     least = _least_opening(cell, kind)
     widest = min(closed_position(kind, pads) + grip.widest_margin, cell.parameters.gripper.stroke)
     for part in range(_OPENINGS):
         opening = widest + part / (_OPENINGS - 1) * (least - widest)
         neighbour = blocking_neighbour(x, y, opening, tip, others, pads)
-        if neighbour is None:
+        if neighbour is None and not box_in_the_way(x, y, opening, tip, others, pads):
             return opening
-    assert neighbour is not None
+    if neighbour is None:
+        raise PlanRefused(
+            f"at {place} the fingers, {least * 1e3:.1f} mm open, would touch a box: enlarge box_gap of the table"
+        )
     raise PlanRefused(
         f"at {place} the fingers, {least * 1e3:.1f} mm open, would touch the {neighbour.kind} on "
         f"{neighbour.place}: move that piece first or use larger squares"
@@ -202,30 +212,31 @@ def _grasp(cell: Workcell, transfer: Transfer, point: Vector, finger: float) -> 
 
 
 def _carry(cell: Workcell, transfer: Transfer, others: Crowd, point: Vector, *, fresh: bool) -> Route:
-    """Up from where it is, over, down, and slowly on until it stands."""
+    """Up from where it is, over, down, and slowly on until it stands; or to where it is dropped into a box."""
     settings, shape = cell.settings, PIECE_SHAPES[transfer.kind]
     x, y, height = cell.board(point)
     closed = closed_position(transfer.kind, cell.parameters.pads)
     _opening(cell, transfer.kind, transfer.target, others)
-    low = shape.grip_height
+    low, drops = shape.grip_height, transfer.target.in_box
+    end = cell.height(transfer.kind, transfer.target) + (0.0 if drops else settings.touch_height)
     hop = Hop(
-        (x, y, height), (*cell.table.xy(transfer.target), low + settings.touch_height), low + settings.clearance, shape,
-        closed,
+        (x, y, height), (*cell.table.xy(transfer.target), end), low + settings.clearance, shape, closed, drops
     )  # fmt: skip
     return Route(
         *over(cell, hop, others), contact=(low, low), finger=closed, wait=settings.grip.settle,
-        soft_start=Softness.LASTS if fresh else Softness.STIFF, touches=True,
+        soft_start=Softness.LASTS if fresh else Softness.STIFF, touches=not drops,
     )  # fmt: skip
 
 
 def _release(cell: Workcell, transfer: Transfer, following: Transfer | None, stands: Crowd, point: Vector) -> Route:
-    """Open, up from the piece, and over to the next one, or home."""
+    """Open, up from the piece, and over to the next one, or home; over a box, once the piece has fallen."""
     settings, table, shape = cell.settings, cell.table, PIECE_SHAPES[transfer.kind]
     pads = cell.parameters.pads
-    beside = stands.without(transfer.name)
+    beside, drops = stands.without(transfer.name), transfer.target.in_box
     opening, closed = _opening(cell, transfer.kind, transfer.target, beside), closed_position(transfer.kind, pads)
     wait = settings.release_wait + settings.grip.freed / settings.grip.opening_speed
     wait += cell.parameters.gripper.reflected_mass / cell.parameters.gripper.velocity_gain
+    wait += fall_time(transfer.kind, pads) if drops else 0.0
     here = (*table.xy(transfer.target), cell.board(point)[2])
     if following is None:
         end, low, then = cell.board(np.asarray(settings.home)), 0.0, None
@@ -236,7 +247,8 @@ def _release(cell: Workcell, transfer: Transfer, following: Transfer | None, sta
     hop = Hop(here, end, 0.0, None, max(opening, then or 0.0))
     return Route(
         *over(cell, hop, stands), contact=(shape.grip_height, low), finger=closed, wait=wait, opens=opening,
-        then=then, closes=None if following is None else _beside(cell, following.kind), soft_start=Softness.BEGINS,
+        then=then, closes=None if following is None else _beside(cell, following.kind),
+        soft_start=Softness.STIFF if drops else Softness.BEGINS,
     )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.motion.curves import STRAIGHT, turns, widest_corner
+from app.motion.drop import tool_height
 from app.motion.obstacles import Crowd, Moving, needed_heights
 from app.motion.path import Vector
 from app.motion.plan import PlanRefused
@@ -25,7 +26,7 @@ from app.motion.torque import TorqueModel
 from controller.model.compiled import PAIR, ROW, FloatArray, compiled, compiled_as
 from controller.safety import Limits, default_limits
 from hardware.parameters import RobotParameters
-from hardware.table import PieceShape, TableSettings
+from hardware.table import Kind, PieceShape, Place, TableSettings
 
 _STEP = 0.0015
 """Ways over the board are looked at so closely [m]."""
@@ -57,6 +58,10 @@ class Workcell:
         """Of the loop [s]."""
         return self.parameters.drive.tick
 
+    def height(self, kind: Kind, place: Place) -> float:
+        """Of the tool over the board where it takes a piece from a place or lets go of it there [m]."""
+        return tool_height(kind, place, self.table, self.settings)
+
     def base(self, points: Sequence[tuple[float, float, float]]) -> Vector:
         """Tool points with the pads' centre at heights over points (x, y) of the board, (n, 3) [m]."""
         return self.table.base_from_board(np.array(points))
@@ -76,6 +81,7 @@ class Hop(NamedTuple):
         least: on the way between [m].
         carried: piece in the fingers.
         opening: how far the fingers are open [m].
+        drops: what is carried is let go at the end, in the air: it need not come down from above.
     """
 
     start: tuple[float, float, float]
@@ -83,6 +89,7 @@ class Hop(NamedTuple):
     least: float
     carried: PieceShape | None
     opening: float
+    drops: bool = False
 
 
 class Way(NamedTuple):
@@ -106,7 +113,7 @@ def over(cell: Workcell, hop: Hop, others: Crowd) -> Way:
     way = math.hypot(x1 - x0, y1 - y0)
     if way < _ASIDE:
         # there already: a carried piece comes down from above all the same, as its way ends with a touch
-        top = max(z0, z1 + (settings.lift if hop.carried is not None else 0.0))
+        top = max(z0, z1 + (settings.lift if hop.carried is not None and not hop.drops else 0.0))
         return polygon(cell, cell.base([hop.start, (x1, y1, top), hop.end]), [0.0], hop.carried)
     count = max(math.ceil(way / _STEP) + 1, 5)  # also of the shortest way some points are within it
     share = np.linspace(0.0, 1.0, count)
@@ -157,7 +164,7 @@ def _heights(share: Vector, needed: Vector, hop: Hop, settings: MotionSettings) 
     highest edge of the hull of all that is needed, half way.
     """
     lift = settings.lift if hop.carried is not None else 0.0
-    least_first, least_last = hop.start[2] + lift, hop.end[2] + lift
+    least_first, least_last = hop.start[2] + lift, hop.end[2] + (0.0 if hop.drops else lift)
     inner, asked = share[1:-1], needed[1:-1]
     if hop.start[2] >= asked[0] and not lift:
         first = hop.start[2]
@@ -224,6 +231,11 @@ def _check_height(cell: Workcell, height: float, hop: Hop, share: float, others:
     if height <= top:
         return
     x, y = (a + share * (b - a) for a, b in zip(hop.start[:2], hop.end[:2], strict=True))
+    if not others.pieces:
+        raise PlanRefused(
+            f"the way over a box needs a height of {height * 1e3:.0f} mm, the workspace ends at {top * 1e3:.0f} mm: "
+            "use lower boxes or mount the robot higher"
+        )
     piece = min(others.pieces, key=lambda one: math.hypot(one.x - x, one.y - y))
     raise PlanRefused(
         f"the way over the {piece.kind} on {piece.place} needs a height of {height * 1e3:.0f} mm, the workspace ends "

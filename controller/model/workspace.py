@@ -59,10 +59,10 @@ NO_WORK: Final = PointSurvey(math.inf, math.nan, math.nan)
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Board and trays at several heights of the tool point.
+    """Board, trays and boxes at several heights of the tool point.
 
     Attributes:
-        places: n of them, the 64 squares first.
+        places: n of them, the 64 squares first; of a box, its drop points.
         height: shape (h,), of the tool point above the playing surface [m].
         point: shape (n, h, 3), base frame [m].
         reachable: shape (n, h), whether the robot can work there: within reach, and no singularity near.
@@ -110,7 +110,7 @@ def survey_point(model: DeltaModel, point: FloatArray) -> PointSurvey:
 
 
 def survey(model: DeltaModel, table: TableSettings, heights: Sequence[float] | None = None) -> Survey:
-    """What the robot can do over every square and tray place.
+    """What the robot can do over every square, tray place and drop point of a box.
 
     Args:
         model: the robot, with what it carries.
@@ -118,6 +118,7 @@ def survey(model: DeltaModel, table: TableSettings, heights: Sequence[float] | N
         heights: of the tool point above the playing surface [m]; default `working_heights`.
     """
     places = tuple(square_place(square) for square in range(64)) + table.tray_places()
+    places += table.drop_points()
     height = np.array(working_heights() if heights is None else heights, dtype=np.float64)
     on_board = np.array([[(*table.xy(place), h) for h in height] for place in places])
     point = table.base_from_board(on_board)
@@ -175,7 +176,7 @@ def largest_board(model: DeltaModel, table: TableSettings, *, trays: bool = True
     Args:
         model: the robot, with the heaviest thing it carries.
         table: trays keep their size and their distance from the board.
-        trays: whether they have to be in reach, too; without them captured pieces need another place.
+        trays: whether they and boxes have to be in reach, too; without them captured pieces need another place.
     """
     depths = np.arange(LEAST_DEPTH, MOST_DEPTH + 1e-9, DEPTH_STEP)
     squares = np.array([_largest_square(model, table, float(depth), trays) for depth in depths])
@@ -223,9 +224,9 @@ def _largest_square(model: DeltaModel, table: TableSettings, depth: float, trays
 
 
 def _fits(model: DeltaModel, table: TableSettings, *, trays: bool = True) -> bool:
-    """Looks at corner squares and trays alone: what is nearer to the axis is easier."""
+    """Looks at corner squares, trays and boxes alone: what is nearer to the axis is easier."""
     places = [square_place(corner) for corner in (0, 7, 56, 63)]
-    places += [place for place in table.tray_places() if trays]
+    places += [place for place in table.tray_places() + table.drop_points() if trays]
     rated = model.parameters.drive.rated_torque
     for place in places:
         for height in working_heights():
@@ -253,9 +254,11 @@ def _refuse(found: Survey, table: TableSettings, fails: NDArray[np.bool_], why: 
     if not places:
         return
     squares = [str(place) for place in places if place.on_board]
-    trays = [str(place) for place in places if not place.on_board]
+    trays = [str(place) for place in places if not place.on_board and not place.in_box]
+    drops = [str(place) for place in places if place.in_box]
     named = [f"{len(squares)} of 64 squares ({', '.join(squares)})"] if squares else []
     named += [f"{len(trays)} tray places ({', '.join(trays)})"] if trays else []
+    named += [f"{len(drops)} drop points of the boxes ({', '.join(drops)})"] if drops else []
     heights = ", ".join(f"{1e3 * h:.0f}" for h in found.height[fails.any(axis=0)])
     x, y, z = table.centre_in_base
     raise BoardDoesNotFit(

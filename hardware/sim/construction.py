@@ -71,4 +71,5 @@ class Construction(NamedTuple):
         """
         names = tuple(piece.name for piece in self.settings.pieces)
         flaws = Flaws(self.settings.randomisation.devices, self.settings.seed)
-        return Plant(self.model(looks=False), self.drawn.parameters, names, snapshot, flaws)
+        boxes = self.settings.table.boxes()
+        return Plant(self.model(looks=False), self.drawn.parameters, names, snapshot, flaws, boxes)

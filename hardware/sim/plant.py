@@ -23,6 +23,7 @@ from hardware.sim.hand_body import SENSOR as HAND_SENSOR
 from hardware.sim.imperfections import PERFECT, Flaws
 from hardware.sim.snapshot import Snapshot
 from hardware.sim.truth import PiecePose, Truth
+from hardware.table import Box
 
 ARM_TREES = 4
 """Kinematic trees of the robot: three legs and the platform. They never sleep."""
@@ -33,6 +34,10 @@ PIECE_REST_SPEED = 2e-3
 PIECE_REST_TURNING = 0.02
 """… if it also turns more slowly than this [rad/s]. A piece that is gripped while it stands never comes quite to rest:
 its contacts are more than it needs, and the solver lets it tremble by up to 0.007 rad/s."""
+HEAP_REST_SPEED = 5e-3
+HEAP_REST_TURNING = 0.3
+"""The same of a piece in a box [m/s, rad/s]: on bare wood one of some hundred that fell on others trembled for
+good, by up to 0.2 rad/s about the points that held it, and went nowhere; on a lining none was seen to."""
 REST_TICKS = 25
 """Everything must have been resting for so long."""
 
@@ -58,6 +63,7 @@ class Plant:
         pieces: names of all pieces.
         snapshot: where another plant of this model ended, to go on from there.
         flaws: of amplifiers, shafts and sensors; None: they are as the parameters say.
+        boxes: in which pieces lie in heaps.
 
     Attributes:
         model: MuJoCo's; the brakes act as dry friction of the servomotors' joints, nothing else is ever changed.
@@ -75,6 +81,7 @@ class Plant:
         pieces: tuple[str, ...],
         snapshot: Snapshot | None = None,
         flaws: Flaws | None = None,
+        boxes: tuple[Box, ...] = (),
     ) -> None:
         self.model = model
         self.data = mujoco.MjData(model)
@@ -84,6 +91,7 @@ class Plant:
         """Called after every step of the integration; for measurements."""
         drive = parameters.drive
         self._steps = _steps_of_a_tick(drive.tick, model.opt.timestep)
+        self._boxes = boxes
         self._flaws = flaws or Flaws(PERFECT, 0)
         self._constants = tick.constants_of(drive.encoder_bits, drive.tick, parameters.tactile.bandwidth)
         self._rad_per_count = 1.0 / float(self._constants[0])
@@ -257,8 +265,22 @@ class Plant:
         quiet = self._felt[tick.ARM_SPEED] < REST_SPEED
         if quiet and data.ntree_awake > ARM_TREES:
             awake = data.dof_awake_ind[: data.nv_awake]
-            quiet = float((np.abs(self._qvel) * self._rest_scale)[awake].max()) < PIECE_REST_SPEED
+            scaled = np.abs(self._qvel) * self._rest_scale
+            quiet = float(scaled[awake].max()) < PIECE_REST_SPEED
+            if not quiet and self._boxes:
+                quiet = float((scaled * self._calm_heaps())[awake].max()) < PIECE_REST_SPEED
         self._resting = self._resting + 1 if quiet else 0
+
+    def _calm_heaps(self) -> NDArray[np.float64]:
+        """Factors of all velocities, (nv,): below 1 for pieces in a box, which may tremble."""
+        factors = np.ones(self.model.nv)
+        for name, start in self._piece_q.items():
+            x, y = self._positions[start : start + 2]
+            if any(box.holds(x, y) for box in self._boxes):
+                at = int(self.model.joint(name).dofadr[0])
+                factors[at : at + 3] = PIECE_REST_SPEED / HEAP_REST_SPEED
+                factors[at + 3 : at + 6] = PIECE_REST_TURNING / HEAP_REST_TURNING
+        return factors
 
     @property
     def resting(self) -> bool:

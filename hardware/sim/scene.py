@@ -1,4 +1,4 @@
-"""Board, trays, pieces, light and camera as MuJoCo bodies; and the compiled model of the whole world."""
+"""Board, trays, boxes, pieces, light and camera as MuJoCo bodies; and the compiled model of the whole world."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hardware.sim.contact import Contact
 from hardware.sim.d435 import COLOUR_FIELD_OF_VIEW
 from hardware.sim.lamps import lamps, set_ambient
 from hardware.sim.looks import LightSettings
-from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, WOOD_FRICTION, give_stiffness
+from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, LINED, WALL, WOOD_FRICTION, give_stiffness
 from hardware.sim.turning import FELT_HEIGHT, turned_mesh
 from hardware.sim.wood import board_png
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceShape, PieceSpec, TableSettings
@@ -32,6 +32,9 @@ SLEEP_TOLERANCE = 1e-3
 PIECE_RGBA = {Colour.WHITE: [0.87, 0.76, 0.58, 1.0], Colour.BLACK: [0.16, 0.11, 0.09, 1.0]}
 SQUARES_FILE = "squares.png"
 FELT_RGBA = [0.10, 0.22, 0.14, 1.0]
+BOX_RGBA, LINING_RGBA = [0.52, 0.38, 0.25, 1.0], [0.20, 0.27, 0.36, 1.0]
+LINING = 0.003
+"""Thickness of what pieces fall on in a box [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +99,9 @@ AS_BELIEVED = BoardOffset()
 
 
 def deck_half_size(table: TableSettings) -> tuple[float, float]:
-    """Of the board with its trays, along x and y [m]."""
-    half_board = 4.0 * table.square
-    half_x = half_board + table.tray_gap + (table.tray_columns - 1) * table.tray_column_pitch + 0.028
-    return half_x, max(half_board, table.tray_rows * table.tray_row_pitch / 2.0) + 0.018
+    """Of the board with its trays and boxes, along x and y [m]."""
+    half_y = max(4.0 * table.square, table.tray_rows * table.tray_row_pitch / 2.0) + 0.018
+    return table.half_width, max([half_y, *(box.half_y + box.wall for box in table.boxes())])
 
 
 def _add_deck(spec: mujoco.MjSpec, table: TableSettings) -> None:
@@ -128,6 +130,28 @@ def _add_deck(spec: mujoco.MjSpec, table: TableSettings) -> None:
         spec.worldbody.add_geom(
             type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.0135, 0.0003, 0], pos=[x, y, 0.0], contype=0, conaffinity=0,
             rgba=[0.47, 0.34, 0.24, 1.0],
+        )  # fmt: skip
+
+
+def _add_boxes(spec: mujoco.MjSpec, table: TableSettings) -> None:
+    """Four walls and a lined floor each; the walls stop the tool, too."""
+    for box in table.boxes():
+        wide, deep, half = box.half_x + box.wall, box.half_y + box.wall, box.wall / 2.0
+        walls = {
+            "a": (-box.half_x - half, 0.0, half, deep), "b": (box.half_x + half, 0.0, half, deep),
+            "c": (0.0, -box.half_y - half, wide, half), "d": (0.0, box.half_y + half, wide, half),
+        }  # fmt: skip
+        for name, (x, y, half_x, half_y) in walls.items():
+            spec.worldbody.add_geom(
+                name=f"{WALL}{box.zone}.{name}", type=mujoco.mjtGeom.mjGEOM_BOX,
+                size=[half_x, half_y, box.height / 2.0], pos=[box.x + x, box.y + y, box.height / 2.0],
+                contype=SCENE_BITS, conaffinity=SCENE_BITS | TOOL_BITS, friction=[WOOD_FRICTION, 0.002, 0.0001],
+                rgba=BOX_RGBA,
+            )  # fmt: skip
+        spec.worldbody.add_geom(
+            name=f"{LINED}{box.zone}", type=mujoco.mjtGeom.mjGEOM_BOX, size=[box.half_x, box.half_y, LINING / 2.0],
+            pos=[box.x, box.y, LINING / 2.0], contype=SCENE_BITS, conaffinity=SCENE_BITS | TOOL_BITS,
+            friction=[FOOT_FRICTION, 0.002, 0.0001], rgba=LINING_RGBA,
         )  # fmt: skip
 
 
@@ -309,6 +333,7 @@ def build_model(
     option.sleep_tolerance = SLEEP_TOLERANCE
     _add_looks(spec)
     _add_deck(spec, table)
+    _add_boxes(spec, table)
     _add_surroundings(spec, table, offset)
     x, y, z = table.centre_in_base
     add_arm(spec, parameters, offset.in_true((-x, y, z)), offset.turn)

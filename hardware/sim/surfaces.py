@@ -26,9 +26,15 @@ FACES_OF_A_PAD: Final = 2
 POINTS_OF_A_FACE: Final = 2
 """Where a flat face meets a stem along its length."""
 POINTS_OF_A_FOOT: Final = 4
+POINTS_OF_AN_EDGE: Final = 2
 POINTS_OF_A_BOX: Final = 4
 BOXES_OF_THE_FINGERS: Final = 6
 """Bars and faces of the pads: all end at the same height."""
+
+
+WALL: Final = "wall."
+LINED: Final = "lining."
+"""Names of a box's walls and of its floor begin so."""
 
 
 class Pair(NamedTuple):
@@ -65,6 +71,12 @@ TOOL_ON_PIECE: Final = Pair(
     Contact(stiffness=2.0e5, mass=1.1, damping_ratio=0.12, followed=0.15),
     "as on the board, and the piece's neck (assumed)",
 )
+PIECE_IN_BOX: Final = Pair(
+    "a piece and a box",
+    Contact(stiffness=1.0e4, mass=0.02, damping_ratio=0.5, followed=0.06),
+    "3 mm of felt on thin wood, met by a piece's edge (assumed); a sixth of the speed of a fall is left",
+)
+"""Nobody feels its force, so that it is not among those whose peak has to be that of an undamped blow."""
 PAIRS: Final = (FOOT_ON_BOARD, PAD_ON_PIECE, TOOL_ON_BOARD, TOOL_ON_PIECE)
 
 
@@ -83,13 +95,18 @@ def give_stiffness(
     fingers = [f"{part}_{side}" for side in ("right", "left") for part in ("pad_a", "pad_b", "bar")]
     masses = {piece: _lighter(model, model.body(piece).id) for piece in pieces}
     typical = sum(masses.values()) / max(1, len(masses))
+    boxes = [geom.name for geom in spec.geoms if geom.name.startswith((WALL, LINED))]
+    if pieces:
+        for name in boxes:
+            _set(spec.geom(name), PIECE_IN_BOX.contact.solver(typical, POINTS_OF_AN_EDGE), priority=2)
     for name in (*fingers, "gripper_body", "flange"):
         points = POINTS_OF_A_BOX * (len(fingers) if name in fingers else 1)
         solver = TOOL_ON_BOARD.contact.solver(_lighter(model, model.geom(name).bodyid[0]), points)
-        spec.add_pair(
-            geomname1=name, geomname2="deck", condim=3, solref=list(solver.solref), solimp=list(solver.solimp),
-            friction=[WOOD_FRICTION, WOOD_FRICTION, *3 * PAD_TORSION[1:]],
-        )  # fmt: skip
+        for hard in ("deck", *boxes):
+            spec.add_pair(
+                geomname1=name, geomname2=hard, condim=3, solref=list(solver.solref), solimp=list(solver.solimp),
+                friction=[WOOD_FRICTION, WOOD_FRICTION, *3 * PAD_TORSION[1:]],
+            )  # fmt: skip
         if pieces and not name.startswith("pad"):
             _set(spec.geom(name), TOOL_ON_PIECE.contact.solver(typical, POINTS_OF_A_FACE), priority=2)
     finger = model.body("finger_right").id
