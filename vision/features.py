@@ -112,5 +112,3 @@ def square_means(picture: Field, share: float) -> Array:
     middle = by_square(board, SQUARE_PX)[:, edge : SQUARE_PX - edge, edge : SQUARE_PX - edge, 0]
     means: Array = middle.mean(axis=(1, 2)).astype(float)
     return means
-
-

@@ -63,7 +63,9 @@ def _share(solids: Solids) -> Array:
 def _believed(solids: Solids) -> Array:
     """How far the points over each square can be believed, 0 to 1: shape (64,)."""
     free = solids.seen - solids.above
-    believed: Array = np.minimum(free / ENOUGH, 1.0) * (solids.above <= ABOVE * np.maximum(solids.seen, 1))
+    believed: Array = np.minimum(free / ENOUGH, 1.0).astype(float) * (
+        solids.above <= ABOVE * np.maximum(solids.seen, 1)
+    )
     return believed
 
 

@@ -57,7 +57,12 @@ class Studio:
     """
 
     def __init__(
-        self, randomisation: Randomisation, seed: int, off: float, board: chess.Board, table: TableSettings | None = None
+        self,
+        randomisation: Randomisation,
+        seed: int,
+        off: float,
+        board: chess.Board,
+        table: TableSettings | None = None,
     ) -> None:
         """Build the world and set up a position.
 
@@ -151,5 +156,3 @@ class Studio:
         self._renderer.close()
         self._device.close()
         shutil.rmtree(self._folder, ignore_errors=True)
-
-

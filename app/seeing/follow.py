@@ -37,9 +37,7 @@ class _Tally:
 
     def score(self) -> Score:
         accuracy = self.squares_right / self.squares if self.squares else None
-        return Score(
-            plies=self.plies, right=self.right, wrong=self.wrong, asked=self.asked, square_accuracy=accuracy
-        )
+        return Score(plies=self.plies, right=self.right, wrong=self.wrong, asked=self.asked, square_accuracy=accuracy)
 
 
 @dataclass(slots=True)
@@ -148,9 +146,7 @@ def _ask(
         answer = decision.moves
         _go_on(game, look, _after(game.observer.board, answer, None), answer)
     moves = tuple(move.uci() for move in answer)
-    game.events.append(
-        Event(frame=picture.name, moves=moves, confidence=decision.confidence, asked=True, said=said)
-    )
+    game.events.append(Event(frame=picture.name, moves=moves, confidence=decision.confidence, asked=True, said=said))
 
 
 def _after(board: chess.Board, moves: Line, label: FrameLabel | None) -> chess.Board:
