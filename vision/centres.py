@@ -1,0 +1,264 @@
+"""Where exactly each piece stands: its outline, known from the table settings, laid over the picture.
+
+How: colours of pieces and board are learnt from the frame itself (``vision.appearance``). Each piece's silhouette is
+tried at places around its square's centre, then moved until the picture's outline lies under the known one, by least
+squares over many short lines across the outline. What another piece hides does not count.
+
+Depth, where there is any, helps to find the rough place. The last bit is by colour alone: depth pictures are fat at edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.interfaces import Frame
+from hardware.table import Colour, Kind, square_place
+from vision.appearance import MOST, colour_bins, evidence, looked_up, shares
+from vision.board import BoardView
+from vision.silhouettes import Shapes, Silhouettes, labels
+from vision.surface import BESIDE, DARK, LIGHT, Surface, heights, surface
+
+Array = NDArray[np.float64]
+Field = NDArray[np.float32]
+
+SEARCH: Final = 0.010
+"""A piece is looked for so far around its square's centre [m], and found further away only by the last bit."""
+_GRID: Final = 5
+"""Places tried on either side of the centre."""
+_RING: Final = 2.5
+"""Outside an outline by so much there should be no piece [px]."""
+_HALF_LINE: Final = 5.0
+_LINE_STEP: Final = 0.5
+"""Lines across the outline reach so far to both sides and are sampled so closely [px]."""
+_ROUNDS: Final = 4
+_ROBUST: Final = 1.2
+"""Edges further than this from where the fitted outline has them count less [px]."""
+_LEAST_SEEN: Final = 0.25
+"""With less of its outline in sight, a piece's place is as good as unknown."""
+_TALL: Final = 0.012
+"""What is higher than this above the board is no board [m]."""
+_FLAT: Final = 0.004
+"""What is lower than this may be [m]."""
+_BY_DEPTH: Final = 2.0
+"""How much a pixel's height decides, like ``appearance.MOST``."""
+FLOOR: Final = 0.0002
+"""No place is known better than this: shapes are not exact [m]."""
+
+
+class PieceLike(Protocol):
+    """What has to be known of a piece; ``hardware.table.PieceSpec`` is one."""
+
+    @property
+    def kind(self) -> Kind:
+        """Its shape."""
+
+    @property
+    def colour(self) -> Colour:
+        """Its side."""
+
+
+@dataclass(frozen=True, slots=True)
+class Centre:
+    """Where a piece's foot stands.
+
+    Attributes:
+        x: of its centre in the board frame [m].
+        y: of its centre in the board frame [m].
+        std: expected error of either, as a standard deviation [m].
+        support: how much of what is in sight of the silhouette looks like the piece, 0 to 1.
+        seen: share of the outline that is in sight, 0 to 1.
+        upright: whether a standing piece of this kind explains the picture; else it is missing, fallen or hidden.
+    """
+
+    x: float
+    y: float
+    std: float
+    support: float
+    seen: float
+    upright: bool
+
+
+def piece_centres(
+    frame: Frame, view: BoardView, expected: Mapping[int, PieceLike], *, use_depth: bool = True
+) -> dict[int, Centre]:
+    """Centres of all expected pieces.
+
+    Args:
+        frame: by the camera of the view, without a hand or an arm over the board.
+        view: of the board.
+        expected: what stands where, by square (0 = a1 … 63 = h8). All pieces have to be named, since they hide each
+            other and colours are learnt from them.
+        use_depth: False: by colour alone, also where there is depth.
+
+    Raises:
+        ValueError: the frame is by another camera, or the board is not in the picture.
+    """
+    if frame.intrinsics != view.intrinsics:
+        raise ValueError(f"the frame is by a camera with {frame.intrinsics}, this view is of {view.intrinsics}")
+    if not expected:
+        return {}
+    return Fit(frame, view, expected, use_depth=use_depth).centres()
+
+
+class Fit:
+    """One frame's fit of all expected pieces.
+
+    Attributes:
+        part: window of the picture.
+        squares: of the pieces, in the order of all arrays.
+        places: (n, 2) [m].
+        rises: height above the board of each pixel [m], NaN where unknown; None without depth.
+    """
+
+    def __init__(self, frame: Frame, view: BoardView, expected: Mapping[int, PieceLike], *, use_depth: bool) -> None:
+        self.part: Surface = surface(view)
+        self.squares = list(expected)
+        pieces = [expected[square] for square in self.squares]
+        self._nominal = np.array([view.table.xy(square_place(square)) for square in self.squares])
+        self.places = self._nominal.copy()
+        self._white = np.array([piece.colour is Colour.WHITE for piece in pieces])
+        self._shapes = Shapes(view, [piece.kind for piece in pieces], self._nominal, self.part)
+        self._bins = colour_bins(frame.colour[self.part.rows, self.part.columns])
+        self.rises = heights(frame.depth, self.part) if use_depth and frame.depth is not None else None
+        self._solve()
+
+    def _solve(self) -> None:
+        seen = self._shapes.at(self.places)
+        self._learn(seen)
+        self._search(seen, SEARCH / _GRID, _GRID)
+        seen = self._shapes.at(self.places)
+        self._learn(seen)
+        self._search(seen, SEARCH / _GRID / 2.0, 2)
+        self._refine()
+
+    # ------------------------------------------------------------------------------------------------- colours
+
+    def _learn(self, seen: Silhouettes) -> None:
+        """Colours of the two sides and of the ground, from the outlines as they are believed to lie."""
+        owner = labels(seen, self.part.ground.shape)
+        self._owner = owner
+        near = cv2.dilate((owner > 0).astype(np.uint8), np.ones((15, 9), dtype=np.uint8)) > 0
+        flat = ~near
+        core = owner > 0
+        if self.rises is not None:
+            with np.errstate(invalid="ignore"):
+                flat &= ~(self.rises > _TALL)
+                core &= ~(self.rises < _FLAT)
+        ground, bins = self.part.ground, self._bins
+        grounds = [shares(bins[flat & (ground == kind)]) for kind in (LIGHT, DARK, BESIDE)]
+        white = np.concatenate([[False], self._white])[owner]
+        self._maps: list[Field] = []
+        for side in (core & white, core & ~white):
+            found = looked_up(evidence(shares(bins[side]), grounds), ground, bins)
+            self._maps.append(found)
+
+    # -------------------------------------------------------------------------------------------------- search
+
+    def _search(self, seen: Silhouettes, step: float, count: int) -> None:
+        """Move each piece to the best of places in a grid around where it is believed to be."""
+        ticks = step * np.arange(-count, count + 1)
+        tried = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 2)
+        outside = seen.contour + _RING * seen.normal
+        samples = np.concatenate([seen.inside, outside], axis=1)
+        inside = seen.inside.shape[1]
+        sign = np.ones(samples.shape[1])
+        sign[:inside], sign[inside:] = 1.0 / inside, -1.0 / (samples.shape[1] - inside)
+        shift = np.einsum("nij,tj->nti", seen.jacobian, tried)
+        at = np.rint(samples[:, None] + shift[:, :, None]).astype(np.int32)
+        value = self._sample(at, self._combined())
+        score = value @ sign.astype(np.float32)
+        self.places = self.places + tried[score.argmax(axis=1)]
+
+    def _combined(self) -> Field:
+        """Evidence by colour and by depth, for white and black pieces, shape (2, h, w)."""
+        both = np.stack(self._maps)
+        if self.rises is not None:
+            known = np.nan_to_num(self.rises, nan=0.5 * (_TALL + _FLAT))
+            tall = np.clip((known - 0.5 * (_TALL + _FLAT)) / (0.5 * (_TALL - _FLAT)), -1.0, 1.0)
+            both = both + np.float32(_BY_DEPTH) * tall.astype(np.float32)
+        return both
+
+    def _sample(self, at: NDArray[np.int32], maps: Field) -> Field:
+        """Values of each piece's own map at whole pixels (n, …, 2); 0 on other pieces and out of the window."""
+        h, w = self.part.ground.shape
+        u, v = at[..., 0], at[..., 1]
+        within = (u >= 0) & (u < w) & (v >= 0) & (v < h)
+        flat = np.where(within, v * w + u, 0)
+        shape = (-1,) + (1,) * (flat.ndim - 1)
+        side = (~self._white).astype(np.int32).reshape(shape)
+        mine = np.arange(1, len(self.squares) + 1, dtype=np.int16).reshape(shape)
+        owner = self._owner.ravel().take(flat)
+        counted = within & ((owner == 0) | (owner == mine))
+        found: Field = np.where(counted, maps.ravel().take(flat + side * (h * w)), np.float32(0.0))
+        return found
+
+    # -------------------------------------------------------------------------------------------------- refine
+
+    def _refine(self) -> None:
+        """Least squares over lines across the outlines, a few rounds."""
+        reach = np.arange(-_HALF_LINE, _HALF_LINE + 1e-9, _LINE_STEP)
+        self._blurred = [np.asarray(cv2.GaussianBlur(one, (0, 0), 0.6), dtype=np.float32) for one in self._maps]
+        for _round in range(_ROUNDS):
+            seen = self._shapes.at(self.places)
+            self._owner = labels(seen, self.part.ground.shape)
+            offset, sure = self._edges(seen, reach)
+            self._step(seen, offset, sure)
+
+    def _edges(self, seen: Silhouettes, reach: Array) -> tuple[Array, Array]:
+        """How far outside of each contour point the picture's edge lies [px], and how sure that is: (n, points)."""
+        at = seen.contour[:, :, None] + reach[:, None] * seen.normal[:, :, None]
+        value = np.empty(at.shape[:3], dtype=np.float32)
+        for side, pieces in enumerate((self._white, ~self._white)):
+            u, v = at[pieces][..., 0].astype(np.float32), at[pieces][..., 1].astype(np.float32)
+            count = len(u)
+            if count:
+                flat = (count * u.shape[1], u.shape[2])
+                value[pieces] = np.asarray(
+                    cv2.remap(self._blurred[side], u.reshape(flat), v.reshape(flat), cv2.INTER_LINEAR)
+                ).reshape(u.shape)
+        hidden = self._sample(np.rint(at).astype(np.int32), np.full((2, *self.part.ground.shape), 1.0, np.float32)) == 0
+        value[hidden] = 0.0
+        # the best split: piece before it, ground behind it
+        before = np.cumsum(value, axis=2)
+        split = 2.0 * before - before[:, :, -1:]
+        split -= 0.02 * reach**2  # of several edges the nearest
+        best = split[:, :, 1:-1].argmax(axis=2) + 1
+        take = np.arange(len(value))[:, None], np.arange(value.shape[1])[None, :]
+        low, top, high = split[*take, best - 1], split[*take, best], split[*take, best + 1]
+        curve = low - 2.0 * top + high
+        part = np.where(np.abs(curve) > 1e-6, 0.5 * (low - high) / np.where(curve == 0.0, 1.0, curve), 0.0)
+        offset = reach[0] + _LINE_STEP * (best + 0.5 + np.clip(part, -1.0, 1.0))
+        inner, outer = before[*take, best], before[:, :, -1] - before[*take, best]
+        sure = np.clip(inner, 0.0, None) * np.clip(-outer, 0.0, None)
+        sure = np.sqrt(sure) / (MOST * _HALF_LINE / _LINE_STEP)
+        self._sight = 1.0 - hidden.mean(axis=(1, 2))
+        blocked = hidden[:, :, len(reach) // 2 - 3 : len(reach) // 2 + 4].any(axis=2)
+        return offset, np.where(blocked, 0.0, sure) * self._shapes.weight
+
+    def _step(self, seen: Silhouettes, offset: Array, sure: Array) -> None:
+        """One weighted Gauss-Newton step of all pieces."""
+        rows = np.einsum("nki,nij->nkj", seen.normal, seen.jacobian)
+        for _again in range(3):
+            if _again == 0:
+                residual = offset
+            else:
+                residual = offset - np.einsum("nkj,nj->nk", rows, move)
+            weight = sure / (1.0 + (residual / _ROBUST) ** 2)
+            normal = np.einsum("nk,nki,nkj->nij", weight, rows, rows) + np.eye(2) * 1e3
+            right = np.einsum("nk,nki,nk->ni", weight, rows, offset)
+            move = np.linalg.solve(normal, right[..., None])[..., 0]
+        limit = np.maximum(1.0, np.linalg.norm(move, axis=1, keepdims=True) / 0.004)
+        self.places = self.places + move / limit
+        self._normal, self._residual, self._weight = normal, residual, weight
+
+    def centres(self) -> dict[int, Centre]:
+        return {
+            square: Centre(float(x), float(y), 0.0, 1.0, float(s), True)
+            for square, (x, y), s in zip(self.squares, self.places, self._sight, strict=True)
+        }
