@@ -20,6 +20,8 @@ _BLUR: Final = 1.2
 """Of the counts, along each channel [bins]: neighbouring colours tell about each other."""
 _PRIOR: Final = 2e-6
 """Share of pixels that any bin has to begin with: colours that were never seen decide nothing."""
+_OTHERS: Final = 0.1
+"""Chance that a pixel that is not the piece's belongs to one of the other side."""
 MOST: Final = 2.5
 """One pixel decides at most so much (natural logarithm of the ratio)."""
 
@@ -42,9 +44,14 @@ def shares(bins: NDArray[np.int32]) -> Field:
     return np.asarray(flat / max(float(flat.sum()), 1.0) + np.float32(_PRIOR), dtype=np.float32)
 
 
-def evidence(piece: Field, grounds: list[Field]) -> Field:
-    """How much rather a colour is a piece's than the ground's, by ground and bin, shape (grounds × bins³,)."""
-    ratio = np.log(piece)[None, :] - np.log(np.stack(grounds))
+def evidence(piece: Field, others: Field, grounds: list[Field]) -> Field:
+    """How much rather a colour is a piece's than the ground's or, here and there, one of the other side's pieces.
+
+    Returns:
+        By ground and bin, shape (grounds × bins³,).
+    """
+    instead = (1.0 - _OTHERS) * np.stack(grounds) + _OTHERS * others[None, :]
+    ratio = np.log(piece)[None, :] - np.log(instead)
     return np.clip(ratio, -MOST, MOST).astype(np.float32).ravel()
 
 

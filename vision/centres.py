@@ -22,11 +22,15 @@ from hardware.table import Colour, Kind, square_place
 from vision.appearance import MOST, colour_bins, evidence, looked_up, shares
 from vision.board import BoardView
 from vision.silhouettes import Shapes, Silhouettes, labels
-from vision.surface import BESIDE, DARK, LIGHT, Surface, heights, surface
+from vision.surface import GROUNDS, Surface, heights, surface
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
 
+import os
+STEPS=int(os.environ.get('STEPS','4'))
+PEN=float(os.environ.get('PEN','0.05'))
+VAR=int(os.environ.get('VAR','0'))
 SEARCH: Final = 0.010
 """A piece is looked for so far around its square's centre [m], and found further away only by the last bit."""
 _GRID: Final = 5
@@ -136,27 +140,30 @@ class Fit:
         self._learn(seen)
         self._search(seen, SEARCH / _GRID / 2.0, 2)
         self._refine()
+        self._learn(self._shapes.at(self.places), 5, 1)
+        self._refine()
 
     # ------------------------------------------------------------------------------------------------- colours
 
-    def _learn(self, seen: Silhouettes) -> None:
+    def _learn(self, seen: Silhouettes, margin: int = 9, erode: int = 0) -> None:
         """Colours of the two sides and of the ground, from the outlines as they are believed to lie."""
         owner = labels(seen, self.part.ground.shape)
         self._owner = owner
-        near = cv2.dilate((owner > 0).astype(np.uint8), np.ones((15, 9), dtype=np.uint8)) > 0
+        near = cv2.dilate((owner > 0).astype(np.uint8), np.ones((margin + margin // 2, margin), dtype=np.uint8)) > 0
         flat = ~near
         core = owner > 0
+        if erode:
+            core = cv2.erode(core.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         if self.rises is not None:
             with np.errstate(invalid="ignore"):
                 flat &= ~(self.rises > _TALL)
                 core &= ~(self.rises < _FLAT)
         ground, bins = self.part.ground, self._bins
-        grounds = [shares(bins[flat & (ground == kind)]) for kind in (LIGHT, DARK, BESIDE)]
+        grounds = [shares(bins[flat & (ground == kind)]) for kind in range(GROUNDS)]
         white = np.concatenate([[False], self._white])[owner]
-        self._maps: list[Field] = []
-        for side in (core & white, core & ~white):
-            found = looked_up(evidence(shares(bins[side]), grounds), ground, bins)
-            self._maps.append(found)
+        light, dark = shares(bins[core & white]), shares(bins[core & ~white])
+        tables = evidence(light, dark, grounds), evidence(dark, light, grounds)
+        self._maps: list[Field] = [looked_up(table, ground, bins) for table in tables]
 
     # -------------------------------------------------------------------------------------------------- search
 
@@ -178,7 +185,7 @@ class Fit:
     def _combined(self) -> Field:
         """Evidence by colour and by depth, for white and black pieces, shape (2, h, w)."""
         both = np.stack(self._maps)
-        if self.rises is not None:
+        if self.rises is not None and VAR:
             known = np.nan_to_num(self.rises, nan=0.5 * (_TALL + _FLAT))
             tall = np.clip((known - 0.5 * (_TALL + _FLAT)) / (0.5 * (_TALL - _FLAT)), -1.0, 1.0)
             both = both + np.float32(_BY_DEPTH) * tall.astype(np.float32)
@@ -224,19 +231,21 @@ class Fit:
                 ).reshape(u.shape)
         hidden = self._sample(np.rint(at).astype(np.int32), np.full((2, *self.part.ground.shape), 1.0, np.float32)) == 0
         value[hidden] = 0.0
-        # the best split: piece before it, ground behind it
         before = np.cumsum(value, axis=2)
-        split = 2.0 * before - before[:, :, -1:]
-        split -= 0.02 * reach**2  # of several edges the nearest
-        best = split[:, :, 1:-1].argmax(axis=2) + 1
+        n = STEPS
+        padded = np.concatenate([np.zeros_like(before[:, :, :1]), before], axis=2)
+        inner = padded[:, :, n:-n] - padded[:, :, : -2 * n]
+        outer = padded[:, :, 2 * n :] - padded[:, :, n:-n]
+        split = (inner - outer) / n  # edge between samples k-1 and k, k = n .. len-n
+        place = reach[0] + _LINE_STEP * (np.arange(n, len(reach) - n + 1) - 0.5)
+        score = split - PEN * place**2
+        best = np.clip(score.argmax(axis=2), 1, score.shape[2] - 2)
         take = np.arange(len(value))[:, None], np.arange(value.shape[1])[None, :]
-        low, top, high = split[*take, best - 1], split[*take, best], split[*take, best + 1]
+        low, top, high = score[*take, best - 1], score[*take, best], score[*take, best + 1]
         curve = low - 2.0 * top + high
-        part = np.where(np.abs(curve) > 1e-6, 0.5 * (low - high) / np.where(curve == 0.0, 1.0, curve), 0.0)
-        offset = reach[0] + _LINE_STEP * (best + 0.5 + np.clip(part, -1.0, 1.0))
-        inner, outer = before[*take, best], before[:, :, -1] - before[*take, best]
-        sure = np.clip(inner, 0.0, None) * np.clip(-outer, 0.0, None)
-        sure = np.sqrt(sure) / (MOST * _HALF_LINE / _LINE_STEP)
+        part = np.where(curve < -1e-6, 0.5 * (low - high) / np.where(curve < -1e-6, curve, 1.0), 0.0)
+        offset = place[best] + _LINE_STEP * np.clip(part, -1.0, 1.0)
+        sure = np.clip(split[*take, best] - 0.5, 0.0, 3.0) / 3.0
         self._sight = 1.0 - hidden.mean(axis=(1, 2))
         blocked = hidden[:, :, len(reach) // 2 - 3 : len(reach) // 2 + 4].any(axis=2)
         return offset, np.where(blocked, 0.0, sure) * self._shapes.weight

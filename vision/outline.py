@@ -25,7 +25,7 @@ INSIDE_POINTS: Final = 48
 """Of each silhouette."""
 STEP_DEG: Final = 4.0
 """Outlines are made for elevations so far apart [°]."""
-HEAD_WEIGHT: Final = 0.25
+HEAD_WEIGHT: Final = 0.1
 """Of a knight's outline above its turned part: its head looks different from all sides."""
 _HEAD_RADIUS: Final = 0.75
 """Of a knight's head seen from anywhere, in stem radii."""

@@ -15,12 +15,14 @@ from vision.board import BoardView, playing_area
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
 
-LIGHT, DARK, BESIDE = 0, 1, 2
-"""What a pixel would show if nothing stood there: a light square, a dark one, or what is beside the board."""
+LIGHT, DARK, BESIDE, SEAM = 0, 1, 2, 3
+"""What a pixel would show if nothing stood there: a light square, a dark one, what is beside the board, or
+a mixture where two of these meet."""
+GROUNDS: Final = 4
 MARGIN: Final = 14
 """Around the board and what stands on it [px]."""
-_EDGE: Final = 0.05
-"""Pixels this near to the edge of a square, in squares, show both colours and teach nothing."""
+_SEAM: Final = 1.2
+"""So far to either side of a line between squares a pixel shows both [px]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,9 +65,13 @@ def surface(view: BoardView) -> Surface:
     light = (column + row) % 2.0 == 1.0  # a1 is dark
     ground = np.where(on_board, np.where(light, LIGHT, DARK), BESIDE).astype(np.int32)
     square = np.where(on_board, column + 8.0 * row, -1.0).astype(np.int16)
-    inner = np.abs(place - whole - 0.5).max(axis=-1) < 0.5 - _EDGE
+    to_line = np.abs(place - np.clip(np.rint(place), 0.0, 8.0))
+    pixel = np.stack([np.abs(np.gradient(place[..., axis])).sum(axis=0) for axis in (0, 1)], axis=-1)
+    within = ((place > -pixel) & (place < 8.0 + pixel)).all(axis=-1)
+    seam = within & (to_line < _SEAM * pixel).any(axis=-1)
+    ground[seam] = SEAM
     return Surface(
-        rows, columns, ground, square, on_board & inner, depth.astype(np.float32), (-(ray @ up)).astype(np.float32)
+        rows, columns, ground, square, on_board & ~seam, depth.astype(np.float32), (-(ray @ up)).astype(np.float32)
     )
 
 
