@@ -1,6 +1,6 @@
 """Where exactly each piece stands: its outline, known from the table settings, laid over the picture.
 
-How: colours of pieces and board are learnt from the frame itself (``vision.appearance``). Each piece's silhouette is
+How: colours of pieces and board are learnt from the frame itself (``vision.colours``). Each piece's silhouette is
 tried at places around its square's centre, then moved until the picture's outline lies under the known one, by least
 squares over many short lines across the outline. What another piece hides does not count.
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
 from hardware.table import Colour, Kind, square_place
-from vision.appearance import MOST, colour_bins, evidence, looked_up, shares
+from vision.colours import MOST, colour_bins, evidence, looked_up, shares
 from vision.board import BoardView
 from vision.silhouettes import Shapes, Silhouettes, labels
 from vision.surface import GROUNDS, Surface, heights, surface
@@ -50,7 +50,7 @@ _TALL: Final = 0.012
 _FLAT: Final = 0.004
 """What is lower than this may be [m]."""
 _BY_DEPTH: Final = 2.0
-"""How much a pixel's height decides, like ``appearance.MOST``."""
+"""How much a pixel's height decides, like ``colours.MOST``."""
 FLOOR: Final = 0.0002
 """No place is known better than this: shapes are not exact [m]."""
 
