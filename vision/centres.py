@@ -27,7 +27,13 @@ from vision.surface import GROUNDS, Surface, heights, surface
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
 
+from typing import Any
 import os
+KG=float(os.environ.get('KG','0.5'))
+KR=float(os.environ.get('KR','0.3'))
+KD=float(os.environ.get('KD','0.3'))
+KP=float(os.environ.get('KP','0.1'))
+KE=float(os.environ.get('KE','0.0'))
 STEPS=int(os.environ.get('STEPS','4'))
 PEN=float(os.environ.get('PEN','0.05'))
 VAR=int(os.environ.get('VAR','0'))
@@ -129,6 +135,7 @@ class Fit:
         self._white = np.array([piece.colour is Colour.WHITE for piece in pieces])
         self._shapes = Shapes(view, [piece.kind for piece in pieces], self._nominal, self.part)
         self._bins = colour_bins(frame.colour[self.part.rows, self.part.columns])
+        self._grey = cv2.cvtColor(frame.colour[self.part.rows, self.part.columns], cv2.COLOR_RGB2GRAY).astype(np.float32)
         self.rises = heights(frame.depth, self.part) if use_depth and frame.depth is not None else None
         self._solve()
 
@@ -171,25 +178,43 @@ class Fit:
         """Move each piece to the best of places in a grid around where it is believed to be."""
         ticks = step * np.arange(-count, count + 1)
         tried = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 2)
-        outside = seen.contour + _RING * seen.normal
-        samples = np.concatenate([seen.inside, outside], axis=1)
-        inside = seen.inside.shape[1]
-        sign = np.ones(samples.shape[1])
-        sign[:inside], sign[inside:] = 1.0 / inside, -1.0 / (samples.shape[1] - inside)
         shift = np.einsum("nij,tj->nti", seen.jacobian, tried)
-        at = np.rint(samples[:, None] + shift[:, :, None]).astype(np.int32)
-        value = self._sample(at, self._combined())
-        score = value @ sign.astype(np.float32)
-        self.places = self.places + tried[score.argmax(axis=1)]
 
-    def _combined(self) -> Field:
-        """Evidence by colour and by depth, for white and black pieces, shape (2, h, w)."""
-        both = np.stack(self._maps)
-        if self.rises is not None and VAR:
-            known = np.nan_to_num(self.rises, nan=0.5 * (_TALL + _FLAT))
-            tall = np.clip((known - 0.5 * (_TALL + _FLAT)) / (0.5 * (_TALL - _FLAT)), -1.0, 1.0)
-            both = both + np.float32(_BY_DEPTH) * tall.astype(np.float32)
-        return both
+        def moved(points: Array) -> NDArray[np.int32]:
+            return np.rint(points[:, None] + shift[:, :, None]).astype(np.int32)
+
+        maps = np.stack(self._maps)
+        region = self._sample(moved(seen.inside), maps).mean(axis=2)
+        region -= self._sample(moved(seen.contour + _RING * seen.normal), maps).mean(axis=2)
+        at = moved(seen.contour)
+        slope = np.stack([self._along(at, self._slopes(one), seen.normal) for one in self._maps])
+        slope = np.where(self._white[:, None, None], slope[0], slope[1])
+        colour = np.abs(self._along(at, self._slopes(self._grey), seen.normal))
+        free = self._sample(at, np.ones_like(maps)) * self._shapes.weight[:, None].astype(np.float32)
+        edge = np.clip(-slope, 0.0, 1.0) + KG * np.clip(colour / 12.0, 0.0, 1.0)
+        score = KR * region + (edge * free).sum(axis=2) / np.maximum(free.sum(axis=2), 8.0)
+        if self.rises is not None and KD:
+            score = score + KD * self._by_depth(moved, seen)
+        off = self.places[:, None] + tried - self._nominal[:, None]
+        score = score - KP * (off**2).sum(axis=2) / SEARCH**2
+        self.places = self.places + tried[np.arange(len(score))[:, None], score.argmax(axis=1)[:, None]][:, 0] if False else self.places + tried[score.argmax(axis=1)]
+
+    def _by_depth(self, moved: Any, seen: Silhouettes) -> Field:
+        tall = np.clip((np.nan_to_num(self.rises, nan=0.010) - 0.010) / 0.004, -1.0, 1.0).astype(np.float32)
+        both = np.stack([tall, tall])
+        inner = self._sample(moved(seen.inside), both) * self._shapes.tall[:, None]
+        outer = self._sample(moved(seen.contour + 6.0 * seen.normal), both)
+        return inner.sum(axis=2) / np.maximum(self._shapes.tall.sum(axis=1)[:, None], 1) - outer.mean(axis=2)
+
+    def _slopes(self, one: Field) -> tuple[Field, Field]:
+        smooth = cv2.GaussianBlur(one, (0, 0), 0.8)
+        return cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=0.125), cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=0.125)
+
+    def _along(self, at: NDArray[np.int32], slopes: tuple[Field, Field], normal: Array) -> Field:
+        h, w = self.part.ground.shape
+        flat = np.clip(at[..., 1], 0, h - 1) * w + np.clip(at[..., 0], 0, w - 1)
+        n = normal[:, None].astype(np.float32)
+        return slopes[0].ravel().take(flat) * n[..., 0] + slopes[1].ravel().take(flat) * n[..., 1]
 
     def _sample(self, at: NDArray[np.int32], maps: Field) -> Field:
         """Values of each piece's own map at whole pixels (n, …, 2); 0 on other pieces and out of the window."""
@@ -229,6 +254,8 @@ class Fit:
                 value[pieces] = np.asarray(
                     cv2.remap(self._blurred[side], u.reshape(flat), v.reshape(flat), cv2.INTER_LINEAR)
                 ).reshape(u.shape)
+        flat = (value.shape[0] * value.shape[1], value.shape[2])
+        grey = cv2.remap(self._grey, at[..., 0].astype(np.float32).reshape(flat), at[..., 1].astype(np.float32).reshape(flat), cv2.INTER_LINEAR).reshape(value.shape)
         hidden = self._sample(np.rint(at).astype(np.int32), np.full((2, *self.part.ground.shape), 1.0, np.float32)) == 0
         value[hidden] = 0.0
         before = np.cumsum(value, axis=2)
@@ -236,7 +263,9 @@ class Fit:
         padded = np.concatenate([np.zeros_like(before[:, :, :1]), before], axis=2)
         inner = padded[:, :, n:-n] - padded[:, :, : -2 * n]
         outer = padded[:, :, 2 * n :] - padded[:, :, n:-n]
-        split = (inner - outer) / n  # edge between samples k-1 and k, k = n .. len-n
+        g = np.cumsum(np.concatenate([np.zeros_like(grey[:, :, :1]), grey], axis=2), axis=2)
+        contrast = np.abs(2.0 * g[:, :, n:-n] - g[:, :, : -2 * n] - g[:, :, 2 * n :]) / n
+        split = (inner - outer) / n + KE * np.clip(contrast / 25.0, 0.0, 1.0) # edge between samples k-1 and k, k = n .. len-n
         place = reach[0] + _LINE_STEP * (np.arange(n, len(reach) - n + 1) - 0.5)
         score = split - PEN * place**2
         best = np.clip(score.argmax(axis=2), 1, score.shape[2] - 2)
@@ -248,6 +277,7 @@ class Fit:
         sure = np.clip(split[*take, best] - 0.5, 0.0, 3.0) / 3.0
         self._sight = 1.0 - hidden.mean(axis=(1, 2))
         blocked = hidden[:, :, len(reach) // 2 - 3 : len(reach) // 2 + 4].any(axis=2)
+        self._offset, self._sure, self._open = offset, sure, ~blocked
         return offset, np.where(blocked, 0.0, sure) * self._shapes.weight
 
     def _step(self, seen: Silhouettes, offset: Array, sure: Array) -> None:
@@ -265,6 +295,26 @@ class Fit:
         limit = np.maximum(1.0, np.linalg.norm(move, axis=1, keepdims=True) / 0.004)
         self.places = self.places + move / limit
         self._normal, self._residual, self._weight = normal, residual, weight
+
+    def features(self):
+        seen = self._shapes.at(self.places)
+        at = np.rint(seen.inside).astype(np.int32)
+        free = self._sample(at, np.ones((2, *self.part.ground.shape), np.float32))
+        value = self._sample(at, np.stack(self._maps))
+        region = value.sum(axis=1) / np.maximum(free.sum(axis=1), 1) / MOST
+        if self.rises is not None:
+            known = self._sample(at, np.stack([np.isfinite(self.rises)] * 2).astype(np.float32)) * self._shapes.tall
+            tall = self._sample(at, np.stack([np.nan_to_num(self.rises) > 0.009] * 2).astype(np.float32)) * self._shapes.tall
+            tallshare = tall.sum(axis=1) / np.maximum(known.sum(axis=1), 1); n = known.sum(axis=1)
+        else:
+            tallshare, n = np.full(len(region), np.nan), np.zeros(len(region))
+        rows = np.einsum("nki,nij->nkj", seen.normal, seen.jacobian)
+        good = (self._sure > 0.1 * self._shapes.weight) & (np.abs(self._offset) < 1.5) & self._open
+        edges = good.sum(axis=1) / np.maximum(self._open.sum(axis=1), 1)
+        cov = np.linalg.inv(self._normal)
+        s2 = (self._weight * self._offset**2).sum(axis=1) / np.maximum(self._weight.sum(axis=1), 1e-3)
+        std = np.sqrt(0.5 * np.trace(cov, axis1=1, axis2=2) * s2)
+        return region, tallshare, n, edges, self._open.mean(axis=1), free.mean(axis=1), std, self._sure.mean(axis=1)
 
     def centres(self) -> dict[int, Centre]:
         return {

@@ -65,6 +65,8 @@ class Shapes:
         self._contour = self._turned([one.contour for one in outlines])
         self._outer = self._turned([one.contour + _STEP * one.normal for one in outlines])
         self._inside = self._turned([one.inside for one in outlines])
+        heights = np.stack([one.inside[:, 2] for one in outlines])
+        self.tall = (heights > 0.018).astype(np.float32)
         self.weight = np.stack([one.weight for one in outlines])
 
     def _turned(self, points: list[Array]) -> Array:
