@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -65,8 +64,6 @@ class Shapes:
         self._contour = self._turned([one.contour for one in outlines])
         self._outer = self._turned([one.contour + _STEP * one.normal for one in outlines])
         self._inside = self._turned([one.inside for one in outlines])
-        heights = np.stack([one.inside[:, 2] for one in outlines])
-        self.tall = (heights > 0.018).astype(np.float32)
         self.weight = np.stack([one.weight for one in outlines])
 
     def _turned(self, points: list[Array]) -> Array:
@@ -96,9 +93,3 @@ def labels(seen: Silhouettes, shape: tuple[int, ...]) -> NDArray[np.int16]:
     for index in np.argsort(-seen.distance).tolist():
         cv2.fillPoly(drawn, [np.rint(seen.contour[index] * 8.0).astype(np.int32)], 1 + index, shift=3)
     return drawn
-
-
-def elevation(view: BoardView, place: Array) -> float:
-    """From which the camera sees a place (2,) of the board [rad]."""
-    eye = view.camera_position
-    return math.atan2(eye[2], math.hypot(place[0] - eye[0], place[1] - eye[1]))

@@ -34,7 +34,7 @@ class Surface:
         columns: of the picture.
         ground: ``LIGHT``, ``DARK`` or ``BESIDE``, int32.
         square: index of the square, -1 beside the board, int16.
-        clear: well within a square, bool.
+        place: point of the board's plane that would be seen, (h, w, 2), board frame [m].
         depth: of the board's plane along the view [m].
         climb: by how much a point whose depth is less than the plane's by 1 m is above the plane.
     """
@@ -43,7 +43,7 @@ class Surface:
     columns: slice
     ground: NDArray[np.int32]
     square: NDArray[np.int16]
-    clear: NDArray[np.bool_]
+    place: Field
     depth: Field
     climb: Field
 
@@ -71,7 +71,7 @@ def surface(view: BoardView) -> Surface:
     seam = within & (to_line < _SEAM * pixel).any(axis=-1)
     ground[seam] = SEAM
     return Surface(
-        rows, columns, ground, square, on_board & ~seam, depth.astype(np.float32), (-(ray @ up)).astype(np.float32)
+        rows, columns, ground, square, ((place - 4.0) * view.table.square).astype(np.float32), depth.astype(np.float32), (-(ray @ up)).astype(np.float32)
     )
 
 
