@@ -69,7 +69,8 @@ class CalibrateReport(_Frozen):
     def _lines(self, found: Calibration) -> list[str]:
         lines = [
             f"residuals: mean {1e3 * found.mean_residual:.2f} mm, worst {1e3 * found.worst_residual:.2f} mm; "
-            f"expected error on the board: mean {1e3 * found.mean_error:.2f} mm, worst {1e3 * found.worst_error:.2f} mm",
+            f"expected error on the board: mean {1e3 * found.mean_error:.2f} mm, "
+            f"worst {1e3 * found.worst_error:.2f} mm",
         ]
         if found.depth_factor != 1.0:
             lines.append(f"depth is multiplied by {found.depth_factor:.4f}, as measured at the marker")

@@ -76,9 +76,7 @@ class CalibratedBoard(_Frozen):
     @classmethod
     def of(cls, place: BoardPlace, *, by_corners: bool) -> Self:
         """As it was found."""
-        return cls(
-            centre=place.centre, yaw=place.yaw, tilt=place.tilt, by_depth=place.by_depth, by_corners=by_corners
-        )
+        return cls(centre=place.centre, yaw=place.yaw, tilt=place.tilt, by_depth=place.by_depth, by_corners=by_corners)
 
     def base_from_board(self) -> Array:
         """Takes points of the board frame into the base frame, shape (4, 4)."""
@@ -133,7 +131,7 @@ class Calibration(_Frozen):
 
     def base_from_camera(self) -> Array:
         """Takes points of the camera frame into the base frame, shape (4, 4)."""
-        inverse: Array = np.linalg.inv(self.pose())
+        inverse: Array = np.asarray(np.linalg.inv(self.pose()), dtype=float)
         return inverse
 
     def base_from_board(self, table: TableSettings) -> Array:

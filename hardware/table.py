@@ -92,8 +92,8 @@ PIECE_PROFILES: dict[Kind, tuple[tuple[float, float], ...]] = {
         (0.58, 0.67), (0.72, 0.76), (0.97, 0.855), (0.9, 0.87), (0.5, 0.895), (0.22, 0.905), (0.16, 0.91),
     ),
 }  # fmt: skip
-"""What a camera sees of each kind above its foot: (radius in stem radii, height as a fraction from the foot's top to the
-piece's top). The knight's ends where its head, which is not turned, begins."""
+"""What a camera sees of each kind above its foot: (radius in stem radii, height as a fraction from the foot's top to
+the piece's top). The knight's ends where its head, which is not turned, begins."""
 
 
 def piece_profile(kind: Kind) -> tuple[tuple[float, float], ...]:

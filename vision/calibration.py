@@ -154,9 +154,9 @@ def _check_points(points: Array) -> None:
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False) / np.sqrt(len(points))
     if spread[1] < LEAST_SPREAD or spread[2] < LEAST_SPREAD / 3.0:
         raise CalibrationFailed(
-            f"the points at which the marker was seen spread by only {1e3 * spread[1]:.0f} and {1e3 * spread[2]:.0f} mm, "
-            f"{1e3 * LEAST_SPREAD:.0f} and {1e3 * LEAST_SPREAD / 3.0:.0f} mm are needed: turn the camera so that it sees "
-            "the arm over the whole board"
+            f"the points at which the marker was seen spread by only {1e3 * spread[1]:.0f} and {1e3 * spread[2]:.0f} "
+            f"mm, {1e3 * LEAST_SPREAD:.0f} and {1e3 * LEAST_SPREAD / 3.0:.0f} mm are needed: turn the camera so that "
+            "it sees the arm over the whole board"
         )
 
 

@@ -4,8 +4,8 @@ How (``vision.fit``): colours of pieces and board are learnt from the frame itse
 places around its square's centre, then moved until the picture's outline lies under the known one, by least squares
 over many short lines across the outline. What another piece hides does not count.
 
-Depth, where there is any, keeps pieces out of what is learnt about the board. The place itself is by colour alone: depth
-pictures are fat at edges.
+Depth, where there is any, keeps pieces out of what is learnt about the board. The place itself is by colour alone:
+depth pictures are fat at edges.
 """
 
 from __future__ import annotations

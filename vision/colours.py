@@ -52,9 +52,11 @@ def evidence(piece: Field, others: Field, grounds: list[Field]) -> Field:
     """
     instead = (1.0 - _OTHERS) * np.stack(grounds) + _OTHERS * others[None, :]
     ratio = np.log(piece)[None, :] - np.log(instead)
-    return np.clip(ratio, -MOST, MOST).astype(np.float32).ravel()
+    table: Field = np.clip(ratio, -MOST, MOST).astype(np.float32).ravel()
+    return table
 
 
 def looked_up(table: Field, ground: NDArray[np.int32], bins: NDArray[np.int32]) -> Field:
     """The evidence at each pixel."""
-    return table.take(ground * _BINS**3 + bins)
+    found: Field = table.take(ground * _BINS**3 + bins)
+    return found

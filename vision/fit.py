@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Final, Protocol
 
 import cv2
@@ -14,6 +13,7 @@ from hardware.interfaces import Frame
 from hardware.table import Colour, Kind, square_place
 from vision.board import BoardView
 from vision.colours import MOST, colour_bins, evidence, looked_up, shares
+from vision.edges import Edges, along, edges_on_lines, line_samples, slopes
 from vision.silhouettes import Shapes, Silhouettes, labels
 from vision.surface import GROUNDS, Surface, heights, surface
 
@@ -32,13 +32,6 @@ _CONTRAST: Final = 12.0
 _BY_REGION, _BY_CONTRAST, _BY_PLACE = 0.3, 0.5, 0.1
 """What the silhouette's inside, plain brightness and nearness to the square's centre weigh in the search, compared with
 the step of evidence across the outline."""
-_REACH: Final = 5.0
-_STEP: Final = 0.5
-"""Lines across the outline reach so far to both sides and are sampled so closely [px]."""
-_WINDOW: Final = 4
-"""Samples on either side of an edge that are compared."""
-_NEARER: Final = 0.05
-"""Of several edges on a line the nearer one: how much one px² of distance costs."""
 _ROUNDS: Final = (3, 3)
 """Of least squares, before and after colours are learnt again from the outlines found."""
 _ROBUST: Final = 1.2
@@ -70,21 +63,6 @@ class PieceLike(Protocol):
         """Its side."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Edges:
-    """The picture's edges across the outlines of n pieces.
-
-    Attributes:
-        offset: how far outside of each contour point the edge lies, (n, points) [px].
-        sure: how clear it is, 0 to 1.
-        open: whether that part of the outline is in sight.
-    """
-
-    offset: Array
-    sure: Array
-    open: NDArray[np.bool_]
-
-
 class Fit:
     """One frame's fit.
 
@@ -114,19 +92,22 @@ class Fit:
         self._shapes = Shapes(view, [piece.kind for piece in pieces], self._nominal, self.part)
         window = frame.colour[self.part.rows, self.part.columns]
         self._bins = colour_bins(window)
-        self._contrast = _slopes(cv2.cvtColor(window, cv2.COLOR_RGB2GRAY).astype(np.float32))
+        self._contrast = slopes(cv2.cvtColor(window, cv2.COLOR_RGB2GRAY).astype(np.float32))
         self.rises = heights(frame.depth, self.part) if use_depth and frame.depth is not None else None
         self.maps: tuple[Field, Field]
         self.spread, self.edges = np.zeros(0), Edges(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0), dtype=bool))
         self._solve()
 
     def _solve(self) -> None:
+        if not self.squares:
+            self._learn(self.silhouettes(), 0, 0)
+            return
         for step, count in _GRIDS:
             seen = self.silhouettes()
-            self._learn(seen, 9, 0)
+            self._learn(seen, 8, 0)
             self._search(seen, step, count)
         self._refine(_ROUNDS[0])
-        self._learn(self.silhouettes(), 5, 1)
+        self._learn(self.silhouettes(), 4, 1)
         lost = (self.agreement() < LEAST_AGREEMENT) | (self.support() < LEAST_SUPPORT)
         if lost.any():  # colours are known better now
             self._search_again(lost)
@@ -158,7 +139,8 @@ class Fit:
         """
         self.owner = labels(seen, self.part.ground.shape)
         taken = (self.owner > 0).astype(np.uint8)
-        flat = cv2.dilate(taken, np.ones((margin + margin // 2, margin), dtype=np.uint8)) == 0
+        around = np.ones((margin + margin // 2 + 1, margin + 1), dtype=np.uint8)
+        flat = cv2.dilate(taken, around) == 0
         core = (cv2.erode(taken, np.ones((2 * inner + 1, 2 * inner + 1), dtype=np.uint8)) if inner else taken) > 0
         if self.rises is not None:
             flat &= ~(self.rises > TALL)  # unknown heights are compared as false
@@ -180,7 +162,8 @@ class Fit:
 
         def moved(points: Array) -> Whole:
             at = points[:, None].astype(np.float32) + shift[:, :, None]
-            return np.rint(at).astype(np.int32)
+            whole: Whole = np.rint(at).astype(np.int32)
+            return whole
 
         score = _BY_REGION * self._inside_out(seen, moved) + self._across(seen, moved)
         off = self.places[:, None] + tried - self._nominal[:, None]
@@ -202,8 +185,8 @@ class Fit:
         free = counted * self._shapes.weight[:, None].astype(np.float32)
         fall = np.empty(at.shape[:3], dtype=np.float32)
         for side, mine in enumerate((self._white, ~self._white)):
-            fall[mine] = -_along(_slopes(self.maps[side]), flat[mine], normal[mine])
-        contrast = np.abs(_along(self._contrast, flat, normal)) / np.float32(_CONTRAST)
+            fall[mine] = -along(slopes(self.maps[side]), flat[mine], normal[mine])
+        contrast = np.abs(along(self._contrast, flat, normal)) / np.float32(_CONTRAST)
         edge = np.clip(fall, 0.0, 1.0) + np.float32(_BY_CONTRAST) * np.clip(contrast, 0.0, 1.0)
         least = 8.0  # with less of the outline in sight it says little
         steep: Array = (edge * free).sum(axis=2) / np.maximum(free.sum(axis=2), least)
@@ -240,7 +223,7 @@ class Fit:
 
     def _find_edges(self, seen: Silhouettes, smooth: list[Field]) -> Edges:
         """Where on a line across the outline evidence falls the most."""
-        reach = np.arange(-_REACH, _REACH + 1e-9, _STEP, dtype=np.float32)
+        reach = line_samples()
         at = seen.contour[:, :, None].astype(np.float32) + reach[:, None] * seen.normal[:, :, None].astype(np.float32)
         value = np.empty(at.shape[:3], dtype=np.float32)
         for side, mine in enumerate((self._white, ~self._white)):
@@ -250,17 +233,7 @@ class Fit:
                 value[mine] = np.asarray(read).reshape(value[mine].shape)
         _, counted = self._flat(np.rint(at).astype(np.int32))
         value *= counted
-        middle = len(reach) // 2
-        n = _WINDOW
-        opened = counted[:, :, middle - 3 : middle + 4].all(axis=2)
-        total = np.zeros((*value.shape[:2], len(reach) + 1), dtype=np.float32)
-        np.cumsum(value, axis=2, out=total[:, :, 1:])
-        fall = (2.0 * total[:, :, n:-n] - total[:, :, : -2 * n] - total[:, :, 2 * n :]) / np.float32(n)
-        place = reach[0] + _STEP * (np.arange(n, len(reach) - n + 1) - 0.5)
-        offset, best = _peak(fall - (_NEARER * place**2).astype(np.float32), place)
-        clear = np.take_along_axis(fall, best[:, :, None], axis=2)[:, :, 0]
-        sure = np.clip((clear - 0.5) / 3.0, 0.0, 1.0).astype(float)
-        return Edges(offset, np.where(opened, sure, 0.0), opened)
+        return edges_on_lines(value, counted, reach)
 
     def _step(self, seen: Silhouettes) -> None:
         """One weighted Gauss-Newton step of all pieces."""
@@ -299,28 +272,3 @@ class Fit:
         """Share of each outline that no other piece hides or touches, (n,)."""
         share: Array = self.edges.open.mean(axis=1)
         return share
-
-
-def _slopes(one: Field) -> tuple[Field, Field]:
-    """Derivatives of a field along u and v, smoothed [per px]."""
-    smooth = cv2.GaussianBlur(one, (0, 0), 0.8)
-    along_u = np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=0.125), dtype=np.float32)
-    return along_u, np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=0.125), dtype=np.float32)
-
-
-def _along(slopes: tuple[Field, Field], flat: Whole, normal: NDArray[np.float32]) -> Field:
-    """Slope along normals at pixels."""
-    u, v = slopes
-    found: Field = u.ravel().take(flat) * normal[..., 0] + v.ravel().take(flat) * normal[..., 1]
-    return found
-
-
-def _peak(score: Field, place: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Place of the highest value along the last axis, between samples by a parabola; and the sample's number."""
-    best = np.clip(score.argmax(axis=2), 1, score.shape[2] - 2)
-    low, top, high = (np.take_along_axis(score, (best + i)[:, :, None], axis=2)[:, :, 0] for i in (-1, 0, 1))
-    curve = low - 2.0 * top + high
-    bent = curve < -1e-6
-    part = np.where(bent, 0.5 * (low - high) / np.where(bent, curve, 1.0), 0.0)
-    offset: Array = place[best] + _STEP * np.clip(part, -1.0, 1.0)
-    return offset, best

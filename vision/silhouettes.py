@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hardware.table import Kind
 from vision.board import BoardView
-from vision.outline import outline
+from vision.outline import CONTOUR_POINTS, INSIDE_POINTS, outline
 from vision.surface import Surface
 
 Array = NDArray[np.float64]
@@ -61,13 +61,13 @@ class Shapes:
         self._axes = np.zeros((len(kinds), 3, 3))  # right, forward and up of each, as rows
         self._axes[:, 0, 0], self._axes[:, 0, 1] = forward[:, 1], -forward[:, 0]
         self._axes[:, 1, :2], self._axes[:, 2, 2] = forward, 1.0
-        self._contour = self._turned([one.contour for one in outlines])
-        self._outer = self._turned([one.contour + _STEP * one.normal for one in outlines])
-        self._inside = self._turned([one.inside for one in outlines])
-        self.weight = np.stack([one.weight for one in outlines])
+        self._contour = self._turned([one.contour for one in outlines], CONTOUR_POINTS)
+        self._outer = self._turned([one.contour + _STEP * one.normal for one in outlines], CONTOUR_POINTS)
+        self._inside = self._turned([one.inside for one in outlines], INSIDE_POINTS)
+        self.weight = np.array([one.weight for one in outlines]).reshape(-1, CONTOUR_POINTS)
 
-    def _turned(self, points: list[Array]) -> Array:
-        turned: Array = np.einsum("nki,nij->nkj", np.stack(points), self._axes)
+    def _turned(self, points: list[Array], count: int) -> Array:
+        turned: Array = np.einsum("nki,nij->nkj", np.array(points).reshape(-1, count, 3), self._axes)
         return turned
 
     def at(self, places: Array) -> Silhouettes:
@@ -84,7 +84,8 @@ class Shapes:
         return Silhouettes(contour, normal, self._pixels(self._inside + foot), jacobian, distance)
 
     def _pixels(self, points: Array) -> Array:
-        return self._view.project(points) - self._origin
+        pixels: Array = self._view.project(points) - self._origin
+        return pixels
 
 
 def labels(seen: Silhouettes, shape: tuple[int, ...]) -> NDArray[np.int16]:

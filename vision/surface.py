@@ -71,7 +71,13 @@ def surface(view: BoardView) -> Surface:
     seam = within & (to_line < _SEAM * pixel).any(axis=-1)
     ground[seam] = SEAM
     return Surface(
-        rows, columns, ground, square, ((place - 4.0) * view.table.square).astype(np.float32), depth.astype(np.float32), (-(ray @ up)).astype(np.float32)
+        rows,
+        columns,
+        ground,
+        square,
+        ((place - 4.0) * view.table.square).astype(np.float32),
+        depth.astype(np.float32),
+        (-(ray @ up)).astype(np.float32),
     )
 
 

@@ -86,7 +86,7 @@ def verify_board(
     """
     require_camera(frame, view)
     fit = Fit(frame, view, expected, use_depth=True)
-    centres = centres_of(fit)
+    centres = centres_of(fit) if expected else {}
     spots = _spots(fit, centres, view)
     faults = [
         fault
@@ -163,15 +163,13 @@ def _coloured(fit: Fit, free: NDArray[np.bool_], view: BoardView) -> dict[int, t
     return _by_square(seen, _LEAST_COLOURED, fit.part.place.astype(float), view.table.square)
 
 
-def _by_square(
-    mask: NDArray[np.bool_], least: int, places: Array, square: float
-) -> dict[int, tuple[float, float]]:
+def _by_square(mask: NDArray[np.bool_], least: int, places: Array, square: float) -> dict[int, tuple[float, float]]:
     """Connected spots of a mask by the square of their middle; of several on one, the largest."""
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), dtype=np.uint8))
     count, numbers, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=8)
     spots: dict[int, tuple[float, float]] = {}
-    order = np.argsort(stats[1:, cv2.CC_STAT_AREA]) + 1 if count > 1 else []
-    for number in np.asarray(order, dtype=int).tolist():
+    areas = np.asarray(stats)[1:count, cv2.CC_STAT_AREA]
+    for number in (np.argsort(areas) + 1).tolist():
         if stats[number, cv2.CC_STAT_AREA] < least:
             continue
         x, y = np.median(places[numbers == number], axis=0).tolist()

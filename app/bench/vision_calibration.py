@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from app.bench.report import Row, row
 from app.bench.studio import Pose, Studio, true_camera
-from app.calibrate import Setup, calibrate_rig
+from app.calibrate import calibrate_rig
 from app.layout import start_layout
 from app.motion import MotionSettings
+from app.showing import Setup
 from app.sim_rig import SimRig, SimRigSettings
 from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
@@ -110,10 +111,10 @@ def centre_rows(quick: bool, progress: Progress) -> dict[str, Row]:
             frame = studio.frame(poses, looks, seed=number)
             view = BoardView(frame.intrinsics, _nearly(studio.camera_from_board(looks.mount), rng), table)
             truth = {square: pose for (square, _piece), pose in zip(expected.items(), poses, strict=True)}
-            for depth, found in errors.items():
+            for depth in errors:
                 piece_centres(frame, view, expected, use_depth=depth)  # what is kept for a view is made
                 since = time.perf_counter()
-                found += _errors(frame, view, expected, truth, depth=depth)
+                errors[depth] += _errors(frame, view, expected, truth, depth=depth)
                 times.append(time.perf_counter() - since)
     return {
         "centre": row(1e3 * np.array(errors[True]), "mm", MEAN_LIMIT_MM, "mean"),
