@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from app.motion import MotionSettings
 from hardware.framesets import FrameMaker
-from hardware.interfaces import Frame
+from hardware.interfaces import Frame, HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.d435 import DEPTH_HEIGHT, DEPTH_WIDTH, LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.looks import CameraSettings, Looks, MountSettings
@@ -32,6 +33,8 @@ from hardware.table import PieceSpec, TableSettings
 VIEW = "camera"
 _AWAY = -1.0
 """Height at which pieces that are not wanted are kept, far below the table [m]."""
+_PATIENCE = 60.0
+"""For one picture [s, wall]."""
 _CV_AXES = np.diag([1.0, -1.0, -1.0])
 """OpenCV's camera axes in MuJoCo's."""
 
@@ -95,13 +98,24 @@ class Studio:
         self._taken += 1
         sensor = Sensor(camera=self._camera, seed=seed, tick=self._taken, depth=True)
         self._renderer.request(Shot(slot=0, view=VIEW, looks=looks, sensor=sensor), self._positions(poses))
-        self._renderer.take(wait=True)
+        self._await_picture()
         file = frame_path(Path(self._folder.name), 0)
         shape = (self._camera.height, self._camera.width, 3)
         colour = np.fromfile(file, np.uint8, offset=DEPTH_BYTES, count=math.prod(shape)).reshape(shape)
         depth = np.fromfile(file, np.uint16, count=DEPTH_WIDTH * DEPTH_HEIGHT).reshape(DEPTH_HEIGHT, DEPTH_WIDTH)
         stamp = self._taken / 30.0
         return self._maker.make(self._device.pass_through(colour, depth, stamp), stamp)
+
+    def _await_picture(self) -> None:
+        """A world gives a picture up after some seconds; here nothing hurries, on however busy a machine."""
+        deadline = time.monotonic() + _PATIENCE
+        while True:
+            try:
+                self._renderer.take(wait=True)
+                return
+            except HardwareError:
+                if time.monotonic() > deadline:
+                    raise
 
     def camera_from_board(self, mount: MountSettings) -> NDArray[np.float64]:
         """The truth: how the camera really hangs, shape (4, 4)."""
