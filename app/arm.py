@@ -16,6 +16,7 @@ from controller.client import ControllerClient, MotionOutcome
 from controller.errors import MotionRefused, MotionStopped
 
 _LATE: Final = (Cause.UNDERRUN, Cause.LATE)
+_HELD: Final = (Cause.HOLD_COMMAND, Cause.NOT_ADMITTED)
 
 
 class GraspFailed(UserError):
@@ -71,6 +72,10 @@ class ArmPaused(UserError):
     """The arm stopped by itself because this program or the network was late; nothing else is wrong."""
 
 
+class ArmHeld(ArmPaused):
+    """The arm was told to hold, as a hand is over the board; it may go on once that is gone."""
+
+
 class Arm(Protocol):
     """Executes plans."""
 
@@ -87,6 +92,7 @@ class Arm(Protocol):
 
         Raises:
             ArmPaused: samples came too late and the arm stopped by itself; it may go on from where it is.
+            ArmHeld: it was told to hold; it may go on once that is taken back.
         """
 
 
@@ -118,6 +124,7 @@ class ControllerArm:
             GraspFailed: a motion that had to grip ended without.
             NothingTouched: a motion that had to touch ended without.
             ArmPaused: samples came too late.
+            ArmHeld: a hand is over the board.
             ControllerError: refused, stopped or lost; the arm rests.
         """
         first_tick, end_tick, torque, force = None, 0, 0.0, 0.0
@@ -148,4 +155,6 @@ class ControllerArm:
         except (MotionRefused, MotionStopped) as error:
             if error.cause in _LATE:
                 raise ArmPaused(str(error)) from error
+            if error.cause in _HELD:
+                raise ArmHeld(str(error)) from error
             raise

@@ -32,8 +32,9 @@ from hardware.interfaces import Frame, HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.settings import Pace, WorldSettings
 from hardware.table import TableSettings, square_place
-from vision.board import BoardView
+from vision.board import BoardNotFound, BoardView, playing_area
 from vision.calibration import CalibrationFailed, CameraPose, depth_factor, solve_pose
+from vision.find import find_board
 from vision.table_plane import board_place, find_plane, nominal_view
 
 Array = NDArray[np.float64]
@@ -97,6 +98,15 @@ def calibrate_rig(
     return Found(calibration, pose, tuple(sightings))
 
 
+def corners_near(frame: Frame, view: BoardView) -> Array | None:
+    """Corners of the board in a frame, found near to where it is believed to lie; None where they are not sure."""
+    try:
+        found = find_board(frame.colour, near=view.project(playing_area(view.table)))
+    except BoardNotFound:
+        return None  # pieces may hide too much of it: the report says that place and turn are the settings'
+    return found.corners
+
+
 def _summary(
     pose: CameraPose, table: TableSettings, factor: float, board: CalibratedBoard | None, made: datetime
 ) -> Calibration:
@@ -144,7 +154,7 @@ def run_calibrate(name: str, out: Path | None, progress: Progress) -> CalibrateR
         try:
             setup.marker  # noqa: B018  # asked for before anything starts
             devices = stack.enter_context(open_rig(rig, folder / "run", settings, progress))
-            found = calibrate_rig(devices, setup, progress, datetime.now(UTC))
+            found = calibrate_rig(devices, setup, progress, datetime.now(UTC), corners_near)
         except CalibrationFailed as error:
             return CalibrateReport(rig=name, holds=False, failure=str(error), file=None, calibration=None, shown=())
         except (HardwareError, ControllerError) as error:

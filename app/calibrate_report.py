@@ -79,6 +79,6 @@ class CalibrateReport(_Frozen):
             tilt, yaw = math.degrees(found.board.tilt), math.degrees(found.board.yaw)
             lines.append(
                 f"board: centre at ({x:.1f}, {y:.1f}, {z:.1f}) mm in the base frame, turned by {yaw:.2f}°, "
-                f"tilted by {tilt:.2f}°"
+                f"tilted by {tilt:.2f}°" + ("" if found.board.by_corners else "; place and turn are the settings'")
             )
         return [*lines, f"written to {self.file}"]

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from app.check import CheckReport
     from app.faces import Face
     from app.link_test import LinkReport
+    from app.seeing import VisionReport
     from app.session import SessionResult
 
 app = typer.Typer(
@@ -303,6 +304,22 @@ def calibrate(
     _show_report(lambda: run_calibrate(rig, out, _say), as_json)
 
 
+@app.command()
+def vision(
+    folder: Annotated[Path, typer.Argument(help="Pictures of a game in the order of their names, or a video.")],
+    corners: Annotated[
+        str, typer.Option(help="Where the board is: find, in the pictures; or labels, as labels.json says.")
+    ] = "find",
+    as_json: Annotated[bool, typer.Option("--json", help="Print events and score as JSON.")] = False,
+) -> None:
+    """Follow a game in photographs or a video: say what was played, and ask where that is not clear."""
+    from app.seeing import CornersFrom, follow_folder
+
+    if corners not in list(CornersFrom):
+        _fail(f"'--corners {corners}' is unknown, choose from: {', '.join(CornersFrom)}")
+    _show_report(lambda: follow_folder(folder, CornersFrom(corners), _say), as_json)
+
+
 @app.command("link-test")
 def link_test(
     rig: Annotated[
@@ -317,7 +334,9 @@ def link_test(
     _show_report(lambda: run_link_test(rig, duration, _say), as_json)
 
 
-def _show_report(find: Callable[[], CheckReport | LinkReport | CalibrateReport], as_json: bool) -> NoReturn:
+def _show_report(
+    find: Callable[[], CheckReport | LinkReport | CalibrateReport | VisionReport], as_json: bool
+) -> NoReturn:
     """Find out, show it, and end the program with what it says."""
     from rich.console import Console
 

@@ -11,8 +11,9 @@ import chess
 import cv2
 
 from app import UserError
-from app.arm import Arm, ArmPaused, ArmState, Outcome
+from app.arm import Arm, ArmHeld, ArmPaused, ArmState, Outcome
 from app.faces import Face
+from app.hand_guard import HandGuard
 from app.judging import Verdict, judge
 from app.manipulation import Inventory, Ply, Stage, transfers
 from app.motion import Motion, MotionSettings, plan_ply, plan_return
@@ -33,12 +34,13 @@ FRAME_AGE = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Devices:
-    """What a game runs on; camera and referee may be missing."""
+    """What a game runs on; camera, referee and who watches for hands may be missing."""
 
     arm: Arm
     clock: Clock
     camera: Camera | None
     referee: Referee | None
+    guard: HandGuard | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,20 +183,31 @@ class Game:
         """All transfers of a ply, or what is left of one that was broken off.
 
         Where the arm had to stop because samples came too late, it goes on from where it is; a busy computer may cost
-        time, but no game.
+        time, but no game. Nor does a hand over the board: the arm holds until it is gone.
         """
-        pauses = 0
+        pauses, self._step = 0, None
         while True:
             try:
+                self._interlock()
                 planned, done = self._move_rest(ply, state, broken_off)
                 return _Moved(planned, done, broken_off is not None)
+            except ArmHeld as held:
+                if self._devices.guard is None:
+                    raise
+                self._face.phase(f"waiting for the board to be clear: {held}")
             except ArmPaused as pause:
                 pauses += 1
                 if pauses > MOST_PAUSES or self._step is None:
                     raise
                 self._face.phase(f"going on after a pause: {pause}")
             state = self._devices.arm.settle()
-            broken_off = self._progress(ply, *self._step, state)
+            if self._step is not None:
+                broken_off = self._progress(ply, *self._step, state)
+
+    def _interlock(self) -> None:
+        """No motion over the board while a hand is there."""
+        if self._devices.guard is not None:
+            self._devices.guard.clear()
 
     def _progress(self, ply: Ply, transfer: int, stage: Stage, state: ArmState) -> Progress:
         return progress_of(ply, transfer, stage, state, self._inventory.table)

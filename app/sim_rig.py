@@ -101,6 +101,17 @@ class SimRig:
             self._give_up()
             raise
 
+    @property
+    def client(self) -> ControllerClient:
+        """Of the controller, for whoever has to stop the arm.
+
+        Raises:
+            RigFailed: the rig is not open.
+        """
+        if self._client is None:
+            raise RigFailed("this rig is not open: open it again")
+        return self._client
+
     def _give_up(self) -> None:
         """Of what could not be opened as a whole; processes that others have started go on as they did."""
         spawned = [name for name, process in self._processes.items() if not isinstance(process, Adopted)]

@@ -204,6 +204,10 @@ class ControllerClient:
 
         On a real-time bus it returns at once, with the newest telemetry.
         """
+        return self._standing(or_held=False)
+
+    def _standing(self, or_held: bool) -> Telemetry:
+        """As ``wait_standing``; ``or_held``: or until a hold is in force, as time may run for others meanwhile."""
         link = self._connected
         if not self.lockstep:
             return link.telemetry
@@ -212,7 +216,8 @@ class ControllerClient:
         while True:
             telemetry = link.telemetry
             answered = telemetry.echo == ping
-            if answered and telemetry.standing:
+            held = or_held and telemetry.state is State.HOLD and not telemetry.admitting
+            if answered and (telemetry.standing or held):
                 return telemetry
             if not answered and time.monotonic() - asked > REPEAT:
                 asked = time.monotonic()
@@ -222,6 +227,13 @@ class ControllerClient:
     def hold(self) -> None:
         """Stop, and admit no motion until ``resume``."""
         self._command(CommandCode.HOLD, lambda t: not _moving(t))
+
+    def ask_to_hold(self) -> None:
+        """As ``hold``, but returns as soon as the controller has begun to stop; the arm still moves for up to 0.1 s.
+
+        For whoever keeps plant time waiting meanwhile, on a lockstep bus, and for whoever is in a hurry.
+        """
+        self._command(CommandCode.HOLD, lambda t: True)
 
     def resume(self) -> None:
         """Admit motions again."""
@@ -259,7 +271,7 @@ class ControllerClient:
 
     def _try(self, samples: NDArray[Any], followed: bool) -> Telemetry:
         """Announce, stream, and return the telemetry that tells the end."""
-        link, now = self._connected, self.wait_standing()
+        link, now = self._connected, self._standing(or_held=True)
         lead = self._lead or (_LEAD_LOCKSTEP if self.lockstep else _LEAD_REAL_TIME)
         self._motion = max(self._motion, now.ended_motion, now.motion) + 1
         flags = MotionFlag.FOLLOWED if followed else MotionFlag.NONE

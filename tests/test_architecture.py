@@ -56,11 +56,13 @@ KNOW_THE_SIMULATION = {
     "app.bench.finger": "puts a finger into the world",
     "app.bench.touchdown": "sets pieces down in a world in the same process",
     "app.bench.grip": "shakes a king in one process",
-    "app.bench.studio": "puts pieces before the simulated camera",
+    "app.bench.table_studio": "puts pieces before the simulated camera",
     "app.bench.vision_calibration": "hangs the simulated camera, and knows how",
     "app.calibrate": "composes the settings of a world to calibrate in",
     "app.check.rig": "tries the devices of a simulated rig",
     "app.bench.sim": "does a game's ticks again by the plant alone",
+    "app.bench.vision_hand": "has hands come in worlds of its own, and asks the referee when they did",
+    "app.watch_view": "knows where the rig's camera is meant to hang",
     "app.bench.recording": "records the law over a plant in the same process",
     "app.figures.grasp_mujoco": "computes a figure on the plant",
     "app.figures.grasp_views": "has the plant of a figure drawn",
@@ -69,6 +71,7 @@ KNOW_THE_SIMULATION = {
 
 KNOW_THE_TRUTH = {
     "app.bench.kills",
+    "app.bench.vision_hand",
     "app.devices",
     "app.game",
     "app.judging",

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.bench.report import Row, row
-from app.bench.studio import Pose, Studio, true_camera
-from app.calibrate import calibrate_rig
+from app.bench.table_studio import Pose, TableStudio, true_camera
+from app.calibrate import calibrate_rig, corners_near
 from app.layout import start_layout
 from app.motion import MotionSettings
 from app.showing import Setup
@@ -103,7 +103,7 @@ def centre_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     pieces = [piece for piece in start_layout(chess.Board(), table) if piece.place.on_board]
     errors: dict[bool, list[float]] = {True: [], False: []}
     times = []
-    with Studio(pieces, table) as studio:
+    with TableStudio(pieces, table) as studio:
         for number in range(_FRAMES[quick]):
             progress(f"piece centres: picture {number + 1} of {_FRAMES[quick]}")
             looks = random_looks(rng, random_mount(rng))
@@ -156,7 +156,7 @@ def calibration_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     setup = Setup(table, load_parameters(), motion)
     world = WorldSettings(pieces=(), home=motion.home, table=table, pace=Pace.FAST, seed=12)
     model = build_model(setup.parameters, table, (), np.array(motion.home))
-    errors, residuals, heights, times = [], [], [], []
+    errors, residuals, heights, places, times = [], [], [], [], []
     with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
         run_dir = Path(folder) / "run"
         with SimRig(run_dir, SimRigSettings(world=world), lambda _step: None) as rig:
@@ -167,18 +167,21 @@ def calibration_rows(quick: bool, progress: Progress) -> dict[str, Row]:
                 looks = random_looks(rng, mount)
                 stage.change(mount=mount, light=looks.light, exposure=looks.exposure)
                 since = time.perf_counter()
-                found = calibrate_rig(rig, setup, lambda _step: None, datetime.now(UTC))
+                found = calibrate_rig(rig, setup, lambda _step: None, datetime.now(UTC), corners_near)
                 times.append(time.perf_counter() - since)
                 errors += square_errors(found.calibration.base_from_camera(), true_camera(model, mount), table)
                 residuals += found.pose.aside[found.pose.used].tolist()
                 assert found.calibration.board is not None
-                heights.append(abs(found.calibration.board.centre[2] - table.centre_in_base[2]))
+                x, y, z = np.abs(np.subtract(found.calibration.board.centre, table.centre_in_base)).tolist()
+                heights.append(z)
+                places.append(math.hypot(x, y))
             stage.close()
     return {
         "calibration": row(1e3 * np.array(errors), "mm", MEAN_LIMIT_MM, "mean"),
         "calibration worst": row(1e3 * np.array(errors), "mm", CALIBRATION_LIMIT_MM, "max"),
         "residual": row(1e3 * np.array(residuals), "mm"),
         "board height": row(1e3 * np.array(heights), "mm"),
+        "board place": row(1e3 * np.array(places), "mm"),
         "calibration time": row(times, "s"),
     }
 

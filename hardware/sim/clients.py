@@ -52,7 +52,7 @@ class FrameStream:
 
     def __init__(self, run_dir: Path, camera: str, ticks: int) -> None:
         """Subscribe: one frame at every multiple of so many ticks; raises as ``SimCamera``."""
-        self._link, answer = _connect_camera(run_dir, camera)
+        self._link, answer = connect_camera(run_dir, camera)
         self._path = frame_path(run_dir, int(answer["slot"]))
         self._cancelled = False
         self._link.settimeout(0.2)
@@ -108,7 +108,7 @@ class SimCamera:
         Raises:
             HardwareError: no world answers, it has no such camera, or that has no depth.
         """
-        self._link, answer = _connect_camera(run_dir, camera)
+        self._link, answer = connect_camera(run_dir, camera)
         view = answer["views"][camera]
         if depth and view["depth"] is None:
             self._link.close()
@@ -117,7 +117,7 @@ class SimCamera:
         self.intrinsics = Intrinsics(**view["colour"])
         self._wish = {"camera": camera, "depth": depth}
         self._path = frame_path(run_dir, int(answer["slot"]))
-        self._device = SoftwareCamera(self.intrinsics, _depth_stream(view["depth"]) if depth else None)
+        self._device = SoftwareCamera(self.intrinsics, depth_stream(view["depth"]) if depth else None)
         self._maker = FrameMaker()
 
     def read(self, max_age: float = 0.25) -> Frame:
@@ -142,12 +142,18 @@ class SimCamera:
         self._device.close()
 
 
-def _depth_stream(description: dict[str, Any]) -> DepthStream:
+def depth_stream(description: dict[str, Any]) -> DepthStream:
+    """The depth sensor of a view, as the world describes it."""
     pinhole = Intrinsics(**description["pinhole"])
     return DepthStream(pinhole, float(description["unit"]), float(description["offset"]))
 
 
-def _connect_camera(run_dir: Path, camera: str) -> tuple[socket.socket, dict[str, Any]]:
+def connect_camera(run_dir: Path, camera: str) -> tuple[socket.socket, dict[str, Any]]:
+    """Connect as a camera's client: the socket and the world's answer.
+
+    Raises:
+        HardwareError: no world answers, or it has no such camera.
+    """
     link, answer = wire.connect(run_dir, "camera")
     views = answer["views"]
     if camera not in views:

@@ -1,6 +1,7 @@
 """What the world does for cameras: single frames, delivered a latency after their exposure, and streams for films.
 
-A single frame lets plant time run until it is due. A stream takes frames of whatever happens, and lets nothing happen.
+A single frame lets plant time run until it is due. A stream takes frames of whatever happens, and lets nothing happen;
+so do watchers (``hardware.sim.watchers``), unless they wake the plant up.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from hardware.sim.scene import CAMERAS
 from hardware.sim.services import NEVER, SILENCE
 from hardware.sim.stage import StageService
 from hardware.sim.visitors import Refused, Visitor
+from hardware.sim.watchers import Watcher
 
 RGBD = "camera"
 """The view of the board's RGB-D camera; the others show the world to people."""
@@ -90,6 +92,7 @@ class CameraService:
         self._seed = seed
         self._stage = stage
         self._views: dict[Visitor, _View] = {}
+        self._watchers: dict[Visitor, Watcher] = {}
         self._slots = 0
         self._absent = "this world was started without cameras"
 
@@ -107,8 +110,12 @@ class CameraService:
     def hear(self, visitor: Visitor, message: bytes) -> None:
         """See ``Service``."""
         request = wire.CAMERA_REQUEST.validate_json(message)
-        view = self._views[visitor]
-        if isinstance(request, wire.Taken):
+        view, watcher = self._views[visitor], self._watchers.get(visitor)
+        if watcher is not None:
+            self._hear_watcher(watcher, request)
+        elif isinstance(request, wire.Wake):
+            visitor.tell({"error": "only who watches can wake the plant up: ask to watch first"})
+        elif isinstance(request, wire.Taken):
             view.taken = True
         elif self._renderer is None:
             visitor.tell({"error": self._absent})
@@ -116,10 +123,11 @@ class CameraService:
             visitor.tell({"error": f"no camera '{request.camera}': there are {', '.join(CAMERAS)}"})
         elif view.due != NEVER:
             visitor.tell({"error": "one frame or stream at a time: this one is under way"})
+        elif isinstance(request, wire.Exposure | wire.WatchWish) and request.depth and request.camera != RGBD:
+            visitor.tell({"error": f"the view '{request.camera}' has no depth: '{RGBD}' has"})
+        elif isinstance(request, wire.WatchWish):
+            self._watch(view, request)
         elif isinstance(request, wire.Exposure):
-            if request.depth and request.camera != RGBD:
-                visitor.tell({"error": f"the view '{request.camera}' has no depth: '{RGBD}' has"})
-                return
             view.due = self._plant.tick + self._latency
             self._draw(view, request.camera, request.depth)
         else:
@@ -130,14 +138,41 @@ class CameraService:
     def leave(self, visitor: Visitor) -> None:
         """See ``Service``."""
         del self._views[visitor]
+        self._watchers.pop(visitor, None)
+        self._plan()
+
+    def _watch(self, view: _View, request: wire.WatchWish) -> None:
+        rooms = self._latency // request.watch_ticks + 3  # frames under way, one that is read, one that is begun
+        slots = [view.slot, *range(self._slots, self._slots + rooms - 1)]
+        self._slots += rooms - 1
+        for slot in slots:
+            frame_path(self._run_dir, slot).touch()
+        first = self._after(self._plant.tick, request.watch_ticks)
+        self._watchers[view.visitor] = Watcher(
+            view.visitor, request.camera, request.depth, request.watch_ticks, self._latency, slots, first
+        )
+
+    def _hear_watcher(self, watcher: Watcher, request: wire.CameraRequest) -> None:
+        if isinstance(request, wire.Taken):
+            watcher.take()
+        elif isinstance(request, wire.Wake):
+            watcher.wake = request.wake
+        else:
+            watcher.visitor.tell({"error": "one frame or stream at a time: this one is under way"})
         self._plan()
 
     # frames
 
     def look(self) -> None:
         """Notice frames that were finished meanwhile."""
-        while any(view.drawing for view in self._views.values()) and self._take(wait=False):
+        while self._drawing and self._take(wait=False):
             pass
+
+    @property
+    def _drawing(self) -> bool:
+        return any(view.drawing for view in self._views.values()) or any(
+            flight.drawing for watcher in self._watchers.values() for flight in watcher.flights
+        )
 
     def serve(self, listen: Callable[[float], None] | None) -> bool:
         """Expose and deliver what is due now.
@@ -155,8 +190,17 @@ class CameraService:
                 waited |= self._expose(view, listen)
             else:
                 waited |= self._deliver(view, listen)
+        for watcher in [watcher for watcher in self._watchers.values() if watcher.due <= tick]:
+            waited |= self._serve_watcher(watcher, listen)
         self._plan()
         return waited
+
+    def _serve_watcher(self, watcher: Watcher, listen: Callable[[float], None] | None) -> bool:
+        tick = self._plant.tick
+        flight = watcher.expose(tick)
+        if flight is not None:
+            self._request(flight.slot, watcher.camera, watcher.depth, sensed=watcher.camera == RGBD)
+        return watcher.deliver(tick, listen, lambda: watcher.visitor in self._watchers and self._renderer is not None)
 
     def close(self) -> None:
         """End the renderer and remove its frames."""
@@ -198,8 +242,11 @@ class CameraService:
         except HardwareError as error:
             self._go_blind(error)
             return False
+        for watcher in self._watchers.values():
+            if slot is not None:
+                watcher.drawn(slot)
         for view in self._views.values():
-            if view.slot == slot:
+            if view.slot == slot and view.visitor not in self._watchers:
                 view.drawing = False
                 if view.every:
                     view.taken = False
@@ -209,11 +256,16 @@ class CameraService:
     def _draw(self, view: _View, camera: str, depth: bool) -> None:
         if self._renderer is None:
             return
+        view.drawing, view.exposed = True, self._plant.tick
+        # streams are for people: clean pictures, quickly drawn
+        self._request(view.slot, camera, depth, sensed=camera == RGBD and not view.every)
+
+    def _request(self, slot: int, camera: str, depth: bool, sensed: bool) -> None:
+        if self._renderer is None:
+            return
         tick = self._plant.tick
-        view.drawing, view.exposed = True, tick
-        sensed = camera == RGBD and not view.every  # streams are for people: clean pictures, quickly drawn
         sensor = Sensor(camera=self._camera, seed=self._seed, tick=tick, depth=depth) if sensed else None
-        shot = Shot(slot=view.slot, view=camera, looks=self._stage.looks, sensor=sensor)
+        shot = Shot(slot=slot, view=camera, looks=self._stage.looks, sensor=sensor)
         try:
             self._renderer.request(shot, self._plant.positions())
         except HardwareError as error:
@@ -230,6 +282,9 @@ class CameraService:
             if view.due != NEVER:
                 view.due, view.drawing = NEVER, False
                 view.visitor.tell({"error": self._absent})
+        for visitor in self._watchers:
+            visitor.tell({"error": self._absent})
+        self._watchers.clear()
 
     def _describe(self, view: str) -> dict[str, Any]:
         """What a client has to know about a view: pinholes, and where depth is seen from [m] in which units [m]."""
@@ -240,9 +295,10 @@ class CameraService:
         return {"colour": asdict(colour), "depth": depth}
 
     def _plan(self) -> None:
-        views = self._views.values()
-        self.due = min((view.due for view in views), default=NEVER)
-        self.waiting = any(view.due != NEVER and not view.every for view in views)
+        views, watchers = self._views.values(), self._watchers.values()
+        self.due = min([NEVER, *(view.due for view in views), *(watcher.due for watcher in watchers)])
+        alone = any(view.due != NEVER and not view.every for view in views)
+        self.waiting = alone or any(watcher.wake for watcher in watchers)
 
     @staticmethod
     def _after(tick: int, every: int) -> int:

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters
 from hardware.sim import tick
+from hardware.sim.hand_body import JOINTS, SPRINGS, felt_force
 from hardware.sim.hand_body import SENSOR as HAND_SENSOR
-from hardware.sim.hand_body import SPRINGS, felt_force
 from hardware.sim.imperfections import PERFECT, Flaws
 from hardware.sim.snapshot import Snapshot
 from hardware.sim.truth import PiecePose, Truth
@@ -129,6 +129,7 @@ class Plant:
         self._skin = [int(model.sensor(name).adr[0]) for name in SPRINGS] if self._touched else []
         self._step = (tick.step_address(), int(model._address), int(data._address))
         self._felt = cast("memoryview[float]", memoryview(cast("Any", self._memory)).toreadonly())
+        self._hand_q = [int(model.joint(name).qposadr[0]) for name in JOINTS[:3]] if self._touched else []
         self._piece_q = {name: int(model.joint(name).qposadr[0]) for name in pieces}
         self._rest_scale = np.ones(model.nv)
         for name in pieces:
@@ -276,7 +277,10 @@ class Plant:
         if reset_peak:
             self._memory[tick.PEAK_SQUARED] = self._peak_hand = 0.0
         poses = tuple(self._pose(name, start) for name, start in self._piece_q.items())
-        return Truth(self.tick, poses, peak, self.closure_gap(), self.arm_speed(), self.digest(), self._tool(), hand)
+        return Truth(
+            self.tick, poses, peak, self.closure_gap(), self.arm_speed(), self.digest(), self._tool(), hand,
+            self._hand(),
+        )  # fmt: skip
 
     def closure_gap(self) -> float:
         """How far the loops of the arm are from being closed, the widest one [m]."""
@@ -285,6 +289,12 @@ class Plant:
     def _tool(self) -> Triple:
         base = self.data.body("base")
         x, y, z = (base.xmat.reshape(3, 3).T @ (self.data.site("tool").xpos - base.xpos)).tolist()
+        return x, y, z
+
+    def _hand(self) -> Triple | None:
+        if not self._hand_q:
+            return None
+        x, y, z = (float(self._positions[start]) for start in self._hand_q)
         return x, y, z
 
     def _pose(self, name: str, start: int) -> PiecePose:

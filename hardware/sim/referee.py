@@ -41,8 +41,8 @@ class Referee:
         answer = wire.ask(self._link, {"reset_peak": reset_peak})
         speed = RunSpeed(answer.pop("ran_ticks") * self._period, answer.pop("ran_wall"))
         pieces = tuple(PiecePose(*row) for row in answer.pop("pieces"))
-        x, y, z = answer.pop("tool")
-        return Truth(pieces=pieces, tool=(x, y, z), **answer), speed
+        (x, y, z), hand = answer.pop("tool"), answer.pop("hand")
+        return Truth(pieces=pieces, tool=(x, y, z), hand=None if hand is None else tuple(hand), **answer), speed
 
     def positions(self) -> NDArray[np.float64]:
         """All generalised positions of the world's model, shape (nq,)."""

@@ -132,17 +132,18 @@ class Renderer:
         except OSError as error:
             raise HardwareError(LOST) from error
 
-    def take(self, wait: bool) -> int | None:
+    def take(self, wait: bool, patience: float = DRAW_TIMEOUT) -> int | None:
         """The slot of the next finished picture.
 
         Args:
             wait: for a picture under way; else None where none is finished.
+            patience: how long to wait at most [s, wall].
 
         Raises:
             HardwareError: the renderer has ended or is stuck.
         """
         try:
-            self._link.settimeout(DRAW_TIMEOUT if wait else 0.0)
+            self._link.settimeout(patience if wait else 0.0)
             message = self._link.recv(REPLY.size)
         except BlockingIOError:
             return None

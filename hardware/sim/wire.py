@@ -76,6 +76,24 @@ class Taken(_Message):
     taken: Literal[True]
 
 
+class WatchWish(_Message):
+    """A camera's wish: a frame as its sensors see it at every multiple of so many ticks, until the visitor leaves.
+
+    Each is delivered the camera's latency after its exposure. In pace fast plant time then waits until it is taken, so
+    that whoever watches the arm is never late.
+    """
+
+    camera: str
+    watch_ticks: int = Field(ge=1, le=10**12)
+    depth: bool = False
+
+
+class Wake(_Message):
+    """Whether plant time shall run for those who watch, also while nothing moves."""
+
+    wake: bool
+
+
 class Look(_Message):
     """The referee's question; it may also start a new peak of the contact force."""
 
@@ -99,7 +117,8 @@ class Change(_Message):
     mount: MountSettings | None = None
 
 
-CAMERA_REQUEST: Final[TypeAdapter[Exposure | Subscription | Taken]] = TypeAdapter(Exposure | Subscription | Taken)
+CameraRequest = Exposure | Subscription | WatchWish | Wake | Taken
+CAMERA_REQUEST: Final[TypeAdapter[CameraRequest]] = TypeAdapter(CameraRequest)
 
 _M = TypeVar("_M", bound=_Message)
 

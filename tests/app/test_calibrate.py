@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from app.bench.studio import true_camera
+from app.bench.table_studio import true_camera
 from app.bench.vision_calibration import square_errors
-from app.calibrate import calibrate_rig
+from app.calibrate import calibrate_rig, corners_near
 from app.calibration import (
     CalibratedBoard,
     Calibration,
@@ -117,7 +117,7 @@ def test_a_camera_that_hangs_off_is_calibrated() -> None:
         tempfile.TemporaryDirectory(prefix="touchmove-") as folder,  # sockets want short paths
         SimRig(Path(folder) / "run", SimRigSettings(world=world), lambda _step: None) as rig,
     ):
-        found = calibrate_rig(rig, setup, lambda _step: None, datetime.now(UTC))
+        found = calibrate_rig(rig, setup, lambda _step: None, datetime.now(UTC), corners_near)
         np.testing.assert_allclose(rig.arm.state().reference, home, atol=1e-6)
     model = build_model(setup.parameters, TABLE, (), home)
     errors = square_errors(found.calibration.base_from_camera(), true_camera(model, mount), TABLE)
@@ -125,4 +125,7 @@ def test_a_camera_that_hangs_off_is_calibrated() -> None:
     assert max(errors) < 2e-3
     assert found.calibration.worst_error < 1e-3
     assert found.calibration.board is not None
+    assert found.calibration.board.by_corners
+    np.testing.assert_allclose(found.calibration.board.centre[:2], (0.0, 0.0), atol=1.5e-3)
+    assert abs(found.calibration.board.yaw) < 5e-3
     assert found.calibration.board.centre[2] == pytest.approx(TABLE.centre_in_base[2], abs=2e-3)

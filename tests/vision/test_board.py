@@ -25,6 +25,7 @@ from hardware.sim.renderer import HEIGHT, WIDTH, intrinsics_for
 from hardware.sim.scene import CAMERAS, StandingPiece, build_model
 from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.table import PieceSpec, TableSettings, square_place
+from tests.vision.views import looking_at
 from vision.board import BoardNotFound, BoardView, playing_area
 
 TABLE = TableSettings()
@@ -33,19 +34,6 @@ PINHOLE = intrinsics_for(CAMERA.field_of_view)
 HOME = np.array(MotionSettings().home)
 
 Picture = NDArray[Any]
-
-
-def looking_at(position: tuple[float, float, float], target: tuple[float, float, float], roll: float = 0.0) -> Picture:
-    """camera_from_board of a camera at a position, looking at a target with the horizon level but for a roll."""
-    forward = np.subtract(target, position) / np.linalg.norm(np.subtract(target, position))
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    axes = np.stack([right, np.cross(forward, right), forward])
-    c, s = math.cos(roll), math.sin(roll)
-    pose = np.eye(4)
-    pose[:3, :3] = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ axes
-    pose[:3, 3] = -pose[:3, :3] @ position
-    return pose
 
 
 def rig_view() -> BoardView:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.bench.studio import Pose, Studio
+from app.bench.table_studio import Pose, TableStudio
 from app.bench.vision_calibration import random_looks, random_mount, random_position
 from app.layout import start_layout
 from hardware.interfaces import Frame, HardwareError, Intrinsics
@@ -105,9 +105,9 @@ def test_nothing_expected_and_another_camera() -> None:
 
 
 @pytest.fixture(scope="module")
-def studio() -> Iterator[Studio]:
+def studio() -> Iterator[TableStudio]:
     try:
-        made = Studio(PIECES, TABLE)
+        made = TableStudio(PIECES, TABLE)
     except HardwareError as error:
         if os.environ.get("CI"):
             raise
@@ -117,7 +117,7 @@ def studio() -> Iterator[Studio]:
 
 
 @pytest.mark.slow
-def test_rendered_pieces_are_found_within_the_bar(studio: Studio) -> None:
+def test_rendered_pieces_are_found_within_the_bar(studio: TableStudio) -> None:
     rng = np.random.default_rng(21)
     errors: dict[bool, list[float]] = {True: [], False: []}
     for number in range(3):
@@ -138,7 +138,7 @@ def test_rendered_pieces_are_found_within_the_bar(studio: Studio) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_wrong_is_told(studio: Studio) -> None:
+def test_what_is_wrong_is_told(studio: TableStudio) -> None:
     """A knight off its centre, a pawn missing, a bishop fallen, a pawn between squares, a rook where none should be."""
     expected = {piece.place.index: piece for piece in PIECES}
     names = {square: piece.name for square, piece in expected.items()}

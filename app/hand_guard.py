@@ -1,0 +1,248 @@
+"""A hand over the board stops the arm: a thread that watches the camera's frames and asks the controller to hold.
+
+The guard looks at every frame, masks the arm's links as they were when it was exposed, and asks for a hold at the first
+frame that confirms a hand. The controller then refuses every motion until the board is clear again and whoever leads
+the game calls ``clear``, so that no motion can slip in between. From the hand being seen until the arm rests it
+takes, in plant time: up to one frame's interval until the next exposure, ``WatchSettings.confirm`` − 1 more of them, the camera's
+latency, and at most 0.1 s of the controller's own stop; at 30 frames a second and 60 ms of latency 0.23 s.
+
+Nothing here replaces the controller's own protection, which notices what it touches; it only comes earlier.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Final, Protocol, Self
+
+from app import UserError
+from app.arm_view import ArmHistory, Pose, arm_capsules
+from controller.errors import ControllerError
+from hardware.interfaces import Camera, CameraClosed, Frame, HardwareError
+from hardware.parameters import RobotParameters
+from hardware.table import TableSettings
+from vision.arm_mask import draw_mask
+from vision.board import BoardView
+from vision.watch import Seen, Watch, WatchSettings
+from vision.zone import Mask
+
+FRAME_AGE: Final = 1.0
+"""Frames older than this say nothing about the present [s]; a late one is left out and told of."""
+MARGIN: Final = 0.008
+"""The arm is masked so much thicker than it is: what calibration and interpolation may err [m] …"""
+GROW: Final = 4
+"""… and so much wider in the picture: edges that a depth camera smears [px]."""
+
+
+class Blind(UserError):
+    """The camera gives no frames any more, so that a hand would not be seen."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"hands over the board cannot be seen any more: {reason}; the arm holds")
+
+
+class WatchedFrames(Camera, Protocol):
+    """A camera whose frames come one after the other at a steady rate."""
+
+    def wake(self, awake: bool) -> None:
+        """Whether plant time shall run for it, also while nothing moves; where time runs anyway, nothing happens."""
+
+    def release(self) -> None:
+        """The last frame is done with."""
+
+
+class Holder(Protocol):
+    """What the guard asks of a controller's client."""
+
+    def ask_to_hold(self) -> None:
+        """Stop the present motion and refuse others."""
+
+    def resume(self) -> None:
+        """Admit motions again."""
+
+
+@dataclass(frozen=True, slots=True)
+class GuardStop:
+    """The arm was asked to hold: stamp of the frame that confirmed a hand [s], and squares that it was over."""
+
+    stamp: float
+    over: frozenset[int]
+
+
+class ArmMasks:
+    """Where the arm is before the table in a frame.
+
+    Args:
+        view: of the camera.
+        parameters: of the robot.
+        table: where the board is below the robot.
+        history: where the arm was.
+    """
+
+    def __init__(self, view: BoardView, parameters: RobotParameters, table: TableSettings, history: ArmHistory) -> None:
+        self._view, self._parameters, self._table, self._history = view, parameters, table, history
+        self._last: tuple[Pose, Mask] | None = None
+
+    def at(self, stamp: float) -> Mask | None:
+        """The mask of a frame of this stamp [s], (h, w); None where nobody knows where the arm was."""
+        pose = self._history.at(stamp)
+        if pose is None:
+            return None
+        if self._last is None or self._last[0] != pose:
+            capsules = arm_capsules(self._parameters, self._table, pose)
+            self._last = pose, draw_mask(self._view, capsules, MARGIN, GROW)
+        return self._last[1]
+
+
+class HandGuard:
+    """Watches in a thread of its own from ``start`` to ``close``. A context manager.
+
+    Args:
+        frames: of the board's camera.
+        view: where the board is in them.
+        masks: where the arm is in them.
+        holder: asked to hold.
+        settings: of the watch.
+        progress: told when a hand comes and goes.
+        listener: called with each frame and what was seen in it, in the guard's thread.
+    """
+
+    def __init__(
+        self,
+        frames: WatchedFrames,
+        view: BoardView,
+        masks: ArmMasks,
+        holder: Holder,
+        settings: WatchSettings | None = None,
+        progress: Callable[[str], None] | None = None,
+        listener: Callable[[Frame, Seen], None] | None = None,
+    ) -> None:
+        self.stops: list[GuardStop] = []
+        """Each time the arm was asked to hold."""
+        self._frames, self._view, self._masks, self._holder = frames, view, masks, holder
+        self._watch = Watch(settings)
+        self._progress, self._listener = progress, listener
+        self._news = threading.Condition()
+        self._seen: Seen | None = None
+        self._count = 0
+        self._holding = False
+        self._trouble: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="hand guard", daemon=True)
+
+    def start(self) -> None:
+        """Begin to watch."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread and give the camera back; a hold stays in force."""
+        self._frames.close()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def seen(self) -> Seen | None:
+        """What the newest frame showed; None before the first one.
+
+        Raises:
+            Blind: there are no frames any more.
+        """
+        with self._news:
+            self._check()
+            return self._seen
+
+    @property
+    def hand_present(self) -> bool:
+        """Whether a hand is over the board, as far as frames tell; a hold is in force then.
+
+        Raises:
+            Blind: there are no frames any more.
+        """
+        with self._news:
+            self._check()
+            return self._holding or (self._seen is not None and self._seen.hand_present)
+
+    def clear(self) -> Seen:
+        """Wait until no hand is over the board and the board is settled, then admit motions again.
+
+        The turn's interlock: called before every motion over the board, at rest. Plant time runs meanwhile.
+
+        Returns:
+            What a frame shows that was exposed after this call began.
+
+        Raises:
+            Blind: there are no frames any more.
+            ControllerError: the controller does not answer.
+        """
+        self._frames.wake(True)
+        try:
+            with self._news:
+                # a frame that was exposed before this call may be on its way, and one or two more in the pipe
+                first = self._count + 3
+                self._news.wait_for(lambda: self._trouble is not None or self._may_go_on(first))
+                self._check()
+                held, self._holding, seen = self._holding, False, self._seen
+        finally:
+            self._frames.wake(False)
+        assert seen is not None
+        if held:
+            self._say("the board is clear: the arm may go on")
+            self._holder.resume()
+        return seen
+
+    def _may_go_on(self, first: int) -> bool:
+        seen = self._seen
+        return self._count >= first and seen is not None and seen.settled and not seen.hand_present
+
+    def _check(self) -> None:
+        if self._trouble is not None:
+            raise Blind(str(self._trouble)) from self._trouble
+
+    def _run(self) -> None:
+        try:
+            while True:
+                self._take(self._frames.read(FRAME_AGE))
+        except CameraClosed:
+            pass  # by ``close``
+        except (ControllerError, HardwareError, UserError, ValueError) as error:
+            self._give_up(error)
+
+    def _take(self, frame: Frame) -> None:
+        seen = self._watch.update(frame, self._view, self._masks.at(frame.stamp))
+        with self._news:
+            ask = seen.hand_present and not self._holding
+            self._holding = self._holding or ask
+        if ask:
+            self._holder.ask_to_hold()
+            self.stops.append(GuardStop(frame.stamp, seen.over))
+            self._say("a hand is over the board: the arm holds")
+        if self._listener is not None:
+            self._listener(frame, seen)
+        with self._news:
+            self._seen, self._count = seen, self._count + 1
+            self._news.notify_all()
+
+    def _give_up(self, error: Exception) -> None:
+        """Nobody watches any more: the arm must not move over the board."""
+        try:
+            self._frames.release()
+            self._holder.ask_to_hold()
+        except (ControllerError, HardwareError) as worse:
+            error = worse
+        with self._news:
+            self._trouble = error
+            self._news.notify_all()
+
+    def _say(self, sentence: str) -> None:
+        if self._progress is not None:
+            self._progress(sentence)

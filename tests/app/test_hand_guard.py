@@ -1,0 +1,176 @@
+"""The guard of the arm: over frames from a queue and a controller that only counts."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.arm_view import ArmHistory
+from app.hand_guard import ArmMasks, Blind, HandGuard
+from app.watch_view import nominal_view
+from hardware.interfaces import CameraClosed, Frame, HardwareError, Intrinsics
+from hardware.parameters import load_parameters
+from hardware.table import TableSettings
+
+PINHOLE = Intrinsics(320, 240, 308.0, 308.0, 159.5, 119.5)
+VIEW = nominal_view(PINHOLE, TableSettings())
+COLOUR = np.full((240, 320, 3), 120, dtype=np.uint8)
+
+
+def depth_of(hand: bool) -> Any:
+    """The board's plane, and a slab 0.1 m above its middle."""
+    u, v = np.meshgrid(np.arange(320), np.arange(240))
+    rays = np.stack([(u - PINHOLE.cx) / PINHOLE.fx, (v - PINHOLE.cy) / PINHOLE.fy, np.ones(u.shape)], axis=2)
+    slope = rays @ VIEW.camera_from_board[:3, 2]
+    down = np.where(slope < 0.0, slope, -np.inf)
+    height = np.zeros(u.shape)
+    if hand:
+        row, column = np.rint(VIEW.project([0.0, 0.0, 0.1])[::-1]).astype(int)
+        height[row - 12 : row + 12, column - 12 : column + 12] = 0.1
+    return ((height - VIEW.camera_position[2]) / down).astype(np.float32)
+
+
+FREE, HAND = depth_of(False), depth_of(True)
+
+
+class Frames:
+    """Hands out what is put in; as a camera whose reader waits."""
+
+    def __init__(self) -> None:
+        self.waiting: queue.Queue[Frame | Exception] = queue.Queue()
+        self.woken: list[bool] = []
+        self.released = 0
+        self._stamp = 0.0
+
+    def put(self, depth: Any, times: int = 1) -> None:
+        for _ in range(times):
+            self._stamp += 1.0 / 30.0
+            self.waiting.put(Frame(COLOUR.copy(), depth.copy(), PINHOLE, self._stamp))
+
+    def read(self, max_age: float) -> Frame:
+        one = self.waiting.get(timeout=20.0)
+        if isinstance(one, Exception):
+            raise one
+        return one
+
+    def wake(self, awake: bool) -> None:
+        self.woken.append(awake)
+
+    def release(self) -> None:
+        self.released += 1
+
+    def close(self) -> None:
+        self.waiting.put(CameraClosed())
+
+
+class Controller:
+    """Counts."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+
+    def ask_to_hold(self) -> None:
+        self.asked.append("hold")
+
+    def resume(self) -> None:
+        self.asked.append("resume")
+
+
+class Masks(ArmMasks):
+    """No arm is before the table."""
+
+    def __init__(self) -> None:
+        super().__init__(VIEW, load_parameters(), TableSettings(), ArmHistory(0.001))
+
+    def at(self, stamp: float) -> None:
+        return None
+
+
+@pytest.fixture
+def frames() -> Frames:
+    return Frames()
+
+
+@pytest.fixture
+def controller() -> Controller:
+    return Controller()
+
+
+@pytest.fixture
+def guard(frames: Frames, controller: Controller) -> Iterator[HandGuard]:
+    with HandGuard(frames, VIEW, Masks(), controller) as one:
+        yield one
+
+
+def until(condition: Callable[[], Any]) -> None:
+    deadline = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+def test_the_frame_that_confirms_a_hand_makes_the_controller_hold_once(
+    frames: Frames, controller: Controller, guard: HandGuard
+) -> None:
+    frames.put(FREE, 3)
+    frames.put(HAND)
+    until(lambda: frames.waiting.empty() and guard.seen is not None and guard.seen.stamp > 0.13)
+    assert controller.asked == []
+    frames.put(HAND, 5)
+    until(lambda: guard.seen is not None and guard.seen.stamp > 0.29)
+    assert controller.asked == ["hold"]
+    assert guard.hand_present
+    (stop,) = guard.stops
+    assert stop.stamp == pytest.approx(5.0 / 30.0)
+    assert {27, 28, 35, 36} & stop.over
+
+
+def test_motions_are_admitted_again_when_the_board_is_clear_and_settled_and_not_before(
+    frames: Frames, controller: Controller, guard: HandGuard
+) -> None:
+    frames.put(HAND, 3)
+    until(lambda: controller.asked == ["hold"])
+    cleared: list[Any] = []
+    waiter = threading.Thread(target=lambda: cleared.append(guard.clear()))
+    waiter.start()
+    frames.put(HAND, 6)
+    frames.put(FREE, 5)
+    until(frames.waiting.empty)
+    waiter.join(0.2)
+    assert controller.asked == ["hold"]
+    assert waiter.is_alive()
+    frames.put(FREE, 10)
+    waiter.join(20.0)
+    assert controller.asked == ["hold", "resume"]
+    assert cleared[0].settled
+    assert not guard.hand_present
+    assert frames.woken == [True, False]
+
+
+def test_a_board_without_a_hand_is_clear_once_newer_frames_say_so(
+    frames: Frames, controller: Controller, guard: HandGuard
+) -> None:
+    frames.put(FREE, 12)
+    until(frames.waiting.empty)
+    threading.Timer(0.1, lambda: frames.put(FREE, 4)).start()
+    before = guard.seen
+    after = guard.clear()
+    assert before is None or after.stamp > before.stamp
+    assert controller.asked == []
+
+
+def test_who_cannot_see_lets_nothing_move(frames: Frames, controller: Controller, guard: HandGuard) -> None:
+    frames.put(FREE, 2)
+    frames.waiting.put(HardwareError("the cable is out: plug it in"))
+    with pytest.raises(Blind, match="cannot be seen any more: the cable is out: plug it in; the arm holds"):
+        guard.clear()
+    assert controller.asked == ["hold"]
+    assert frames.released == 1
+    with pytest.raises(Blind):
+        _ = guard.hand_present

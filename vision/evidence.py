@@ -1,0 +1,134 @@
+"""What a look says for and against positions: every placement of pieces is a hypothesis, and squares speak one by one.
+
+For each square there is a likelihood of its three states by its looks, and odds that its content has changed since the
+last position that is known. A position's score is the sum over its squares, in natural logarithms; differences between
+scores are what counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import chess
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.appearance import BLACK, EMPTY, WHITE
+from vision.change import BOUND
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.int8]
+"""Pieces by square: 0 empty, 1 to 6 white pawn to king, -1 to -6 black; shape (..., 64)."""
+
+NUDGE: Final = -4.0
+"""Nothing that looks changed counts for more than this against the same piece, or none, still being there: people brush
+past pieces, and shadows wander."""
+HARD_TO_SEE: Final = -2.0
+"""Nothing that looks unchanged behind another piece counts for more than this against a change."""
+COVERED: Final = 0.15
+"""A square of whose middle another piece covers more than this is not seen as it is."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """What one look says.
+
+    Attributes:
+        states: logarithm of how likely empty, white and black are by looks, shape (64, 3), at most 0.
+        changed: logarithm of the odds that the content has changed, shape (64,).
+        cover: share of the squares (columns) that a piece on a square (rows) covers, shape (64, 64).
+        solid: the same as ``states``, by depth; no piece hides another there. None: the camera has no depth.
+    """
+
+    states: Array
+    changed: Array
+    cover: Array
+    solid: Array | None = None
+
+    def probabilities(self) -> Array:
+        """Of empty, white and black for each square by looks alone: shape (64, 3)."""
+        likelihood = np.exp(self.states if self.solid is None else self.states + self.solid)
+        probabilities: Array = likelihood / likelihood.sum(axis=1, keepdims=True)
+        return probabilities
+
+    def read(self, before: Codes) -> NDArray[np.intp]:
+        """The likeliest state of each square by its looks and by whether it has changed, whatever the rules: (64,)."""
+        looks, did, kept = (one[0] for one in self._terms(before[None], before))
+        as_before = np.arange(3) == states_of(before)[:, None]
+        read: NDArray[np.intp] = (looks + np.where(as_before, kept[:, None], did[:, None])).argmax(axis=1)
+        return read
+
+    def scores(self, codes: Codes, before: Codes) -> Array:
+        """How well positions explain the look, square by square.
+
+        Args:
+            codes: positions, shape (n, 64).
+            before: the last known one, shape (64,).
+
+        Returns:
+            Shape (n, 64), natural logarithms, at most 0.
+        """
+        looks, did, kept = self._terms(codes, before)
+        return np.take_along_axis(looks, states_of(codes)[..., None], axis=2)[..., 0] + np.where(
+            codes != before, did, kept
+        )
+
+    def doubt(self, codes: Codes, before: Codes) -> Array:
+        """By how much other states explain each square better than a position does, everything else being as it says.
+
+        Args:
+            codes: the position, shape (64,).
+            before: the last known one, shape (64,).
+
+        Returns:
+            Shape (64, 3), natural logarithms; minus infinity for the position's own states.
+        """
+        looks, did, kept = (one[0] for one in self._terms(codes[None], before))
+        as_before = np.arange(3) == states_of(before)[:, None]
+        each = looks + np.where(as_before, kept[:, None], did[:, None])
+        states = states_of(codes)
+        doubt: Array = each - self.scores(codes[None], before)[0][:, None]
+        doubt[np.arange(64), states] = -np.inf
+        return doubt
+
+    def _terms(self, codes: Codes, before: Codes) -> tuple[Array, Array, Array]:
+        """Likelihood of states, of a change and of none, for each square as the pieces around it let it be seen.
+
+        Shapes (n, 64, 3), (n, 64), (n, 64).
+        """
+        differ = (codes != before).astype(float)
+        moved = differ @ self.cover - differ
+        hidden = np.minimum(self.hidden(codes), 1.0)
+        looks = self.states * (1.0 - hidden)[..., None]
+        if self.solid is not None:
+            looks = looks + self.solid
+        either = np.log(0.5)
+        did = np.where(np.maximum(hidden, self.hidden(before)) > COVERED, HARD_TO_SEE, -BOUND)
+        did = np.maximum(-np.logaddexp(0.0, -self.changed), did)
+        kept = np.where(moved > COVERED, either, NUDGE)
+        kept = np.maximum(-np.logaddexp(0.0, self.changed), kept)
+        return looks, did, kept
+
+    def hidden(self, codes: Codes) -> Array:
+        """Share of each square's middle that other pieces of a position cover: shape (..., 64)."""
+        stands = (codes != 0).astype(float)
+        hidden: Array = stands @ self.cover - stands
+        return np.where(hidden > COVERED, hidden, 0.0)
+
+
+def codes_of(board: chess.BaseBoard) -> Codes:
+    """The pieces of a position."""
+    kinds = (board.pawns, board.knights, board.bishops, board.rooks, board.queens, board.kings)
+    sets = [kind & side for side in (board.occupied_co[chess.WHITE], board.occupied_co[chess.BLACK]) for kind in kinds]
+    bits = np.unpackbits(np.array(sets, dtype="<u8").view(np.uint8), bitorder="little").reshape(12, 64)
+    codes: Codes = _CODES @ bits.astype(np.int8)
+    return codes
+
+
+_CODES: Final = np.array([1, 2, 3, 4, 5, 6, -1, -2, -3, -4, -5, -6], dtype=np.int8)
+
+
+def states_of(codes: Codes) -> NDArray[np.intp]:
+    """Empty, white or black for each square."""
+    return np.where(codes > 0, WHITE, np.where(codes < 0, BLACK, EMPTY))

@@ -1,0 +1,262 @@
+"""The chessboard in a picture of which nothing else is known.
+
+Saddle points (``vision.saddles``) grow into lattices (``vision.lattice``), the squares that alternate tell which eight
+rows and columns are the board (``vision.window``), all crossings that can be seen give its corners to a fraction of a
+pixel (``vision.refine``), and pieces in the start position tell where a1 is (``vision.orientation``). Where any of this
+but the last leaves a doubt there is no board: a wrong one is worse than none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vision.board import BoardNotFound
+from vision.grid import CORNERS, Grid, GridFit, fit_grid
+from vision.lattice import Lattice, fit_homography, grow_lattices
+from vision.orientation import orient
+from vision.refine import refine_grid, working_scale
+from vision.saddles import Picture, find_saddles, levels
+from vision.squares import channel_weights, compare_sides, look_into
+from vision.window import LEAST_MEAN, Window, best_window, judge
+
+Array = NDArray[np.float64]
+Colour = NDArray[np.uint8]
+
+PASSES: Final = ((640, 0.0), (1280, 0.0), (400, 0.0), (640, 3.0))
+"""Longer side and blur of the pictures that are searched one after another [px]: boards near, small, out of focus, and
+with lines drawn between the squares."""
+NEAR_SIDE: Final = 32.0
+"""Side of a square in the picture that is searched for a board near a known place [px]."""
+NEAR_MARGIN: Final = 2.0
+"""How far around the known place is searched [sides of a square]."""
+MOST_SADDLES: Final = 500
+"""Of one picture; a board has 49."""
+LEAST_CROSSINGS, ENOUGH_CROSSINGS = 10, 30
+"""A lattice below the first is chance; beyond the second no other is looked for."""
+MOST_SEEDS: Final = 150
+"""Beginnings of lattices that are tried in a picture."""
+MOST_LATTICES: Final = 4
+"""How many are judged in a picture, the largest first."""
+MOST_ERROR: Final = 0.15
+"""Corners that are less certain than this are not given [sides of a square]."""
+LEAST_ERROR: Final = 0.01
+"""No corner is claimed to be better than this [sides of a square]: boards are made no better."""
+MOST_CORRECTION: Final = 0.75
+"""Given corners that are off by more belong to another grid [sides of a square]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundBoard:
+    """A board in a picture.
+
+    Attributes:
+        corners: outer corners of the playing area a1, h1, h8, a8, counter-clockwise seen from above, shape (4, 2) [px].
+        oriented: False where a1 may be the opposite corner: all that is known then is that a1 is dark.
+        error: the worst error of a corner that is to be expected [sides of a square].
+    """
+
+    corners: Array
+    oriented: bool
+    error: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Candidate:
+    """A board as a resized picture shows it.
+
+    Attributes:
+        grid: place (0, 0) is one of the board's corners.
+        weights: of the channels, so that light less dark squares is about 1.
+        dark: 1 where the square at place (0, 0) is dark, otherwise -1.
+    """
+
+    grid: Grid
+    weights: Array
+    dark: int
+
+
+def find_board(colour: Colour, *, near: ArrayLike | None = None) -> FoundBoard:
+    """Find the board in a picture.
+
+    Args:
+        colour: RGB, shape (h, w, 3).
+        near: corners a1, h1, h8, a8 as they were before, shape (4, 2) [px]: it is looked for around there first, and
+            a1 is the corner closest to where it was. Without it, a1 is told from pieces in the start position.
+
+    Returns:
+        The board. It lies within the picture but for a part of its border, and shows at least a quarter of its
+        crossings.
+
+    Raises:
+        BoardNotFound: there is none for certain; says what was missing.
+    """
+    doubts: list[str] = []
+    found = None
+    if near is not None:
+        found = _find_near(colour, np.asarray(near, dtype=float), doubts)
+    for longest, blur in PASSES:
+        if found is None:
+            found = _find_at(colour, longest / max(colour.shape[:2]), blur, doubts)
+    if found is None:
+        reason = doubts[-1] if doubts else "no squares were found that lie as on a board"
+        raise BoardNotFound(
+            f"there is no chessboard for certain in this picture: {reason}; show all of it in even light, or click "
+            "its corners"
+        )
+    corners, error = found
+    if near is not None:
+        before = np.asarray(near, dtype=float)
+        turns = [np.roll(corners, -turn, axis=0) for turn in range(4)]
+        return FoundBoard(min(turns, key=lambda one: float(np.linalg.norm(one - before))), True, error)
+    oriented = orient(colour, corners)
+    return FoundBoard(oriented.corners, oriented.sure, error)
+
+
+def refine_corners(colour: Colour, corners: ArrayLike) -> FoundBoard:
+    """Sub-pixel corners from rough ones, as a person clicks them.
+
+    Args:
+        colour: RGB, shape (h, w, 3).
+        corners: a1, h1, h8, a8 to half a square, or from any other corner on, in either sense of rotation, shape
+            (4, 2) [px].
+
+    Returns:
+        The board; its corners go round counter-clockwise from the one that was given first, which is taken to be a1.
+
+    Raises:
+        BoardNotFound: there is no board at these corners.
+    """
+    rough = np.asarray(corners, dtype=float)
+    if rough.shape != (4, 2) or not np.isfinite(rough).all():
+        raise BoardNotFound(f"corners of shape {rough.shape} were given: give four finite points")
+    edges = np.roll(rough, -1, axis=0) - rough
+    turns = edges[:, 0] * np.roll(edges, -1, axis=0)[:, 1] - edges[:, 1] * np.roll(edges, -1, axis=0)[:, 0]
+    if not ((turns > 0.0).all() or (turns < 0.0).all()):
+        raise BoardNotFound("these corners go round no board: give the four outer corners one after the other")
+    if turns[0] > 0.0:  # v points down: clockwise to the eye
+        rough = rough[[0, 3, 2, 1]]
+    doubts: list[str] = []
+    found = _snap(colour, rough, doubts) or _find_near(colour, rough, doubts)
+    if found is None:
+        raise BoardNotFound(f"there is no board at these corners: {doubts[-1]}; point at its outer corners again")
+    side = np.linalg.norm(np.roll(rough, -1, axis=0) - rough, axis=1).min() / 8.0
+    turned = [np.roll(found[0], -turn, axis=0) for turn in range(4)]
+    best = min(turned, key=lambda one: float(np.linalg.norm(one - rough)))
+    off = float(np.linalg.norm(best - rough, axis=1).max() / side)
+    if off > MOST_CORRECTION:
+        raise BoardNotFound(
+            f"the board's corners are up to {off:.1f} squares from those given, at most {MOST_CORRECTION:.2f} are "
+            "accepted: point at its outer corners again"
+        )
+    return FoundBoard(best, True, found[1])
+
+
+def _find_at(colour: Colour, factor: float, blur: float, doubts: list[str]) -> tuple[Array, float] | None:
+    """Corners, dark a1 first, and their error; searched in a picture resized by a factor, then blurred [px]."""
+    picture = levels(_resize(colour, factor))
+    if blur > 0.0:
+        picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), blur), dtype=np.float32)
+    saddles = find_saddles(picture, MOST_SADDLES)
+    for lattice in grow_lattices(saddles, LEAST_CROSSINGS, ENOUGH_CROSSINGS, MOST_SEEDS)[:MOST_LATTICES]:
+        candidate = _place(picture, lattice, doubts)
+        if candidate is None:
+            continue
+        size = (colour.shape[1], colour.shape[0])
+        found = _measure(colour, candidate.grid.scaled(1.0 / factor, size), candidate, doubts)
+        if found is not None:
+            return found
+    return None
+
+
+def _find_near(colour: Colour, near: Array, doubts: list[str]) -> tuple[Array, float] | None:
+    side = float(np.linalg.norm(np.roll(near, -1, axis=0) - near, axis=1).max()) / 8.0
+    low = np.maximum(np.floor(near.min(axis=0) - NEAR_MARGIN * side), 0).astype(int)
+    high = np.minimum(np.ceil(near.max(axis=0) + NEAR_MARGIN * side) + 1, colour.shape[1::-1]).astype(int)
+    if (high - low < 16).any():
+        doubts.append("the place to look at lies outside of the picture")
+        return None
+    part = np.ascontiguousarray(colour[low[1] : high[1], low[0] : high[0]])
+    factor = min(2.0, max(NEAR_SIDE / side, 320.0 / max(part.shape[:2])))
+    found = _find_at(part, factor, 0.0, doubts)
+    return None if found is None else (found[0] + low, found[1])
+
+
+def _place(picture: Picture, lattice: Lattice, doubts: list[str]) -> _Candidate | None:
+    """The board of a lattice, if it has one."""
+    places = lattice.places.astype(float)
+    grid = fit_grid(places, lattice.points, (picture.shape[1], picture.shape[0])).grid
+    weights = channel_weights(picture, grid, lattice.bright, places)
+    low, high = lattice.places.min(axis=0) - 9, lattice.places.max(axis=0) + 9
+    look = look_into(picture, weights)
+    window = best_window(compare_sides(look, grid, lattice.bright, (low[0], low[1]), (high[0], high[1])))
+    if window is None or not _believed(window, doubts):
+        return None
+    i, j = window.origin
+    dark = -lattice.bright * (1 - 2 * ((i + j) % 2))
+    return _Candidate(grid.moved(np.array([[1.0, 0.0, i], [0.0, 1.0, j], [0.0, 0.0, 1.0]])), weights, dark)
+
+
+def _believed(window: Window, doubts: list[str]) -> bool:
+    doubt = window.doubt
+    if doubt is not None:
+        doubts.append(f"what looks like one is doubtful, as {doubt}")
+    return doubt is None
+
+
+def _measure(colour: Colour, grid: Grid, candidate: _Candidate, doubts: list[str]) -> tuple[Array, float] | None:
+    """Corners from a dark a1 on, in the picture of full size, and their error; None if they are too uncertain."""
+    factor = working_scale(grid)
+    picture = levels(_resize(colour, factor) if factor != 1.0 else colour)
+    look = look_into(cv2.GaussianBlur(picture, (0, 0), 0.8), candidate.weights)
+    fit = refine_grid(look, grid.scaled(factor, (picture.shape[1], picture.shape[0])), candidate.dark)
+    if fit is None:
+        doubts.append("too few crossings of its lines can be seen")
+        return None
+    error = _error(fit)
+    if error > MOST_ERROR:
+        doubts.append(f"its corners are uncertain by {error:.2f} squares, at most {MOST_ERROR:.2f} are accepted")
+        return None
+    window = judge(compare_sides(look, fit.grid, -candidate.dark, (-1, -1), (9, 9)), 1, 1)
+    if not _believed(window, doubts):
+        return None
+    corners = fit.grid.scaled(1.0 / factor, grid.size).project(CORNERS)
+    return (corners if candidate.dark > 0 else np.roll(corners, -1, axis=0)), error
+
+
+def _error(fit: GridFit) -> float:
+    """Two sigma of the worst corner, and how far the border was seen from where the lines within the board have it."""
+    return float(np.hypot(np.hypot(2.0 * fit.spread.max(), fit.border), LEAST_ERROR))
+
+
+def _snap(colour: Colour, rough: Array, doubts: list[str]) -> tuple[Array, float] | None:
+    """Corners around rough ones that are right to a fifth of a square, and their error."""
+    size = (colour.shape[1], colour.shape[0])
+    grid = Grid(fit_homography(CORNERS, rough), 0.0, size)
+    factor = working_scale(grid)
+    picture = levels(_resize(colour, factor))
+    grid = grid.scaled(factor, (picture.shape[1], picture.shape[0]))
+    inner = np.stack(np.meshgrid(np.arange(1.0, 8.0), np.arange(1.0, 8.0), indexing="ij"), axis=-1).reshape(-1, 2)
+    weights = channel_weights(picture, grid, -1, inner)
+    look = look_into(cv2.GaussianBlur(picture, (0, 0), 0.8), weights)
+    # the weights are signed so that a1 comes out dark; whether it is, is for the person who clicks
+    fit = refine_grid(look, grid, 1)
+    if fit is None:
+        doubts.append("too few crossings of its lines can be seen")
+        return None
+    window = judge(compare_sides(look, fit.grid, -1, (-1, -1), (9, 9)), 1, 1)
+    error = _error(fit)
+    if window.mean < LEAST_MEAN or window.margin < 0.0 or error > MOST_ERROR:
+        doubts.append(f"its squares alternate by {window.mean:.2f} of 1 and its corners are uncertain by {error:.2f}")
+        return None
+    return fit.grid.scaled(1.0 / factor, size).project(CORNERS), error
+
+
+def _resize(colour: Colour, factor: float) -> Colour:
+    size = (round(colour.shape[1] * factor), round(colour.shape[0] * factor))
+    resized = cv2.resize(colour, size, interpolation=cv2.INTER_AREA if factor < 1.0 else cv2.INTER_CUBIC)
+    return np.asarray(resized, dtype=np.uint8)

@@ -1,0 +1,84 @@
+"""Follows a game by looking: learns the set of pieces, reads what was played, and takes in what the rules confirm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import chess
+
+from vision.appearance import Appearance
+from vision.change import change_odds
+from vision.evidence import Codes, Evidence, codes_of, states_of
+from vision.features import Light, describe, exposure_step, light_of
+from vision.kinds import Kinds
+from vision.leaning import cover
+from vision.moves import Decision, decide
+from vision.sight import SQUARE_PX, Sight
+from vision.solids import Solids
+from vision.standing import Standing
+
+_STEP: Final = SQUARE_PX // 10
+SHIFTS: Final = tuple((x, y) for x in (-_STEP, 0, _STEP) for y in (-_STEP, 0, _STEP))
+"""By which squares are taken off their places to learn from them: a tenth of a square, as people put pieces down [px]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """One look and what it says. Comes from ``Observer.look`` and goes to ``Observer.confirm``."""
+
+    evidence: Evidence
+    light: Light
+    solids: Solids | None
+
+
+class Observer:
+    """Knows a position, and what it looks like.
+
+    Attributes:
+        board: the last position that is known; a copy of its own.
+    """
+
+    def __init__(self, board: chess.Board, sight: Sight) -> None:
+        """Begin with a position that is known to stand there."""
+        self.board = board.copy()
+        light = light_of(sight.plan)
+        self._appearance = Appearance(describe(light).shape[1])
+        self._standing = Standing()
+        self._kinds = Kinds()
+        self._deep = sight.solids is not None
+        self._learn(light, sight.solids, codes_of(board))
+
+    def look(self, sight: Sight) -> Look:
+        """Take in a settled view.
+
+        Raises:
+            ValueError: the camera has depth and had none before, or the other way round.
+        """
+        if (sight.solids is not None) != self._deep:
+            raise ValueError("one look has depth and another has none: follow a game with one camera")
+        light = light_of(sight.plan)
+        # brightness as if the exposure had stayed what it was at first
+        light = light.brighter(-exposure_step(light, self._light_before))
+        states = self._appearance.likelihood(describe(light))
+        solid = None if sight.solids is None else self._standing.likelihood(sight.solids)
+        evidence = Evidence(states, change_odds(light, self._light_before), cover(sight.camera), solid)
+        return Look(evidence, light, sight.solids)
+
+    def decide(self, look: Look, plies: int = 1) -> Decision:
+        """What was played since the known position, or doubt."""
+        decision = decide(look.evidence, self.board, plies, self._codes_before)
+        return self._kinds.promoted(decision, None if look.solids is None else look.solids.top)
+
+    def confirm(self, look: Look, board: chess.Board) -> None:
+        """Take a position as known: the rules or a person have confirmed that the look shows it."""
+        self.board = board.copy()
+        self._learn(look.light, look.solids, codes_of(board))
+
+    def _learn(self, light: Light, solids: Solids | None, codes: Codes) -> None:
+        states = states_of(codes)
+        self._appearance.learn([describe(light, shift) for shift in SHIFTS], states)
+        if solids is not None:
+            self._standing.learn(solids, states)
+            self._kinds.learn(solids.top, codes)
+        self._light_before, self._codes_before = light, codes

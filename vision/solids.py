@@ -1,0 +1,117 @@
+"""What stands up from the board, square by square, by depth.
+
+Each pixel with a depth is a point of a surface. Points over a square that are higher than the board belong to what
+stands there, whatever they hide in the picture behind them: depth does not lean.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.interfaces import Frame
+from vision.board import BoardView
+
+Array = NDArray[np.float64]
+Field = NDArray[np.float32]
+
+TALL: Final = 0.012
+"""What is higher than this is no board [m]: a pawn is 34 mm high, the depth of a D435 errs by 1 to 2 mm at 0.6 m."""
+CEILING: Final = 0.08
+"""What is higher than this is no piece, but a hand or the arm [m]."""
+REACH: Final = 0.45
+"""Points count for a square up to so far from its centre, along both axes [sides of a square]."""
+HIGHEST: Final = 0.9
+"""Of the points of a piece, this share is below what counts as its top: single points fly."""
+DARKEST: Final = 0.08
+"""Added to brightness (0 to 1) before its logarithm: below it there is more noise than picture."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solids:
+    """What stands on each square, a1 first.
+
+    Attributes:
+        seen: number of points over the square, of whatever height; shape (64,).
+        standing: number of those that are no board and no hand; shape (64,).
+        above: number of those above any piece; shape (64,).
+        top: height of what stands there, shape (64,) [m]; 0 where nothing does.
+        colour: mean of the natural logarithm of red, green and blue (0 to 1, plus ``DARKEST``) of the standing
+            points, shape (64, 3); 0 where there are none.
+    """
+
+    seen: NDArray[np.intp]
+    standing: NDArray[np.intp]
+    above: NDArray[np.intp]
+    top: Array
+    colour: Array
+
+
+_LOGARITHM: Final = np.log(np.arange(256) / 255.0 + DARKEST).astype(np.float32)
+
+
+def solids_of(frame: Frame, view: BoardView) -> Solids:
+    """What stands on the board in a frame with depth.
+
+    Raises:
+        ValueError: the frame has no depth.
+    """
+    if frame.depth is None:
+        raise ValueError("this frame has no depth: solids are seen by a camera that has it")
+    window, x, y, z = _points(frame.depth, view)
+    file, rank = np.floor(x), np.floor(y)
+    over = (np.abs(x - file - 0.5) < REACH) & (np.abs(y - rank - 0.5) < REACH)
+    over &= (file >= 0) & (file < 8) & (rank >= 0) & (rank < 8) & (frame.depth[window] > 0.0)
+    square = (8.0 * rank + file).astype(np.int32)
+    stands = over & (z > TALL) & (z < CEILING)
+    of_piece = square[stands]
+    count = np.bincount(of_piece, minlength=64)
+    pixels = frame.colour[window][stands]
+    level = [np.bincount(of_piece, _LOGARITHM[pixels[:, band]], minlength=64) for band in range(3)]
+    colour = np.stack(level, axis=1) / np.maximum(count, 1)[:, None]
+    above = np.bincount(square[over & (z >= CEILING)], minlength=64)
+    return Solids(np.bincount(square[over], minlength=64), count, above, _tops(of_piece, z[stands], count), colour)
+
+
+def _tops(square: NDArray[np.int32], height: NDArray[np.float32], count: NDArray[np.intp]) -> Array:
+    """The height below which ``HIGHEST`` of each square's points are, shape (64,) [m]."""
+    order = np.lexsort((height, square))
+    ordered = height[order]
+    ends = np.cumsum(count)
+    which = np.minimum(ends - count + (HIGHEST * count).astype(np.intp), np.maximum(len(ordered) - 1, 0))
+    if not len(ordered):
+        return np.zeros(64)
+    return np.where(count > 0, ordered[which], 0.0).astype(float)
+
+
+def _points(depth: Field, view: BoardView) -> tuple[tuple[slice, slice], Field, Field, Field]:
+    """The part of a picture that may show the board or what stands on it, and the points of its pixels.
+
+    Returns:
+        Rows and columns of the part; then x and y [sides of a square, from the outer corner of a1] and z [m] for each
+        of its pixels.
+    """
+    half = 4.0 * view.table.square
+    box = np.array([[x, y, z] for x in (-half, half) for y in (-half, half) for z in (0.0, CEILING)])
+    pixels = view.project(box)
+    h, w = depth.shape
+    left, top = np.clip(np.floor(pixels.min(axis=0)), 0, (w, h)).astype(int)
+    right, bottom = np.clip(np.ceil(pixels.max(axis=0)), 0, (w, h)).astype(int)
+    window = slice(top, bottom), slice(left, right)
+    pinhole, turn, shift = view.intrinsics, view.camera_from_board[:3, :3], view.camera_from_board[:3, 3]
+    u = (np.arange(left, right) - pinhole.cx) / pinhole.fx
+    v = (np.arange(top, bottom) - pinhole.cy) / pinhole.fy
+    away = depth[window]
+    coordinates = []
+    for axis in range(3):  # a point is its ray times its depth, turned into the board frame: linear in columns and rows
+        a, b, c = turn[:, axis]
+        offset = -float(turn[:, axis] @ shift)
+        scale = 1.0 if axis == 2 else 1.0 / view.table.square
+        start = offset * scale + (0.0 if axis == 2 else 4.0)
+        ray = ((b * v + c) * scale).astype(np.float32)[:, None] + (a * u * scale).astype(np.float32)
+        coordinates.append(ray * away + np.float32(start))
+    x, y, z = coordinates
+    return window, x, y, z
