@@ -56,7 +56,6 @@ KNOW_THE_SIMULATION = {
     "app.bench.finger": "puts a finger into the world",
     "app.bench.touchdown": "sets pieces down in a world in the same process",
     "app.bench.grip": "shakes a king in one process",
-    "app.bench.table_studio": "puts pieces before the simulated camera",
     "app.bench.vision_calibration": "hangs the simulated camera, and knows how",
     "app.calibrate": "composes the settings of a world to calibrate in",
     "app.check.rig": "tries the devices of a simulated rig",

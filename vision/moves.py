@@ -8,12 +8,14 @@ there is doubt, which is told as such.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 import chess
 import numpy as np
+from numpy.typing import NDArray
 
 from vision.appearance import EMPTY
 from vision.evidence import Array, Codes, Evidence, codes_of

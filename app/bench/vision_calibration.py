@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.bench.report import Row, row
-from app.bench.table_studio import Pose, TableStudio, true_camera
 from app.calibrate import calibrate_rig, corners_near
 from app.layout import start_layout
 from app.motion import MotionSettings
@@ -31,6 +30,7 @@ from hardware.sim.looks import ExposureSettings, LightSettings, Looks, MountSett
 from hardware.sim.scene import build_model
 from hardware.sim.settings import Pace, WorldSettings
 from hardware.sim.stage import Stage
+from hardware.sim.table_studio import Pose, TableStudio, true_camera
 from hardware.table import PieceSpec, TableSettings, square_place
 from vision.board import BoardView
 from vision.centres import piece_centres
@@ -103,7 +103,7 @@ def centre_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     pieces = [piece for piece in start_layout(chess.Board(), table) if piece.place.on_board]
     errors: dict[bool, list[float]] = {True: [], False: []}
     times = []
-    with TableStudio(pieces, table) as studio:
+    with TableStudio(pieces, table, MotionSettings().home) as studio:
         for number in range(_FRAMES[quick]):
             progress(f"piece centres: picture {number + 1} of {_FRAMES[quick]}")
             looks = random_looks(rng, random_mount(rng))

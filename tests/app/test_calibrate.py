@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from app.bench.table_studio import true_camera
 from app.bench.vision_calibration import square_errors
 from app.calibrate import calibrate_rig, corners_near
 from app.calibration import (
@@ -32,6 +31,7 @@ from hardware.parameters import load_parameters
 from hardware.sim.looks import CameraSettings, MountSettings
 from hardware.sim.scene import build_model
 from hardware.sim.settings import Pace, WorldSettings
+from hardware.sim.table_studio import true_camera
 from hardware.table import TableSettings
 from vision.calibration import CalibrationFailed
 

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.bench.table_studio import Pose, TableStudio
 from app.bench.vision_calibration import random_looks, random_mount, random_position
 from app.layout import start_layout
+from app.motion import MotionSettings
 from hardware.interfaces import Frame, HardwareError, Intrinsics
 from hardware.sim.looks import Looks, MountSettings
+from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, piece_profile, square_place
 from vision.board import BoardView
 from vision.centres import piece_centres
@@ -107,7 +108,7 @@ def test_nothing_expected_and_another_camera() -> None:
 @pytest.fixture(scope="module")
 def studio() -> Iterator[TableStudio]:
     try:
-        made = TableStudio(PIECES, TABLE)
+        made = TableStudio(PIECES, TABLE, MotionSettings().home)
     except HardwareError as error:
         if os.environ.get("CI"):
             raise

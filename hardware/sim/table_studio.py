@@ -18,7 +18,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from app.motion import MotionSettings
 from hardware.framesets import FrameMaker
 from hardware.interfaces import Frame, HardwareError
 from hardware.parameters import load_parameters
@@ -57,17 +56,19 @@ class TableStudio:
     Args:
         pieces: the set; each picture says which of them are there.
         table: they stand on.
+        home: tool point at which the arm is, base frame [m].
         camera: of the pictures.
-        home: tool point, base frame (3,) [m]; None: the usual home.
     """
 
     def __init__(
-        self, pieces: Sequence[PieceSpec], table: TableSettings, camera: CameraSettings | None = None,
-        home: NDArray[np.float64] | None = None,
-    ) -> None:  # fmt: skip
-        tool = np.array(MotionSettings().at(table).home) if home is None else home
+        self,
+        pieces: Sequence[PieceSpec],
+        table: TableSettings,
+        home: tuple[float, float, float],
+        camera: CameraSettings | None = None,
+    ) -> None:
         standing = tuple(StandingPiece(piece, *table.xy(piece.place)) for piece in pieces)
-        self._model = build_model(load_parameters(), table, standing, tool)
+        self._model = build_model(load_parameters(), table, standing, np.array(home))
         self._names = [piece.name for piece in pieces]
         self._camera = camera or CameraSettings()
         self._folder = tempfile.TemporaryDirectory(prefix="touchmove-")
