@@ -2,8 +2,8 @@
 
 A reference keeps the board's grid and the crossings that could be seen. In a new picture the same crossings are looked
 for in the same windows: pieces, hands and shadows hide some of them but move none. A board that moved by a fifth of a
-square or more shows no crossings in these windows, so where few are left it is searched for; a shift by whole squares is
-seen beyond the border, where squares go on.
+square or more shows no crossings in these windows, so where few are left it is searched for. A shift by whole squares
+is seen beyond the border, where squares go on.
 """
 
 from __future__ import annotations

@@ -93,7 +93,7 @@ def describe(light: Light, shift: tuple[int, int] = (0, 0)) -> Array:
 
 def _blocks(picture: Field, count: int) -> Array:
     """Means over ``count`` × ``count`` blocks of each square: shape (64, n)."""
-    small = cv2.resize(picture, (8 * count, 8 * count), interpolation=cv2.INTER_AREA)
+    small = np.asarray(cv2.resize(picture, (8 * count, 8 * count), interpolation=cv2.INTER_AREA), dtype=np.float32)
     return by_square(small.reshape(8 * count, 8 * count, -1), count).reshape(64, -1).astype(float)
 
 
@@ -112,3 +112,5 @@ def square_means(picture: Field, share: float) -> Array:
     middle = by_square(board, SQUARE_PX)[:, edge : SQUARE_PX - edge, edge : SQUARE_PX - edge, 0]
     means: Array = middle.mean(axis=(1, 2)).astype(float)
     return means
+
+

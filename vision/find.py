@@ -212,7 +212,7 @@ def _measure(colour: Colour, grid: Grid, candidate: _Candidate, doubts: list[str
     """Corners from a dark a1 on, in the picture of full size, and their error; None if they are too uncertain."""
     factor = working_scale(grid)
     picture = levels(_resize(colour, factor) if factor != 1.0 else colour)
-    look = look_into(cv2.GaussianBlur(picture, (0, 0), 0.8), candidate.weights)
+    look = look_into(_softened(picture), candidate.weights)
     fit = refine_grid(look, grid.scaled(factor, (picture.shape[1], picture.shape[0])), candidate.dark)
     if fit is None:
         doubts.append("too few crossings of its lines can be seen")
@@ -242,7 +242,7 @@ def _snap(colour: Colour, rough: Array, doubts: list[str]) -> tuple[Array, float
     grid = grid.scaled(factor, (picture.shape[1], picture.shape[0]))
     inner = np.stack(np.meshgrid(np.arange(1.0, 8.0), np.arange(1.0, 8.0), indexing="ij"), axis=-1).reshape(-1, 2)
     weights = channel_weights(picture, grid, -1, inner)
-    look = look_into(cv2.GaussianBlur(picture, (0, 0), 0.8), weights)
+    look = look_into(_softened(picture), weights)
     # the weights are signed so that a1 comes out dark; whether it is, is for the person who clicks
     fit = refine_grid(look, grid, 1)
     if fit is None:
@@ -260,3 +260,8 @@ def _resize(colour: Colour, factor: float) -> Colour:
     size = (round(colour.shape[1] * factor), round(colour.shape[0] * factor))
     resized = cv2.resize(colour, size, interpolation=cv2.INTER_AREA if factor < 1.0 else cv2.INTER_CUBIC)
     return np.asarray(resized, dtype=np.uint8)
+
+
+def _softened(picture: Picture) -> Picture:
+    """Noise of single pixels and of the resizing taken off."""
+    return np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.8), dtype=np.float32)

@@ -125,7 +125,8 @@ def fit_grid(
     reference = grid.project(corners)
     sides = grid.sides(corners)
     slopes = np.stack([(grid_of(result.x + 1e-4 * e).project(corners) - reference) / 1e-4 for e in np.eye(9)], axis=-1)
-    inverse = np.linalg.pinv(result.jac.T @ result.jac)
+    jacobian = np.asarray(result.jac)
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
     variance = np.einsum("cik,kl,cil->c", slopes, inverse, slopes) * middle**2
     back = np.array([[1.0, 0.0, -centre[0]], [0.0, 1.0, -centre[1]], [0.0, 0.0, 1.0]])
     return GridFit(grid.moved(back), off, middle, np.sqrt(variance) / sides, _border(places, off))
@@ -133,6 +134,9 @@ def fit_grid(
 
 def _border(places: Array, off: Array) -> float:
     """Largest median distance across a side of the board of crossings on it, where at least three were seen."""
-    sides = [np.abs(np.median(off[on, axis])) for axis in (0, 1) for on in (places[:, axis] == 0.0, places[:, axis] == 8.0)
-             if np.count_nonzero(on) >= 3]  # fmt: skip
-    return float(max(sides, default=0.0))
+    medians = [0.0]
+    for axis, line in ((0, 0.0), (0, 8.0), (1, 0.0), (1, 8.0)):
+        on = places[:, axis] == line
+        if np.count_nonzero(on) >= 3:
+            medians.append(float(np.abs(np.median(off[on, axis]))))
+    return max(medians)

@@ -125,7 +125,7 @@ def grow_lattices(saddles: Saddles, least: int, enough: int, most_seeds: int) ->
 def _seeds(saddles: Saddles, tree: cKDTree) -> Iterator[tuple[int, int, int, int]]:
     """Four saddles around one square, counter-clockwise to the eye, those of the best quality first."""
     following = _following(saddles, tree)
-    quads = []
+    quads: list[tuple[int, int, int, int]] = []
     for start in range(len(saddles)):
         for along in range(4):
             a, b = following[start].get(along), following[start].get((along + 1) % 4)
@@ -162,8 +162,7 @@ def _following(saddles: Saddles, tree: cKDTree) -> list[dict[int, int]]:
     Directions 0 to 3 go round: first edge, second edge, first edge backwards, second backwards.
     """
     count = len(saddles)
-    _, near = tree.query(saddles.points, k=min(NEIGHBOURS + 1, count))
-    near = near[:, 1:]
+    near = np.asarray(tree.query(saddles.points, k=min(NEIGHBOURS + 1, count))[1])[:, 1:]
     offset = saddles.points[near] - saddles.points[:, None]
     heading = np.arctan2(offset[..., 1], offset[..., 0])
     turned = np.cos(2.0 * (saddles.bright[near] - saddles.bright[:, None])) < -LEAST_TURN
@@ -231,7 +230,7 @@ def _extend(
     places = places[raised > 0.1 * raised.max()]
     wanted = project(homography, places.astype(float))
     side = np.linalg.norm(steps(homography, places.astype(float)), axis=2).min(axis=1)
-    distance, nearest = tree.query(wanted)
+    distance, nearest = (np.asarray(one) for one in tree.query(wanted))
     turns = sign * _turns(homography, places.astype(float), saddles.bright[nearest])
     fits = (distance < REACH * side) & (turns > LEAST_TURN) & (side > 3.0)
     taken: dict[int, tuple[float, tuple[int, int]]] = {}

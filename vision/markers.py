@@ -1,7 +1,7 @@
 """The board from four ArUco markers beside it, for boards whose squares are hard to see or always covered.
 
-Markers 0, 1, 2, 3 of ``DICT_4X4_50`` lie flat, at the board's height, outside of the corners a1, h1, h8 and a8, all with
-their upper edge towards rank 8. They tell the orientation too.
+Markers 0, 1, 2, 3 of ``DICT_4X4_50`` lie flat, at the board's height, outside of the corners a1, h1, h8 and a8, all
+with their upper edge towards rank 8. They tell the orientation too.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ Array = NDArray[np.float64]
 
 LEAST_MARKERS: Final = 3
 """Markers that must be seen; the fourth may be covered."""
-MOST_RESIDUAL: Final = 0.1
-"""Markers that lie further from where they should be were put elsewhere [sides of a square]."""
+MOST_RESIDUAL: Final = 0.06
+"""Markers whose corners fit worse were put elsewhere [sides of a square]: with intrinsics unknown, that shows in their
+shapes alone, so what is off by less than about a square may pass. Measure their places well."""
 MODULES: Final = 6
 """Black and white fields along a side of a marker, its black rim included."""
 PAGE: Final = (210.0, 297.0)
@@ -146,7 +147,9 @@ def write_sheet(path: Path, settings: MarkerSettings) -> None:
     body.append(
         f'<text x="10" y="{foot - 4.0}" font-size="4">{RULER:.0f} mm; markers {side:g} mm, upper edge to rank 8</text>'
     )
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{PAGE[0]:g}mm" height="{PAGE[1]:g}mm" viewBox="0 0 {PAGE[0]:g} {PAGE[1]:g}">'
+    width, height = PAGE
+    size = f'width="{width:g}mm" height="{height:g}mm" viewBox="0 0 {width:g} {height:g}"'
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>'
     path.write_text("\n".join([head, '<rect width="100%" height="100%" fill="white"/>', *body, "</svg>"]) + "\n")
 
 

@@ -1,4 +1,4 @@
-"""Which move was made: every legal move and no move are weighed, with a margin that every other placement must keep too.
+"""Which move was made: every legal move and no move are weighed, with a margin that every other placement must keep.
 
 A move is accepted only if three things hold. No other legal move, nor none, explains the look nearly as well. No square
 says by itself that something else stands there; so a piece too many, a piece missing, two moves at once or a half-made
@@ -8,14 +8,12 @@ there is doubt, which is told as such.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 import chess
 import numpy as np
-from numpy.typing import NDArray
 
 from vision.appearance import EMPTY
 from vision.evidence import Array, Codes, Evidence, codes_of
@@ -24,9 +22,9 @@ MARGIN: Final = 6.0
 """By which a move must be better explained than any other legal move: e⁶ ≈ 400 times as likely [nat]."""
 MISSING: Final = 4.5
 STRAY: Final = 6.0
-"""How much rarer than a legal move it is that, besides, a piece is missing; that one too many stands there, or one of the
-other colour [nat]. Every square must keep the margin against that by itself. Of a square that is not seen nothing can be
-said, so that there even a missing piece counts as the latter: it would take a wonder."""
+"""How much rarer than a legal move it is that, besides, a piece is missing; that one too many stands there, or one of
+the other colour [nat]. Every square must keep the margin against that by itself. Of a square that is not seen nothing
+can be said, so that there even a missing piece counts as the latter: it would take a wonder."""
 UNEXPLAINED: Final = 12.0
 """The most that may be left unexplained over the whole board: three pieces brushed past [nat]."""
 MANY: Final = 4.0
@@ -133,10 +131,8 @@ def _weigh(evidence: Evidence, among: Candidates, before: Codes, margin: float) 
     strange = (doubt - np.where(np.arange(3) == EMPTY, missing[:, None], STRAY)).max(axis=1)
     left = min(lead - margin, -float(strange.max()) - MARGIN, UNEXPLAINED - rest)
     squares = tuple(int(square) for square in np.argsort(-strange) if strange[square] > -MARGIN)
-    if left < 0.0 or len(same) > 1:
-        verdict = Verdict.DOUBT
-    else:
-        verdict = Verdict.MOVE if among.lines[best] else Verdict.NOTHING
+    clear = Verdict.MOVE if among.lines[best] else Verdict.NOTHING
+    verdict = clear if left >= 0.0 and len(same) == 1 else Verdict.DOUBT
     confidence = _probability(scores, best, strange)
     return Decision(verdict, among.lines[best], confidence, left, squares)
 

@@ -20,7 +20,7 @@ from vision.standing import Standing
 
 _STEP: Final = SQUARE_PX // 10
 SHIFTS: Final = tuple((x, y) for x in (-_STEP, 0, _STEP) for y in (-_STEP, 0, _STEP))
-"""By which squares are taken off their places to learn from them: a tenth of a square, as people put pieces down [px]."""
+"""By which squares are taken off their places to learn from them: a tenth of their side, as people put pieces down [px]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -62,7 +62,7 @@ def levels(colour: NDArray[np.uint8]) -> Picture:
         Shape (h, w, 3), 0 to 255 as the picture.
     """
     table = 255.0 * np.log1p(np.arange(256) / 20.0) / np.log1p(255.0 / 20.0)
-    return cv2.LUT(colour, table.astype(np.float32))
+    return np.asarray(cv2.LUT(colour, table.astype(np.float32)), dtype=np.float32)
 
 
 def find_saddles(picture: Picture, most: int) -> Saddles:
@@ -72,7 +72,7 @@ def find_saddles(picture: Picture, most: int) -> Saddles:
         picture: shape (h, w, channels), as of ``levels``.
         most: how many to return at most.
     """
-    blurred = cv2.GaussianBlur(picture, (0, 0), BLUR)
+    blurred: Picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), BLUR), dtype=np.float32)
     xx, yy, xy = (_derivative(blurred, *orders) for orders in ((2, 0), (0, 2), (1, 1)))
     response = xy * xy - xx * yy
     channel = response.argmax(axis=2)
@@ -124,7 +124,7 @@ def _rings(picture: Picture, points: Array, channel: NDArray[np.intp]) -> tuple[
             chosen = channel == index
             if chosen.any():
                 plane = np.ascontiguousarray(picture[:, :, index])
-                values[chosen] = cv2.remap(plane, places[chosen], None, cv2.INTER_LINEAR)
+                values[chosen] = cv2.remap(plane, places[chosen], None, cv2.INTER_LINEAR)  # type: ignore[call-overload]
         values -= values.mean(axis=1, keepdims=True)
         opposite = np.roll(values, SAMPLES // 2, axis=1)
         power = np.maximum((values**2).mean(axis=1), 1e-9)

@@ -24,7 +24,7 @@ Picture = NDArray[np.uint8]
 Field = NDArray[np.float32]
 
 SQUARE_PX: Final = 24
-"""Side of a square in the plan [px]: as many as a camera of 640×480 shows, or fewer. More take time and tell no more."""
+"""Side of a square in the plan [px]: about as many as a camera of 640×480 shows. More tell no more."""
 MARGIN: Final = 1
 """Squares around the board that the plan shows as well: pieces lean over its edge."""
 PLAN_PX: Final = (8 + 2 * MARGIN) * SQUARE_PX

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -90,9 +90,9 @@ def sample(picture: Picture | NDArray[np.uint8], points: Array) -> Array:
     inside = (flat[:, 0] >= 0) & (flat[:, 1] >= 0) & (flat[:, 0] <= width - 1) & (flat[:, 1] <= height - 1)
     safe = np.where(inside[:, None], flat, 0.0).astype(np.float32)
     # OpenCV's remap has a limit of 32767 rows or columns
-    values = np.concatenate([
-        cv2.remap(picture, part[None], None, cv2.INTER_LINEAR)[0] for part in np.array_split(safe, len(safe) // 30000 + 1)
-    ]).astype(float)  # fmt: skip
+    parts = np.array_split(safe, len(safe) // 30000 + 1)
+    source: NDArray[Any] = picture
+    values = np.concatenate([cv2.remap(source, one[None], None, cv2.INTER_LINEAR)[0] for one in parts]).astype(float)  # type: ignore[call-overload]
     values[~inside] = np.nan
     return np.asarray(values.reshape(*points.shape[:-1], -1))
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hardware.interfaces import Frame
-from vision.difference import Differences, Glance
 from vision.board import BoardView
+from vision.difference import Differences, Glance
 from vision.heights import Heights, Relief
 from vision.zone import Floats, Mask, Space, Zone, shrink
 

@@ -57,12 +57,7 @@ class Studio:
     """
 
     def __init__(
-        self,
-        randomisation: Randomisation,
-        seed: int,
-        off: float,
-        board: chess.Board,
-        table: TableSettings | None = None,
+        self, randomisation: Randomisation, seed: int, off: float, board: chess.Board, table: TableSettings | None = None
     ) -> None:
         """Build the world and set up a position.
 
@@ -156,3 +151,5 @@ class Studio:
         self._renderer.close()
         self._device.close()
         shutil.rmtree(self._folder, ignore_errors=True)
+
+

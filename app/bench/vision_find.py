@@ -69,8 +69,8 @@ def find_rows(photos: Path, progress: Callable[[str], None] = lambda _: None) ->
     Returns:
         ``found``: 1 where every corner is within ``TOLERANCE``; ``wrong``: 1 where a board was given and a corner is
         not; ``astray``: 1 where one is off by ``ASTRAY``; ``turned``: 1 where a1 was said to be sure and is not the
-        labelled one; ``corner``: worst corner of each board given; ``underrated``: 1 where that is beyond both the error
-        that was given and the tolerance; ``find``: time a picture.
+        labelled one; ``corner``: worst corner of each board given; ``underrated``: 1 where that is beyond both the
+        error that was given and the tolerance; ``find``: time a picture.
     """
     errors, claims, times, turned = list[float](), list[float](), list[float](), list[float]()
     for picture in photographs(photos):

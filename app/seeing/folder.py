@@ -39,9 +39,7 @@ def follow_folder(folder: Path, corners_from: CornersFrom, progress: Callable[[s
     if corners_from is CornersFrom.LABELS and labels is None:
         raise UserError(f"{folder} has no labels.json that says where the board is: use '--corners find'")
     start = chess.Board(labels.initial_fen) if labels is not None else chess.Board()
-    source = (
-        LabelledCorners(labels) if labels is not None and corners_from is CornersFrom.LABELS else FoundCorners(start)
-    )
+    source = LabelledCorners(labels) if labels is not None and corners_from is CornersFrom.LABELS else FoundCorners(start)
     video = _video(folder, labels)
     if video is not None:
         views = _settled(video, labels.fps if labels is not None else None, source)

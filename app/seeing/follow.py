@@ -37,7 +37,9 @@ class _Tally:
 
     def score(self) -> Score:
         accuracy = self.squares_right / self.squares if self.squares else None
-        return Score(plies=self.plies, right=self.right, wrong=self.wrong, asked=self.asked, square_accuracy=accuracy)
+        return Score(
+            plies=self.plies, right=self.right, wrong=self.wrong, asked=self.asked, square_accuracy=accuracy
+        )
 
 
 @dataclass(slots=True)
@@ -53,8 +55,21 @@ class _Game:
     failed: str | None = None
 
     def report(self) -> VisionReport:
+        if self.labels is not None and self.labels.video is not None:
+            self._score_video(self.labels.moves_uci)
         score = self.tally.score() if self.labels is not None else None
         return VisionReport(events=tuple(self.events), score=score, pgn=self._pgn(), failed=self.failed)
+
+    def _score_video(self, truth: tuple[str, ...]) -> None:
+        """A video's views are not people's to choose: what counts is the game in the end."""
+        asked = [event.asked for event in self.events for _ in event.moves]
+        played = [move for event in self.events for move in event.moves]
+        tally = self.tally
+        tally.plies, tally.asked = len(truth), sum(asked)
+        tally.right = sum(
+            one == other and not by_a_person for one, other, by_a_person in zip(played, truth, asked, strict=False)
+        )
+        tally.wrong = max(len(truth), len(played)) - tally.right - tally.asked
 
     def _pgn(self) -> str:
         board = self.start.copy()
@@ -79,10 +94,9 @@ def follow(
         progress: told what is being done.
     """
     game = _Game(labels, chess.Board(labels.initial_fen) if labels is not None else chess.Board())
-    known = labels.by_file() if labels is not None else {}
     for number, picture in enumerate(pictures):
         progress(f"picture {number + 1}: {picture.name}")
-        label = known.get(picture.name)
+        label = labels.of_view(picture.name, len(game.played)) if labels is not None else None
         try:
             sight = sight_of_picture(picture.colour, corners.corners(picture), picture.stamp)
         except BoardNotFound as error:
@@ -134,7 +148,9 @@ def _ask(
         answer = decision.moves
         _go_on(game, look, _after(game.observer.board, answer, None), answer)
     moves = tuple(move.uci() for move in answer)
-    game.events.append(Event(frame=picture.name, moves=moves, confidence=decision.confidence, asked=True, said=said))
+    game.events.append(
+        Event(frame=picture.name, moves=moves, confidence=decision.confidence, asked=True, said=said)
+    )
 
 
 def _after(board: chess.Board, moves: Line, label: FrameLabel | None) -> chess.Board:

@@ -65,6 +65,7 @@ class FrameLabel(_Read):
 class Interval(_Read):
     """Frames of a video in which nothing moves, both ends included."""
 
+    ply: int
     first_frame: int
     last_frame: int
     fen: Fen
@@ -81,6 +82,20 @@ class Labels(_Read):
     fps: float | None = None
     stable_intervals: tuple[Interval, ...] = ()
     moves_uci: tuple[str, ...] = ()
+
+    def of_view(self, name: str, played: int) -> FrameLabel | None:
+        """What is known of a settled view, None where nothing is.
+
+        Args:
+            name: of its file; of a video, the number of the frame.
+            played: plies that are known to have been played before it.
+        """
+        if self.video is None:
+            return self.by_file().get(name)
+        for one in self.stable_intervals:
+            if one.first_frame <= int(name) <= one.last_frame:
+                return FrameLabel(file=name, moves_since_previous=self.moves_uci[played : one.ply], fen=one.fen)
+        return None
 
     def by_file(self) -> Mapping[str, FrameLabel]:
         """Pictures by the name of their file."""

@@ -69,7 +69,7 @@ def test_an_empty_board_is_not_oriented() -> None:
 def test_a_pattern_that_is_not_eight_by_eight_is_no_board(squares: int) -> None:
     seen = pose(0.2, 0.3, 0.6, SIZE)
     shrunk = seen @ np.diag([8.0 / squares, 8.0 / squares, 1.0])
-    with pytest.raises(BoardNotFound, match="there is no chessboard for certain in this picture: .*click its corners"):
+    with pytest.raises(BoardNotFound, match=r"there is no chessboard for certain in this picture: .*click its corners"):
         find_board(draw(shrunk, None, Drawing(squares=squares)))
 
 
@@ -87,7 +87,7 @@ def test_a_covered_row_is_never_taken_for_the_border() -> None:
     """A cloth over the first rank looks like table: eight rows cannot be told from seven and something else."""
     seen = pose(0.0, 0.0, 0.7, SIZE)
     colour = draw(seen, None, Drawing())
-    a1, h1, h8, _ = corners_of(seen)
+    a1, _, h8, _ = corners_of(seen)
     top = round(a1[1] - (a1[1] - h8[1]) / 8.0)
     colour[top:, :] = (90, 95, 100)
     with pytest.raises(BoardNotFound):

@@ -56,8 +56,8 @@ def test_too_few_markers_are_named() -> None:
 
 
 def test_a_marker_in_another_place_is_noticed() -> None:
-    with pytest.raises(BoardNotFound, match="the markers are up to .* squares from where the settings have them"):
-        find_markers(picture(pose(0.4, 0.0, 0.42, SIZE), push=0.03), SETTINGS, TABLE)
+    with pytest.raises(BoardNotFound, match=r"the markers are up to .* squares from where the settings have them"):
+        find_markers(picture(pose(0.4, 0.0, 0.42, SIZE), push=0.06), SETTINGS, TABLE)
 
 
 @pytest.mark.parametrize(
