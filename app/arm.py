@@ -51,12 +51,21 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class ArmState:
-    """Where the arm rests: reference, base frame (3,) [m]; finger position [m]; tick; what both pads feel [N]."""
+    """Where the arm rests: reference, base frame (3,) [m]; finger position [m]; tick; what both pads feel [N].
+
+    ``measured`` is where the tool is by the encoders, (3,) [m]; None: nobody measures, it is where it should be.
+    """
 
     reference: Vector
     finger: float
     tick: int
     felt: float = 0.0
+    measured: Vector | None = None
+
+    @property
+    def position(self) -> Vector:
+        """Of the tool, base frame (3,) [m]."""
+        return self.reference if self.measured is None else self.measured
 
 
 class ArmPaused(UserError):
@@ -100,7 +109,8 @@ class ControllerArm:
         """See ``Arm.state``."""
         telemetry = self._client.wait_standing()
         felt = min(telemetry.tactile)
-        return ArmState(np.array(telemetry.reference), telemetry.finger_position, telemetry.tick, felt)
+        measured = np.array(telemetry.position)
+        return ArmState(np.array(telemetry.reference), telemetry.finger_position, telemetry.tick, felt, measured)
 
     def settle(self) -> ArmState:
         """See ``Arm.settle``."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 if TYPE_CHECKING:
+    from app.calibrate_report import CalibrateReport
     from app.check import CheckReport
     from app.faces import Face
     from app.link_test import LinkReport
@@ -297,6 +298,20 @@ def check(
 
 
 @app.command()
+def calibrate(
+    rig: Annotated[str, typer.Option(help="sim, which is started for it, or the TOML file of a lab's rig.")] = "sim",
+    out: Annotated[
+        Path | None, typer.Option(help="File to write; the rig file's, or games/calibration.json, if left out.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the calibration as JSON.")] = False,
+) -> None:
+    """Find where the camera hangs: the arm moves over the board and shows its marker. Keep hands away."""
+    from app.calibrate import run_calibrate
+
+    _show_report(lambda: run_calibrate(rig, out, _say), as_json)
+
+
+@app.command()
 def vision(
     folder: Annotated[Path, typer.Argument(help="Pictures of a game in the order of their names, or a video.")],
     corners: Annotated[
@@ -326,7 +341,9 @@ def link_test(
     _show_report(lambda: run_link_test(rig, duration, _say), as_json)
 
 
-def _show_report(find: Callable[[], CheckReport | LinkReport | VisionReport], as_json: bool) -> NoReturn:
+def _show_report(
+    find: Callable[[], CheckReport | LinkReport | CalibrateReport | VisionReport], as_json: bool
+) -> NoReturn:
     """Find out, show it, and end the program with what it says."""
     from rich.console import Console
 

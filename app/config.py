@@ -109,6 +109,8 @@ class RigFile(_Frozen):
     parameters: Path = DEFAULT_FILE
     """Of the robot."""
     table: TableSettings = TableSettings()
+    calibration: Path = Path("calibration.json")
+    """Where ``touchmove calibrate`` writes how the camera hangs, and games read it."""
 
     @model_validator(mode="after")
     def _world_of_simulated_drives(self) -> Self:
@@ -149,6 +151,7 @@ def load_rig(path: Path) -> RigFile:
     folder = path.absolute().parent
     key = rig.controller.model_copy(update={"key": folder / rig.controller.key})
     paths = {"run_dir": folder / rig.run_dir, "parameters": folder / rig.parameters}
+    paths["calibration"] = folder / rig.calibration
     return rig.model_copy(update={"controller": key, "camera": _placed(rig.camera, folder), **paths})
 
 

@@ -9,10 +9,12 @@ from __future__ import annotations
 import tomllib
 from functools import cache
 from pathlib import Path
+from typing import Annotated
 
 from pydantic import (
     BaseModel,
     ConfigDict,
+    Field,
     NonNegativeFloat,
     PositiveFloat,
     PositiveInt,
@@ -114,6 +116,30 @@ class Tactile(_Frozen):
     bandwidth: PositiveFloat
 
 
+class Marker(_Frozen):
+    """A printed ArUco marker (4×4, 50) on the tool, by which a camera sees where the arm is.
+
+    Only its centre counts for calibration; which way it faces only decides from where it can be seen. It faces −z₂,
+    tilted upwards.
+    """
+
+    number: Annotated[int, Field(ge=0, lt=50)]
+    """Of the dictionary's 50."""
+    size: PositiveFloat
+    """Side of the black square [m]; the white border around it is an eighth of the plate at each side."""
+    x: float
+    """Of its centre from the tool centre, axes of the base frame [m]."""
+    y: float
+    z: float
+    tilt: Annotated[float, Field(ge=0.0, le=1.58)]
+    """Of its face's normal above the horizontal [rad]."""
+
+    @property
+    def centre(self) -> tuple[float, float, float]:
+        """From the tool centre, axes of the base frame [m]."""
+        return self.x, self.y, self.z
+
+
 class RobotParameters(_Frozen):
     """The whole parameter set of one robot."""
 
@@ -124,6 +150,8 @@ class RobotParameters(_Frozen):
     gripper: Gripper
     pads: Pads
     tactile: Tactile
+    marker: Marker | None = None
+    """None: the tool bears none, and no camera can be calibrated."""
 
 
 @cache

@@ -56,6 +56,8 @@ KNOW_THE_SIMULATION = {
     "app.bench.finger": "puts a finger into the world",
     "app.bench.touchdown": "sets pieces down in a world in the same process",
     "app.bench.grip": "shakes a king in one process",
+    "app.bench.vision_calibration": "hangs the simulated camera, and knows how",
+    "app.calibrate": "composes the settings of a world to calibrate in",
     "app.check.rig": "tries the devices of a simulated rig",
     "app.bench.sim": "does a game's ticks again by the plant alone",
     "app.bench.vision_hand": "has hands come in worlds of its own, and asks the referee when they did",

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
+from hardware.sim.marker import add_marker, add_marker_looks
 
 ARM_ANGLES = (0.0, -2.0 * math.pi / 3.0, 2.0 * math.pi / 3.0)
 """Rotation of arms 1, 2, 3 about z₃ [rad]."""
@@ -184,6 +185,8 @@ def _add_platform(base: mujoco.MjsBody, parameters: RobotParameters) -> None:
         platform.add_site(name=f"flange_joint{arm + 1}", pos=at, rgba=[0, 0, 0, 0])
     for side in (1, -1):
         _add_finger(platform, parameters, side)
+    if parameters.marker is not None:
+        add_marker(platform, parameters.marker)
 
 
 def _add_gripper_drive(spec: mujoco.MjSpec, parameters: RobotParameters) -> None:
@@ -230,6 +233,8 @@ def add_arm(
     )  # fmt: skip
     for arm in range(3):
         _add_leg(base, parameters, arm)
+    if parameters.marker is not None:
+        add_marker_looks(spec, parameters.marker)
     _add_platform(base, parameters)
     for arm in range(3):
         spec.add_equality(

@@ -16,10 +16,15 @@ from hardware.sim.contact import Contact
 from hardware.sim.d435 import COLOUR_FIELD_OF_VIEW
 from hardware.sim.lamps import lamps, set_ambient
 from hardware.sim.looks import LightSettings
+<<<<<<< HEAD
 from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, LINED, WALL, WOOD_FRICTION, give_stiffness
 from hardware.sim.turning import FELT_HEIGHT, turned_mesh
+=======
+from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, WOOD_FRICTION, give_stiffness
+from hardware.sim.turning import turned_mesh
+>>>>>>> c37f224a111d431b0596fd900f65261ff01e0ac3
 from hardware.sim.wood import board_png
-from hardware.table import PIECE_SHAPES, Colour, Kind, PieceShape, PieceSpec, TableSettings
+from hardware.table import FELT_HEIGHT, FELT_RADIUS, PIECE_SHAPES, Colour, Kind, PieceShape, PieceSpec, TableSettings
 
 FOOT_SIDE = 0.85
 """Half a side of the square that stands for a foot, in radii of the foot: it tips over as late as the round one on
@@ -244,7 +249,7 @@ def _dress(body: mujoco.MjsBody, piece: StandingPiece) -> None:
     )  # fmt: skip
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CYLINDER, contype=0, conaffinity=0, mass=0.0, rgba=FELT_RGBA, group=1,
-        size=[0.96 * foot, FELT_HEIGHT / 2.0, 0], pos=[0, 0, FELT_HEIGHT / 2.0],
+        size=[FELT_RADIUS * foot, FELT_HEIGHT / 2.0, 0], pos=[0, 0, FELT_HEIGHT / 2.0],
     )  # fmt: skip
 
 

@@ -13,39 +13,12 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.table import PIECE_SHAPES, Kind
+from hardware.table import FELT_HEIGHT, PIECE_PROFILES, PIECE_SHAPES, Kind, piece_profile
 
 SEGMENTS = 20
-FELT_HEIGHT = 0.0012
-"""Of the felt under the foot [m]; it is a shape of its own."""
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int32]]
 """Vertices (n, 3) [m] and triangles (m, 3)."""
-
-# Profiles above the foot: (radius in stem radii, height as a fraction from the foot's top to the piece's top).
-_PROFILES: dict[Kind, tuple[tuple[float, float], ...]] = {
-    Kind.PAWN: (
-        (0.95, 0.05), (0.72, 0.18), (0.6, 0.36), (0.56, 0.5), (0.62, 0.535), (0.97, 0.555), (0.97, 0.585), (0.58, 0.61),
-        (0.82, 0.67), (0.97, 0.75), (1.0, 0.82), (0.9, 0.91), (0.6, 0.975), (0.25, 0.998),
-    ),
-    Kind.ROOK: (
-        (1.0, 0.05), (0.82, 0.2), (0.74, 0.45), (0.74, 0.62), (0.8, 0.66), (1.0, 0.7), (1.0, 0.76), (0.94, 0.78),
-        (1.0, 1.0), (0.7, 1.0), (0.66, 0.86),
-    ),
-    Kind.KNIGHT: ((1.0, 0.05), (0.95, 0.1), (0.98, 0.14), (0.9, 0.18), (0.7, 0.2)),
-    Kind.BISHOP: (
-        (1.0, 0.04), (0.74, 0.16), (0.58, 0.34), (0.54, 0.54), (0.6, 0.57), (0.97, 0.585), (0.97, 0.615), (0.6, 0.63),
-        (0.62, 0.65), (0.84, 0.71), (0.88, 0.77), (0.74, 0.86), (0.42, 0.935), (0.2, 0.95), (0.3, 0.97), (0.2, 0.995),
-    ),
-    Kind.QUEEN: (
-        (1.0, 0.04), (0.74, 0.14), (0.6, 0.32), (0.55, 0.56), (0.62, 0.6), (1.0, 0.615), (1.0, 0.645), (0.62, 0.66),
-        (0.56, 0.7), (0.7, 0.8), (1.0, 0.93), (0.78, 0.925), (0.5, 0.94), (0.2, 0.945), (0.3, 0.965), (0.2, 0.993),
-    ),
-    Kind.KING: (
-        (1.0, 0.04), (0.76, 0.13), (0.62, 0.3), (0.56, 0.53), (0.64, 0.57), (1.0, 0.585), (1.0, 0.615), (0.64, 0.63),
-        (0.58, 0.67), (0.72, 0.76), (0.97, 0.855), (0.9, 0.87), (0.5, 0.895), (0.22, 0.905), (0.16, 0.91),
-    ),
-}  # fmt: skip
 
 _BATTLEMENTS = (8, 9)
 """Rings of the rook's profile that are cut down between its battlements."""
@@ -73,22 +46,13 @@ def turned_mesh(kind: Kind) -> Mesh:
 
 
 def _profile(kind: Kind) -> list[tuple[float, float]]:
-    shape = PIECE_SHAPES[kind]
-    radius, height = shape.foot_radius, shape.foot_height
-    foot = [
-        (0.0, FELT_HEIGHT), (0.98 * radius, FELT_HEIGHT), (radius, 0.25 * height), (radius, 0.45 * height),
-        (0.95 * radius, 0.58 * height), (0.86 * radius, 0.66 * height), (0.84 * radius, 0.74 * height),
-        (0.72 * radius, height),
-    ]  # fmt: skip
-    span = shape.height - height
-    body = [(r * shape.stem_radius, height + f * span) for r, f in _PROFILES[kind]]
-    return [*foot, *body, (0.0, body[-1][1])]
+    return [(0.0, FELT_HEIGHT), *piece_profile(kind)[2:]]
 
 
 def _carving(kind: Kind) -> Callable[[int, int], float]:
     """By how much a ring's vertex stands higher than the profile, as part of the piece above the foot."""
     rings = {Kind.ROOK: _BATTLEMENTS, Kind.QUEEN: _CORONET}.get(kind, ())
-    first = len(_profile(kind)) - len(_PROFILES[kind]) - 2  # of the profile above the foot, among all rings
+    first = len(_profile(kind)) - len(PIECE_PROFILES[kind]) - 2  # of the profile above the foot, among all rings
     carved = {first + ring for ring in rings}
 
     def lift(ring: int, segment: int) -> float:

@@ -102,7 +102,7 @@ def test_no_file(tmp_path: Path) -> None:
         (
             "[tactile]",
             "[touch]",
-            ": touch is unknown, there are geometry, inertia, friction, drive, gripper, pads, tactile",
+            ": touch is unknown, there are geometry, inertia, friction, drive, gripper, pads, tactile, marker",
         ),
         ("coulomb = 0.02", "coulomb = -1.0", ": friction.coulomb is -1.0: it should be greater than or equal to 0"),
         ("coulomb = 0.02", "coulomb = inf", ": friction.coulomb is inf: it should be a finite number"),

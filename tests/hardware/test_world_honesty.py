@@ -171,7 +171,11 @@ MAY_CALL = {
     "mj_forward": {("plant", "Plant.__init__"), ("drawing", "Easel.__init__")},
     "mj_kinematics": {("drawing", "Easel.draw"), ("view", "watch_world")},
     "mj_camlight": {("drawing", "Easel._prepared"), ("view", "watch_world")},
-    "mj_saveModel": {("server", "World.__init__"), ("grasp_world", "save_model")},
+    "mj_saveModel": {
+        ("server", "World.__init__"),
+        ("grasp_world", "save_model"),
+        ("table_studio", "TableStudio.__init__"),
+    },
 }
 """The only functions of MuJoCo that take a whole simulation, and where they are called."""
 

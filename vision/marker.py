@@ -1,0 +1,64 @@
+"""The printed marker on the tool in a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+LEAST_SIDE: Final = 14.0
+"""A marker with a shorter side is too small to be measured [px]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenMarker:
+    """A marker in a picture.
+
+    Attributes:
+        centre: picture of the centre of the black square, (2,) [px].
+        corners: of the black square, (4, 2) [px].
+    """
+
+    centre: Array
+    corners: Array
+
+
+@cache
+def _detector() -> Any:
+    settings = cv2.aruco.DetectorParameters()
+    settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    settings.relativeCornerRefinmentWinSize = 0.6
+    settings.cornerRefinementWinSize = 4
+    return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50), settings)
+
+
+def find_marker(colour: NDArray[np.uint8], number: int) -> SeenMarker | None:
+    """The marker of a number (4×4 bits, dictionary of 50), None where it is not in sight as a whole.
+
+    Args:
+        colour: RGB, shape (h, w, 3).
+        number: of the marker; others are passed over.
+    """
+    corners, numbers, _ = _detector().detectMarkers(cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY))
+    if numbers is None:
+        return None
+    for found, one in zip(corners, np.ravel(numbers).tolist(), strict=True):
+        four = np.asarray(found, dtype=float).reshape(4, 2)
+        sides = np.linalg.norm(np.roll(four, -1, axis=0) - four, axis=1)
+        if one == number and float(sides.min()) >= LEAST_SIDE:
+            return SeenMarker(_crossing(four), four)
+    return None
+
+
+def _crossing(corners: Array) -> Array:
+    """Where the diagonals cross: the picture of the centre, whichever way the marker faces."""
+    first, second = corners[2] - corners[0], corners[3] - corners[1]
+    share = np.linalg.solve(np.column_stack([first, -second]), corners[1] - corners[0])
+    crossing: Array = corners[0] + share[0] * first
+    return crossing

@@ -1,0 +1,135 @@
+"""What the outline of a standing piece looks like from an elevation, from the profile that the table settings give.
+
+Frame ``aside``: origin at the centre of the foot's underside; right as the camera sees it, away from the camera along
+the board, up [m].
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.table import PIECE_SHAPES, Kind, piece_profile
+
+Array = NDArray[np.float64]
+
+CONTOUR_POINTS: Final = 56
+"""Of each outline."""
+INSIDE_POINTS: Final = 48
+"""Of each silhouette."""
+STEP_DEG: Final = 4.0
+"""Outlines are made for elevations so far apart [°]."""
+HEAD_WEIGHT: Final = 0.1
+"""Of a knight's outline above its turned part: its head looks different from all sides."""
+_HEAD_RADIUS: Final = 0.75
+"""Of a knight's head seen from anywhere, in stem radii."""
+_SCALE: Final = 6000.0
+"""Of the drawing in which outlines are found [px/m]."""
+_RING_STEP: Final = 0.0005
+"""Between rings of the drawing [m]."""
+_RING_POINTS: Final = 40
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """Outline and silhouette of one kind from one elevation; points (n, 3) in ``aside`` [m].
+
+    Attributes:
+        contour: ``CONTOUR_POINTS`` on the surface, evenly along the outline.
+        normal: outward normals of the outline at those, across the view; unit vectors.
+        weight: how far each of them can be trusted, 0 to 1.
+        inside: ``INSIDE_POINTS`` spread over the silhouette.
+    """
+
+    contour: Array
+    normal: Array
+    weight: Array
+    inside: Array
+
+
+def outline(kind: Kind, elevation: float) -> Outline:
+    """Of a piece that the camera sees from this elevation above the board [rad]."""
+    return _outline(kind, round(math.degrees(elevation) / STEP_DEG))
+
+
+@lru_cache(maxsize=512)
+def _outline(kind: Kind, step: int) -> Outline:
+    elevation = math.radians(step * STEP_DEG)
+    sin, cos = math.sin(elevation), math.cos(elevation)
+    points = _surface(kind)
+    across = np.column_stack([points[:, 0], points[:, 2] * cos + points[:, 1] * sin])  # right and up, as seen
+    origin = across.min(axis=0) - 4.0 / _SCALE
+    mask = _drawn(across, origin)
+    chain = max(cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0], key=len)[:, 0].astype(float)
+    chain, normal = _evenly(chain)
+    place = chain / _SCALE + origin
+    nearest = np.array([int(((across - one) ** 2).sum(axis=1).argmin()) for one in place])
+    rim = points[nearest]
+    # the chain is exact across the view; the surface point gives how far away it is
+    seen = across[nearest]
+    contour = rim + _aside(place - seen, sin, cos)
+    turned = contour[:, 2] <= piece_profile(kind)[-1][1] + 1e-3
+    weight = np.where(turned, 1.0, HEAD_WEIGHT)
+    inside = _spread(mask) / _SCALE + origin
+    return Outline(contour, _aside(normal, sin, cos), weight, _aside(inside, sin, cos))
+
+
+def _aside(across: Array, sin: float, cos: float) -> Array:
+    """Vectors across the view (right, up as seen) in ``aside``, shape (n, 3)."""
+    return np.column_stack([across[:, 0], across[:, 1] * sin, across[:, 1] * cos])
+
+
+def _surface(kind: Kind) -> Array:
+    """Points on the surface, ring by ring, shape (rings × ``_RING_POINTS``, 3)."""
+    profile = np.array(piece_profile(kind))
+    if kind is Kind.KNIGHT:
+        shape = PIECE_SHAPES[kind]
+        head = _HEAD_RADIUS * shape.stem_radius
+        profile = np.vstack([profile[:-1], [[head, profile[-1, 1]], [head, 0.94 * shape.height], [0.0, shape.height]]])
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(profile, axis=0).T))])
+    along = np.linspace(0.0, length[-1], math.ceil(length[-1] / _RING_STEP))
+    radius, height = np.interp(along, length, profile[:, 0]), np.interp(along, length, profile[:, 1])
+    angle = 2.0 * np.pi * np.arange(_RING_POINTS) / _RING_POINTS
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    plane = radius[:, None, None] * ring
+    return np.concatenate([plane, np.broadcast_to(height[:, None, None], (*plane.shape[:2], 1))], axis=2).reshape(-1, 3)
+
+
+def _drawn(across: Array, origin: Array) -> NDArray[np.uint8]:
+    """Rings filled one over the other: the silhouette."""
+    pixels = np.rint((across - origin) * _SCALE).astype(np.int32)
+    width, height = (pixels.max(axis=0) + 5).tolist()
+    mask = np.zeros((height, width), dtype=np.uint8)
+    for ring in pixels.reshape(-1, _RING_POINTS, 2):
+        cv2.fillConvexPoly(mask, np.ascontiguousarray(ring), 1)
+    return mask
+
+
+def _evenly(chain: Array) -> tuple[Array, Array]:
+    """Points evenly along a closed chain, and the outward normals there, each (``CONTOUR_POINTS``, 2)."""
+    kernel = cv2.getGaussianKernel(25, 4.0)[:, 0]
+    smooth = np.column_stack([np.convolve(np.r_[c[-12:], c, c[:12]], kernel, "valid") for c in chain.T])
+    tangent = np.roll(smooth, -3, axis=0) - np.roll(smooth, 3, axis=0)
+    normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    area = 0.5 * float(np.sum(smooth[:, 0] * np.roll(smooth[:, 1], -1) - smooth[:, 1] * np.roll(smooth[:, 0], -1)))
+    length = np.cumsum(np.linalg.norm(np.diff(smooth, axis=0, append=smooth[:1]), axis=1))
+    take = np.searchsorted(length, (np.arange(CONTOUR_POINTS) + 0.5) / CONTOUR_POINTS * length[-1])
+    return smooth[take], normal[take] * (1.0 if area > 0.0 else -1.0)
+
+
+def _spread(mask: NDArray[np.uint8]) -> Array:
+    """``INSIDE_POINTS`` points spread evenly over a silhouette, (n, 2) in pixels of the drawing."""
+    inner = cv2.erode(mask, np.ones((7, 7), dtype=np.uint8))
+    rows, columns = np.nonzero(inner)
+    take = np.linspace(0, len(rows) - 1, INSIDE_POINTS).astype(int)
+    # along the rows they come in order of height, so that equal steps are an even spread; columns alternate by chance
+    order = np.lexsort((np.random.default_rng(7).random(len(rows)), rows))
+    picked = order[take]
+    return np.column_stack([columns[picked], rows[picked]]).astype(float)
