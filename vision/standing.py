@@ -52,7 +52,8 @@ class Standing:
         likelihood = np.zeros((64, 3))
         likelihood[:, WHITE] = occupied - np.maximum(black, 0.0)
         likelihood[:, BLACK] = occupied + np.minimum(black, 0.0)
-        return likelihood - likelihood.max(axis=1, keepdims=True)
+        likelihood -= likelihood.max(axis=1, keepdims=True)
+        return likelihood
 
 
 def _share(solids: Solids) -> Array:

@@ -16,13 +16,8 @@ from hardware.sim.contact import Contact
 from hardware.sim.d435 import COLOUR_FIELD_OF_VIEW
 from hardware.sim.lamps import lamps, set_ambient
 from hardware.sim.looks import LightSettings
-<<<<<<< HEAD
 from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, LINED, WALL, WOOD_FRICTION, give_stiffness
-from hardware.sim.turning import FELT_HEIGHT, turned_mesh
-=======
-from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, WOOD_FRICTION, give_stiffness
 from hardware.sim.turning import turned_mesh
->>>>>>> c37f224a111d431b0596fd900f65261ff01e0ac3
 from hardware.sim.wood import board_png
 from hardware.table import FELT_HEIGHT, FELT_RADIUS, PIECE_SHAPES, Colour, Kind, PieceShape, PieceSpec, TableSettings
 
