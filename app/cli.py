@@ -266,8 +266,13 @@ def figures(
 
 @app.command()
 def bench(
-    name: Annotated[str, typer.Argument(help="What to measure: law, loop, finger, kills, motion or sim.")],
+    name: Annotated[
+        str, typer.Argument(help="What to measure: law, loop, finger, kills, motion, sim, grip or vision.")
+    ],
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions: ends within a minute.")] = False,
+    photos: Annotated[
+        Path | None, typer.Option(help="Labelled photographs for bench vision; else the folder in TOUCHMOVE_PHOTOS.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
     """Measure, and say whether each bar is held."""
@@ -276,7 +281,7 @@ def bench(
 
     try:
         with _interruptible():
-            report = run_bench(name, quick, _say)
+            report = run_bench(name, quick, _say, photos)
     except UserError as error:
         _fail(str(error))
     if as_json:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import MappingProxyType
 
 from app import UserError
@@ -14,6 +15,7 @@ from app.bench.loop import loop_bench
 from app.bench.motion import motion_bench
 from app.bench.report import BenchReport
 from app.bench.sim import sim_bench
+from app.bench.vision import vision_bench
 
 Progress = Callable[[str], None]
 Bench = Callable[[bool, Progress], BenchReport]
@@ -27,6 +29,7 @@ BENCHES: Mapping[str, Bench] = MappingProxyType(
         "motion": motion_bench,
         "sim": sim_bench,
         "grip": grip_bench,
+        "vision": vision_bench,
     }
 )
 """By name; each takes ``quick`` and a function that is told what is being done."""
@@ -39,17 +42,25 @@ class UnknownBench(UserError):
         super().__init__(f"there is no bench '{name}', choose from: {', '.join(BENCHES)}")
 
 
-def run_bench(name: str, quick: bool, progress: Progress) -> BenchReport:
+def run_bench(name: str, quick: bool, progress: Progress, photos: Path | None = None) -> BenchReport:
     """Run a bench.
 
     Args:
         name: of ``BENCHES``.
         quick: fewer repetitions; it ends within a minute.
         progress: told what is being done.
+        photos: folder with labelled photographs, for ``vision``.
 
     Raises:
         UnknownBench: there is none of that name.
+        UserError: photographs are given that are not there, or are not looked at.
     """
     if name not in BENCHES:
         raise UnknownBench(name)
+    if photos is not None:
+        if name != "vision":
+            raise UserError(f"bench '{name}' looks at no photographs: leave --photos out, or run bench vision")
+        if not photos.is_dir():
+            raise UserError(f"{photos} is no folder: name the one with the labelled photographs")
+        return vision_bench(quick, progress, photos)
     return BENCHES[name](quick, progress)
