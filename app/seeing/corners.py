@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 class CornersFrom(StrEnum):
     """Who says where the board is."""
 
-    LABELS = "labels"
     FIND = "find"
+    LABELS = "labels"
 
 
 class CornerSource(Protocol):
