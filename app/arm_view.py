@@ -46,6 +46,8 @@ HELD_ABOVE: Final = max(shape.height - shape.grip_height for shape in PIECE_SHAP
 """From the tool point to both ends of the tallest piece that it may hold [m]."""
 _FAN: Final = 4
 """The flange is drawn as so many bars across it."""
+_PLATE_BARS: Final = 3
+"""The marker's plate is drawn as so many bars along it."""
 _MOST_WAIT: Final = 2.0
 """For telemetry that is on its way [s, wall]."""
 
@@ -74,7 +76,8 @@ def arm_capsules(parameters: RobotParameters, table: TableSettings, pose: Pose) 
         for start, end, radius in _leg(parameters, arm, pose.angle[arm], tool):
             ends.append((start, end))
             radii.append(radius)
-    for start, end, radius in (*_flange(parameters, tool), *_gripper(parameters, tool, pose.finger)):
+    tool_parts = (*_flange(parameters, tool), *_gripper(parameters, tool, pose.finger), *_marker(parameters, tool))
+    for start, end, radius in tool_parts:
         ends.append((start, end))
         radii.append(radius)
     return Capsules.of(table.board_from_base(np.array(ends)), radii)
@@ -127,6 +130,22 @@ def _gripper(parameters: RobotParameters, tool: Array, finger: float) -> list[tu
         links.append((tip - [0.0, 0.0, BODY_HEIGHT], tip, FINGER_RADIUS))
     below, above = HELD_BELOW - HELD_RADIUS / 2.0, HELD_ABOVE - HELD_RADIUS / 2.0
     links.append((tool - [0.0, 0.0, above], tool + np.array([0.0, 0.0, below]), HELD_RADIUS))
+    return links
+
+
+def _marker(parameters: RobotParameters, tool: Array) -> list[tuple[Array, Array, float]]:
+    """The printed marker's plate, as bars along it that overlap at its corners."""
+    marker = parameters.marker
+    if marker is None:
+        return []
+    half = 0.5 * marker.plate
+    up = np.array([0.0, math.sin(marker.tilt), -math.cos(marker.tilt)])
+    radius = 1.1 * half / _PLATE_BARS
+    links = []
+    for number in range(_PLATE_BARS):
+        middle = tool + marker.centre + ((2 * number + 1) / _PLATE_BARS - 1.0) * half * up
+        aside = np.array([half, 0.0, 0.0])
+        links.append((middle - aside, middle + aside, radius))
     return links
 
 

@@ -135,6 +135,11 @@ class Marker(_Frozen):
     """Of its face's normal above the horizontal [rad]."""
 
     @property
+    def plate(self) -> float:
+        """Side of the plate with the white border: six of eight modules are the black square [m]."""
+        return self.size * 8.0 / 6.0
+
+    @property
     def centre(self) -> tuple[float, float, float]:
         """From the tool centre, axes of the base frame [m]."""
         return self.x, self.y, self.z

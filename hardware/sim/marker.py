@@ -41,7 +41,7 @@ def add_marker_looks(spec: mujoco.MjSpec, marker: Marker) -> None:
 
 def add_marker(platform: mujoco.MjsBody, marker: Marker) -> None:
     """The plate on the platform, whose frame is the base frame moved to the tool centre."""
-    half = 0.5 * marker.size * MODULES / (MODULES - 2)
+    half = 0.5 * marker.plate
     normal = np.array([0.0, -math.cos(marker.tilt), -math.sin(marker.tilt)])
     right = np.array([1.0, 0.0, 0.0])
     axes, quat = np.column_stack([right, np.cross(normal, right), normal]), np.empty(4)
