@@ -144,7 +144,7 @@ def fake_report(holds: bool) -> BenchReport:
 
 @pytest.mark.parametrize(("holds", "status"), [(True, 0), (False, 1)])
 def test_the_command_reports_in_the_contracts_form(holds: bool, status: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.bench.run_bench", lambda name, quick, progress: fake_report(holds))
+    monkeypatch.setattr("app.bench.run_bench", lambda name, quick, progress, photos: fake_report(holds))
     done = CliRunner().invoke(command_line, ["bench", "law", "--quick", "--json"])
     assert done.exit_code == status
     report = json.loads(done.stdout)
