@@ -26,6 +26,8 @@ NUDGE: Final = -4.0
 past pieces, and shadows wander."""
 HARD_TO_SEE: Final = -2.0
 """Nothing that looks unchanged behind another piece counts for more than this against a change."""
+BESIDE_DEPTH: Final = 0.5
+"""What looks count for where there is depth: they see what lies behind a piece as well, and depth does not."""
 COVERED: Final = 0.15
 """A square of whose middle another piece covers more than this is not seen as it is."""
 
@@ -48,7 +50,7 @@ class Evidence:
 
     def probabilities(self) -> Array:
         """Of empty, white and black for each square by looks alone: shape (64, 3)."""
-        likelihood = np.exp(self.states if self.solid is None else self.states + self.solid)
+        likelihood = np.exp(self.states if self.solid is None else BESIDE_DEPTH * self.states + self.solid)
         probabilities: Array = likelihood / likelihood.sum(axis=1, keepdims=True)
         return probabilities
 
@@ -102,7 +104,7 @@ class Evidence:
         hidden = np.minimum(self.hidden(codes), 1.0)
         looks = self.states * (1.0 - hidden)[..., None]
         if self.solid is not None:
-            looks = looks + self.solid
+            looks = BESIDE_DEPTH * looks + self.solid
         either = np.log(0.5)
         did = np.where(np.maximum(hidden, self.hidden(before)) > COVERED, HARD_TO_SEE, -BOUND)
         did = np.maximum(-np.logaddexp(0.0, -self.changed), did)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,6 +27,10 @@ REACH: Final = 0.45
 """Points count for a square up to so far from its centre, along both axes [sides of a square]."""
 HIGHEST: Final = 0.9
 """Of the points of a piece, this share is below what counts as its top: single points fly."""
+FAT: Final = 5
+"""Depth is fat at edges, by 2 px on each side: there the colour is that of what lies behind [px]."""
+CORE: Final = 12
+"""Points without such edges by which a colour is told; where there are fewer, all count."""
 DARKEST: Final = 0.08
 """Added to brightness (0 to 1) before its logarithm: below it there is more noise than picture."""
 
@@ -40,7 +45,7 @@ class Solids:
         above: number of those above any piece; shape (64,).
         top: height of what stands there, shape (64,) [m]; 0 where nothing does.
         colour: mean of the natural logarithm of red, green and blue (0 to 1, plus ``DARKEST``) of the standing
-            points, shape (64, 3); 0 where there are none.
+            points, without the edges of what stands there, shape (64, 3); 0 where there are none.
     """
 
     seen: NDArray[np.intp]
@@ -69,11 +74,23 @@ def solids_of(frame: Frame, view: BoardView) -> Solids:
     stands = over & (z > TALL) & (z < CEILING)
     of_piece = square[stands]
     count = np.bincount(of_piece, minlength=64)
-    pixels = frame.colour[window][stands]
-    level = [np.bincount(of_piece, _LOGARITHM[pixels[:, band]], minlength=64) for band in range(3)]
-    colour = np.stack(level, axis=1) / np.maximum(count, 1)[:, None]
+    core = cv2.erode(stands.astype(np.uint8), np.ones((FAT, FAT), np.uint8)).astype(np.bool_)
+    colour, cored = _colour(frame.colour[window], square, core)
+    if (cored < CORE).any():
+        whole, _ = _colour(frame.colour[window], square, stands)
+        colour = np.where((cored < CORE)[:, None], whole, colour)
     above = np.bincount(square[over & (z >= CEILING)], minlength=64)
     return Solids(np.bincount(square[over], minlength=64), count, above, _tops(of_piece, z[stands], count), colour)
+
+
+def _colour(
+    picture: NDArray[np.uint8], square: NDArray[np.int32], where: NDArray[np.bool_]
+) -> tuple[Array, NDArray[np.intp]]:
+    """Mean logarithmic colour of each square's points, shape (64, 3), and how many they are."""
+    of_square, pixels = square[where], picture[where]
+    count = np.bincount(of_square, minlength=64)
+    level = [np.bincount(of_square, _LOGARITHM[pixels[:, band]], minlength=64) for band in range(3)]
+    return np.stack(level, axis=1) / np.maximum(count, 1)[:, None], count
 
 
 def _tops(square: NDArray[np.int32], height: NDArray[np.float32], count: NDArray[np.intp]) -> Array:
