@@ -16,7 +16,7 @@ demo:
 
 test:
 	@bash .ci/setup dev
-	@.venv/bin/python -m pytest --numprocesses auto --dist loadfile $(ARGS)
+	@.venv/bin/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder $(ARGS)
 
 check:
 	@bash .ci/setup dev
