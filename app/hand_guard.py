@@ -215,8 +215,10 @@ class HandGuard:
                 self._take(self._frames.read(FRAME_AGE))
         except CameraClosed:
             pass  # by ``close``
-        except (ControllerError, HardwareError, UserError, ValueError) as error:
+        except Exception as error:
             self._give_up(error)
+            if not isinstance(error, ControllerError | HardwareError | UserError):
+                raise  # a bug: the arm holds already, and the traceback is told
 
     def _take(self, frame: Frame) -> None:
         seen = self._watch.update(frame, self._view, self._masks.at(frame.stamp))
@@ -235,11 +237,11 @@ class HandGuard:
 
     def _give_up(self, error: Exception) -> None:
         """Nobody watches any more: the arm must not move over the board."""
-        try:
-            self._frames.release()
-            self._holder.ask_to_hold()
-        except (ControllerError, HardwareError) as worse:
-            error = worse
+        for last_act in (self._holder.ask_to_hold, self._frames.release):
+            try:
+                last_act()
+            except (ControllerError, HardwareError) as worse:
+                error = worse
         with self._news:
             self._trouble = error
             self._news.notify_all()

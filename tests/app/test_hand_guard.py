@@ -174,3 +174,21 @@ def test_who_cannot_see_lets_nothing_move(frames: Frames, controller: Controller
     assert frames.released == 1
     with pytest.raises(Blind):
         _ = guard.hand_present
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+@pytest.mark.parametrize("release_fails", [False, True])
+def test_a_guard_that_breaks_makes_the_arm_hold_first(frames: Frames, release_fails: bool) -> None:
+    """Whatever ends the watch, also a bug and a world that does not listen: the arm must not go on unwatched."""
+
+    def fail() -> None:
+        raise HardwareError("the world is gone")
+
+    if release_fails:
+        frames.release = fail  # type: ignore[method-assign]
+    controller = Controller()
+    frames.waiting.put(RuntimeError("a bug"))
+    with HandGuard(frames, VIEW, Masks(), controller) as guard:
+        with pytest.raises(Blind, match="the world is gone" if release_fails else "a bug"):
+            guard.clear()
+        assert controller.asked == ["hold"]
