@@ -20,7 +20,7 @@ from vision.find import find_board
 from vision.grid import CORNERS, Grid
 from vision.lattice import fit_homography
 from vision.refine import PLACES, Crossings, crossings_in, window_places
-from vision.squares import rate_sides, sample, side_places
+from vision.squares import beside_crossings, light_less_dark, rate_sides, sample, side_places
 from vision.window import judge
 
 Array = NDArray[np.float64]
@@ -153,11 +153,7 @@ class Anchor:
 
 def _weights(colour: Colour, grid: Grid, inner: Array) -> tuple[Array, int]:
     """Weights of the logarithms of red, green and blue, and 1 where the square of a1 is dark."""
-    offsets = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
-    values = np.log1p(sample(colour, grid.project(inner[:, None, :] + offsets)) / 20.0)
-    parity = 2.0 * (inner.sum(axis=1) % 2) - 1.0
-    difference = 0.5 * parity[:, None] * (values[:, 0] + values[:, 2] - values[:, 1] - values[:, 3])
-    direction = np.nanmedian(difference, axis=0)
+    direction = -light_less_dark(np.log1p(sample(colour, beside_crossings(grid, inner)) / 20.0), inner)
     dark = 1 if direction.sum() > 0.0 else -1
     return direction * dark / max(float(direction @ direction), 1e-9), dark
 

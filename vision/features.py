@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.brightness import LOGARITHM
 from vision.sight import MARGIN, PLAN_PX, SQUARE_PX, Field, Picture
-from vision.solids import DARKEST
 
 Array = NDArray[np.float64]
 
@@ -46,12 +46,9 @@ class Light:
         return replace(self, level=self.level + step.astype(np.float32))
 
 
-_LOGARITHM: Final = np.log(np.arange(256, dtype=np.float32) / 255.0 + DARKEST)
-
-
 def light_of(plan: Picture) -> Light:
     """Logarithmic brightness and gradients of a plan."""
-    level = np.asarray(cv2.LUT(plan, _LOGARITHM), dtype=np.float32)
+    level = np.asarray(cv2.LUT(plan, LOGARITHM), dtype=np.float32)
     smooth = cv2.GaussianBlur(level, (0, 0), SMOOTHING)
     slopes = np.empty((*level.shape[:2], 6), dtype=np.float32)
     slopes[..., :3] = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=1 / 8)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hardware.interfaces import Frame
-from vision.board import BoardNotFound, BoardView
+from vision.board import BoardNotFound, BoardView, playing_area
 from vision.solids import Solids, solids_of
 
 Array = NDArray[np.float64]
@@ -78,8 +78,7 @@ def sight_of_frame(frame: Frame, view: BoardView) -> Sight:
     """
     if frame.intrinsics != view.intrinsics:
         raise ValueError(f"the frame is by a camera with {frame.intrinsics}, this view is of {view.intrinsics}")
-    half = 4.0 * view.table.square
-    corners = view.project(np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]]))
+    corners = view.project(playing_area(view.table))
     camera = view.camera_position / view.table.square + np.array([4.0, 4.0, 0.0])
     solids = None if frame.depth is None else solids_of(frame, view)
     return Sight(_plan(frame.colour, corners), camera, solids, frame.stamp)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
 from vision.board import BoardView
+from vision.brightness import LOGARITHM
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
@@ -31,8 +32,6 @@ FAT: Final = 5
 """Depth is fat at edges, by 2 px on each side: there the colour is that of what lies behind [px]."""
 CORE: Final = 12
 """Points without such edges by which a colour is told; where there are fewer, all count."""
-DARKEST: Final = 0.08
-"""Added to brightness (0 to 1) before its logarithm: below it there is more noise than picture."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,9 +52,6 @@ class Solids:
     above: NDArray[np.intp]
     top: Array
     colour: Array
-
-
-_LOGARITHM: Final = np.log(np.arange(256) / 255.0 + DARKEST).astype(np.float32)
 
 
 def solids_of(frame: Frame, view: BoardView) -> Solids:
@@ -89,7 +85,7 @@ def _colour(
     """Mean logarithmic colour of each square's points, shape (64, 3), and how many they are."""
     of_square, pixels = square[where], picture[where]
     count = np.bincount(of_square, minlength=64)
-    level = [np.bincount(of_square, _LOGARITHM[pixels[:, band]], minlength=64) for band in range(3)]
+    level = [np.bincount(of_square, LOGARITHM[pixels[:, band]], minlength=64) for band in range(3)]
     return np.stack(level, axis=1) / np.maximum(count, 1)[:, None], count
 
 

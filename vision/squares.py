@@ -109,10 +109,23 @@ def look_into(picture: NDArray[np.float32], weights: Array) -> Look:
 
 def channel_weights(picture: Picture, grid: Grid, bright: int, places: Array) -> Array:
     """Weights that make light less dark 1 at the median of crossings (n, 2), shape (channels,)."""
-    offsets = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
-    values = sample(picture, grid.project(places[:, None, :] + offsets))
-    parity = bright * (1.0 - 2.0 * (places.sum(axis=1) % 2))
-    difference = 0.5 * parity[:, None] * (values[:, 0] + values[:, 2] - values[:, 1] - values[:, 3])
-    direction = np.nanmedian(difference, axis=0)
+    direction = bright * light_less_dark(sample(picture, beside_crossings(grid, places)), places)
     length = float(np.linalg.norm(direction))
     return np.asarray(direction / max(length, 1e-9) ** 2)
+
+
+def beside_crossings(grid: Grid, places: Array) -> Array:
+    """Where to look at the four squares around crossings (n, 2): shape (n, 4, 2) [px]."""
+    return np.asarray(grid.project(places[:, None, :] + [[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]]))
+
+
+def light_less_dark(values: Array, places: Array) -> Array:
+    """Median difference between squares of both shades around crossings, as if a1 were light: shape (channels,).
+
+    Args:
+        values: looked up at ``beside_crossings``, shape (n, 4, channels).
+        places: of the crossings, shape (n, 2).
+    """
+    parity = 1.0 - 2.0 * (places.sum(axis=1) % 2)
+    difference = 0.5 * parity[:, None] * (values[:, 0] + values[:, 2] - values[:, 1] - values[:, 3])
+    return np.asarray(np.nanmedian(difference, axis=0))

@@ -195,19 +195,20 @@ def _taken_back(hands: Hands) -> None:
 
 
 def _half_castled(hands: Hands) -> None:
-    for move in hands.board.legal_moves:
-        if hands.board.is_castling(move):
-            hands.carry(move.from_square, move.to_square)
-            return
-    _illegal(hands)
+    _first_piece_only(hands, hands.board.is_castling, _illegal)
 
 
 def _en_passant_left(hands: Hands) -> None:
-    for move in hands.board.legal_moves:
-        if hands.board.is_en_passant(move):
-            hands.carry(move.from_square, move.to_square)
-            return
-    _extra(hands)
+    _first_piece_only(hands, hands.board.is_en_passant, _extra)
+
+
+def _first_piece_only(hands: Hands, sort: Callable[[chess.Move], bool], otherwise: Callable[[Hands], None]) -> None:
+    """Of a move of this sort, that takes two pieces, only the first is moved; something else where there is none."""
+    move = next(filter(sort, hands.board.legal_moves), None)
+    if move is None:
+        otherwise(hands)
+    else:
+        hands.carry(move.from_square, move.to_square)
 
 
 def _capture_begun(hands: Hands) -> None:

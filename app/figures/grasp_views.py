@@ -13,7 +13,7 @@ from app.figures.grasp import Grasp
 from app.figures.grasp_mujoco import block_world
 from controller.model.compiled import FloatArray
 from hardware.sim.grasp_world import build_block_world, save_model
-from hardware.sim.renderer import DEPTH_BYTES, HEIGHT, MODEL_FILE, WIDTH, Renderer, Shot, frame_path
+from hardware.sim.renderer import HEIGHT, MODEL_FILE, WIDTH, Renderer, Shot, frame_path, load_pictures
 
 _SLOT = 0
 
@@ -43,5 +43,5 @@ def views(grasp: Grasp, positions: Sequence[FloatArray]) -> list[NDArray[np.uint
 def _view(renderer: Renderer, folder: Path, positions: FloatArray) -> NDArray[np.uint8]:
     renderer.request(Shot(slot=_SLOT, view="camera"), positions)
     renderer.take(wait=True)
-    pixels = np.fromfile(frame_path(folder, _SLOT), dtype=np.uint8, offset=DEPTH_BYTES, count=3 * WIDTH * HEIGHT)
-    return pixels.reshape(HEIGHT, WIDTH, 3)
+    colour, _ = load_pictures(frame_path(folder, _SLOT), WIDTH, HEIGHT, depth=False)
+    return colour

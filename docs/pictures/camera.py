@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 import tempfile
 from pathlib import Path
 
@@ -19,9 +18,9 @@ from app.layout import start_layout
 from app.motion import MotionSettings
 from hardware.framesets import FrameMaker
 from hardware.parameters import load_parameters
-from hardware.sim.d435 import DEPTH_HEIGHT, DEPTH_WIDTH, LEFT_IMAGER, colour_intrinsics, depth_intrinsics
+from hardware.sim.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.looks import CameraSettings, Looks
-from hardware.sim.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, Sensor, Shot, frame_path
+from hardware.sim.renderer import MODEL_FILE, Renderer, Sensor, Shot, frame_path, load_pictures
 from hardware.sim.scene import build_model
 from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.software_device import DepthStream, SoftwareCamera
@@ -67,10 +66,9 @@ def _shoot(
     sensor = Sensor(camera=camera, seed=1, tick=0, depth=True)
     renderer.request(Shot(slot=0, view="camera", looks=Looks(), sensor=sensor), np.array(model.key_qpos[0]))
     renderer.take(wait=True)
-    shape = (camera.height, camera.width, 3)
-    file = frame_path(folder, 0)
-    colour = np.fromfile(file, np.uint8, offset=DEPTH_BYTES, count=math.prod(shape)).reshape(shape)
-    return colour, np.fromfile(file, np.uint16, count=DEPTH_WIDTH * DEPTH_HEIGHT).reshape(DEPTH_HEIGHT, DEPTH_WIDTH)
+    colour, depth = load_pictures(frame_path(folder, 0), camera.width, camera.height, depth=True)
+    assert depth is not None
+    return colour, depth
 
 
 def _shown(depth: NDArray[np.floating]) -> NDArray[np.uint8]:

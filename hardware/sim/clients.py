@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from hardware.framesets import FrameMaker
 from hardware.interfaces import CameraClosed, Frame, HardwareError, Intrinsics, StaleFrame
 from hardware.sim import wire
-from hardware.sim.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
-from hardware.sim.renderer import DEPTH_BYTES, HEIGHT, WIDTH, frame_path
+from hardware.sim.renderer import HEIGHT, WIDTH, frame_path, load_pictures
 from hardware.software_device import DepthStream, SoftwareCamera
 
 
@@ -69,13 +68,13 @@ class FrameStream:
                 answer = json.loads(message) if message else {}
                 if "exposed" not in answer:
                     return None
-                pixels = np.fromfile(self._path, dtype=np.uint8, offset=DEPTH_BYTES, count=3 * WIDTH * HEIGHT)
+                pixels, _ = load_pictures(self._path, WIDTH, HEIGHT, depth=False)
                 self._link.send(b'{"taken": true}')
             except TimeoutError:
                 continue
             except OSError:
                 return None
-            return pixels.reshape(HEIGHT, WIDTH, 3), int(answer["exposed"])
+            return pixels, int(answer["exposed"])
         return None
 
     def cancel(self) -> None:
@@ -130,10 +129,7 @@ class SimCamera:
         if age > max_age:
             raise StaleFrame(age, max_age)
         pinhole, stamp = self.intrinsics, exposed * self._period
-        shape = (pinhole.height, pinhole.width, 3)
-        colour = np.fromfile(self._path, dtype=np.uint8, offset=DEPTH_BYTES, count=math.prod(shape)).reshape(shape)
-        depth = np.fromfile(self._path, dtype=np.uint16, count=DEPTH_WIDTH * DEPTH_HEIGHT)
-        units = depth.reshape(DEPTH_HEIGHT, DEPTH_WIDTH) if self._wish["depth"] else None
+        colour, units = load_pictures(self._path, pinhole.width, pinhole.height, depth=bool(self._wish["depth"]))
         return self._maker.make(self._device.pass_through(colour, units, stamp), stamp)
 
     def close(self) -> None:

@@ -6,6 +6,7 @@ camera's client maps, and a short answer says which.
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 import struct
@@ -82,6 +83,22 @@ def unpack_request(message: bytes) -> tuple[Shot, NDArray[np.float64]]:
 def frame_path(run_dir: Path, slot: int) -> Path:
     """File into which a slot's frames are written."""
     return run_dir / f"frame-{slot}.bin"
+
+
+def load_pictures(
+    path: Path, width: int, height: int, *, depth: bool
+) -> tuple[NDArray[np.uint8], NDArray[np.uint16] | None]:
+    """What was drawn into a slot's file.
+
+    Returns:
+        Colour (height, width, 3) RGB; depth as the imager has it, in whole units, or None where it is not wanted.
+    """
+    shape = (height, width, 3)
+    colour = np.fromfile(path, dtype=np.uint8, offset=DEPTH_BYTES, count=math.prod(shape)).reshape(shape)
+    if not depth:
+        return colour, None
+    units = np.fromfile(path, dtype=np.uint16, count=DEPTH_WIDTH * DEPTH_HEIGHT)
+    return colour, units.reshape(DEPTH_HEIGHT, DEPTH_WIDTH)
 
 
 def intrinsics_for(vertical_field_of_view: float) -> Intrinsics:

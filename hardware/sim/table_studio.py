@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import tempfile
-import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.framesets import FrameMaker
-from hardware.interfaces import Frame, HardwareError
+from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
-from hardware.sim.d435 import DEPTH_HEIGHT, DEPTH_WIDTH, LEFT_IMAGER, colour_intrinsics, depth_intrinsics
+from hardware.sim.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.looks import CameraSettings, Looks, MountSettings
 from hardware.sim.mount import Mount
-from hardware.sim.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, Sensor, Shot, frame_path
+from hardware.sim.renderer import MODEL_FILE, Renderer, Sensor, Shot, frame_path, load_pictures
 from hardware.sim.scene import StandingPiece, build_model
 from hardware.software_device import DepthStream, SoftwareCamera
 from hardware.table import PieceSpec, TableSettings
@@ -33,7 +32,7 @@ VIEW = "camera"
 _AWAY = -1.0
 """Height at which pieces that are not wanted are kept, far below the table [m]."""
 _PATIENCE = 60.0
-"""For one picture [s, wall]."""
+"""For one picture: here nothing hurries, on however busy a machine [s, wall]."""
 _CV_AXES = np.diag([1.0, -1.0, -1.0])
 """OpenCV's camera axes in MuJoCo's."""
 
@@ -99,24 +98,11 @@ class TableStudio:
         self._taken += 1
         sensor = Sensor(camera=self._camera, seed=seed, tick=self._taken, depth=True)
         self._renderer.request(Shot(slot=0, view=VIEW, looks=looks, sensor=sensor), self._positions(poses))
-        self._await_picture()
-        file = frame_path(Path(self._folder.name), 0)
-        shape = (self._camera.height, self._camera.width, 3)
-        colour = np.fromfile(file, np.uint8, offset=DEPTH_BYTES, count=math.prod(shape)).reshape(shape)
-        depth = np.fromfile(file, np.uint16, count=DEPTH_WIDTH * DEPTH_HEIGHT).reshape(DEPTH_HEIGHT, DEPTH_WIDTH)
+        self._renderer.take(wait=True, patience=_PATIENCE)
+        size = self._camera.width, self._camera.height
+        colour, depth = load_pictures(frame_path(Path(self._folder.name), 0), *size, depth=True)
         stamp = self._taken / 30.0
         return self._maker.make(self._device.pass_through(colour, depth, stamp), stamp)
-
-    def _await_picture(self) -> None:
-        """A world gives a picture up after some seconds; here nothing hurries, on however busy a machine."""
-        deadline = time.monotonic() + _PATIENCE
-        while True:
-            try:
-                self._renderer.take(wait=True)
-                return
-            except HardwareError:
-                if time.monotonic() > deadline:
-                    raise
 
     def camera_from_board(self, mount: MountSettings) -> NDArray[np.float64]:
         """The truth: how the camera really hangs, shape (4, 4)."""

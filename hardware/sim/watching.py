@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import json
-import math
 import threading
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from hardware.framesets import FrameMaker
 from hardware.interfaces import CameraClosed, Frame, HardwareError, Intrinsics, StaleFrame
 from hardware.sim import wire
 from hardware.sim.clients import connect_camera, depth_stream
-from hardware.sim.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
-from hardware.sim.renderer import DEPTH_BYTES, frame_path
+from hardware.sim.renderer import frame_path, load_pictures
 from hardware.software_device import SoftwareCamera
 
 _GLANCE = 0.1
@@ -114,21 +110,12 @@ class SimWatchCamera:
                 continue
             except OSError as error:
                 raise HardwareError(f"the world does not answer ({error.strerror}): see its log") from error
-            if not message:
-                raise HardwareError("the world has ended; its log is in the run directory")
-            answer: dict[str, Any] = json.loads(message)
-            if "error" in answer:
-                raise HardwareError(f"the world refuses: {answer['error']}")
-            return answer
+            return wire.understood(message)
         raise CameraClosed
 
     def _load(self, slot: int, stamp: float) -> Frame:
-        path, shape = frame_path(self._run_dir, slot), (self.intrinsics.height, self.intrinsics.width, 3)
-        colour = np.fromfile(path, dtype=np.uint8, offset=DEPTH_BYTES, count=math.prod(shape)).reshape(shape)
-        units = None
-        if self._depth:
-            depth = np.fromfile(path, dtype=np.uint16, count=DEPTH_WIDTH * DEPTH_HEIGHT)
-            units = depth.reshape(DEPTH_HEIGHT, DEPTH_WIDTH)
+        pinhole = self.intrinsics
+        colour, units = load_pictures(frame_path(self._run_dir, slot), pinhole.width, pinhole.height, depth=self._depth)
         return self._maker.make(self._device.pass_through(colour, units, stamp), stamp)
 
     def _tell(self, message: dict[str, Any]) -> None:

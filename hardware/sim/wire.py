@@ -272,6 +272,15 @@ def ask(link: socket.socket, request: dict[str, Any]) -> dict[str, Any]:
         raise HardwareError("the world does not answer in time; its log is in the run directory") from error
     except OSError as error:
         raise HardwareError(f"the world does not answer ({error.strerror}); its log is in the run directory") from error
+    return understood(message)
+
+
+def understood(message: bytes) -> dict[str, Any]:
+    """An answer of the world.
+
+    Raises:
+        HardwareError: the world is gone, or refuses.
+    """
     if not message:
         raise HardwareError("the world has ended; its log is in the run directory")
     answer: dict[str, Any] = json.loads(message)

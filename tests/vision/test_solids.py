@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from hardware.interfaces import Frame, Intrinsics
 from hardware.table import TableSettings
+from tests.vision.views import looking_at
 from vision.appearance import BLACK, EMPTY, WHITE
 from vision.board import BoardView
 from vision.evidence import codes_of, states_of
@@ -24,13 +25,7 @@ TABLE = TableSettings()
 
 def view_from(y: float, z: float) -> BoardView:
     """A camera over the board's middle line that looks at its centre."""
-    eye = np.array([0.0, y, z])
-    forward = -eye / np.linalg.norm(eye)
-    right = np.array([-1.0, 0.0, 0.0]) if y > 0.0 else np.array([1.0, 0.0, 0.0])
-    rotation = np.stack([right, np.cross(forward, right), forward])
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation, -rotation @ eye
-    return BoardView(PINHOLE, pose, TABLE)
+    return BoardView(PINHOLE, looking_at((0.0, y + 1e-6, z), (0.0, 0.0, 0.0)), TABLE)
 
 
 def scene(view: BoardView, blocks: dict[int, tuple[float, int]], hole: bool = False) -> Frame:
