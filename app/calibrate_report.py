@@ -63,7 +63,7 @@ class CalibrateReport(_Frozen):
                 said = "[dim]not in sight[/]"
             else:
                 said = f"{1e3 * one.residual:.2f}" + ("" if one.counted else " [red]left out[/]")
-            table.add_row(str(number), *(f"{1e3 * value:.1f}" for value in one.point), said)
+            table.add_row(str(number), *(f"{1e3 * value:z.1f}" for value in one.point), said)
         return Group(table, *self._lines(found))
 
     def _lines(self, found: Calibration) -> list[str]:
@@ -78,7 +78,7 @@ class CalibrateReport(_Frozen):
             x, y, z = (1e3 * value for value in found.board.centre)
             tilt, yaw = math.degrees(found.board.tilt), math.degrees(found.board.yaw)
             lines.append(
-                f"board: centre at ({x:.1f}, {y:.1f}, {z:.1f}) mm in the base frame, turned by {yaw:.2f}°, "
-                f"tilted by {tilt:.2f}°" + ("" if found.board.by_corners else "; place and turn are the settings'")
+                f"board: centre at ({x:z.1f}, {y:z.1f}, {z:z.1f}) mm in the base frame, turned by {yaw:z.2f}°, "
+                f"tilted by {tilt:z.2f}°" + ("" if found.board.by_corners else "; place and turn are the settings'")
             )
         return [*lines, f"written to {self.file}"]

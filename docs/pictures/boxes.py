@@ -40,4 +40,6 @@ def main(game: Path) -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("name the folder of a game that was played with --captured box")
     main(Path(sys.argv[1]))
