@@ -58,7 +58,7 @@ class Fixtures(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """How the first round of a match begins: which game it is or is for, whether it sets up; its record; where it stands."""
+    """How a match begins: which game it is or is for, whether it sets up; its record; where it stands."""
 
     number: int
     sets_up: bool
@@ -184,7 +184,7 @@ def _set_up(table: Table, goal: chess.Board) -> GameEnd:
 
 
 def last_round(folder: Path) -> tuple[Path, int, bool]:
-    """Of a match that was left: folder of its last round, number of the game that it is or is for, whether it sets up."""
+    """The last round of a match that was left: folder, number of the game that it is or is for, whether it sets up."""
     rounds = []
     for path in folder.iterdir() if folder.is_dir() else ():
         name = _NAME.fullmatch(path.name)

@@ -1,4 +1,4 @@
-"""Games on a rig from end to end: devices, telemetry, film, the games themselves, and the report of however each ended."""
+"""Games on a rig from end to end: devices, telemetry, film, the games, and the report of however each ended."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ class TypedLines:
         self._thread.start()
 
     def next(self, timeout: float) -> str | None:
-        """See ``Lines.next``; empty lines and what comes after ``#`` are left out, so that a script can be explained."""
+        """See ``Lines.next``; empty lines and what comes after ``#`` are left out: a script can be explained."""
         try:
             line = self._lines.get(timeout=timeout)
         except queue.Empty:

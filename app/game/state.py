@@ -55,7 +55,7 @@ class Position:
 
 @dataclass(frozen=True, slots=True)
 class GameEnd:
-    """Why the loop ended: PGN result, phrase, whether all that was asked was done, and whether another game is wanted."""
+    """Why the loop ended: PGN result, phrase, whether all that was asked was done, whether another game is wanted."""
 
     result: Result
     reason: str

@@ -30,6 +30,7 @@ from app.records.events import Purpose
 from app.records.history import Unfinished, transfer_of
 from hardware.interfaces import Frame
 from hardware.table import Place
+from vision.situations import Finding
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +103,7 @@ class Table:
         return self._do_ply(ply, None, letting_go, remark)
 
     def hand_ply(self, move: chess.Move, remark: Remark = NO_REMARK) -> bool:
-        """A move was made by hand, and seen or told; what stands badly since then is mended. False as of ``arm_ply``."""
+        """A move was made by hand, and seen or told; what stands badly since is mended. False as of ``arm_ply``."""
         ply = transfers(self.board, move, self.inventory)
         outcome = PlyOutcome(by="hand", score=remark.score, clocks=remark.clocks)
         done = self._conclude_ply(ply, self.inventory.after(ply), outcome)
@@ -140,6 +141,11 @@ class Table:
         if not mended.jobs:
             return True
         return self._conclude_task(mended.inventory, PlyOutcome(real=mended.duration), self.board)
+
+    def note(self, finding: Finding) -> None:
+        """Something that is no legal move was seen: that is in the record, whatever comes of it."""
+        squares = [chess.square_name(square) for square in finding.squares]
+        self._record.trouble(finding.situation.value, squares, finding.sentence, None, self.now())
 
     def finish(self) -> bool:
         """What another program has begun and not finished; False as of ``arm_ply``."""
