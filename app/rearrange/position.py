@@ -63,7 +63,7 @@ class PiecesMissing(UserError):
     """Board and trays do not hold the pieces that a position needs."""
 
     def __init__(self, lacks: Sequence[Lack]) -> None:
-        needs = " and ".join(
+        needs = ", and ".join(
             f"{lack.needed} {lack.colour} {lack.kind}{'s' * (lack.needed != 1)}, {_only(lack.there)} on board and trays"
             for lack in lacks
         )
@@ -243,5 +243,6 @@ def _remedy(lacks: Sequence[Lack]) -> str:
         most = " and ".join(f"{held[lack.colour, lack.kind]} {lack.colour} {lack.kind}s" for lack in lacks)
         return f"choose a position with at most {most}"
     if boxed:
-        return f"{', '.join(boxed)} lie in the boxes, from which the arm takes nothing: take them out by hand"
+        lie, them = ("lies in a box", "it") if len(boxed) == 1 else ("lie in the boxes", "what is missing")
+        return f"{', '.join(boxed)} {lie}, from which the arm takes nothing: take {them} out by hand"
     return "put what is missing on free places of the trays"
