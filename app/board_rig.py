@@ -16,9 +16,8 @@ from app.arm import Arm, ArmState, Outcome
 from app.devices import EndState
 from app.motion.plan import Motion, Plan
 from controller.protocol import Result
-from hardware.interfaces import Camera, Clock
+from hardware.interfaces import Clock
 from hardware.parameters import RobotParameters
-from hardware.sim.referee import Referee
 
 
 class BoardClock:
@@ -102,8 +101,8 @@ class BoardRig:
         clock = BoardClock()
         self.clock: Clock = clock
         self.arm: Arm = BoardArm(home, parameters, clock)
-        self.camera: Camera | None = None
-        self.referee: Referee | None = None
+        self.camera: None = None
+        self.referee: None = None
 
     def failure(self) -> str | None:
         """Never."""

@@ -39,14 +39,16 @@ class Fixture:
     Attributes:
         board: where it starts.
         players: makes those who choose the arm's moves; what they need is closed with the stack.
-        plies: it ends after so many.
+        plies: it ends after so many; 0: the position is only set up.
         human: who plays one side by hand; None: nobody.
+        comments: for each ply of a game that is played again.
     """
 
     board: chess.Board
     players: Callable[[ExitStack], Players]
     plies: int
     human: Human | None = None
+    comments: tuple[str, ...] = ()
 
 
 class Fixtures(Protocol):
@@ -97,17 +99,23 @@ class Match:
         self._players.close()
         self._records.close()
 
-    def start(self, inventory: Callable[[chess.Board], Inventory]) -> Inventory:
+    def start(self, layout: Callable[[chess.Board], Inventory], standing: chess.Board | None) -> Inventory:
         """Open the first game's players and record, before any device; what stands where at its beginning.
+
+        Args:
+            layout: what stands where in a position.
+            standing: the position that stands there, if the first one is to be set up; None: that one does.
 
         Raises:
             UserError: an engine is missing, the set cannot show the position, or the folder cannot be written.
         """
         fixture = self._take_up(1, None)
         assert fixture is not None, "a match has at least one game"
-        stands = inventory(fixture.board)
-        record = self._record(self._name("game", 1), fixture.board, stands, 0.0)
-        self._start = Start(1, False, record, Position(fixture.board.copy(), stands))
+        board = fixture.board if standing is None else standing
+        stands = layout(board)
+        sets_up = standing is not None
+        name = "set-up-1" if sets_up and fixture.plies else ""
+        self._start = Start(1, sets_up, self._record(name, board, stands, 0.0), Position(board.copy(), stands))
         return stands
 
     def go_on(self, start: Start) -> None:
@@ -126,6 +134,9 @@ class Match:
             return self._round(devices, self._start.record, self._start.position)
         assert self._table is not None
         if self._sets_up:
+            assert self._fixture is not None
+            if not self._fixture.plies:
+                return None
             self._sets_up = False
         else:
             self._number += 1
@@ -162,12 +173,12 @@ class Match:
         if self._sets_up:
             goal = self._fixture.board
             return Round(record, lambda: _set_up(table, goal), dict)
-        game = Game(table, self._chosen, self._face, human)
+        game = Game(table, self._chosen, self._face, human, self._fixture.comments)
         plies = self._fixture.plies
         return Round(record, lambda: game.play(plies), lambda: {"thinking_s": round(game.thinking, 3)})
 
     def _name(self, what: str, number: int) -> str:
-        return "" if number == 1 else f"{what}-{number}"
+        return "" if number == 1 and what == "game" else f"{what}-{number}"
 
     def _record(self, name: str, board: chess.Board, inventory: Inventory, plant_time: float) -> GameRecord:
         assert self._chosen is not None

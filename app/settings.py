@@ -80,10 +80,19 @@ class GameSection(_Section):
     """Start from this position; the usual one if left out."""
     chess960: bool = False
     """Castling by the rules of Chess960; needed where the start position castles from other squares than usual."""
+    standing: str | None = None
+    """What stands on the board at the beginning, as FEN: the arm sets up the start position from there. Left out: the
+    start position stands there already."""
     moves: str | None = None
     """Play this line (SAN or UCI) instead of asking players."""
-    plies: PositiveInt = 300
-    """End after so many plies."""
+    replay: Path | None = None
+    """Play the games of this PGN file again, or that of this folder."""
+    replay_game: PositiveInt | None = None
+    """Of those only this one, from 1."""
+    from_ply: PositiveInt = 1
+    """Of those only from this ply on, from 1."""
+    plies: NonNegativeInt = 300
+    """End after so many plies; 0: only set the start position up."""
     games: PositiveInt = 1
     """So many games one after the other; the arm sets the pieces up in between."""
 

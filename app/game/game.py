@@ -26,10 +26,19 @@ class Game:
         players: who choose the moves that the arm makes.
         face: shown what happens.
         human: who plays one side by hand; None: the arm makes all moves.
+        comments: recorded with each ply, from the first one of the game on.
     """
 
-    def __init__(self, table: Table, players: Players, face: Face, human: Human | None = None) -> None:
+    def __init__(
+        self,
+        table: Table,
+        players: Players,
+        face: Face,
+        human: Human | None = None,
+        comments: tuple[str, ...] = (),
+    ) -> None:
         self._table, self._players, self._face = table, players, face
+        self._comments = comments
         self._human = None if human is None else HumanTurn(human, table, players, face)
         self._most = 0
         self.thinking = 0.0
@@ -75,7 +84,9 @@ class Game:
         since = time.perf_counter()
         decision = self._players.choose(board)
         self.thinking += time.perf_counter() - since
-        return None if decision.move is None else (decision.move, Remark(decision.score))
+        number = len(board.move_stack)
+        comment = self._comments[number] if number < len(self._comments) else ""
+        return None if decision.move is None else (decision.move, Remark(decision.score, comment=comment))
 
     def _thinking_ahead(self, move: chess.Move) -> Callable[[], None]:
         """While the arm lets go of the last piece and goes home, the next player thinks already."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import chess
@@ -51,6 +51,12 @@ class Position:
     def of(cls, history: History) -> Position:
         """Of a game that was broken off."""
         return cls(history.board, history.inventory, True, history.unfinished)
+
+    def from_the_start(self) -> Position:
+        """The same, where what was under way is done from its beginning."""
+        if self.unfinished is None:
+            return self
+        return replace(self, unfinished=replace(self.unfinished, transfer=None, stage=None))
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,10 +35,11 @@ from vision.situations import Finding
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What is recorded with a ply besides: what the player thinks of it, and what the clocks show after it [s]."""
+    """What is recorded with a ply: what the player thinks of it, what the clocks show after it [s], a comment."""
 
     score: chess.engine.PovScore | None = None
     clocks: dict[chess.Color, float] | None = None
+    comment: str = ""
 
 
 NO_REMARK: Final = Remark()
@@ -105,7 +106,7 @@ class Table:
     def hand_ply(self, move: chess.Move, remark: Remark = NO_REMARK) -> bool:
         """A move was made by hand, and seen or told; what stands badly since is mended. False as of ``arm_ply``."""
         ply = transfers(self.board, move, self.inventory)
-        outcome = PlyOutcome(by="hand", score=remark.score, clocks=remark.clocks)
+        outcome = PlyOutcome(by="hand", score=remark.score, clocks=remark.clocks, comment=remark.comment)
         done = self._conclude_ply(ply, self.inventory.after(ply), outcome)
         return done and self.repair()
 
@@ -170,7 +171,7 @@ class Table:
         self._reset_peak()
         wanted = self.inventory.after(ply)
         carried = self._carry(Job(ply.san, ply.transfers, uci=ply.uci), wanted, begun, letting_go)
-        outcome = replace(carried.outcome, score=remark.score, clocks=remark.clocks)
+        outcome = replace(carried.outcome, score=remark.score, clocks=remark.clocks, comment=remark.comment)
         return self._conclude_ply(ply, carried.inventory, outcome)
 
     def _do_task(self, job: Job, begun: Begun | None, board: chess.Board) -> bool:

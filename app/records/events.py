@@ -179,6 +179,8 @@ class PlyEvent(_Stamped):
     """What the player thinks of it: pawns from White's side such as +0.31, or #-3."""
     clock_s: dict[Colour, FiniteFloat] | None = None
     """What both clocks show after it [s]; null where there are none."""
+    comment: str = ""
+    """Of the game that is replayed."""
 
 
 class ResumeEvent(_Stamped):

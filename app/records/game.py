@@ -86,6 +86,8 @@ class PlyOutcome:
     """What the player thinks of it."""
     clocks: Mapping[chess.Color, float] | None = None
     """What both clocks show after it [s]."""
+    comment: str = ""
+    """For the PGN."""
 
 
 class GameRecord:
@@ -285,7 +287,7 @@ class GameRecord:
         )  # fmt: skip
         self._append(event)
         self._counted.append(event)
-        self._pgn.add(PgnMove(ply.uci, _own_clock(event), outcome.score))
+        self._pgn.add(PgnMove(ply.uci, _own_clock(event), outcome.score, outcome.comment))
         return event
 
     def end(
@@ -386,6 +388,7 @@ def _ply_event(
         resumed=outcome.resumed,
         by=outcome.by,
         score=None if outcome.score is None else score_text(outcome.score),
+        comment=outcome.comment,
         clock_s=None if outcome.clocks is None else {colour_of(c): left for c, left in outcome.clocks.items()},
     )
 
@@ -406,7 +409,7 @@ def _own_clock(event: PlyEvent) -> float | None:
 
 
 def _pgn_move(event: PlyEvent) -> PgnMove:
-    return PgnMove(event.uci, _own_clock(event), None if event.score is None else score_of(event.score))
+    return PgnMove(event.uci, _own_clock(event), None if event.score is None else score_of(event.score), event.comment)
 
 
 def score_text(score: chess.engine.PovScore) -> str:

@@ -18,12 +18,12 @@ EVENT = "Touchmove"
 
 
 class PgnMove(NamedTuple):
-    """A move for PGN: UCI; what its player's clock shows after it [s]; what an engine thinks of it, at which depth."""
+    """A move for PGN: UCI; what its player's clock shows after it [s]; what an engine thinks of it; a comment."""
 
     uci: str
     clock: float | None = None
     score: chess.engine.PovScore | None = None
-    depth: int | None = None
+    comment: str = ""
 
 
 class PgnFile:
@@ -94,10 +94,11 @@ class PgnFile:
         made = self.board.parse_uci(move.uci)
         self._last = self._last.add_variation(made)
         self.board.push(made)
+        self._last.comment = move.comment
         if move.clock is not None:
             self._last.set_clock(move.clock)
         if move.score is not None:
-            self._last.set_eval(move.score, move.depth)
+            self._last.set_eval(move.score)
 
     def finish(self, result: Result, reason: str) -> None:
         """Write result and termination.
