@@ -138,7 +138,7 @@ class Table:
         """The board is looked at, and put right where it is not as the game says; False as of ``arm_ply``."""
         if self._mender is None:
             return True
-        mended = self._mender.mend(self.inventory, self.inventory, self.inventory)
+        mended = self._mender.mend(self.inventory, self.inventory, self.inventory, self.board)
         if not mended.jobs:
             return True
         return self._conclude_task(mended.inventory, PlyOutcome(real=mended.duration), self.board)
