@@ -132,7 +132,8 @@ class _Games:
             one = self._replayed[number - 1]
             names = (one.white, one.black)
             most = min(plies, len(one.moves))
-            return Fixture(one.board.copy(), _follow(one.board, one.moves, names), most, None, one.comments)
+            result = one.result if most == len(one.moves) else "*"
+            return Fixture(one.board.copy(), _follow(one.board, one.moves, names), most, None, one.comments, result)
         if number > self._settings.game.games and not (last is not None and last.again):
             return None
         if self._line is not None:

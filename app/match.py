@@ -25,6 +25,7 @@ from app.game.table import Table
 from app.manipulation import Inventory
 from app.players import Players
 from app.records import GameRecord, GameSetup
+from app.records.events import Result
 from app.session import Round
 from hardware.sim.settings import Pace
 
@@ -42,6 +43,7 @@ class Fixture:
         plies: it ends after so many; 0: the position is only set up.
         human: who plays one side by hand; None: nobody.
         comments: for each ply of a game that is played again.
+        result: of that game, which counts where its moves end without one.
     """
 
     board: chess.Board
@@ -49,6 +51,7 @@ class Fixture:
     plies: int
     human: Human | None = None
     comments: tuple[str, ...] = ()
+    result: Result = "*"
 
 
 class Fixtures(Protocol):
@@ -173,7 +176,7 @@ class Match:
         if self._sets_up:
             goal = self._fixture.board
             return Round(record, lambda: _set_up(table, goal), dict)
-        game = Game(table, self._chosen, self._face, human, self._fixture.comments)
+        game = Game(table, self._chosen, self._face, human, self._fixture.comments, self._fixture.result)
         plies = self._fixture.plies
         return Round(record, lambda: game.play(plies), lambda: {"thinking_s": round(game.thinking, 3)})
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TextIO
+from typing import Final, TextIO
 
 import chess
 import chess.pgn
 
 from app import UserError
+from app.records.events import Result
 from app.records.game import PGN_FILE
+
+RESULTS: Final[tuple[Result, ...]] = ("1-0", "0-1", "1/2-1/2", "*")
 
 
 class ReplayError(UserError):
@@ -28,7 +31,8 @@ class RecordedGame:
         comments: after each move; what a clock or an engine noted in them is left in.
         white: name.
         black: name.
-        title: of event and round, for people.
+        title: of players and event, for people.
+        result: as the file has it.
     """
 
     board: chess.Board
@@ -37,6 +41,7 @@ class RecordedGame:
     white: str
     black: str
     title: str
+    result: Result
 
     def from_ply(self, ply: int) -> RecordedGame:
         """The rest of it, beginning with a ply (from 1).
@@ -51,8 +56,8 @@ class RecordedGame:
         board = self.board.copy()
         for move in self.moves[: ply - 1]:
             board.push(move)
-        return RecordedGame(
-            board.copy(stack=False), self.moves[ply - 1 :], self.comments[ply - 1 :], self.white, self.black, self.title
+        return replace(
+            self, board=board.copy(stack=False), moves=self.moves[ply - 1 :], comments=self.comments[ply - 1 :]
         )
 
 
@@ -106,5 +111,9 @@ def _recorded(game: chess.pgn.Game, file: Path, count: int) -> RecordedGame:
     title = f"{headers.get('White', '?')} - {headers.get('Black', '?')}, {headers.get('Event', '?')}"
     return RecordedGame(
         game.board(), tuple(node.move for node in nodes), tuple(node.comment for node in nodes),
-        headers.get("White", "?"), headers.get("Black", "?"), title,
+        headers.get("White", "?"), headers.get("Black", "?"), title, _result(headers.get("Result", "*")),
     )  # fmt: skip
+
+
+def _result(text: str) -> Result:
+    return next((one for one in RESULTS if one == text), "*")

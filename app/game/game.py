@@ -27,6 +27,7 @@ class Game:
         face: shown what happens.
         human: who plays one side by hand; None: the arm makes all moves.
         comments: recorded with each ply, from the first one of the game on.
+        result: that counts where the players have no more moves and the rules say nothing.
     """
 
     def __init__(
@@ -36,9 +37,10 @@ class Game:
         face: Face,
         human: Human | None = None,
         comments: tuple[str, ...] = (),
+        result: Result = "*",
     ) -> None:
         self._table, self._players, self._face = table, players, face
-        self._comments = comments
+        self._comments, self._result = comments, result
         self._human = None if human is None else HumanTurn(human, table, players, face)
         self._most = 0
         self.thinking = 0.0
@@ -66,7 +68,7 @@ class Game:
         if outcome is not None:
             return GameEnd(result_of(outcome), outcome.termination.name.lower().replace("_", " "), True)
         if len(board.move_stack) >= plies:
-            return GameEnd("*", f"{plies} plies played", True)
+            return GameEnd(self._result, f"{plies} plies played", True)
         return None
 
     def _turn(self) -> GameEnd | None:
@@ -75,7 +77,7 @@ class Game:
             return self._human.take()
         move = self._choose()
         if move is None:
-            return GameEnd("*", "end of the given line", True)
+            return GameEnd(self._result, "end of the given line", True)
         return None if self._table.arm_ply(move[0], self._thinking_ahead(move[0]), move[1]) else WRONG
 
     def _choose(self) -> tuple[chess.Move, Remark] | None:
