@@ -88,7 +88,7 @@ def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> Sessi
     with ExitStack() as stack:
         human = _human(settings, venue, folder, typed, stack)
         games = _Games(settings, venue, face, human, opened=bool(history.plies))
-        if not sets_up and _over(history, games.most(number)):
+        if not sets_up and _over(history, games.most(number)) and games(number + 1, None) is None:
             raise UserError(f"the game in {path} is over, after {len(history.plies)} plies: start a new one")
         match = stack.enter_context(_match(settings, venue, games, folder, face))
         match.go_on(Start(number, sets_up, GameRecord.go_on(path, history), position))
@@ -138,7 +138,8 @@ class _Games:
             return None
         if self._line is not None:
             most = min(plies, len(self._line))
-            return Fixture(self._board.copy(), _follow(self._board, self._line, ("line", "line")), most)
+            players = _follow(self._board, self._line, ("line", "line"))
+            return Fixture(self._board.copy(), players, most, result="*")
         opened, self._opened = self._opened, False
         return Fixture(self._board.copy(), self._engines(number, opened), plies, self.human)
 
@@ -167,7 +168,11 @@ def _follow(
 
 
 def _over(history: History, most: int) -> bool:
-    return history.unfinished is None and (len(history.plies) >= most or history.board.is_game_over(claim_draw=True))
+    return (
+        history.ended
+        and history.unfinished is None
+        and (len(history.plies) >= most or history.board.is_game_over(claim_draw=True))
+    )
 
 
 def _match(settings: Settings, venue: Venue, games: _Games, folder: Path, face: Face) -> Match:

@@ -43,7 +43,7 @@ class Fixture:
         plies: it ends after so many; 0: the position is only set up.
         human: who plays one side by hand; None: nobody.
         comments: for each ply of a game that is played again.
-        result: of that game, which counts where its moves end without one.
+        result: of that game; None: it is no such game.
     """
 
     board: chess.Board
@@ -51,7 +51,7 @@ class Fixture:
     plies: int
     human: Human | None = None
     comments: tuple[str, ...] = ()
-    result: Result = "*"
+    result: Result | None = None
 
 
 class Fixtures(Protocol):

@@ -27,7 +27,8 @@ class Game:
         face: shown what happens.
         human: who plays one side by hand; None: the arm makes all moves.
         comments: recorded with each ply, from the first one of the game on.
-        result: that counts where the players have no more moves and the rules say nothing.
+        result: of a game that is played again; its moves are made to their end, whatever might have been claimed
+            before. None: the rules end the game, and draws are claimed.
     """
 
     def __init__(
@@ -37,7 +38,7 @@ class Game:
         face: Face,
         human: Human | None = None,
         comments: tuple[str, ...] = (),
-        result: Result = "*",
+        result: Result | None = None,
     ) -> None:
         self._table, self._players, self._face = table, players, face
         self._comments, self._result = comments, result
@@ -64,12 +65,12 @@ class Game:
 
     def _over(self, plies: int) -> GameEnd | None:
         board = self._table.board
+        again = self._result is not None
         outcome = board.outcome(claim_draw=self._human is None)
-        if outcome is not None:
+        done = len(board.move_stack) >= plies
+        if outcome is not None and (done or not again):
             return GameEnd(result_of(outcome), outcome.termination.name.lower().replace("_", " "), True)
-        if len(board.move_stack) >= plies:
-            return GameEnd(self._result, f"{plies} plies played", True)
-        return None
+        return GameEnd(self._result or "*", f"{plies} plies played", True) if done else None
 
     def _turn(self) -> GameEnd | None:
         """One ply, or something else in its place."""
@@ -77,7 +78,7 @@ class Game:
             return self._human.take()
         move = self._choose()
         if move is None:
-            return GameEnd(self._result, "end of the given line", True)
+            return GameEnd(self._result or "*", "end of the given line", True)
         return None if self._table.arm_ply(move[0], self._thinking_ahead(move[0]), move[1]) else WRONG
 
     def _choose(self) -> tuple[chess.Move, Remark] | None:
