@@ -32,6 +32,8 @@ _BROUGHT: Final = 6.0
 """Of a piece that should not be on the board."""
 SURE: Final = 3.5
 """What is believed is so many times, as a logarithm, likelier than anything else: 33 times."""
+_EXCHANGED: Final = 0.5
+"""Of a piece on the last rank: a pawn that was carried there is exchanged by most people, allowed or not."""
 _NEVER: Final = 1e6
 _PROMOTED: Final = (Kind.QUEEN, Kind.ROOK, Kind.BISHOP, Kind.KNIGHT)
 
@@ -94,8 +96,7 @@ def _costs(
     for j, square in enumerate(squares):
         promoting = square // 8 == last_rank
         chances = [_chance(kinds.get(square), kind) for kind in (_PROMOTED if promoting else Kind)]
-        # a pawn that seems to stand on the last rank has as often been exchanged for something else
-        cost[number:, j] = (0.0 if promoting else _BROUGHT) - np.log(np.mean(chances))
+        cost[number:, j] = (_EXCHANGED if promoting else _BROUGHT) - np.log(np.mean(chances))
     if not number:
         return cost
     homes = np.array([table.xy(piece.place) for piece in pieces])

@@ -18,7 +18,7 @@ from hardware.table import Colour, PieceSpec, Place, square_place
 from vision.verify import TOLERANCE
 
 _SEEN_WITHIN: Final = 0.75
-"""A piece stands at most so far off the centre of the square where it is seen, along either axis [sides of a square]."""
+"""A piece stands no farther than this off the centre of the square where it is seen, along either axis [its sides]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +160,7 @@ def _asks(expected: Inventory, sighting: Sighting, beliefs: Mapping[Colour, Beli
         if doubtful:
             asks.append(_doubtful(doubtful, colour, belief, expected))
         if belief.extra:
-            asks.append(_extra(belief.extra, colour, expected))
+            asks.append(_extra(belief.extra, colour))
     return asks
 
 
@@ -194,15 +194,12 @@ def _doubtful(doubtful: Sequence[int], colour: Colour, belief: Belief, expected:
     )
 
 
-def _extra(squares: Sequence[int], colour: Colour, expected: Inventory) -> Ask:
-    places = [square_place(square) for square in squares]
+def _extra(squares: Sequence[int], colour: Colour) -> Ask:
+    places = [str(square_place(square)) for square in squares]
     verb, pieces, them = ("stands", "piece", "it") if len(squares) == 1 else ("stand", "pieces", "them")
     article = "a " if len(squares) == 1 else ""
-    belong = [(piece, place) for place in places if (piece := expected.at(place)) is not None]
-    puts = f", and put {_list([f'the {_name(piece)} on {place}' for piece, place in belong])}" if belong else ""
     return Ask(
-        f"{article}{colour} {pieces} {verb} on {_list(list(map(str, places)))} that should not be on the board: "
-        f"take {them} off{puts}",
+        f"{article}{colour} {pieces} {verb} on {_list(places)} that should not be on the board: take {them} off",
         tuple(squares),
     )
 
