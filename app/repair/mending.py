@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -17,6 +17,8 @@ from app.repair.twice import doubted
 from hardware.table import Colour, PieceSpec, Place, square_place
 from vision.verify import TOLERANCE
 
+_KNOWN: Final = 0.9
+"""A kind as likely as this is known."""
 _SEEN_WITHIN: Final = 0.75
 """A piece stands no farther than this off the centre of the square where it is seen, along either axis [its sides]."""
 
@@ -86,7 +88,7 @@ def mend(
     )
     aside = tuple(place for place in map(square_place, range(64)) if expected.at(place) is None)
     target = Inventory.of(left, expected.table)
-    seen = _seen(believed, target, sighting, tolerance)
+    seen = _seen(believed, target, sighting, tolerance, {piece.colour for piece in gone})
     transfers = rearrange(believed, target, seen=seen, aside=aside, rest=rest)
     missing = _missing(gone) if gone else None
     if missing is not None and not transfers:
@@ -129,23 +131,31 @@ def _looks(square: int, expected: Inventory, sighting: Sighting) -> Colour | Non
 
 
 def _seen(
-    believed: Inventory, target: Inventory, sighting: Sighting, tolerance: float
-) -> dict[str, tuple[float, float]]:
+    believed: Inventory, target: Inventory, sighting: Sighting, tolerance: float, lacking: Set[Colour]
+) -> dict[str, Point]:
     """Where pieces stand that the arm takes, by name."""
-    seen, half = dict[str, Point](), _SEEN_WITHIN * believed.table.square + 1e-9
+    seen, most = dict[str, Point](), _SEEN_WITHIN * believed.table.square
     for square, (x, y) in sighting.places.items():
         piece = believed.at(square_place(square))
         if piece is None:
             continue
         dx, dy = (a - b for a, b in zip((x, y), believed.table.xy(piece.place), strict=True))
-        if max(abs(dx), abs(dy)) > half:
+        if max(abs(dx), abs(dy)) > most:
             raise ValueError(
                 f"what stands on {piece.place} was seen ({1e3 * dx:.0f}, {1e3 * dy:.0f}) mm from its centre, outside "
                 "of that square: name the square on which it was seen"
             )
-        if target.find(piece.name).place != piece.place or math.hypot(dx, dy) > tolerance:
-            seen[piece.name] = (x, y)
+        stays = target.find(piece.name).place == piece.place
+        # where a piece is missing, one that was touched may be it, having taken another of its own side
+        if stays and (math.hypot(dx, dy) <= tolerance or (piece.colour in lacking and not _is_known(piece, sighting))):
+            continue
+        seen[piece.name] = (x, y)
     return seen
+
+
+def _is_known(piece: PieceSpec, sighting: Sighting) -> bool:
+    chances = sighting.kinds.get(piece.place.index, {})
+    return chances.get(piece.kind, 0.0) >= _KNOWN
 
 
 # sentences

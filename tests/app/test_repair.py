@@ -98,7 +98,8 @@ class World:
         return Sighting(looks, seen if places else {}, frozenset(self.fallen), kinds=kinds)
 
     def height(self, piece: PieceSpec) -> Chances:
-        return kinds_by_height(PIECE_SHAPES[piece.kind].height + self.draw.gauss(0.0, 0.0012))
+        """Within what a median over a piece's head errs by; farther off, no rule could always tell 4 mm apart."""
+        return kinds_by_height(PIECE_SHAPES[piece.kind].height + self.draw.uniform(-0.0008, 0.0008))
 
     @property
     def wanted(self) -> dict[int, tuple[Colour, Kind]]:
