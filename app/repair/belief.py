@@ -31,7 +31,7 @@ _GONE: Final = 3.0
 _BROUGHT: Final = 4.5
 """Of a piece that should not be on the board."""
 SURE: Final = 2.9
-"""What is believed is so much likelier than anything else, as a logarithm: 18 times. One more piece that was carried costs
+"""What is believed is so much likelier than anything else, as a logarithm: 18 times. One more carried piece costs
 more, so that by colours alone the simplest explanation is believed."""
 _EXCHANGED: Final = 0.5
 """Of a piece on the last rank: a pawn that was carried there is exchanged by most people, allowed or not."""
