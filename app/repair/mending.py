@@ -86,9 +86,35 @@ def mend(
     believed = Inventory.of(
         (PieceSpec(p.name, p.kind, p.colour, there.get(p.name, p.place)) for p in left), expected.table
     )
-    aside = tuple(place for place in map(square_place, range(64)) if expected.at(place) is None)
-    target = Inventory.of(left, expected.table)
+    return repair_towards(believed, expected, sighting, tolerance=tolerance, rest=rest)
+
+
+def repair_towards(
+    believed: Inventory,
+    wanted: Inventory,
+    sighting: Sighting,
+    *,
+    tolerance: float = TOLERANCE,
+    rest: Point = (0.0, 0.0),
+) -> Repair | Ask:
+    """Plan how the arm gets from what is believed to stand there to what is wanted.
+
+    Args:
+        believed: what stands where now, of :func:`mend`; pieces that are missing are left out.
+        wanted: what shall stand where.
+        sighting: what is seen; its places may come from another look, at the pieces where they are believed to stand.
+        tolerance: as of :func:`mend`.
+        rest: as of :func:`mend`.
+
+    Raises:
+        PieceBoxed: a piece that lies in a box is wanted elsewhere.
+        ValueError: a piece was seen outside of its square.
+    """
+    there = {piece.name for piece in believed}
+    gone = tuple(piece for piece in wanted if piece.name not in there)
+    target = Inventory.of((piece for piece in wanted if piece.name in there), wanted.table)
     seen = _seen(believed, target, sighting, tolerance, {piece.colour for piece in gone})
+    aside = tuple(place for place in map(square_place, range(64)) if wanted.at(place) is None)
     transfers = rearrange(believed, target, seen=seen, aside=aside, rest=rest)
     missing = _missing(gone) if gone else None
     if missing is not None and not transfers:
@@ -215,9 +241,10 @@ def _extra(squares: Sequence[int], colour: Colour) -> Ask:
 
 
 def _missing(gone: Sequence[PieceSpec]) -> Ask:
-    puts = _list([f"the {_name(piece)} back on {piece.place}" for piece in sorted(gone, key=_place)])
+    puts = _list([f"the {_name(piece)} on {piece.place}" for piece in sorted(gone, key=_place)])
     what = f"{len(gone)} pieces are" if len(gone) > 1 else "a piece is"
-    return Ask(f"{what} missing: put {puts}", tuple(sorted(piece.place.index for piece in gone)))
+    squares = sorted(piece.place.index for piece in gone if piece.place.on_board)
+    return Ask(f"{what} missing: put {puts}", tuple(squares))
 
 
 def _joined(asks: Sequence[Ask]) -> Ask:

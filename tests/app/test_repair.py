@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from app.layout import colour_of, start_layout
 from app.manipulation import Inventory, NoSpare, transfers
 from app.motion import MotionSettings, plan_ply
-from app.repair import Ask, Repair, Sighting, kinds_by_height, mend
+from app.repair import Ask, Repair, Sighting, kinds_by_height, mend, repair_towards
 from app.repair.sighting import Chances
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, Place, TableSettings, square_place
@@ -319,6 +319,49 @@ def test_what_is_mended_by_a_person_as_asked_is_right_then(game: int, seed: int)
     check(world, mend(world.expected, world.sighting(heights=True, places=True), world.board))
 
 
+@given(GAMES, SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_a_repair_can_lead_on_to_what_is_wanted_next(game: int, seed: int) -> None:
+    """A ply that is to be carried out, or finished, on a board on which something was carried off."""
+    world = World(game, seed)
+    moves = list(world.board.legal_moves)
+    try:
+        wanted = world.expected.after(transfers(world.board, world.draw.choice(moves), world.expected))
+    except (IndexError, NoSpare):
+        wanted = world.expected
+    _put_back_wrong(world)
+    sighting = world.sighting(heights=True, places=True)
+    step = mend(world.expected, sighting, world.board)
+    if isinstance(step, Ask):
+        return
+    result = repair_towards(step.believed, wanted, sighting)
+    assert isinstance(result, Repair)
+    assert result.believed == step.believed
+    stands = {p.name: p.place for p in step.believed} | {t.name: t.target for t in result.transfers}
+    assert stands == {piece.name: piece.place for piece in wanted}
+    now = step.believed
+    for transfer in result.transfers:
+        now = now.moved(transfer)
+        if transfer.source.on_board and transfer.source == step.believed.find(transfer.name).place:
+            assert math.dist(transfer.grasped_at(TABLE), world.at[transfer.source.index]) < GRASP
+    assert result.rest is None
+
+
+def test_what_is_missing_is_asked_for_where_it_is_wanted() -> None:
+    expected, _ = at(START)
+    board = chess.Board()
+    wanted = expected.after(transfers(board, board.parse_san("Nc3"), expected))
+    gone = Inventory.of((p for p in expected if p.name != "white-knight-b"), TABLE)
+    assert repair_towards(gone, wanted, Sighting({})) == Ask(
+        "a piece is missing: put the white knight on c3", (chess.C3,)
+    )
+    lost = Inventory.of((p for p in expected if p.name != "white-queen-spare-1"), TABLE)
+    place = expected.find("white-queen-spare-1").place
+    assert repair_towards(lost, expected, Sighting({})) == Ask(
+        f"a piece is missing: put the white queen on {place}", ()
+    )
+
+
 def at(fen: str) -> tuple[Inventory, dict[int, Colour | None]]:
     board = chess.Board(fen)
     now = Inventory.of(start_layout(board, TABLE), TABLE)
@@ -352,20 +395,20 @@ def test_what_is_sure_the_arm_puts_right(sighting: Sighting, done: list[str], se
     assert sorted(f"{homes[t.name]} {t.source} {t.target}" for t in result.transfers) == done
     assert result.sentence == sentence
     if sighting.looks.get(chess.D7) is W:
-        assert result.rest == Ask("a piece is missing: put the black pawn back on d7", (chess.D7,))
+        assert result.rest == Ask("a piece is missing: put the black pawn on d7", (chess.D7,))
         assert "black-pawn-d" not in {piece.name for piece in result.believed}
     else:
         assert result.rest is None
 
 
 @pytest.mark.parametrize(("sighting", "sentence"), [
-    (looks(b1=None), "a piece is missing: put the white knight back on b1"),
+    (looks(b1=None), "a piece is missing: put the white knight on b1"),
     (looks(b1=None, d7=None),
-     "2 pieces are missing: put the white knight back on b1 and the black pawn back on d7"),
+     "2 pieces are missing: put the white knight on b1 and the black pawn on d7"),
     (looks(e4=W), "a white piece stands on e4 that should not be on the board: take it off"),
     (looks(e4=W, d5=W), "white pieces stand on e4 and d5 that should not be on the board: take them off"),
     (looks(d7=W), "a white piece stands on d7 that should not be on the board: take it off; "
-                  "a piece is missing: put the black pawn back on d7"),
+                  "a piece is missing: put the black pawn on d7"),
     (looks(b1=None, c1=None, d3=W, e3=W), "it is not clear which white pieces stand on d3 and e3: put the white knight "
                                           "on b1, the white bishop on c1 and nothing on d3 and e3"),
     (looks(b1=None, d3=W), "it is not clear which white pieces stand on d2 and d3: put the white knight on b1, the "
