@@ -96,6 +96,8 @@ CHOOSERS = (
     "app.manipulation",
     "app.motion",
     "app.players",
+    "app.rearrange",
+    "app.repair",
     "controller",
     "engine",
     "vision",
