@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import chess
+import chess.engine
 import pytest
 
 from app.players import Decision, LinePlayer, Players
@@ -14,7 +15,7 @@ class Always:
     def __init__(self, move: str) -> None:
         self.move = chess.Move.from_uci(move)
 
-    def choose(self, board: chess.Board) -> Decision:
+    def choose(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> Decision:
         return Decision(self.move)
 
 
@@ -43,7 +44,7 @@ class Counting:
         self.name = name
         self.positions = list[str]()
 
-    def choose(self, board: chess.Board) -> Decision:
+    def choose(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> Decision:
         self.positions.append(board.fen())
         return Decision(next(iter(board.legal_moves)))
 
@@ -75,7 +76,7 @@ def test_what_goes_wrong_in_thinking_ahead_shows_when_the_move_is_needed():
     class Broken:
         name = "broken"
 
-        def choose(self, board: chess.Board) -> Decision:
+        def choose(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> Decision:
             raise LookupError("no move")
 
     with Players(Broken(), Broken()) as players:

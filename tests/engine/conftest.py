@@ -97,6 +97,12 @@ def fake(tmp_path: Path) -> MakeFake:
     return make
 
 
+@pytest.fixture(autouse=True)
+def _without_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Attempts follow each other at once."""
+    monkeypatch.setattr("engine.keeper.PAUSES", (0.0, 0.0, 0.0))
+
+
 @pytest.fixture(scope="session")
 def stockfish() -> str:
     """Path of the real thing."""
