@@ -62,6 +62,7 @@ class Uci(chess.engine.UciProtocol):
         """Phrase of why it was killed from in here, if it was."""
         self._pondering: _Ponder | None = None
         self._pulses = deque[float]()
+        self._searches = False
         self._listens = False
         self._window = (0.0, 0)
 
@@ -80,6 +81,7 @@ class Uci(chess.engine.UciProtocol):
         loop = asyncio.get_running_loop()
         now = pulse = loop.time()
         end = math.inf if stop_after is None else now + stop_after
+        self._searches = True
         task = asyncio.ensure_future(question)
         try:
             while True:
@@ -117,9 +119,11 @@ class Uci(chess.engine.UciProtocol):
     # ---------------------------------------------------------------------------------------------------- what it says
 
     def _line_received(self, line: str) -> None:
+        if line.startswith("bestmove"):
+            self._searches = False
         if self._pulses and line.strip() == "readyok":
             self._pulses.popleft()
-            self._listens = True
+            self._listens |= self._searches  # one that answers after the search does not listen in it
             return
         super()._line_received(line)
 

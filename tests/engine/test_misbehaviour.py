@@ -14,7 +14,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine.budget import thinking_time
 from engine.errors import EngineFailed, EngineMissing, EngineRefused
 from engine.process import exit_phrase
 from engine.stockfish import Engine, EngineSettings, find_engine
@@ -317,15 +316,6 @@ def answering(
     engine_file = fake(on_go=f'say("bestmove", open({str(tmp_path / "answer")!r}).read())')
     with Engine(settings_for(engine_file.path)) as engine:
         yield engine, tmp_path / "answer"
-
-
-def test_thinking_time_is_the_shortest_time_named() -> None:
-    limit = chess.engine.Limit
-    assert thinking_time(limit(nodes=5), chess.WHITE) is None
-    assert thinking_time(limit(time=2.0), chess.BLACK) == 2.0
-    assert thinking_time(limit(time=2.0, white_clock=1.0, black_clock=9.0), chess.WHITE) == 1.0
-    assert thinking_time(limit(time=2.0, white_clock=1.0, black_clock=9.0), chess.BLACK) == 2.0
-    assert thinking_time(limit(black_clock=-0.5), chess.BLACK) == 0.0
 
 
 def test_the_deadline_lies_on_top_of_the_time_of_the_limit(fake: Callable[..., Any]) -> None:
