@@ -19,7 +19,7 @@ from app.layout import start_layout
 from app.lines import parse_line
 from app.manipulation import Inventory
 from app.match import Fixture, Match, Start, last_round
-from app.player_choice import engine_players, line_players
+from app.player_choice import engine_players, line_players, start_clock
 from app.players import Players
 from app.processes import GAMES
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
@@ -141,7 +141,8 @@ class _Games:
             players = _follow(self._board, self._line, ("line", "line"))
             return Fixture(self._board.copy(), players, most, result="*")
         opened, self._opened = self._opened, False
-        return Fixture(self._board.copy(), self._engines(number, opened), plies, self.human)
+        clock = start_clock(self._settings)
+        return Fixture(self._board.copy(), self._engines(number, opened), plies, self.human, clock=clock)
 
     def most(self, number: int) -> int:
         """Plies of a game after which it is over in any case."""

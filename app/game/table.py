@@ -35,11 +35,13 @@ from vision.situations import Finding
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What is recorded with a ply: what the player thinks of it, what the clocks show after it [s], a comment."""
+    """What is recorded with a ply: what the player thinks of it, a comment, and what the clocks show after it [s], to
+    be asked for once the move stands on the board.
+    """
 
     score: chess.engine.PovScore | None = None
-    clocks: dict[chess.Color, float] | None = None
     comment: str = ""
+    clocks: Callable[[], dict[chess.Color, float] | None] = lambda: None
 
 
 NO_REMARK: Final = Remark()
@@ -106,7 +108,7 @@ class Table:
     def hand_ply(self, move: chess.Move, remark: Remark = NO_REMARK) -> bool:
         """A move was made by hand, and seen or told; what stands badly since is mended. False as of ``arm_ply``."""
         ply = transfers(self.board, move, self.inventory)
-        outcome = PlyOutcome(by="hand", score=remark.score, clocks=remark.clocks, comment=remark.comment)
+        outcome = PlyOutcome(by="hand", score=remark.score, clocks=remark.clocks(), comment=remark.comment)
         done = self._conclude_ply(ply, self.inventory.after(ply), outcome)
         return done and self.repair()
 
@@ -171,7 +173,7 @@ class Table:
         self._reset_peak()
         wanted = self.inventory.after(ply)
         carried = self._carry(Job(ply.san, ply.transfers, uci=ply.uci), wanted, begun, letting_go)
-        outcome = replace(carried.outcome, score=remark.score, clocks=remark.clocks, comment=remark.comment)
+        outcome = replace(carried.outcome, score=remark.score, clocks=remark.clocks(), comment=remark.comment)
         return self._conclude_ply(ply, carried.inventory, outcome)
 
     def _do_task(self, job: Job, begun: Begun | None, board: chess.Board) -> bool:
