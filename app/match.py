@@ -32,6 +32,8 @@ from app.records.history import counted_plies
 from app.session import Round
 from hardware.sim.settings import Pace
 
+PERSON: Final = "Human"
+"""Name of whoever plays by hand."""
 SET_UP: Final = GameEnd("*", "set up", complete=True)
 _NAME: Final = re.compile(r"(game|set-up)-(\d+)")
 
@@ -194,8 +196,14 @@ class Match:
 
     def _record(self, name: str, board: chess.Board, inventory: Inventory, plant_time: float) -> GameRecord:
         assert self._chosen is not None
-        white, black = (self._chosen.name(colour) for colour in (chess.WHITE, chess.BLACK))
-        setup = GameSetup(white, black, self._seed, self._pace.value)
+        assert self._fixture is not None
+        human, clock = self._fixture.human, self._fixture.clock
+        white, black = (
+            PERSON if human is not None and human.colour is colour else self._chosen.name(colour)
+            for colour in (chess.WHITE, chess.BLACK)
+        )
+        control = None if clock is None else clock.white.pgn
+        setup = GameSetup(white, black, self._seed, self._pace.value, time_control=control)
         record = GameRecord.begin(self._folder / name, setup, board, inventory, plant_time)
         return self._records.enter_context(record)
 

@@ -38,6 +38,7 @@ class Timing:
     ) -> None:
         self._clock, self._plant_time, self._wall_time = clock, plant_time, wall_time
         self._shift = 0.0
+        self._moving: tuple[float, float] | None = None
         self._motion = EXPECTED_MOTION
 
     @property
@@ -47,6 +48,9 @@ class Timing:
 
     def now(self) -> float:
         """The game's time [s]."""
+        if self._moving is not None:
+            then, plant = self._moving
+            return then + self._plant_time() - plant
         return self._wall_time() + self._shift
 
     def start(self, colour: chess.Color) -> None:
@@ -97,14 +101,15 @@ class Timing:
     @contextmanager
     def motion(self, *, of_arm: bool = True) -> Iterator[None]:
         """What happens within takes as long as plant time says; the arm's next ply is expected to take as long."""
-        wall, plant = self._wall_time(), self._plant_time()
+        since, plant = self.now(), self._plant_time()
+        self._moving = since, plant
         try:
             yield
         finally:
-            took = self._plant_time() - plant
-            self._shift += took - (self._wall_time() - wall)
+            until, self._moving = self.now(), None
+            self._shift = until - self._wall_time()
             if of_arm:
-                self._motion = took
+                self._motion = until - since
 
 
 def clock_of(clock: ChessClock | None, plies: Sequence[PlyEvent]) -> ChessClock | None:

@@ -76,6 +76,8 @@ class StartEvent(_Stamped):
     black: str
     seed: int
     pace: Pace
+    time_control: str | None = None
+    """As in PGN; null: played without a clock."""
     inventory: tuple[PieceRecord, ...]
 
 

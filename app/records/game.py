@@ -58,6 +58,8 @@ class GameSetup:
     seed: int
     pace: Pace
     site: str = "?"
+    time_control: str | None = None
+    """As in PGN; None: played without a clock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -335,7 +337,14 @@ class GameRecord:
 def _pgn(folder: Path, start: StartEvent, site: str, moves: Sequence[PgnMove] = ()) -> PgnFile:
     board = chess.Board(start.fen, chess960=start.chess960)
     return PgnFile(
-        folder / PGN_FILE, board, white=start.white, black=start.black, site=site, date=start.wall_time, moves=moves
+        folder / PGN_FILE,
+        board,
+        white=start.white,
+        black=start.black,
+        site=site,
+        date=start.wall_time,
+        moves=moves,
+        time_control=start.time_control,
     )
 
 
@@ -352,6 +361,7 @@ def _start_event(
         black=setup.black,
         seed=setup.seed,
         pace=setup.pace,
+        time_control=setup.time_control,
         inventory=piece_records(inventory),
     )
 
