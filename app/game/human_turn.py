@@ -174,8 +174,9 @@ class HumanTurn:
         return None if self._table.take_back(2) else WRONG
 
     def _hint(self) -> None:
-        move = self._players.hint(self._table.board)
-        self._face.say(f"I would play {self._table.board.san(move)}" if move is not None else "no engine can be asked")
+        said = self._players.hint(self._table.board)
+        assert said.move is not None, "who is asked has an answer, or says why not"
+        self._face.say(f"I would play {self._table.board.san(said.move)}")
 
     def _yes(self, question: str) -> bool:
         return self._answer(f"{question} (yes or no)", ("yes", "no", "y", "n")).startswith("y")
