@@ -149,14 +149,18 @@ class Players:
             if isinstance(player, Thinker):
                 player.move_now()
 
-    def hint(self, board: chess.Board) -> Decision:
-        """What to play in this position, for the person to move: by the other side, else by the own, at its best.
+    def hint(self, board: chess.Board) -> chess.Move | None:
+        """What to play in this position, for a person to move; as ``advise``."""
+        return self.advise(board).move
+
+    def advise(self, board: chess.Board) -> Decision:
+        """What to play in this position and what is thought of it: by the side to move, else by the other, at its best.
 
         Raises:
             EngineProblem: as the player.
             EngineRefused: no player can say.
         """
-        for colour in (not board.turn, board.turn):
+        for colour in (board.turn, not board.turn):
             player = self._players[colour]
             if isinstance(player, Thinker):
                 said = self._pools[colour].submit(player.hint, board.copy()).result()

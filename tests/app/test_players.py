@@ -185,7 +185,7 @@ def test_a_person_is_not_asked_but_helped():
         with pytest.raises(ValueError, match="a person is to move"):
             players.choose(board)
         players.ponder(board, CLOCK)
-        assert players.hint(board).move in board.legal_moves
+        assert players.hint(board) in board.legal_moves
         assert not players.accepts_draw(board, chess.BLACK)
         assert not players.accepts_draw(board, chess.WHITE)
         board.push_san("e4")
