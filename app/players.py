@@ -10,7 +10,6 @@ import chess.engine
 
 from app.deciding import Decision, Player, Thinker
 from app.engine_player import EnginePlayer
-from engine.errors import EngineRefused
 
 __all__ = ["Decision", "EnginePlayer", "LinePlayer", "Player", "Players", "Thinker"]
 
@@ -150,15 +149,17 @@ class Players:
                 player.move_now()
 
     def hint(self, board: chess.Board) -> chess.Move | None:
-        """What to play in this position, for a person to move; as ``advise``."""
+        """What to play in this position, for a person to move; None and errors as ``advise``."""
         return self.advise(board).move
 
     def advise(self, board: chess.Board) -> Decision:
         """What to play in this position and what is thought of it: by the side to move, else by the other, at its best.
 
+        Returns:
+            No move where nobody can say.
+
         Raises:
             EngineProblem: as the player.
-            EngineRefused: no player can say.
         """
         for colour in (board.turn, not board.turn):
             player = self._players[colour]
@@ -168,7 +169,7 @@ class Players:
                     self._ponder(colour, pondered[0], pondered[1], certain=pondered[2])
                 if said.move is not None:
                     return said
-        raise EngineRefused("no engine plays here that could give a hint: play against one")
+        return Decision(None)
 
     def accepts_draw(self, board: chess.Board, colour: chess.Color) -> bool:
         """Whether the player of a colour agrees to a draw in this position; one that cannot say does not."""
