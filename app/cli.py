@@ -56,7 +56,11 @@ def demo(
     moves: Annotated[str | None, typer.Option(help='Play this line (SAN or UCI), e.g. "e4 d5 exd5".')] = None,
     white_elo: Annotated[int | None, typer.Option(help="Strength of White; full strength if not given.")] = None,
     black_elo: Annotated[int | None, typer.Option(help="Strength of Black; full strength if not given.")] = None,
-    movetime: Annotated[float, typer.Option(min=0.001, help="Thinking time per move [s].")] = 0.2,
+    movetime: Annotated[
+        float | None, typer.Option(min=0.001, help="Thinking time per move [s]; 0.2 where there is no clock.")
+    ] = None,
+    clock: Annotated[str | None, typer.Option(help="Time control such as 5+3; no clock if not given.")] = None,
+    book: Annotated[Path | None, typer.Option(help="Opening book in Polyglot's format.")] = None,
     nodes: Annotated[
         int | None, typer.Option(min=1, help="Think so many nodes instead: a run then repeats exactly.")
     ] = None,
@@ -97,6 +101,7 @@ def demo(
             "rig.port": port, "rig.video": video, "rig.video_length": video_length,
             "game.plies": plies, "game.fen": fen, "game.moves": moves, "game.games": games,
             "engine.move_time": movetime, "engine.nodes": nodes, "engine.path": engine,
+            "engine.book": book, "clock.time": clock,
             "white.elo": white_elo, "black.elo": black_elo, "vision.verify": verify, "out": out,
         }
     )  # fmt: skip
@@ -112,7 +117,11 @@ def play(
         str | None, typer.Option(help="real: by the wall clock, the default; fast: as fast as the machine can.")
     ] = None,
     fen: Annotated[str | None, typer.Option(help="Start from this position.")] = None,
-    movetime: Annotated[float, typer.Option(min=0.001, help="The robot's thinking time per move [s].")] = 1.0,
+    clock: Annotated[str | None, typer.Option(help="Time control such as 5+3; no clock if not given.")] = None,
+    movetime: Annotated[
+        float | None, typer.Option(min=0.001, help="The robot's thinking time per move [s]; with a clock the longest.")
+    ] = None,
+    book: Annotated[Path | None, typer.Option(help="Opening book in Polyglot's format.")] = None,
     nodes: Annotated[
         int | None, typer.Option(min=1, help="Think so many nodes instead: a run then repeats exactly.")
     ] = None,
@@ -135,7 +144,7 @@ def play(
         {
             "rig.name": rig, "rig.pace": pace, "rig.profile": profile, "rig.seed": seed, "rig.video": False,
             "game.fen": fen, "engine.move_time": movetime, "engine.nodes": nodes, "engine.path": engine,
-            f"{color}.player": "human", f"{other}.elo": elo, "out": out,
+            "engine.book": book, "clock.time": clock, f"{color}.player": "human", f"{other}.elo": elo, "out": out,
         }
     )  # fmt: skip
     _show_game(lambda face: run_games(settings, face, sys.stdin), headless=False, as_json=as_json, talks=True)

@@ -19,6 +19,7 @@ import chess
 import chess.engine
 from pydantic import BaseModel, ConfigDict, FiniteFloat, NonNegativeFloat
 
+from app.records.events import Result
 from app.time_control import Extra, TimeControl
 
 ARM_LEAVES: Final = 5.0
@@ -66,7 +67,7 @@ class FlagFall(NamedTuple):
     """A side's time ran out: which, PGN's result, and a phrase."""
 
     colour: chess.Color
-    result: str
+    result: Result
     reason: str
 
 

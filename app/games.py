@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 import chess
 
@@ -19,7 +19,7 @@ from app.layout import start_layout
 from app.lines import parse_line
 from app.manipulation import Inventory
 from app.match import Fixture, Match, Start, last_round
-from app.player_choice import engine_players, line_players
+from app.player_choice import engine_players, line_players, start_clock
 from app.players import Players
 from app.processes import GAMES
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
@@ -30,10 +30,11 @@ from app.settings_file import keep_settings, kept_settings
 from app.sim_hands import SimHands
 from app.typed_lines import TypedLines
 from app.venue import Venue, start_board, venue_of
-from app.watch_view import nominal_view
 from hardware.interfaces import Intrinsics
 from hardware.table import Colour
-from vision.board import BoardView
+
+if TYPE_CHECKING:
+    from vision.board import BoardView
 
 NOBODY = "-"
 """Plays where a position is only set up."""
@@ -141,7 +142,8 @@ class _Games:
             players = _follow(self._board, self._line, ("line", "line"))
             return Fixture(self._board.copy(), players, most, result="*")
         opened, self._opened = self._opened, False
-        return Fixture(self._board.copy(), self._engines(number, opened), plies, self.human)
+        clock = start_clock(self._settings)
+        return Fixture(self._board.copy(), self._engines(number, opened), plies, self.human, clock=clock)
 
     def most(self, number: int) -> int:
         """Plies of a game after which it is over in any case."""
@@ -181,6 +183,8 @@ def _match(settings: Settings, venue: Venue, games: _Games, folder: Path, face: 
         looks = games.human is not None or not venue.simulated
 
     def view(intrinsics: Intrinsics) -> BoardView | None:
+        from app.watch_view import nominal_view
+
         return nominal_view(intrinsics, venue.table) if venue.simulated else None
 
     seating = Seating(venue.motion, venue.parameters, looks, view)

@@ -15,6 +15,7 @@ from typing import Final, Protocol
 
 import chess
 
+from app.clock import ChessClock
 from app.faces import Face
 from app.game import Devices, Game, GameEnd, Position
 from app.game.game import require_empty_fingers
@@ -22,13 +23,17 @@ from app.game.human import Human
 from app.game.seating import Seating
 from app.game.state import WRONG
 from app.game.table import Table
+from app.game.timing import Timing, clock_of
 from app.manipulation import Inventory
 from app.players import Players
 from app.records import GameRecord, GameSetup
 from app.records.events import Result
+from app.records.history import counted_plies
 from app.session import Round
 from hardware.sim.settings import Pace
 
+PERSON: Final = "Human"
+"""Name of whoever plays by hand."""
 SET_UP: Final = GameEnd("*", "set up", complete=True)
 _NAME: Final = re.compile(r"(game|set-up)-(\d+)")
 
@@ -44,6 +49,7 @@ class Fixture:
         human: who plays one side by hand; None: nobody.
         comments: for each ply of a game that is played again.
         result: of that game; None: it is no such game.
+        clock: before the game; None: it is played without.
     """
 
     board: chess.Board
@@ -52,6 +58,7 @@ class Fixture:
     human: Human | None = None
     comments: tuple[str, ...] = ()
     result: Result | None = None
+    clock: ChessClock | None = None
 
 
 class Fixtures(Protocol):
@@ -176,7 +183,11 @@ class Match:
         if self._sets_up:
             goal = self._fixture.board
             return Round(record, lambda: _set_up(table, goal), dict)
-        game = Game(table, self._chosen, self._face, human, self._fixture.comments, self._fixture.result)
+        clock = clock_of(self._fixture.clock, counted_plies(record.events))
+        timing = Timing(clock, devices.clock.now)
+        game = Game(
+            table, self._chosen, self._face, human, self._fixture.comments, self._fixture.result, timing
+        )  # fmt: skip
         plies = self._fixture.plies
         return Round(record, lambda: game.play(plies), lambda: {"thinking_s": round(game.thinking, 3)})
 
@@ -185,8 +196,14 @@ class Match:
 
     def _record(self, name: str, board: chess.Board, inventory: Inventory, plant_time: float) -> GameRecord:
         assert self._chosen is not None
-        white, black = (self._chosen.name(colour) for colour in (chess.WHITE, chess.BLACK))
-        setup = GameSetup(white, black, self._seed, self._pace.value)
+        assert self._fixture is not None
+        human, clock = self._fixture.human, self._fixture.clock
+        white, black = (
+            PERSON if human is not None and human.colour is colour else self._chosen.name(colour)
+            for colour in (chess.WHITE, chess.BLACK)
+        )
+        control = None if clock is None else clock.white.pgn
+        setup = GameSetup(white, black, self._seed, self._pace.value, time_control=control)
         record = GameRecord.begin(self._folder / name, setup, board, inventory, plant_time)
         return self._records.enter_context(record)
 

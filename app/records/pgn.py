@@ -39,6 +39,7 @@ class PgnFile:
         site: str,
         date: datetime,
         moves: Sequence[PgnMove] = (),
+        time_control: str | None = None,
     ) -> None:
         """Write the game so far.
 
@@ -50,6 +51,7 @@ class PgnFile:
             site: where it is played.
             date: day of the start, UTC.
             moves: made already.
+            time_control: as in PGN; None: none.
 
         Raises:
             RecordError: it cannot be written.
@@ -59,6 +61,8 @@ class PgnFile:
         self._game = chess.pgn.Game()
         self._game.setup(self.board)
         values = {"Event": EVENT, "Site": site, "Date": date.strftime("%Y.%m.%d"), "White": white, "Black": black}
+        if time_control is not None:
+            values["TimeControl"] = time_control
         self._set(values)
         self._last: chess.pgn.GameNode = self._game
         for move in moves:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -17,8 +17,10 @@ from app.repair.twice import doubted
 from hardware.table import Colour, PieceSpec, Place, square_place
 from vision.verify import TOLERANCE
 
+_KNOWN: Final = 0.9
+"""A kind as likely as this is known."""
 _SEEN_WITHIN: Final = 0.75
-"""A piece stands at most so far off the centre of the square where it is seen, along either axis [sides of a square]."""
+"""A piece stands no farther than this off the centre of the square where it is seen, along either axis [its sides]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +86,35 @@ def mend(
     believed = Inventory.of(
         (PieceSpec(p.name, p.kind, p.colour, there.get(p.name, p.place)) for p in left), expected.table
     )
-    aside = tuple(place for place in map(square_place, range(64)) if expected.at(place) is None)
-    target = Inventory.of(left, expected.table)
-    seen = _seen(believed, target, sighting, tolerance)
+    return repair_towards(believed, expected, sighting, tolerance=tolerance, rest=rest)
+
+
+def repair_towards(
+    believed: Inventory,
+    wanted: Inventory,
+    sighting: Sighting,
+    *,
+    tolerance: float = TOLERANCE,
+    rest: Point = (0.0, 0.0),
+) -> Repair | Ask:
+    """Plan how the arm gets from what is believed to stand there to what is wanted.
+
+    Args:
+        believed: what stands where now, of :func:`mend`; pieces that are missing are left out.
+        wanted: what shall stand where.
+        sighting: what is seen; its places may come from another look, at the pieces where they are believed to stand.
+        tolerance: as of :func:`mend`.
+        rest: as of :func:`mend`.
+
+    Raises:
+        PieceBoxed: a piece that lies in a box is wanted elsewhere.
+        ValueError: a piece was seen outside of its square.
+    """
+    there = {piece.name for piece in believed}
+    gone = tuple(piece for piece in wanted if piece.name not in there)
+    target = Inventory.of((piece for piece in wanted if piece.name in there), wanted.table)
+    seen = _seen(believed, target, sighting, tolerance, {piece.colour for piece in gone})
+    aside = tuple(place for place in map(square_place, range(64)) if wanted.at(place) is None)
     transfers = rearrange(believed, target, seen=seen, aside=aside, rest=rest)
     missing = _missing(gone) if gone else None
     if missing is not None and not transfers:
@@ -129,23 +157,31 @@ def _looks(square: int, expected: Inventory, sighting: Sighting) -> Colour | Non
 
 
 def _seen(
-    believed: Inventory, target: Inventory, sighting: Sighting, tolerance: float
-) -> dict[str, tuple[float, float]]:
+    believed: Inventory, target: Inventory, sighting: Sighting, tolerance: float, lacking: Set[Colour]
+) -> dict[str, Point]:
     """Where pieces stand that the arm takes, by name."""
-    seen, half = dict[str, Point](), _SEEN_WITHIN * believed.table.square + 1e-9
+    seen, most = dict[str, Point](), _SEEN_WITHIN * believed.table.square
     for square, (x, y) in sighting.places.items():
         piece = believed.at(square_place(square))
         if piece is None:
             continue
         dx, dy = (a - b for a, b in zip((x, y), believed.table.xy(piece.place), strict=True))
-        if max(abs(dx), abs(dy)) > half:
+        if max(abs(dx), abs(dy)) > most:
             raise ValueError(
                 f"what stands on {piece.place} was seen ({1e3 * dx:.0f}, {1e3 * dy:.0f}) mm from its centre, outside "
                 "of that square: name the square on which it was seen"
             )
-        if target.find(piece.name).place != piece.place or math.hypot(dx, dy) > tolerance:
-            seen[piece.name] = (x, y)
+        stays = target.find(piece.name).place == piece.place
+        # where a piece is missing, one that was touched may be it, having taken another of its own side
+        if stays and (math.hypot(dx, dy) <= tolerance or (piece.colour in lacking and not _is_known(piece, sighting))):
+            continue
+        seen[piece.name] = (x, y)
     return seen
+
+
+def _is_known(piece: PieceSpec, sighting: Sighting) -> bool:
+    chances = sighting.kinds.get(piece.place.index, {})
+    return chances.get(piece.kind, 0.0) >= _KNOWN
 
 
 # sentences
@@ -160,7 +196,7 @@ def _asks(expected: Inventory, sighting: Sighting, beliefs: Mapping[Colour, Beli
         if doubtful:
             asks.append(_doubtful(doubtful, colour, belief, expected))
         if belief.extra:
-            asks.append(_extra(belief.extra, colour, expected))
+            asks.append(_extra(belief.extra, colour))
     return asks
 
 
@@ -194,23 +230,21 @@ def _doubtful(doubtful: Sequence[int], colour: Colour, belief: Belief, expected:
     )
 
 
-def _extra(squares: Sequence[int], colour: Colour, expected: Inventory) -> Ask:
-    places = [square_place(square) for square in squares]
+def _extra(squares: Sequence[int], colour: Colour) -> Ask:
+    places = [str(square_place(square)) for square in squares]
     verb, pieces, them = ("stands", "piece", "it") if len(squares) == 1 else ("stand", "pieces", "them")
     article = "a " if len(squares) == 1 else ""
-    belong = [(piece, place) for place in places if (piece := expected.at(place)) is not None]
-    puts = f", and put {_list([f'the {_name(piece)} on {place}' for piece, place in belong])}" if belong else ""
     return Ask(
-        f"{article}{colour} {pieces} {verb} on {_list(list(map(str, places)))} that should not be on the board: "
-        f"take {them} off{puts}",
+        f"{article}{colour} {pieces} {verb} on {_list(places)} that should not be on the board: take {them} off",
         tuple(squares),
     )
 
 
 def _missing(gone: Sequence[PieceSpec]) -> Ask:
-    puts = _list([f"the {_name(piece)} back on {piece.place}" for piece in sorted(gone, key=_place)])
+    puts = _list([f"the {_name(piece)} on {piece.place}" for piece in sorted(gone, key=_place)])
     what = f"{len(gone)} pieces are" if len(gone) > 1 else "a piece is"
-    return Ask(f"{what} missing: put {puts}", tuple(sorted(piece.place.index for piece in gone)))
+    squares = sorted(piece.place.index for piece in gone if piece.place.on_board)
+    return Ask(f"{what} missing: put {puts}", tuple(squares))
 
 
 def _joined(asks: Sequence[Ask]) -> Ask:
