@@ -10,6 +10,7 @@ import chess.engine
 
 from app.deciding import Decision, Player, Thinker
 from app.engine_player import EnginePlayer
+from engine.errors import EngineRefused
 
 __all__ = ["Decision", "EnginePlayer", "LinePlayer", "Player", "Players", "Thinker"]
 
@@ -148,20 +149,14 @@ class Players:
             if isinstance(player, Thinker):
                 player.move_now()
 
-    def hint(self, board: chess.Board) -> chess.Move | None:
-        """What to play in this position, for a person to move; None and errors as ``advise``."""
-        return self.advise(board).move
-
-    def advise(self, board: chess.Board) -> Decision:
-        """What to play in this position and what is thought of it: by the side to move, else by the other, at its best.
-
-        Returns:
-            No move where nobody can say.
+    def hint(self, board: chess.Board) -> Decision:
+        """What to play in this position, for the person to move: by the other side, else by the own, at its best.
 
         Raises:
             EngineProblem: as the player.
+            EngineRefused: no player can say.
         """
-        for colour in (board.turn, not board.turn):
+        for colour in (not board.turn, board.turn):
             player = self._players[colour]
             if isinstance(player, Thinker):
                 said = self._pools[colour].submit(player.hint, board.copy()).result()
@@ -169,7 +164,7 @@ class Players:
                     self._ponder(colour, pondered[0], pondered[1], certain=pondered[2])
                 if said.move is not None:
                     return said
-        return Decision(None)
+        raise EngineRefused("no engine plays here that could give a hint: play against one")
 
     def accepts_draw(self, board: chess.Board, colour: chess.Color) -> bool:
         """Whether the player of a colour agrees to a draw in this position; one that cannot say does not."""

@@ -10,7 +10,7 @@ import chess.engine
 import pytest
 
 from app.players import Decision, LinePlayer, Players
-from engine.errors import EngineFailed
+from engine.errors import EngineFailed, EngineRefused
 
 
 class Always:
@@ -185,7 +185,7 @@ def test_a_person_is_not_asked_but_helped():
         with pytest.raises(ValueError, match="a person is to move"):
             players.choose(board)
         players.ponder(board, CLOCK)
-        assert players.hint(board) in board.legal_moves
+        assert players.hint(board).move in board.legal_moves
         assert not players.accepts_draw(board, chess.BLACK)
         assert not players.accepts_draw(board, chess.WHITE)
         board.push_san("e4")
@@ -199,9 +199,11 @@ def test_a_person_is_not_asked_but_helped():
 
 def test_without_an_engine_there_is_no_hint():
     line = LinePlayer(chess.Board(), [chess.Move.from_uci("e2e4")])
-    with Players(line, line) as players:
-        assert players.hint(chess.Board()) is None
-        assert players.advise(chess.Board()) == Decision(None)
+    with (
+        Players(line, line) as players,
+        pytest.raises(EngineRefused, match=r"^no engine plays here that could give a hint: play against one$"),
+    ):
+        players.hint(chess.Board())
 
 
 def test_a_line_lets_its_follower_think_once_it_ends():
