@@ -122,7 +122,7 @@ class Game:
                 decision = self._players.choose(board, self._timing.limit(board.turn))
                 break
             except EngineProblem as problem:
-                self._timing.pause()
+                self._timing.forget(board.turn)
                 if self._human is None:
                     raise
                 self._human.wait(f"{problem}; say 'go' when I may ask again")

@@ -26,6 +26,7 @@ from app.players import Players
 from app.records import RecordError
 from app.records.events import Result
 from app.time_control import clock_text
+from engine.errors import EngineProblem
 from hardware.interfaces import HardwareError
 from vision.verdict import Situation, Verdict
 
@@ -67,7 +68,11 @@ class HumanTurn:
                 end = self._obey(command)
             except (PersonGone, RecordError, ArmPaused, NeedsHand):
                 raise
-            except (UserError, HardwareError) as error:  # it cannot be done: the game stands where it stood
+            except (
+                UserError,
+                HardwareError,
+                EngineProblem,
+            ) as error:  # it cannot be done: the game stands where it stood
                 self._face.say(str(error))
                 continue
             if end is not None:

@@ -82,13 +82,10 @@ class Mender:
         squares = (str(failure.transfer.source), str(failure.transfer.target))
         self._record.trouble(failure.loss.value, squares, str(failure), None, self._clock.now())
 
-    def mend(
-        self, recorded: Inventory, stands: Inventory, wanted: Inventory, board: chess.Board | None = None
-    ) -> Mended:
+    def mend(self, stands: Inventory, wanted: Inventory, board: chess.Board | None = None) -> Mended:
         """Until the board shows what is wanted.
 
         Args:
-            recorded: what stands where by the record.
             stands: what should stand where now, as far as is known.
             wanted: what shall stand where.
             board: the position that ``stands`` shows, where a person may have moved something; None: only the arm has.
@@ -108,8 +105,11 @@ class Mender:
                     "hand, then go on with 'touchmove resume'"
                 )
             if isinstance(step, Repair):
-                stands, took, step = self._carry(recorded, step, faults)
-                duration += took
+                if step.transfers:
+                    stands, took, step = self._carry(step, faults)
+                    duration += took
+                else:  # it has come to stand where it shall
+                    stands, step = step.believed, step.rest
             if step is not None:
                 self._ask(step, faults)
                 stands = wanted
@@ -129,17 +129,17 @@ class Mender:
             return found.faults, step
         places = {**found.sighting.places, **self.eyes.places(step.believed)}
         step = repair_towards(step.believed, wanted, replace(found.sighting, places=places))
-        if isinstance(step, Repair) and not step.transfers and step.rest is None:
+        if isinstance(step, Repair) and not step.transfers and step.rest is None and not changed(stands, step.believed):
             return found.faults, Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
         return found.faults, step
 
-    def _carry(self, recorded: Inventory, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float, Ask | None]:
+    def _carry(self, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float, Ask | None]:
         """One round: recorded, carried; what stands where then, how long it took [s], what a person has to do."""
         label, now = "put the board right", self._clock.now()
         for fault in faults:
             self._record.trouble(fault.kind.value, (str(square_place(fault.square)),), fault.sentence, "arm", now)
         self._face.say(f"{_sentence(faults)}: {step.sentence}" if faults else step.sentence)
-        self._record.found(changed(recorded, step.believed), _sentence(faults) or "a piece was not carried", now)
+        self._record.found(step.believed, _sentence(faults) or "a piece was not carried", now)
         self._record.task(Purpose.REPAIR, label, step.transfers, now)
         try:
             carried = self._carrier.carry(Job(label, step.transfers), step.believed)

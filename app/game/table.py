@@ -140,7 +140,7 @@ class Table:
         """The board is looked at, and put right where it is not as the game says; False as of ``arm_ply``."""
         if self._mender is None:
             return True
-        mended = self._mender.mend(self.inventory, self.inventory, self.inventory, self.board)
+        mended = self._mender.mend(self.inventory, self.inventory, self.board)
         if not mended.jobs:
             return True
         return self._conclude_task(mended.inventory, PlyOutcome(real=mended.duration), self.board)
@@ -198,7 +198,7 @@ class Table:
         stands = self.inventory
         self.inventory = carried.inventory
         if rest:
-            self._record.found(changed(stands, carried.inventory), "a repair was broken off", self.now())
+            self._record.found(carried.inventory, "a repair was broken off", self.now())
             self._record.task(Purpose.REPAIR, "put the board right", rest, self.now())
             carried = self._carry(Job("put the board right", rest), moved_all(self.inventory, rest), None, None)
         outcome = replace(carried.outcome, resumed=True)
@@ -235,7 +235,7 @@ class Table:
                 self._mender.note_loss(failure)
         if self._mender is None:
             return _Done(wanted, outcome)
-        mended = self._mender.mend(self.inventory, stands, wanted)
+        mended = self._mender.mend(stands, wanted)
         if mended.jobs:
             outcome = replace(outcome, real=(outcome.real or 0.0) + mended.duration, resumed=True)
         return _Done(mended.inventory, outcome)
@@ -251,7 +251,7 @@ class Table:
         frame = self._look()
         outcome, verdict = self._judged(outcome, places)
         outcome = replace(outcome, frame=self._keep(frame))
-        event = self._record.ply(ply, outcome, self.now(), places)
+        event = self._record.ply(ply, outcome, self.now(), inventory)
         self._face.ply(event, self.board)
         return verdict is None or verdict.ok
 
@@ -261,7 +261,7 @@ class Table:
         self.inventory.check_against(board)
         self._look()
         outcome, verdict = self._judged(outcome, places)
-        self._record.task_done(places, outcome, self.now())
+        self._record.task_done(inventory, outcome, self.now())
         self._face.position(self.board)
         return verdict is None or verdict.ok
 

@@ -82,6 +82,11 @@ class Timing:
         if self._clock is not None:
             self._clock = self._clock.pause(self.now())
 
+    def forget(self, colour: chess.Color) -> None:
+        """Its engine has failed: the side gets back what it has used for the move under way, and nobody's time runs."""
+        if self._clock is not None:
+            self._clock = self._clock.pause(self.now()).give_back(colour, self._clock.at(self.now()).used)
+
     def take_back(self, plies: int) -> None:
         """Both sides have what they had before so many plies, as far as they were played by this clock."""
         if self._clock is not None:

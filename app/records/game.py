@@ -35,10 +35,9 @@ from app.records.events import (
     transfer_records,
 )
 from app.records.files import LineLog, recording, write_atomically
-from app.records.history import History, counted_plies, open_task
+from app.records.history import History, counted_plies, open_task, places_of
 from app.records.pgn import PgnFile, PgnMove
 from app.records.report import Report, summarise
-from hardware.table import Place
 
 EVENTS_FILE = "events.jsonl"
 PGN_FILE = "game.pgn"
@@ -111,6 +110,7 @@ class GameRecord:
         self._events = list(events)
         self._counted = counted_plies(events)
         self._task = open_task(events)
+        self._places = places_of(events)
 
     @classmethod
     def begin(
@@ -227,11 +227,11 @@ class GameRecord:
         if purpose is not Purpose.REPAIR:
             self._task = event
 
-    def task_done(self, places: Mapping[str, Place], outcome: PlyOutcome, plant_time: float) -> None:
+    def task_done(self, stands: Inventory, outcome: PlyOutcome, plant_time: float) -> None:
         """Record that the task begun last was done, or that what was found was put right.
 
         Args:
-            places: where each piece that stands elsewhere than before stands now, by name.
+            stands: what stands where now.
             outcome: what is known of it.
             plant_time: [s].
         """
@@ -240,7 +240,7 @@ class GameRecord:
         self._append(
             TaskDoneEvent(
                 wall_time=self._now(), plant_time=plant_time, ply=self._plies() - taken_back, real_s=outcome.real,
-                inventory={name: str(place) for name, place in places.items()},
+                inventory=self._moved(stands),
                 physical_ok=outcome.physical_ok, failures=outcome.failures, resumed=outcome.resumed,
             )
         )  # fmt: skip
@@ -253,12 +253,12 @@ class GameRecord:
         self._task = None
         self._append(TaskDroppedEvent(wall_time=self._now(), plant_time=plant_time, ply=self._plies(), reason=reason))
 
-    def found(self, places: Mapping[str, Place], reason: str, plant_time: float) -> None:
-        """Record where pieces were seen that stand elsewhere than the game wants them, by name."""
+    def found(self, stands: Inventory, reason: str, plant_time: float) -> None:
+        """Record that pieces were seen elsewhere than the game wants them: what stands where, as far as it does."""
         self._append(
             FoundEvent(
                 wall_time=self._now(), plant_time=plant_time, ply=self._plies(), reason=reason,
-                inventory={name: str(place) for name, place in places.items()},
+                inventory=self._moved(stands),
             )
         )  # fmt: skip
 
@@ -273,16 +273,14 @@ class GameRecord:
             )
         )  # fmt: skip
 
-    def ply(
-        self, ply: Ply, outcome: PlyOutcome, plant_time: float, places: Mapping[str, Place] | None = None
-    ) -> PlyEvent:
+    def ply(self, ply: Ply, outcome: PlyOutcome, plant_time: float, stands: Inventory | None = None) -> PlyEvent:
         """Record a ply after it was done.
 
         Args:
             ply: as it was meant.
             outcome: what is known of it.
             plant_time: [s].
-            places: where each piece that stands elsewhere than before stands now, by name; None: as it was meant.
+            stands: what stands where now; None: as it was meant.
 
         Raises:
             ValueError: it is not legal after the plies recorded so far (of python-chess); nothing is written.
@@ -291,7 +289,7 @@ class GameRecord:
         after.push_uci(ply.uci)
         event = _ply_event(
             self._now(), plant_time, number=self._plies() + 1, ply=ply, outcome=outcome, fen=after.fen(),
-            places=ply.changes() if places is None else places,
+            places=self._after(ply) if stands is None else self._moved(stands),
         )  # fmt: skip
         self._append(event)
         self._task = None
@@ -332,6 +330,18 @@ class GameRecord:
     def close(self) -> None:
         """Close the files; a second call does nothing."""
         self._log.close()
+
+    def _moved(self, stands: Inventory) -> dict[str, str]:
+        """Where the pieces stand that the record has elsewhere; from now on it has them there."""
+        moved = {p.name: str(p.place) for p in stands if self._places[p.name] != str(p.place)}
+        self._places |= moved
+        return moved
+
+    def _after(self, ply: Ply) -> dict[str, str]:
+        """Where the pieces stand that a ply has moved."""
+        moved = {name: str(place) for name, place in ply.changes().items()}
+        self._places |= moved
+        return moved
 
     def _plies(self) -> int:
         return len(self._counted)
@@ -381,7 +391,7 @@ def _ply_event(
     ply: Ply,
     outcome: PlyOutcome,
     fen: str,
-    places: Mapping[str, Place],
+    places: dict[str, str],
 ) -> PlyEvent:
     return PlyEvent(
         wall_time=wall_time,
@@ -400,7 +410,7 @@ def _ply_event(
         physical_ok=outcome.physical_ok,
         frame=outcome.frame,
         transfers=transfer_records(ply.transfers),
-        inventory={name: str(place) for name, place in places.items()},
+        inventory=places,
         failures=outcome.failures,
         resumed=outcome.resumed,
         by=outcome.by,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -159,6 +159,20 @@ def counted_plies(events: Iterable[AnyEvent]) -> list[PlyEvent]:
             del plies[-task.taken_back :]
         task = _after(task, event)
     return plies
+
+
+def places_of(events: Sequence[AnyEvent]) -> dict[str, str]:
+    """Where each piece stands by the record, by name."""
+    places: dict[str, str] = {}
+    for event in events:
+        match event:
+            case StartEvent():
+                places = {piece.name: piece.place for piece in event.inventory}
+            case PlyEvent() | FoundEvent() | TaskDoneEvent():
+                places.update(event.inventory)
+            case _:
+                pass
+    return places
 
 
 def open_task(events: Iterable[AnyEvent]) -> TaskEvent | None:

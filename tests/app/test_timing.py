@@ -95,3 +95,15 @@ def test_without_a_clock_nothing_is_counted() -> None:
     assert timing.left() is None
     assert timing.limit(chess.WHITE) is None
     assert clock_of(None, []) is None
+
+
+def test_an_engine_that_failed_gets_its_time_back() -> None:
+    times = Times()
+    timing = times.timing("5+0")
+    timing.start(chess.WHITE)
+    times.wall += 40.0
+    timing.forget(chess.WHITE)
+    times.wall += 1000.0
+    timing.start(chess.WHITE)
+    times.wall += 10.0
+    assert timing.left() == pytest.approx({chess.WHITE: 290.0, chess.BLACK: 300.0})

@@ -1,0 +1,199 @@
+"""Pieces are lost on their way, knocked aside or taken off; the game sees it, has it mended, and only then goes on.
+
+The table here is paper: an arm that moves inventories and loses pieces where it is told, and eyes that see the truth.
+"""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import Any
+
+import chess
+import numpy as np
+import pytest
+
+from app import UserError
+from app.arm import Outcome
+from app.board_rig import BoardRig
+from app.faces import Quiet
+from app.game.carrier import Carried, CarryFailed, Loss
+from app.game.eyes import Verification
+from app.game.mending import Mender
+from app.game.person import NeedsHand, UnattendedAsker
+from app.game.state import Devices, Job, Position
+from app.game.table import Table
+from app.layout import start_layout
+from app.manipulation import Inventory
+from app.motion import MotionSettings
+from app.records import EVENTS_FILE, GameRecord, GameSetup, read_history
+from app.records.events import TroubleEvent
+from app.repair import Sighting
+from hardware.parameters import load_parameters
+from hardware.table import PieceSpec, Place, TableSettings, square_place
+from vision.appearance import BLACK, EMPTY, WHITE
+from vision.verify import Fault, FaultKind
+
+TABLE = TableSettings()
+
+
+class Paper:
+    """What really stands where; and an arm and eyes for it."""
+
+    def __init__(self, inventory: Inventory) -> None:
+        self.truth = inventory
+        self.losses: dict[int, Place | None] = {}
+        """By number of the transfer, from 0: where its piece ends up; None: gone."""
+        self.carried = 0
+        self.asked: list[str] = []
+
+    # an arm
+
+    untouched = False
+
+    def carry(self, job: Job, inventory: Inventory, begun: Any = None, letting_go: Any = None) -> Carried:
+        done = inventory
+        for number, transfer in enumerate(job.transfers):
+            if self.carried in self.losses:
+                where = self.losses.pop(self.carried)
+                self.carried += 1
+                self.put(transfer.name, where)
+                raise CarryFailed(Loss.LOST, transfer, number, done, f"the {transfer.kind} was lost")
+            self.carried += 1
+            self.put(transfer.name, transfer.target)
+            done = done.moved(transfer)
+        return Carried(1.0, Outcome(1.0, 1.0, 1.0, 100), False)
+
+    def put(self, name: str, place: Place | None) -> None:
+        rest = [piece for piece in self.truth if piece.name != name]
+        piece = next((piece for piece in self.truth if piece.name == name), None)
+        if place is not None:
+            assert piece is not None, f"{name} is gone and cannot be carried"
+            assert all(other.place != place for other in rest), f"{name} was put on {place}, where another piece stands"
+            rest.append(PieceSpec(piece.name, piece.kind, piece.colour, place))
+        self.truth = Inventory.of(rest, TABLE)
+
+    # eyes
+
+    last = None
+
+    def verify(self, stands: Inventory) -> Verification:
+        faults, states = [], np.full(64, EMPTY)
+        for square in range(64):
+            there, should = self.truth.at(square_place(square)), stands.at(square_place(square))
+            if there is not None:
+                states[square] = WHITE if there.colour == "white" else BLACK
+            if should is not None and there is None:
+                faults.append(Fault(FaultKind.MISSING, square, f"{square_place(square)} is empty", None, None))
+            if should is None and there is not None:
+                faults.append(Fault(FaultKind.FOREIGN, square, f"something is on {square_place(square)}", (0, 0), None))
+        return Verification(tuple(faults), Sighting.of(stands, states, faults))
+
+    def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
+        return {piece.place.index: TABLE.xy(piece.place) for piece in believed if piece.place.on_board}
+
+    def confirm(self, board: chess.Board, look: Any = None) -> None:
+        self.confirmed = board.fen()
+
+
+class Unattended(UnattendedAsker):
+    def __init__(self, paper: Paper) -> None:
+        self._paper = paper
+
+    def mend(self, sentence: str, squares: tuple[str, ...]) -> None:
+        self._paper.asked.append(sentence)
+        super().mend(sentence, squares)
+
+
+def table_of(folder: Path, fen: str = chess.STARTING_FEN) -> tuple[Table, Paper, GameRecord]:
+    board = chess.Board(fen)
+    inventory = Inventory.of(start_layout(board, TABLE), TABLE)
+    paper: Any = Paper(inventory)
+    record = GameRecord.begin(folder, GameSetup("a", "b", 1, "fast"), board, inventory, 0.0)
+    rig = BoardRig(MotionSettings().home, load_parameters())
+    mender = Mender(paper, paper, Unattended(paper), record, Quiet(), rig.clock)
+    devices = Devices(rig.arm, rig.clock, None, None)
+    return Table(Position(board, inventory), devices, paper, mender, record, Quiet()), paper, record
+
+
+def same(one: Inventory, other: Inventory) -> bool:
+    return dict(one.standing) == dict(other.standing)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_lost_pieces_are_found_and_carried_again_and_the_record_is_right(tmp_path: Path, seed: int) -> None:
+    """Each piece may fall onto any free square near its way; history advances only once it stands."""
+    draw = random.Random(seed)
+    table, paper, record = table_of(tmp_path / "game")
+    lost = 0
+    with record:
+        for _ in range(20):
+            free = [square_place(s) for s in range(64) if paper.truth.at(square_place(s)) is None]
+            if draw.random() < 0.4:
+                paper.losses[paper.carried + draw.randrange(2)] = draw.choice(free)
+            before = len(table.board.move_stack)
+            waiting = len(paper.losses)
+            assert table.arm_ply(draw.choice(list(table.board.legal_moves)))
+            lost += waiting - len(paper.losses)
+            paper.losses.clear()
+            assert len(table.board.move_stack) == before + 1
+            assert same(paper.truth, table.inventory)
+            assert paper.confirmed == table.board.fen(), "the eyes learn what stands there"
+    history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
+    assert same(history.inventory, paper.truth)
+    assert len(history.plies) == 20
+    assert lost, "this seed has lost nothing: it shows nothing"
+    troubles = [event for event in history.events if isinstance(event, TroubleEvent)]
+    assert sum(trouble.kind == Loss.LOST for trouble in troubles) == lost
+
+
+def test_a_piece_that_is_gone_is_asked_for_and_no_ply_is_recorded(tmp_path: Path) -> None:
+    table, paper, record = table_of(tmp_path / "game")
+    paper.losses[0] = None
+    with record, pytest.raises(NeedsHand, match="a piece is missing: put the white pawn on e2"):
+        table.arm_ply(chess.Move.from_uci("e2e4"))
+    history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
+    assert history.board.fen() == chess.STARTING_FEN
+    assert len(paper.asked) == 1
+
+
+def test_a_piece_moved_by_nobody_is_put_back(tmp_path: Path) -> None:
+    table, paper, record = table_of(tmp_path / "game")
+    with record:
+        paper.put("white-knight-b", Place.parse("c4"))
+        assert table.repair()
+        assert same(paper.truth, table.inventory)
+        assert not table.board.move_stack
+        history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
+        assert history.unfinished is None
+        assert same(history.inventory, paper.truth)
+
+
+def test_what_cannot_be_mended_ends_with_a_sentence(tmp_path: Path) -> None:
+    table, paper, record = table_of(tmp_path / "game")
+    for number in range(50):
+        paper.losses[number] = Place.parse("e3") if number % 2 == 0 else Place.parse("d3")
+    with record, pytest.raises(UserError, match="still not right after 6 attempts"):
+        table.arm_ply(chess.Move.from_uci("e2e4"))
+    assert read_history(tmp_path / "game" / EVENTS_FILE, TABLE).board.fen() == chess.STARTING_FEN
+
+
+def test_the_record_of_a_game_killed_while_it_mends_can_be_read(tmp_path: Path) -> None:
+    """Cut after each line: it tells what was under way, and never contradicts itself."""
+    table, paper, record = table_of(tmp_path / "game")
+    paper.losses[1] = Place.parse("e6")
+    with record:
+        for uci in ("e2e4", "d7d5", "e4d5"):
+            table.arm_ply(chess.Move.from_uci(uci))
+        table.take_back(2)
+        paper.put("white-knight-b", Place.parse("c4"))
+        table.repair()
+    lines = (tmp_path / "game" / EVENTS_FILE).read_text().splitlines(keepends=True)
+    (tmp_path / "cut").mkdir()
+    for cut in range(1, len(lines) + 1):
+        (tmp_path / "cut" / EVENTS_FILE).write_text("".join(lines[:cut]))
+        history = read_history(tmp_path / "cut" / EVENTS_FILE, TABLE)
+        if history.unfinished is None:
+            history.inventory.check_against(history.board)
+    assert history.board.fen() == table.board.fen()
+    assert same(history.inventory, paper.truth)
