@@ -88,10 +88,10 @@ def hidden_by(label: NDArray[np.uint8], view: BoardView) -> NDArray[np.bool_]:
 
 @lru_cache(maxsize=4)
 def _cells(view: BoardView) -> NDArray[np.intp]:
-    """Pixels that show the cells of squares' middles, (64, CELLS²); the nearest one where that is out of the picture."""
+    """Pixels that show the cells of squares' middles, (64, CELLS²); beyond the picture its nearest pixel."""
     steps = MIDDLE * ((np.arange(CELLS) + 0.5) / CELLS - 0.5)
     points = np.zeros((64, CELLS * CELLS, 3))
-    points[..., :2] = (_middles()[:, None] + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2))
+    points[..., :2] = _middles()[:, None] + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     column, row = np.moveaxis(np.rint(view.project(points * view.table.square)), -1, 0).astype(np.intp)
     width, height = view.intrinsics.width, view.intrinsics.height
     return column.clip(0, width - 1) + width * row.clip(0, height - 1)

@@ -26,8 +26,8 @@ TALL: Final = 0.012
 CEILING: Final = 0.08
 """What is higher than this is no piece, but a hand or the arm [m]."""
 HOVERING: Final = 0.12
-"""What is higher than this touches nothing on the board, nor does what it belongs to [m]: fingers that hold a piece have
-parts between this and the ceiling, and an arm that rests over the board has none."""
+"""What is higher than this touches nothing on the board, nor does what it belongs to [m]: fingers that hold a piece
+have parts between this and the ceiling, and an arm that rests over the board has none."""
 REACH: Final = 0.45
 """Points count for a square up to so far from its centre, along both axes [sides of a square]."""
 HIGHEST: Final = 0.9

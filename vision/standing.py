@@ -50,7 +50,12 @@ class Standing:
         self._colour.learn(solids.colour, solid & (states == WHITE), solid & (states == BLACK), memory)
 
     def likelihood(self, solids: Solids) -> Array:
-        """Logarithm of how likely empty, white and black are: shape (64, 3); 0 for the likeliest."""
+        """Logarithm of how likely empty, white and black are: shape (64, 3).
+
+        0 for the likeliest; 0 for all until a position is known.
+        """
+        if not self._error.known:
+            return np.zeros((64, 3))
         reached = _reached(solids)
         stands = np.where(reached, 0.0, self._error.surprise(_share(solids)[:, None], LEAST_SPREAD))
         # what stands up explains itself; otherwise a piece must have had room to stand unseen
@@ -109,12 +114,15 @@ class _Two:
         odds: Array = np.clip(0.5 * (off[:, 0] - off[:, 1]), -BOUND, BOUND)
         return odds
 
+    @property
+    def known(self) -> bool:
+        """Whether there has been a first value."""
+        return bool(self._count[0])
+
     def surprise(self, values: Array, least: float) -> Array:
         """Logarithm of how much less likely than the mean of the first values above it are: shape (n,), 0 to twice
-        ``BOUND``; 0 until the first is known.
+        ``BOUND``. The first must be known.
         """
-        if not self._count[0]:
-            return np.zeros(len(values))
         spread = np.sqrt(np.maximum(self._scatter / self._count[0], least**2))
         above = np.maximum((values - self._mean[0]) / spread, 0.0)
         surprise: Array = np.minimum(0.5 * (above**2).mean(axis=1), 2.0 * BOUND)
