@@ -28,6 +28,8 @@ HARD_TO_SEE: Final = -2.0
 """Nothing that looks unchanged behind another piece counts for more than this against a change."""
 BESIDE_DEPTH: Final = 0.5
 """What looks count for where depth tells a state: they see what lies behind a piece as well, and depth does not."""
+ALTERED: Final = 4.0
+"""Where the odds of a change are higher than this, another piece may stand there, if nothing else shows it [nat]."""
 PASSED: Final = 0.05
 """Where more than this has come to be hidden by measurement, or is hidden no more, a change of looks says nothing."""
 MOSTLY: Final = 0.4
@@ -81,6 +83,16 @@ class Evidence:
         as_before = np.arange(3) == states_of(before)[:, None]
         read: NDArray[np.intp] = (looks + np.where(as_before, kept[:, None], did[:, None])).argmax(axis=1)
         return read
+
+    def altered(self, before: Codes) -> tuple[int, ...]:
+        """Squares with a piece of the colour that was there, which look changed though nothing hides them: perhaps
+        another piece. The most changed first.
+        """
+        changed = (self.read(before) == states_of(before)) & (before != 0) & (self.changed > ALTERED)
+        if self.measured is not None:
+            changed &= ~self._passed(self.measured)
+        squares = np.flatnonzero(changed)
+        return tuple(int(square) for square in squares[np.argsort(-self.changed[squares], kind="stable")])
 
     def scores(self, codes: Codes, before: Codes) -> Array:
         """How well positions explain the look, square by square.

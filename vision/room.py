@@ -94,7 +94,8 @@ def _cells(view: BoardView) -> NDArray[np.intp]:
     points[..., :2] = _middles()[:, None] + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     column, row = np.moveaxis(np.rint(view.project(points * view.table.square)), -1, 0).astype(np.intp)
     width, height = view.intrinsics.width, view.intrinsics.height
-    return column.clip(0, width - 1) + width * row.clip(0, height - 1)
+    cells: NDArray[np.intp] = column.clip(0, width - 1) + width * row.clip(0, height - 1)
+    return cells
 
 
 def _middles() -> Array:

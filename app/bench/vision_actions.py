@@ -318,7 +318,8 @@ def _judge(eye: Eye, scene: Scene, hands: Hands, board: chess.Board, settings: T
     frame = scene.photograph(hands.poses)
     look, decision = eye.read(frame, Tally())
     bad = decision.verdict is Verdict.MOVE
-    named = set(explain(look.evidence.read(codes_of(board)), board).squares)
+    known = codes_of(board)
+    named = set(explain(look.evidence.read(known), board, look.evidence.altered(known)).squares)
     if not hands.touched <= named:
         expected = {piece.place.index: piece for piece in start_layout(board, settings) if piece.place.on_board}
         named |= {fault.square for fault in verify_board(frame, eye.view, expected)}
