@@ -9,8 +9,7 @@ not planned anything yet, need not wait for it.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from app.motion.plan import Motion, Plan, PlanRefused
@@ -22,14 +21,19 @@ __all__ = [
     "plan_return",
 ]  # fmt: skip
 
-_WHERE: Final = {
-    "Motion": "plan", "Plan": "plan", "PlanRefused": "plan", "plan_ply": "planner", "plan_return": "planner",
-    "PROFILES": "settings", "MotionSettings": "settings", "Profile": "settings", "contact_limits": "settings",
-}  # fmt: skip
-
 
 def __getattr__(name: str) -> Any:
-    """The name of a module below."""
-    if name not in _WHERE:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_WHERE[name]}"), name)
+    """The name, from the module below that has it."""
+    if name in ("PROFILES", "MotionSettings", "Profile", "contact_limits"):
+        from app.motion import settings
+
+        return getattr(settings, name)
+    if name in ("Motion", "Plan", "PlanRefused"):
+        from app.motion import plan
+
+        return getattr(plan, name)
+    if name in ("plan_ply", "plan_return"):
+        from app.motion import planner
+
+        return getattr(planner, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
