@@ -9,7 +9,7 @@ import chess
 
 from vision.appearance import Appearance
 from vision.change import change_odds
-from vision.evidence import Codes, Evidence, codes_of, states_of
+from vision.evidence import Codes, Cover, Evidence, codes_of, states_of
 from vision.features import Light, describe, exposure_step, light_of
 from vision.kinds import Kinds
 from vision.leaning import cover
@@ -62,8 +62,16 @@ class Observer:
         light = light.brighter(-exposure_step(light, self._light_before))
         states = self._appearance.likelihood(describe(light))
         solid = None if sight.solids is None else self._standing.likelihood(sight.solids)
-        evidence = Evidence(states, change_odds(light, self._light_before), cover(sight.camera), solid)
+        odds = change_odds(light, self._light_before)
+        evidence = Evidence(states, odds, cover(sight.camera), solid, self._measured(sight.solids))
         return Look(evidence, light, sight.solids)
+
+    def _measured(self, solids: Solids | None) -> Cover | None:
+        """What hides squares in this picture and in the one before it."""
+        if solids is None or self._other_before is None:
+            return None
+        now, before = solids.other, self._other_before
+        return Cover(now.mean(axis=1), before.mean(axis=1), (now ^ before).mean(axis=1))
 
     def decide(self, look: Look, plies: int = 1) -> Decision:
         """What was played since the known position, or doubt."""
@@ -82,3 +90,4 @@ class Observer:
             self._standing.learn(solids, states)
             self._kinds.learn(solids.top, codes)
         self._light_before, self._codes_before = light, codes
+        self._other_before = None if solids is None else solids.other

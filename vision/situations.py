@@ -48,18 +48,20 @@ class _Difference:
     gone: tuple[int, ...]
     new: tuple[int, ...]
     turned: tuple[int, ...]
+    altered: tuple[int, ...]
 
     @property
     def squares(self) -> tuple[int, ...]:
         return tuple(sorted({*self.gone, *self.new, *self.turned}))
 
 
-def explain(seen: States, board: chess.Board) -> Finding:
+def explain(seen: States, board: chess.Board, altered: tuple[int, ...] = ()) -> Finding:
     """Name what is seen.
 
     Args:
         seen: state of each square as it is seen, shape (64,).
         board: the last known position, with its history as far as that is known.
+        altered: squares with a piece of the right colour that looks changed, the most changed first.
     """
     expected = states_of(codes_of(board))
     difference = _Difference(
@@ -67,6 +69,7 @@ def explain(seen: States, board: chess.Board) -> Finding:
         gone=_squares((expected != EMPTY) & (seen == EMPTY)),
         new=_squares((expected == EMPTY) & (seen != EMPTY)),
         turned=_squares((expected != EMPTY) & (seen != EMPTY) & (seen != expected)),
+        altered=altered,
     )  # fmt: skip
     if not difference.squares:
         return Finding(Situation.NOTHING, (), "nothing has changed: make your move")
@@ -198,6 +201,23 @@ def _castled(at: _Difference) -> Finding | None:
     return None
 
 
+def _own_taken(at: _Difference) -> Finding | None:
+    """One piece gone and none arrived, but one of its colour looks changed: it may stand in that one's place."""
+    if len(at.gone) != 1 or at.new or at.turned:
+        return None
+    (start,) = at.gone
+    piece = at.board.piece_at(start)
+    assert piece is not None  # a square from which something is gone had a piece
+    own = [square for square in at.altered if at.board.color_at(square) == piece.color]
+    if not own:
+        return None
+    end = own[0]
+    return Finding(
+        Situation.ILLEGAL, tuple(sorted((start, end))), f"the {_piece(piece)} on {_name(start)} is missing, and it may "
+        f"stand on {_name(end)}, on its own {_piece(at.board.piece_at(end))}'s place: put both back",
+    )  # fmt: skip
+
+
 def _single(at: _Difference) -> Finding | None:
     """One square is wrong, or several of one sort."""
     if at.gone and not at.new and not at.turned and len(at.gone) <= MANY:
@@ -231,7 +251,7 @@ def _wrong_board(at: _Difference) -> Finding:
 
 
 _ATTEMPTS: Final[tuple[Callable[[_Difference], Finding | None], ...]] = (
-    _legal, _taken_back, _unfinished, _castled, _moved, _single, _two_moves,
+    _legal, _taken_back, _unfinished, _castled, _moved, _own_taken, _single, _two_moves,
 )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hardware.interfaces import Frame
 from vision.board import BoardView
 from vision.brightness import LOGARITHM
+from vision.room import hidden_by, room_of
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
@@ -24,10 +25,15 @@ TALL: Final = 0.012
 """What is higher than this is no board [m]: a pawn is 34 mm high, the depth of a D435 errs by 1 to 2 mm at 0.6 m."""
 CEILING: Final = 0.08
 """What is higher than this is no piece, but a hand or the arm [m]."""
+HOVERING: Final = 0.12
+"""What is higher than this touches nothing on the board, nor does what it belongs to [m]: fingers that hold a piece
+have parts between this and the ceiling, and an arm that rests over the board has none."""
 REACH: Final = 0.45
 """Points count for a square up to so far from its centre, along both axes [sides of a square]."""
 HIGHEST: Final = 0.9
 """Of the points of a piece, this share is below what counts as its top: single points fly."""
+OFF_BOARD: Final = 65
+"""Label of what stands beside the board or hangs over it; squares are 1 to 64."""
 FAT: Final = 5
 """Depth is fat at edges, by 2 px on each side: there the colour is that of what lies behind [px]."""
 CORE: Final = 12
@@ -39,9 +45,11 @@ class Solids:
     """What stands on each square, a1 first.
 
     Attributes:
-        seen: number of points over the square, of whatever height; shape (64,).
+        seen: number of points over the square, but not hovering; shape (64,).
         standing: number of those that are no board and no hand; shape (64,).
-        above: number of those above any piece; shape (64,).
+        above: number of those above any piece, but not hovering; shape (64,).
+        room: how likely a piece would stand there and not be seen, 0 to 1; shape (64,). See ``vision.room``.
+        other: where, in the picture, things that stand elsewhere hide the middle of each square, shape (64, cells).
         top: height of what stands there, shape (64,) [m]; 0 where nothing does.
         colour: mean of the natural logarithm of red, green and blue (0 to 1, plus ``DARKEST``) of the standing
             points, without the edges of what stands there, shape (64, 3); 0 where there are none.
@@ -52,6 +60,8 @@ class Solids:
     above: NDArray[np.intp]
     top: Array
     colour: Array
+    room: Array
+    other: NDArray[np.bool_]
 
 
 def solids_of(frame: Frame, view: BoardView) -> Solids:
@@ -75,8 +85,14 @@ def solids_of(frame: Frame, view: BoardView) -> Solids:
     if (cored < CORE).any():
         whole, _ = _colour(frame.colour[window], square, stands)
         colour = np.where((cored < CORE)[:, None], whole, colour)
-    above = np.bincount(square[over & (z >= CEILING)], minlength=64)
-    return Solids(np.bincount(square[over], minlength=64), count, above, _tops(of_piece, z[stands], count), colour)
+    above = np.bincount(square[over & (z >= CEILING) & (z < HOVERING)], minlength=64)
+    seen = np.bincount(square[over & (z < HOVERING)], minlength=64)
+    label = np.zeros(frame.depth.shape, dtype=np.uint8)
+    on_board = (file >= 0) & (file < 8) & (rank >= 0) & (rank < 8) & (z < CEILING)
+    up = (z > TALL) & (frame.depth[window] > 0.0)
+    label[window] = np.where(up, np.where(on_board, 8.0 * rank + file + 1.0, OFF_BOARD), 0.0)
+    other = hidden_by(label, view)
+    return Solids(seen, count, above, _tops(of_piece, z[stands], count), colour, room_of(frame.depth, view), other)
 
 
 def _colour(

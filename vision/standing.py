@@ -1,8 +1,9 @@
 """What stands on a square, by depth: whether something does, and of which colour it is.
 
-Both are learnt from positions that are known. Whether something stands there is told by the share of a square's points
-that stand up; its colour by the colour of just those points, so that neither light and dark squares nor pieces behind
-and before it matter.
+Something stands there if points of the square stand up; nothing does if a piece would have been seen
+(:mod:`vision.room`). Where neither is so, depth says nothing. Its colour is told by the colour of just the points that
+stand up, so that neither light and dark squares nor pieces behind and before it matter. How many points stand up by
+error, and the colours, are learnt from positions that are known.
 """
 
 from __future__ import annotations
@@ -19,36 +20,50 @@ Array = NDArray[np.float64]
 
 BOUND: Final = 8.0
 """Neither counts for more than this, in natural logarithms."""
-LEAST_SPREAD: Final = 0.10
-"""Standard deviation of the share of standing points that is allowed for at least."""
+LEAST_SPREAD: Final = 0.02
+"""Standard deviation of the share of standing points over an empty square that is allowed for at least: edges of
+neighbours, points that fly. Of a pawn's square a fourth stands up where all of it is seen."""
 LEAST_SHADE: Final = 0.25
 """Standard deviation of a piece's brightness that is allowed for at least, logarithmic: light varies over the board."""
 ENOUGH: Final = 12
-"""Points over a square with which the share is fully believed."""
+"""Standing points with which a colour is fully believed."""
+FEW: Final = 0.25
+"""Shares are of at least so many points, in those of an average square: of a square that is hardly seen, a few say
+little."""
 ABOVE: Final = 0.1
-"""Where a larger share of points is above any piece, something else is over the square, which says nothing of it."""
+"""Where a larger share of points is above any piece, fingers may be what stands up."""
 
 
 class Standing:
-    """Learns shares and colours of points, and tells states by them."""
+    """Learns errors and colours of points, and tells states by them."""
 
     def __init__(self) -> None:
-        self._share = _Two(1)
+        self._error = _Two(1)
         self._colour = _Two(3)
 
     def learn(self, solids: Solids, states: NDArray[np.intp], memory: float = MEMORY) -> None:
         """Take in a position that is known; states of the squares, shape (64,)."""
-        clear = _believed(solids) > 0.99
-        occupied = states != EMPTY
-        self._share.learn(_share(solids)[:, None], clear & ~occupied, clear & occupied, memory)
-        solid = clear & (solids.standing >= ENOUGH)
+        free = ~_reached(solids)
+        none = np.zeros(64, dtype=np.bool_)
+        self._error.learn(_share(solids)[:, None], free & (states == EMPTY), none, memory)
+        solid = free & (solids.standing >= ENOUGH)
         self._colour.learn(solids.colour, solid & (states == WHITE), solid & (states == BLACK), memory)
 
     def likelihood(self, solids: Solids) -> Array:
-        """Logarithm of how likely empty, white and black are: shape (64, 3); 0 for the likeliest."""
-        believed = _believed(solids)
-        occupied = believed * self._share.odds(_share(solids)[:, None], LEAST_SPREAD)
-        black = believed * np.minimum(solids.standing / ENOUGH, 1.0) * self._colour.odds(solids.colour, LEAST_SHADE)
+        """Logarithm of how likely empty, white and black are: shape (64, 3).
+
+        0 for the likeliest; 0 for all until a position is known.
+        """
+        if not self._error.known:
+            return np.zeros((64, 3))
+        reached = _reached(solids)
+        stands = np.where(reached, 0.0, self._error.surprise(_share(solids)[:, None], LEAST_SPREAD))
+        # what stands up explains itself; otherwise a piece must have had room to stand unseen
+        unseen = np.log(solids.room + np.exp(-BOUND))
+        unseen = np.where(reached & (solids.standing > 0), 0.0, unseen)
+        occupied = np.clip(stands + unseen, -BOUND, BOUND)
+        believed = np.where(reached, 0.0, np.minimum(solids.standing / ENOUGH, 1.0))
+        black = believed * self._colour.odds(solids.colour, LEAST_SHADE)
         likelihood = np.zeros((64, 3))
         likelihood[:, WHITE] = occupied - np.maximum(black, 0.0)
         likelihood[:, BLACK] = occupied + np.minimum(black, 0.0)
@@ -57,17 +72,16 @@ class Standing:
 
 
 def _share(solids: Solids) -> Array:
-    share: Array = solids.standing / np.maximum(solids.seen - solids.above, 1)
+    """Of the points over each square those that stand up."""
+    least = max(FEW * float(solids.seen.mean()), 1.0)
+    share: Array = solids.standing / np.maximum(solids.seen - solids.above, least)
     return share
 
 
-def _believed(solids: Solids) -> Array:
-    """How far the points over each square can be believed, 0 to 1: shape (64,)."""
-    free = solids.seen - solids.above
-    believed: Array = np.minimum(free / ENOUGH, 1.0).astype(float) * (
-        solids.above <= ABOVE * np.maximum(solids.seen, 1)
-    )
-    return believed
+def _reached(solids: Solids) -> NDArray[np.bool_]:
+    """Whether a hand may reach into a square."""
+    reached: NDArray[np.bool_] = solids.above > ABOVE * np.maximum(solids.seen, 1)
+    return reached
 
 
 class _Two:
@@ -99,3 +113,17 @@ class _Two:
         off = ((values[:, None, :] - self._mean) ** 2 / variance).mean(axis=2)
         odds: Array = np.clip(0.5 * (off[:, 0] - off[:, 1]), -BOUND, BOUND)
         return odds
+
+    @property
+    def known(self) -> bool:
+        """Whether there has been a first value."""
+        return bool(self._count[0])
+
+    def surprise(self, values: Array, least: float) -> Array:
+        """Logarithm of how much less likely than the mean of the first values above it are: shape (n,), 0 to twice
+        ``BOUND``. The first must be known.
+        """
+        spread = np.sqrt(np.maximum(self._scatter / self._count[0], least**2))
+        above = np.maximum((values - self._mean[0]) / spread, 0.0)
+        surprise: Array = np.minimum(0.5 * (above**2).mean(axis=1), 2.0 * BOUND)
+        return surprise

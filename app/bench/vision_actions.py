@@ -248,18 +248,35 @@ SORTS: Final[Mapping[str, Callable[[Hands], None]]] = {
 
 def action_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """All sorts, in random positions, light and camera: whether one was accepted, whether its squares were named."""
-    accepted, unnamed, done = list[float](), list[float](), 0
-    settings = TableSettings()
+    accepted, unnamed = judge_actions(ACTIONS[quick], 0, progress)
+    return {
+        "action accepted": row(accepted, "1", 0.0, "max"),
+        "action unnamed": row(unnamed, "1", 0.0, "mean"),
+    }
+
+
+def judge_actions(count: int, first: int, progress: Progress) -> tuple[list[float], list[float]]:
+    """Try so many actions, on set-ups with the seeds ``first``, ``first`` + 1 and so on.
+
+    Args:
+        count: of actions.
+        first: seed of the first set-up: parts of a long run can be made by themselves.
+        progress: told what is being done.
+
+    Returns:
+        For each action 1 where it was accepted; and 1 where not all of its squares were named.
+    """
+    accepted, unnamed = list[float](), list[float]()
+    settings, seed = TableSettings(), first
     with open_studio(settings) as studio:
-        seed = 0
-        while done < ACTIONS[quick]:
+        while len(accepted) < count:
             scene = Scene(studio, settings, 5000 + seed)
             board = chess.Board()
             eye = Eye(scene.picture(board), board, settings)
             for san in _line(seed):
                 board.push(san)
             eye.observer.confirm(eye.observer.look(eye.sight(scene.picture(board))), board)
-            for sort, act in list(SORTS.items())[: ACTIONS[quick] - done]:
+            for sort, act in list(SORTS.items())[: count - len(accepted)]:
                 hands = Hands(scene.table, settings, board, scene.rng)
                 act(hands)
                 if _is_legal(hands, scene, board, settings):
@@ -267,13 +284,9 @@ def action_rows(quick: bool, progress: Progress) -> dict[str, Row]:
                 bad, named = _judge(eye, scene, hands, board, settings)
                 accepted.append(float(bad))
                 unnamed.append(float(not named))
-                done += 1
-                progress(f"{sort}{', ACCEPTED' if bad else ''}{'' if named else ', squares not named'}")
+                progress(f"set-up {seed}, {sort}{', ACCEPTED' if bad else ''}{'' if named else ', squares not named'}")
             seed += 1
-    return {
-        "action accepted": row(accepted, "1", 0.0, "max"),
-        "action unnamed": row(unnamed, "1", 0.0, "mean"),
-    }
+    return accepted, unnamed
 
 
 def _line(seed: int) -> list[chess.Move]:
@@ -305,7 +318,8 @@ def _judge(eye: Eye, scene: Scene, hands: Hands, board: chess.Board, settings: T
     frame = scene.photograph(hands.poses)
     look, decision = eye.read(frame, Tally())
     bad = decision.verdict is Verdict.MOVE
-    named = set(explain(look.evidence.read(codes_of(board)), board).squares)
+    known = codes_of(board)
+    named = set(explain(look.evidence.read(known), board, look.evidence.altered(known)).squares)
     if not hands.touched <= named:
         expected = {piece.place.index: piece for piece in start_layout(board, settings) if piece.place.on_board}
         named |= {fault.square for fault in verify_board(frame, eye.view, expected)}

@@ -20,9 +20,10 @@ from app.bench.vision_calibration import OFF, random_looks, random_mount
 from app.layout import start_layout
 from app.motion import MotionSettings
 from hardware.interfaces import Frame
-from hardware.sim.looks import Looks, MountSettings
+from hardware.sim.hand_motion import Pose as HandPose
+from hardware.sim.looks import LightSettings, Looks, MountSettings
 from hardware.sim.table_studio import Pose, TableStudio
-from hardware.table import TableSettings
+from hardware.table import Colour, TableSettings
 from vision.anchor import Anchor
 from vision.board import BoardView
 from vision.evidence import codes_of, states_of
@@ -40,6 +41,10 @@ PLIES: Final = {True: 16, False: 2000}
 A_GAME: Final = 80
 """Plies of a game at most: then light, camera and set-up are drawn anew."""
 TROUBLED: Final = {True: 6, False: 300}
+TROUBLED_FIRST: Final = 1000
+"""Seed of the first game in trouble."""
+KNOCKED: Final = 0.06
+"""A camera that is knocked again and again stays within this of where it should hang, along both axes [m]."""
 SLOWEST_MS: Final = 25.0
 ASKED_LIMIT: Final = 0.01
 SQUARE_LIMIT: Final = 0.0005
@@ -109,12 +114,16 @@ class Scene:
 
     Attributes:
         looks: light, exposure and how the camera hangs, in the next picture.
+        hand: where a hand is, in the next picture; None: nowhere.
+        square: side of one [m].
         table: how the pieces stand.
     """
 
     def __init__(self, studio: TableStudio, table: TableSettings, seed: int) -> None:
         self.rng = np.random.default_rng([seed, 5])
         self.looks: Looks = random_looks(self.rng, random_mount(self.rng))
+        self.hand: HandPose | None = None
+        self.square = table.square
         self.table = Table(table, OFF * table.square, seed)
         self._studio, self._seed = studio, seed
 
@@ -126,16 +135,16 @@ class Scene:
 
     def photograph(self, poses: Mapping[str, Pose]) -> Frame:
         """Of pieces that stand so, by name."""
-        return self._studio.frame(poses.values(), self.looks, self._seed)
+        return self._studio.frame(poses.values(), self.looks, self._seed, self.hand)
 
 
-def open_studio(table: TableSettings) -> TableStudio:
-    """With the whole set on board and trays.
+def open_studio(table: TableSettings, hand: Colour | None = None) -> TableStudio:
+    """With the whole set on board and trays, and one side's hand if it is asked for.
 
     Raises:
         HardwareError: there is no OpenGL here.
     """
-    return TableStudio(start_layout(chess.Board(), table), table, MotionSettings().home)
+    return TableStudio(start_layout(chess.Board(), table), table, MotionSettings().home, hand=hand)
 
 
 def random_game(seed: int, plies: int) -> Iterator[chess.Move]:
@@ -154,12 +163,7 @@ def random_game(seed: int, plies: int) -> Iterator[chess.Move]:
 
 def game_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """Games in random light, with a random camera, pieces up to a fifth of a square off and a noisy sensor."""
-    table, tally = TableSettings(), Tally()
-    with open_studio(table) as studio:
-        for seed in range(1000):
-            if tally.plies >= PLIES[quick]:
-                break
-            _follow(Scene(studio, table, seed), seed, min(A_GAME, PLIES[quick] - tally.plies), tally, progress, _steady)
+    tally = follow_games(PLIES[quick], 0, _steady, progress)
     return {
         "game wrong": row(tally.wrong, "1", 0.0, "max"),
         "game asked": row(tally.asked, "1", ASKED_LIMIT, "mean"),
@@ -169,39 +173,90 @@ def game_rows(quick: bool, progress: Progress) -> dict[str, Row]:
 
 
 def trouble_rows(quick: bool, progress: Progress) -> dict[str, Row]:
-    """The same in light that changes from picture to picture, and with a camera that is knocked."""
-    table, tally = TableSettings(), Tally()
-    with open_studio(table) as studio:
-        for seed in range(1000, 2000):
-            if tally.plies >= TROUBLED[quick]:
-                break
-            rest = TROUBLED[quick] - tally.plies
-            _follow(Scene(studio, table, seed), seed, min(A_GAME, rest), tally, progress, _troubled)
+    """The same while light, camera and hands make trouble, drawn anew for each picture; see ``TROUBLES``."""
+    tally = follow_games(TROUBLED[quick], TROUBLED_FIRST, _troubled, progress)
     return {"trouble wrong": row(tally.wrong, "1", 0.0, "max"), "trouble asked": row(tally.asked, "1")}
 
 
-def _steady(scene: Scene) -> Looks:
-    return scene.looks
+def follow_games(plies: int, first: int, change: Callable[[Scene], None], progress: Progress) -> Tally:
+    """Follow so many plies of games with the seeds ``first``, ``first`` + 1 and so on.
+
+    Args:
+        plies: of all games together; none has more than ``A_GAME``.
+        first: seed of the first game: parts of a long run can be made by themselves.
+        change: what happens to the scene before each picture.
+        progress: told what is being done.
+    """
+    table, tally, seed = TableSettings(), Tally(), first
+    with open_studio(table, hand=Colour.WHITE) as studio:
+        while tally.plies < plies:
+            scene = Scene(studio, table, seed)
+            _follow(scene, seed, min(A_GAME, plies - tally.plies), tally, progress, change)
+            seed += 1
+    return tally
 
 
-def _troubled(scene: Scene) -> Looks:
-    """Light from elsewhere, an exposure step, a camera knocked by up to half a square: each in a third of pictures."""
-    looks, rng = scene.looks, scene.rng
-    if rng.random() < 0.33:
-        looks = looks.model_copy(update={"light": random_looks(rng, looks.mount).light})
-    if rng.random() < 0.33:
-        factor = float(rng.uniform(0.5, 1.7))
-        exposure = looks.exposure.model_copy(update={"time": looks.exposure.time * factor})
-        looks = looks.model_copy(update={"exposure": exposure})
-    if rng.random() < 0.33:
-        x, y = (np.array(looks.mount.shift[:2]) + rng.uniform(-0.02, 0.02, 2)).tolist()
-        mount = MountSettings(shift=(x, y, looks.mount.shift[2]), turn=looks.mount.turn)
-        looks = looks.model_copy(update={"mount": mount})
-    return looks
+def _steady(_scene: Scene) -> None:
+    """Nothing happens."""
+
+
+def _troubled(scene: Scene) -> None:
+    """Each sort of trouble in a third of pictures, independently of the others."""
+    for trouble in TROUBLES.values():
+        if scene.rng.random() < 1.0 / 3.0:
+            trouble(scene)
+
+
+def _shadows(scene: Scene) -> None:
+    """Light from elsewhere: every shadow on the board is another one."""
+    _relight(scene, random_looks(scene.rng, scene.looks.mount).light)
+
+
+def _glare(scene: Scene) -> None:
+    """A strong lamp across the board from the camera, so that the board throws it into the picture."""
+    x, y = scene.rng.uniform(-0.3, 0.3, 2).tolist()
+    light = scene.looks.light.model_copy(
+        update={"direction": (x, y - 0.8, 0.8), "brightness": float(scene.rng.uniform(0.9, 1.5)), "radius": 0.0}
+    )
+    _relight(scene, light)
+
+
+def _relight(scene: Scene, light: LightSettings) -> None:
+    scene.looks = scene.looks.model_copy(update={"light": light})
+
+
+def _exposure_step(scene: Scene) -> None:
+    exposure = scene.looks.exposure
+    factor = float(scene.rng.uniform(0.5, 1.7))
+    scene.looks = scene.looks.model_copy(
+        update={"exposure": exposure.model_copy(update={"time": exposure.time * factor})}
+    )
+
+
+def _knock(scene: Scene) -> None:
+    """The camera is knocked by up to half a square, and stays so."""
+    mount = scene.looks.mount
+    x, y = (np.array(mount.shift[:2]) + scene.rng.uniform(-0.5, 0.5, 2) * scene.square).clip(-KNOCKED, KNOCKED).tolist()
+    scene.looks = replace_mount(scene.looks, MountSettings(shift=(x, y, mount.shift[2]), turn=mount.turn))
+
+
+def _resting_hand(scene: Scene) -> None:
+    """White's hand rests on the border, fingertips down to some millimetres before the first rank."""
+    rng, edge = scene.rng, 4.0 * scene.square
+    scene.hand = HandPose(
+        float(rng.uniform(-edge, edge)), -edge - float(rng.uniform(0.008, 0.04)), float(rng.uniform(0.008, 0.03)),
+        float(rng.uniform(-0.5, 0.5)), float(rng.uniform(0.0, 0.02)),
+    )  # fmt: skip
+
+
+TROUBLES: Final[dict[str, Callable[[Scene], None]]] = {
+    "shadows": _shadows, "glare": _glare, "exposure step": _exposure_step, "knocked camera": _knock,
+    "resting hand": _resting_hand,
+}  # fmt: skip
 
 
 def _follow(
-    scene: Scene, seed: int, plies: int, tally: Tally, progress: Progress, change: Callable[[Scene], Looks]
+    scene: Scene, seed: int, plies: int, tally: Tally, progress: Progress, change: Callable[[Scene], None]
 ) -> None:
     """Follow one game; where it is in doubt, the truth is the answer."""
     board = chess.Board()
@@ -209,9 +264,9 @@ def _follow(
     for move in random_game(seed, plies):
         board.push(move)
         start = scene.looks
-        scene.looks = change(scene)
+        change(scene)
         look, decision = eye.read(scene.picture(board), tally)
-        scene.looks = replace_mount(start, scene.looks.mount)
+        scene.looks, scene.hand = replace_mount(start, scene.looks.mount), None
         tally.plies += 1
         asked = decision.verdict is Verdict.DOUBT or (decision.promotion_unsure and bool(move.promotion))
         tally.asked.append(float(asked))

@@ -161,8 +161,9 @@ class Eyes:
         self._follow(frame)
         look = self._observer.look(sight_of_frame(frame, self.view))
         decision = self._observer.decide(look)
-        states = look.evidence.read(codes_of(self._observer.board))
-        return Reading(decision, explain(states, self._observer.board), states, look)
+        known = codes_of(self._observer.board)
+        states, altered = look.evidence.read(known), look.evidence.altered(known)
+        return Reading(decision, explain(states, self._observer.board, altered), states, look)
 
     def confirm(self, board: chess.Board, look: Look | None = None) -> None:
         """The position is known: by the rules, a person, or since the arm has made it.

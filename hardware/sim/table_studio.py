@@ -9,6 +9,7 @@ import math
 import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -21,12 +22,14 @@ from hardware.framesets import FrameMaker
 from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
 from hardware.sim.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
+from hardware.sim.hand_body import JOINTS, add_hand
+from hardware.sim.hand_motion import Pose as HandPose
 from hardware.sim.looks import CameraSettings, Looks, MountSettings
 from hardware.sim.mount import Mount
 from hardware.sim.renderer import MODEL_FILE, Renderer, Sensor, Shot, frame_path, load_pictures
 from hardware.sim.scene import StandingPiece, build_model
 from hardware.software_device import DepthStream, SoftwareCamera
-from hardware.table import PieceSpec, TableSettings
+from hardware.table import Colour, PieceSpec, TableSettings
 
 VIEW = "camera"
 _AWAY = -1.0
@@ -57,6 +60,7 @@ class TableStudio:
         table: they stand on.
         home: tool point at which the arm is, base frame [m].
         camera: of the pictures.
+        hand: whose hand there is, that pictures may show; None: nobody's.
     """
 
     def __init__(
@@ -65,9 +69,12 @@ class TableStudio:
         table: TableSettings,
         home: tuple[float, float, float],
         camera: CameraSettings | None = None,
+        hand: Colour | None = None,
     ) -> None:
         standing = tuple(StandingPiece(piece, *table.xy(piece.place)) for piece in pieces)
-        self._model = build_model(load_parameters(), table, standing, np.array(home))
+        add = partial(add_hand, side=hand) if hand else None
+        self._model = build_model(load_parameters(), table, standing, np.array(home), add=add)
+        self._hand = hand
         self._names = [piece.name for piece in pieces]
         self._camera = camera or CameraSettings()
         self._folder = tempfile.TemporaryDirectory(prefix="touchmove-")
@@ -93,11 +100,23 @@ class TableStudio:
         self._device.close()
         self._folder.cleanup()
 
-    def frame(self, poses: Iterable[Pose], looks: Looks, seed: int) -> Frame:
-        """A picture of these pieces and no others; ``seed`` decides the sensors' noise."""
+    def frame(self, poses: Iterable[Pose], looks: Looks, seed: int, hand: HandPose | None = None) -> Frame:
+        """A picture of these pieces and no others; ``seed`` decides the sensors' noise.
+
+        Args:
+            poses: of the pieces.
+            looks: light, exposure and mount.
+            seed: of noise.
+            hand: where the hand is; None: where it is parked, out of the picture.
+
+        Raises:
+            ValueError: there is no hand in this studio.
+        """
+        if hand is not None and self._hand is None:
+            raise ValueError("this studio has no hand: say whose when it is opened")
         self._taken += 1
         sensor = Sensor(camera=self._camera, seed=seed, tick=self._taken, depth=True)
-        self._renderer.request(Shot(slot=0, view=VIEW, looks=looks, sensor=sensor), self._positions(poses))
+        self._renderer.request(Shot(slot=0, view=VIEW, looks=looks, sensor=sensor), self._positions(poses, hand))
         self._renderer.take(wait=True, patience=_PATIENCE)
         size = self._camera.width, self._camera.height
         colour, depth = load_pictures(frame_path(Path(self._folder.name), 0), *size, depth=True)
@@ -108,8 +127,11 @@ class TableStudio:
         """The truth: how the camera really hangs, shape (4, 4)."""
         return true_camera(self._model, mount)
 
-    def _positions(self, poses: Iterable[Pose]) -> NDArray[np.float64]:
+    def _positions(self, poses: Iterable[Pose], hand: HandPose | None) -> NDArray[np.float64]:
         positions = np.array(self._model.key_qpos[0])
+        if hand is not None:
+            for joint, where in zip(JOINTS, (*hand[:4], hand.gap, hand.gap), strict=True):
+                positions[self._model.joint(joint).qposadr[0]] = where
         for name in self._names:
             start = self._model.joint(name).qposadr[0]
             positions[start + 2] = _AWAY

@@ -182,6 +182,9 @@ def test_a_look_with_depth_in_between_is_refused():
     sight = see(board, rng)
     observer = Observer(board, sight)
     none = np.zeros(64, dtype=np.intp)
-    deep = replace(sight, solids=Solids(none, none, none, np.zeros(64), np.zeros((64, 3))))
+    deep = replace(
+        sight,
+        solids=Solids(none, none, none, np.zeros(64), np.zeros((64, 3)), np.ones(64), np.zeros((64, 36), np.bool_)),
+    )
     with pytest.raises(ValueError, match="one camera"):
         observer.look(deep)

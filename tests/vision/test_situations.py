@@ -90,3 +90,14 @@ def test_every_wrong_square_is_named(seed, changes):
     assert set(np.flatnonzero(seen != expected).tolist()) <= set(finding.squares)
     assert finding.sentence
     assert (finding.situation is Situation.NOTHING) == np.array_equal(seen, expected)
+
+
+def test_a_piece_that_took_its_own_side_s_is_looked_for_where_looks_have_changed():
+    board = position("e4 e5")
+    seen = after(board, "f1-")
+    altered = (chess.E7, chess.E2, chess.G2)
+    finding = explain(seen, board, altered)
+    assert finding.situation is Situation.ILLEGAL
+    assert finding.squares == (chess.F1, chess.G2)
+    assert "white pawn" in finding.sentence
+    assert explain(seen, board, (chess.E7,)).situation is Situation.MISSING

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hardware.interfaces import Frame, Intrinsics
-from hardware.table import TableSettings
-from tests.vision.views import looking_at
+from hardware.interfaces import Frame
+from tests.vision.blocks import PINHOLE, scene, view_from
 from vision.appearance import BLACK, EMPTY, WHITE
 from vision.board import BoardView
 from vision.evidence import codes_of, states_of
@@ -19,37 +18,6 @@ from vision.moves import Decision
 from vision.solids import CEILING, Solids, solids_of
 from vision.standing import Standing
 from vision.verdict import Verdict
-
-PINHOLE = Intrinsics(640, 480, 615.0, 615.0, 319.5, 239.5)
-TABLE = TableSettings()
-
-
-def view_from(y: float, z: float) -> BoardView:
-    """A camera over the board's middle line that looks at its centre."""
-    return BoardView(PINHOLE, looking_at((0.0, y + 1e-6, z), (0.0, 0.0, 0.0)), TABLE)
-
-
-def scene(view: BoardView, blocks: dict[int, tuple[float, int]], hole: bool = False) -> Frame:
-    """Depth of the board's plane and of blocks half a square wide: square → (height [m], brightness)."""
-    rotation, shift = view.camera_from_board[:3, :3], view.camera_from_board[:3, 3]
-    eye = -rotation.T @ shift
-    u, v = np.meshgrid(np.arange(640.0), np.arange(480.0))
-    rays = np.stack([(u - PINHOLE.cx) / PINHOLE.fx, (v - PINHOLE.cy) / PINHOLE.fy, np.ones_like(u)], axis=-1)
-    rays = rays @ rotation  # in the board frame; the third coordinate in the camera stays 1
-    with np.errstate(divide="ignore", invalid="ignore"):
-        depth = np.where(rays[..., 2] < 0.0, -eye[2] / rays[..., 2], 0.0)
-        colour = np.full((480, 640, 3), 120, np.uint8)
-        for square, (height, shade) in blocks.items():
-            x, y = (square % 8 - 3.5) * TABLE.square, (square // 8 - 3.5) * TABLE.square
-            half = TABLE.square / 4.0
-            low, high = np.array([x - half, y - half, 0.0]), np.array([x + half, y + half, height])
-            one, two = (low - eye) / rays, (high - eye) / rays
-            enter, leave = np.minimum(one, two).max(axis=-1), np.maximum(one, two).min(axis=-1)
-            hit = (enter < leave) & (enter > 0.0) & ((enter < depth) | (depth == 0.0))
-            depth, colour = np.where(hit, enter, depth), np.where(hit[..., None], np.uint8(shade), colour)
-    if hole:
-        depth[:, 300:330] = 0.0
-    return Frame(colour, depth.astype(np.float32), PINHOLE, 0.0)
 
 
 @settings(max_examples=25, deadline=None)
@@ -71,7 +39,7 @@ def test_blocks_stand_where_they_are_and_are_as_high_as_they_are(y, z, blocks):
 
 def test_what_is_above_any_piece_is_no_piece():
     view = view_from(0.0, 0.6)
-    solids = solids_of(scene(view, {chess.E4: (CEILING + 0.05, 90)}), view)
+    solids = solids_of(scene(view, {chess.E4: (CEILING + 0.03, 90)}), view)
     assert solids.above[chess.E4] > 100
     assert solids.top[chess.E4] < CEILING
 
@@ -83,6 +51,7 @@ def test_where_nothing_is_measured_nothing_is_seen():
     solids = solids_of(blind, view)
     assert not solids.seen.any()
     assert not solids.top.any()
+    assert solids.room == pytest.approx(np.ones(64))
     with pytest.raises(ValueError, match="no depth"):
         solids_of(Frame(frame.colour, None, PINHOLE, 0.0), view)
 
@@ -102,11 +71,14 @@ def test_states_are_learnt_from_one_position_and_told_in_another():
     standing.learn(of_position(board, view), states_of(codes_of(board)))
     for san in ("e4", "d5", "exd5", "Qxd5", "Nc3", "Qa5"):
         board.push_san(san)
-    told = standing.likelihood(of_position(board, view))
+    solids = of_position(board, view)
+    told = standing.likelihood(solids)
     truth = states_of(codes_of(board))
     assert np.array_equal(told.argmax(axis=1), truth)
     other = np.where(np.arange(3) == truth[:, None], -np.inf, told).max(axis=1)
-    assert (other < -2.0).all()
+    unseen = (truth == EMPTY) & (solids.room > 0.1)  # a part of them lies in the hole
+    assert (other[~unseen] < -2.0).all()
+    assert unseen.sum() < 8
     assert {EMPTY, WHITE, BLACK} == set(truth.tolist())
 
 
@@ -114,8 +86,47 @@ def test_a_hand_over_a_square_says_nothing_of_it():
     view, standing = view_from(0.0, 0.6), Standing()
     board = chess.Board()
     standing.learn(of_position(board, view), states_of(codes_of(board)))
-    hidden = standing.likelihood(solids_of(scene(view, {chess.E4: (0.12, 150)}), view))
+    hidden = standing.likelihood(solids_of(scene(view, {chess.E4: (0.11, 150)}), view))
     assert not hidden[chess.E4].any()
+
+
+def learnt(view: BoardView) -> Standing:
+    """From the start position."""
+    standing, board = Standing(), chess.Board()
+    standing.learn(of_position(board, view), states_of(codes_of(board)))
+    return standing
+
+
+def test_what_hovers_over_a_square_takes_nothing_from_what_is_seen_of_it():
+    view = view_from(0.5, 0.5)
+    free = solids_of(scene(view, {chess.E4: (0.20, 150)}, hovering=0.14), view)
+    assert not free.above.any()
+    told = learnt(view).likelihood(free)
+    assert (told[chess.E4, [WHITE, BLACK]] < -6.0).all()
+
+
+@pytest.mark.parametrize(("y", "square"), [(0.35, chess.C5), (0.45, chess.E4), (0.55, chess.F6)])
+def test_of_a_square_behind_something_tall_depth_says_nothing_until_a_piece_would_have_been_seen(y, square):
+    view = view_from(y, 0.35)
+    standing = learnt(view)
+    wall = {square + 8 + file: (0.075, 20) for file in (-1, 0, 1)}
+    for content in ({}, {square: (0.034, 220)}):
+        hidden = solids_of(scene(view, {**wall, **content}), view)
+        if content and hidden.standing[square] == 0:
+            assert hidden.room[square] > 0.2
+            assert standing.likelihood(hidden)[square].min() > -2.0
+        elif content:
+            assert standing.likelihood(hidden)[square, EMPTY] < 0.0
+    seen = solids_of(scene(view, {}), view)
+    assert seen.room[square] < 0.01
+    assert standing.likelihood(seen)[square, [WHITE, BLACK]].max() < -5.0
+
+
+def test_what_stands_before_a_square_is_known_to_hide_it():
+    view = view_from(0.5, 0.4)
+    queen = solids_of(scene(view, {chess.E5: (0.054, 20)}), view)
+    assert queen.other[chess.E4].mean() > 0.4
+    assert not queen.other[[chess.E5, chess.E6, chess.A1, chess.H8]].any()
 
 
 @pytest.mark.parametrize(
