@@ -105,6 +105,14 @@ class Players:
         if self._thinks_ahead:
             self._ask(board)
 
+    def hint(self, board: chess.Board) -> chess.Move | None:
+        """What the player of the side to move would play.
+
+        Raises:
+            EngineProblem: as the player.
+        """
+        return self._players[board.turn].choose(board).move
+
     def _ask(self, board: chess.Board) -> None:
         if self._ahead is None or not _same(self._ahead[0], board):
             position = board.copy()

@@ -5,14 +5,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
+from typing import NamedTuple
 
 import chess
+import chess.engine
 import chess.pgn
 
 from app.records.events import Result
 from app.records.files import write_atomically
 
 EVENT = "Touchmove"
+
+
+class PgnMove(NamedTuple):
+    """A move for PGN: UCI; what its player's clock shows after it [s]; what an engine thinks of it, at which depth."""
+
+    uci: str
+    clock: float | None = None
+    score: chess.engine.PovScore | None = None
+    depth: int | None = None
 
 
 class PgnFile:
@@ -27,7 +38,7 @@ class PgnFile:
         black: str,
         site: str,
         date: datetime,
-        moves: Sequence[str] = (),
+        moves: Sequence[PgnMove] = (),
     ) -> None:
         """Write the game so far.
 
@@ -38,7 +49,7 @@ class PgnFile:
             black: name of the player.
             site: where it is played.
             date: day of the start, UTC.
-            moves: made already, UCI.
+            moves: made already.
 
         Raises:
             RecordError: it cannot be written.
@@ -50,24 +61,43 @@ class PgnFile:
         values = {"Event": EVENT, "Site": site, "Date": date.strftime("%Y.%m.%d"), "White": white, "Black": black}
         self._set(values)
         self._last: chess.pgn.GameNode = self._game
-        for uci in moves:
-            self._push(uci)
+        for move in moves:
+            self._push(move)
         self._write()
 
-    def add(self, uci: str) -> None:
+    def add(self, move: PgnMove) -> None:
         """Append a move and rewrite the file.
 
         Raises:
             ValueError: the move is not legal (of python-chess).
             RecordError: it cannot be written; the file holds the plies before.
         """
-        self._push(uci)
+        self._push(move)
         self._write()
 
-    def _push(self, uci: str) -> None:
-        move = self.board.parse_uci(uci)
-        self._last = self._last.add_variation(move)
-        self.board.push(move)
+    def take_back(self, plies: int) -> None:
+        """Drop the last moves and rewrite the file.
+
+        Raises:
+            IndexError: there are not so many.
+            RecordError: it cannot be written.
+        """
+        for _ in range(plies):
+            self.board.pop()
+            before = self._last.parent
+            assert before is not None
+            before.variations.clear()
+            self._last = before
+        self._write()
+
+    def _push(self, move: PgnMove) -> None:
+        made = self.board.parse_uci(move.uci)
+        self._last = self._last.add_variation(made)
+        self.board.push(made)
+        if move.clock is not None:
+            self._last.set_clock(move.clock)
+        if move.score is not None:
+            self._last.set_eval(move.score, move.depth)
 
     def finish(self, result: Result, reason: str) -> None:
         """Write result and termination.
@@ -83,5 +113,5 @@ class PgnFile:
             self._game.headers[name] = " ".join(value.split()).replace('"', "'")
 
     def _write(self) -> None:
-        exporter = chess.pgn.StringExporter(columns=80, headers=True, variations=False, comments=False)
+        exporter = chess.pgn.StringExporter(columns=80, headers=True, variations=False, comments=True)
         write_atomically(self.path, self._game.accept(exporter) + "\n")

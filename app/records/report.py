@@ -10,6 +10,7 @@ from pydantic import Field, FiniteFloat, JsonValue
 from app.manipulation import MoveKind
 from app.records.events import AnyEvent, EndEvent, Pace, PlyEvent, Record, Result, StartEvent
 from app.records.files import RecordError
+from app.records.history import counted_plies
 
 UNFINISHED = "the record breaks off"
 
@@ -101,7 +102,7 @@ def summarise(
     if not events or not isinstance(events[0], StartEvent):
         raise RecordError("the events do not begin with the start of a game: there is nothing to report")
     start, last = events[0], events[-1]
-    plies = [event for event in events if isinstance(event, PlyEvent)]
+    plies = counted_plies(events)
     ended = isinstance(last, EndEvent)
     return Report(
         result=last.result if isinstance(last, EndEvent) else "*",
@@ -113,7 +114,7 @@ def summarise(
         seed=start.seed,
         kinds=Kinds.model_validate({kind.value: _kind_stats(plies, kind) for kind in MoveKind}),
         placement_mm=_placement_stats(plies),
-        peak_torque_Nm=max((ply.peak_torque_Nm for ply in plies), default=None),
+        peak_torque_Nm=max((ply.peak_torque_Nm for ply in plies if ply.peak_torque_Nm is not None), default=None),
         peak_force_N=max((ply.peak_force_N for ply in plies if ply.peak_force_N is not None), default=None),
         physical_ok=_all_ok(plies),
         failures=(*_ply_failures(plies), *_other_failures(failures, ended)),
@@ -124,7 +125,7 @@ def summarise(
 
 
 def _kind_stats(plies: Sequence[PlyEvent], kind: MoveKind) -> KindStats:
-    times = np.array([ply.real_s for ply in plies if ply.kind is kind and not ply.resumed])
+    times = np.array([ply.real_s for ply in plies if ply.kind is kind and ply.real_s is not None and not ply.resumed])
     if not times.size:
         return KindStats(n=0, mean_s=None, p95_s=None, max_s=None)
     return KindStats(
