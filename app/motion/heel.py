@@ -31,12 +31,12 @@ class Heeling(BaseModel):
 
     rim: PositiveFloat = 0.9
     """How far the foot's rim is from the axis where it rests, in radii of the foot: profiles are rounded there."""
-    inside: PositiveFloat = 0.003
+    inside: PositiveFloat = 0.0035
     """The fingers' edge comes down so far inside of the foot's underside [m]: it may err by as much."""
     press: PositiveFloat = 2.0
     """The fingers press so hard before they move [N] …"""
-    press_more: NonNegativeFloat = 2.0
-    """… and by so much more in the end: the rim may be lower than believed [N]."""
+    press_more: NonNegativeFloat = 4.0
+    """… and by so much more two thirds of the way round, where an error of the place takes the most of it [N]."""
     frequency: PositiveFloat = 35.0
     """Of the tool's height while it presses: a force is a way [rad/s]."""
     beyond: PositiveFloat = 0.20
@@ -117,10 +117,23 @@ def circle(heel: Heel, how: Heeling, stiffness: float, ticks: int, tick: float) 
     way = np.empty((ticks, 2, 3))
     way[:, 0] = np.stack([heel.rim + radius * cos, -radius * sin * rate, -radius * (cos * rate**2 + sin * change)], 1)
     way[:, 1] = np.stack([radius * sin, radius * cos * rate, -radius * (sin * rate**2 - cos * change)], 1)
-    more = how.press_more / stiffness
-    way[:, 1] -= more * share
-    way[:, 1, 0] -= how.press / stiffness
+    way[:, 1] -= _pressed(share, how, float(way[-1, 1, 0]), stiffness)
     return way
+
+
+def _pressed(share: Vector, how: Heeling, end: float, stiffness: float) -> Vector:
+    """By how much the way is lower than the heel, (n, 3) [m, m/s, m/s²]: it would end at a height ``end`` [m].
+
+    The most is at two thirds of the way, where an error of where the rim is takes the most of it; in the end as much
+    as leaves the tips above the board.
+    """
+    q, rate, change = share.T
+    most, pressed = how.press_more / stiffness, how.press / stiffness
+    last = min(most, end - pressed - how.lowest)
+    a, b = 6.75 * most, last  # 6.75 q² (1 - q) is 1 at its peak
+    value = a * q**2 * (1.0 - q) + b * q**2
+    slope, bend = a * (2.0 * q - 3.0 * q**2) + 2.0 * b * q, a * (2.0 - 6.0 * q) + 2.0 * b
+    return np.stack([pressed + value, slope * rate, bend * rate**2 + slope * change], axis=1)
 
 
 def eased(ticks: int, tick: float) -> Vector:

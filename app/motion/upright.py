@@ -33,6 +33,8 @@ from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, TableSettings
 
 _USUAL: Final = Heeling()
+_UPRIGHT: Final = 0.025
+"""So far above the heel the fingers come straight down [m]."""
 
 
 class InTheWay(PlanRefused):
@@ -131,8 +133,13 @@ def _approach(cell: Workcell, lying: Lying, begin: Vector, start: Vector, finger
     """Over to the heel with the fingers closing, down to it, and slowly on until it is felt."""
     x, y, height = cell.board(begin)
     low = 2.0 * PIECE_SHAPES[lying.kind].foot_radius + cell.parameters.pads.half_height + cell.settings.clearance
-    hop = Hop(cell.board(start), (x, y, height + cell.settings.touch_height), low, None, finger)
-    return Route(*over(cell, hop, others), contact=(0.0, height), finger=finger, opens=0.0, touches=True)
+    above, end = (x, y, height + _UPRIGHT), (x, y, height + cell.settings.touch_height)
+    way = over(cell, Hop(cell.board(start), above, low, None, finger), others)
+    down = polygon(cell, cell.base([above, end]), [], None)
+    return Route(
+        np.concatenate([way.points, down.points[1:]]), np.append(way.tangents, 0.0), (*way.bounds, *down.bounds),
+        contact=(0.0, height), finger=finger, opens=0.0, touches=True,
+    )  # fmt: skip
 
 
 def _draw_over(cell: Workcell, lying: Lying, heel: Heel, begin: Vector, how: Heeling) -> Motion:
