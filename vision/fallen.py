@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import cv2
@@ -162,7 +162,7 @@ class _Search:
         """The missing piece that explains the most, or None if none explains anything."""
         alike = {(piece.kind, piece.colour): (square, piece) for square, piece in reversed(missing)}
         trials = {key: self._of_piece(piece) for key, (_, piece) in alike.items()}
-        ranked = sorted((t for t in trials.items() if t[1] is not None), key=lambda t: -t[1][0].score)
+        ranked = sorted((t for t in trials.items() if t[1]), key=lambda t: -t[1][0].score)
         for key, ways in ranked:
             best = ways[0]
             if best.support < _LEAST_SUPPORT or best.seen < _LEAST_SEEN:
@@ -182,8 +182,8 @@ class _Search:
         for field in (*self._maps.values(), self._felt, self._open):
             field[seen.rows, seen.columns][fat] = 0
 
-    def _of_piece(self, piece: PieceLike) -> list[_Trial] | None:
-        """The best way for it to lie and to stand, the better one first."""
+    def _of_piece(self, piece: PieceLike) -> list[_Trial]:
+        """The best way for it to lie and to stand, the better one first; none where nothing looks like its side."""
         spots = self._spots(piece.colour)
         lying, standing = list[_Trial](), list[_Trial]()
         reach = 0.5 * PIECE_SHAPES[piece.kind].height
@@ -194,11 +194,13 @@ class _Search:
                 yaw = 2.0 * math.pi * number / _COARSE_YAWS
                 cos, sin = math.cos(yaw), math.sin(yaw)
                 lying += [
-                    self._try(piece, Pose(x + a * cos - b * sin - reach * cos, y + a * sin + b * cos - reach * sin, yaw))
+                    self._try(
+                        piece, Pose(x + a * cos - b * sin - reach * cos, y + a * sin + b * cos - reach * sin, yaw)
+                    )
                     for a, b in itertools.product(grid, grid[1:-1])
                 ]
         ways = [self._climbed(piece, some) for some in (lying, standing) if some]
-        return sorted(ways, key=lambda one: -one.score) if ways else None
+        return sorted(ways, key=lambda one: -one.score)
 
     def _climbed(self, piece: PieceLike, trials: list[_Trial]) -> _Trial:
         """From the best of some, step by step to the best near them."""
@@ -286,8 +288,3 @@ def _neighbours(pose: Pose, step: float, turn: float) -> list[Pose]:
             dy = half * (math.sin(pose.yaw) - math.sin(pose.yaw + sign))
             around.append(_moved(pose, dx, dy, sign))
     return around
-
-
-def with_piece(stray: Stray, piece: PieceLike) -> Stray:
-    """The same stray taken for another one of the missing pieces that look alike."""
-    return replace(stray, piece=piece)

@@ -52,7 +52,9 @@ def _rings(kind: Kind) -> Array:
     profile, shape = np.array(piece_profile(kind)), PIECE_SHAPES[kind]
     if kind is Kind.KNIGHT:
         head = _KNIGHT * shape.stem_radius
-        profile = np.vstack([profile[:-1], [[head, profile[-1, 1]], [head, 0.94 * shape.height], [0.4 * head, shape.height]]])
+        profile = np.vstack(
+            [profile[:-1], [[head, profile[-1, 1]], [head, 0.94 * shape.height], [0.4 * head, shape.height]]]
+        )
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(profile, axis=0).T))])
     at = np.linspace(0.0, length[-1], _RINGS)
     return np.stack([np.interp(at, length, profile[:, 0]), np.interp(at, length, profile[:, 1])], axis=1)

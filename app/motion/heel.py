@@ -20,6 +20,8 @@ from hardware.table import PieceShape
 
 _BAR: Final = 0.006
 """Half the width of a finger's bar, across the finger axis [m]; its other sides are the pad's."""
+_SLIDES: Final = 0.0055
+"""So far does the foot slide back towards the head while it is pressed and drawn over (measured in the world) [m]."""
 _MASS_HEIGHT: Final = 0.38
 """Of a piece's centre of mass, in heights of the piece: it is weighted low."""
 
@@ -81,11 +83,16 @@ def heel_of(shape: PieceShape, how: Heeling) -> Heel:
     rim = radius * sin
     contact = -radius * sin - how.inside * cos, 2.0 * radius * cos + (shape.foot_height - how.inside) * sin
     over = math.atan2(_MASS_HEIGHT * shape.height, radius)
-    return Heel(rim, contact, over + how.beyond, rim + radius)
+    return Heel(rim, contact, over + how.beyond, rim + radius - _SLIDES)
 
 
 def reach(pads: Pads, direction: Vector) -> float:
-    """How far the closed fingers reach from the tool's centre towards a direction of the board, unit vector (2,) [m]."""
+    """How far the closed fingers reach from the tool's centre towards a direction of the board [m].
+
+    Args:
+        pads: of the fingers.
+        direction: unit vector (2,).
+    """
     depth = pads.half_width * math.tan(pads.groove_angle)
     face = math.hypot(depth, pads.half_width)
     behind = pads.back / face * np.array([pads.half_width, depth])

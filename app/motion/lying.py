@@ -1,4 +1,4 @@
-"""Pieces that lie, as plans need them: where each is, what of the table it covers, and strips of the table to keep free.
+"""Pieces that lie, as plans need them: where each is, what of the table it covers, and strips to keep free.
 
 Which way a piece lies is known in plan alone: it rests on the rim of its foot and on its head.
 """

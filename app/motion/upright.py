@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -99,7 +98,9 @@ def plan_upright(
     end = second.samples["position"][-1].astype(float)
     home = np.asarray(cell.settings.home, dtype=float)
     up = np.array([end[0], end[1], min(end[2], home[2])])
-    back = Route(*polygon(cell, np.array([end, up, home]), [0.0], None), contact=(0.0, 0.0), finger=finger, opens=finger)
+    back = Route(
+        *polygon(cell, np.array([end, up, home]), [0.0], None), contact=(0.0, 0.0), finger=finger, opens=finger
+    )
     third, _ = motion_of(cell, "home", back, None, None)
     plan = Plan(f"stand up the {lying.called}", (first, second, third), lead_ticks * cell.tick,
                 Style(settings, table, cell.tick))  # fmt: skip
