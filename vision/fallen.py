@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
-from hardware.table import PIECE_SHAPES, Colour
+from hardware.table import PIECE_SHAPES, Colour, square_place
 from vision.board import BoardView
 from vision.centres import centres_of, require_camera
 from vision.fit import FLAT, Fit, PieceLike
 from vision.lying import Pose, drawn
+from vision.verify import TOLERANCE
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
@@ -54,6 +55,10 @@ _LEAST_SEEN: Final = 0.35
 _ALIKE: Final = 60.0
 """Neighbouring pixels err alike: so many count as one (measured over rendered tables)."""
 _MOST: Final = 2.5
+_FEW: Final = 20
+"""From fewer points of known height nothing follows."""
+_TOP: Final = 0.9
+"""Share of a piece's points below what counts as its top."""
 _FLOOR: Final = 0.0005, 0.02
 """Nothing is known better than this [m, rad]: shapes are not exact."""
 
@@ -98,7 +103,7 @@ class _Trial(NamedTuple):
 
 def find_strays(
     frame: Frame, view: BoardView, expected: Mapping[int, PieceLike], lost: Sequence[PieceLike] = (), *,
-    use_depth: bool = True,
+    use_depth: bool = True, tolerance: float = TOLERANCE,
 ) -> tuple[Stray, ...]:  # fmt: skip
     """Find the pieces on the board that do not stand where they should.
 
@@ -108,6 +113,7 @@ def find_strays(
         expected: what should stand where, by square.
         lost: pieces that should be nowhere on the board, but may: what fell out of the fingers.
         use_depth: False: by colour alone, also where there is depth.
+        tolerance: a piece that stands further from its square's centre is a stray [m].
 
     Returns:
         Those found, the surest first. A missing piece that is not among them is hidden or off the board.
@@ -124,7 +130,11 @@ def find_strays(
     missing += [(None, piece) for piece in lost]
     upright = np.array([False, *(centres[square].upright for square in fit.squares)])
     search = _Search(fit, view, upright[fit.owner])
-    found: list[Stray] = []
+    found = [
+        Stray(expected[square], square, Pose(centre.x, centre.y), centre.std, 0.0, centre.support, centre.seen, 1.0)
+        for square, centre in centres.items()
+        if centre.upright and math.dist((centre.x, centre.y), view.table.xy(square_place(square))) > tolerance
+    ]
     while missing:
         stray = search.best(missing)
         if stray is None:
@@ -156,6 +166,7 @@ class _Search:
                 flat = np.where(fit.rises < FLAT, np.float32(-_BY_DEPTH), np.float32(0.0))
                 evidence = 0.5 * evidence + risen + flat
             self._maps[colour] = np.clip(evidence, -_MOST, _MOST) * self._open
+        self._rises = fit.rises
         self._felt: Field = np.maximum(*self._maps.values())
 
     def best(self, missing: Sequence[tuple[int | None, PieceLike]]) -> Stray | None:
@@ -224,6 +235,12 @@ class _Search:
         if not count:
             return _Trial(-math.inf, pose, -1.0, 0.0)
         evidence = np.where(felt, self._felt[rows, columns], self._maps[piece.colour][rows, columns])
+        if self._rises is not None:
+            shape, rises = PIECE_SHAPES[piece.kind], self._rises[rows, columns]
+            if pose.yaw is not None:  # nothing of what lies is as high as this
+                evidence = np.where(rises > 2.0 * shape.foot_radius + _RISEN, np.float32(-_MOST), evidence)
+            elif not _as_high(rises[mask & self._open[rows, columns]], 0.5 * shape.height + shape.foot_radius):
+                return _Trial(-math.inf, pose, -1.0, 0.0)
         total = float(evidence[mask].sum())
         seen = int(np.count_nonzero(self._open[rows, columns] & mask))
         return _Trial(total, pose, total / (_MOST * max(seen, 1)), seen / count)
@@ -259,6 +276,12 @@ class _Search:
                 if max(abs(x), abs(y)) < half:
                     spots.append((x, y))
         return spots
+
+
+def _as_high(rises: Field, least: float) -> bool:
+    """Whether depth shows some points as high as this [m], or shows none."""
+    risen = rises[rises > FLAT]
+    return risen.size < _FEW or float(np.quantile(risen, _TOP)) > least
 
 
 def _middles(places: Array) -> list[tuple[float, float]]:

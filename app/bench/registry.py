@@ -7,6 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from app import UserError
+from app.bench.fallen import fallen_bench
 from app.bench.finger import finger_bench
 from app.bench.grip import grip_bench
 from app.bench.kills import kills_bench
@@ -29,6 +30,7 @@ BENCHES: Mapping[str, Bench] = MappingProxyType(
         "motion": motion_bench,
         "sim": sim_bench,
         "grip": grip_bench,
+        "fallen": fallen_bench,
         "vision": vision_bench,
     }
 )

@@ -216,7 +216,8 @@ def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece) -> None:
     cos, sin = math.cos(piece.yaw / 2.0), math.sin(piece.yaw / 2.0)
     upright, over = math.cos(piece.tip / 2.0), math.sin(piece.tip / 2.0)
     body = spec.worldbody.add_body(
-        name=piece.spec.name, pos=[piece.x, piece.y, piece.height],
+        name=piece.spec.name,
+        pos=[piece.x, piece.y, piece.height],
         quat=[cos * upright, cos * over, sin * over, sin * upright],
     )
     body.add_freejoint(name=piece.spec.name)

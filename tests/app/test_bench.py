@@ -132,7 +132,7 @@ def test_an_unknown_bench_is_refused_with_the_choices() -> None:
         done.stderr
         == "touchmove: there is no bench 'speed', choose from: law, loop, finger, kills, motion, sim, grip, vision\n"
     )
-    assert set(BENCHES) == {"law", "loop", "finger", "kills", "motion", "sim", "grip", "vision"}
+    assert set(BENCHES) == {"law", "loop", "finger", "kills", "motion", "sim", "grip", "fallen", "vision"}
 
 
 def fake_report(holds: bool) -> BenchReport:
