@@ -7,18 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from app.arm import Arm, ArmState, Outcome
 from app.devices import EndState
-from app.motion.plan import Motion, Plan
 from controller.protocol import Result
-from hardware.interfaces import Camera, Clock
+from hardware.interfaces import Clock
 from hardware.parameters import RobotParameters
-from hardware.sim.referee import Referee
+
+if TYPE_CHECKING:
+    from app.motion.plan import Motion, Plan
 
 
 class BoardClock:
@@ -102,8 +103,8 @@ class BoardRig:
         clock = BoardClock()
         self.clock: Clock = clock
         self.arm: Arm = BoardArm(home, parameters, clock)
-        self.camera: Camera | None = None
-        self.referee: Referee | None = None
+        self.camera: None = None
+        self.referee: None = None
 
     def failure(self) -> str | None:
         """Never."""

@@ -56,7 +56,11 @@ def demo(
     moves: Annotated[str | None, typer.Option(help='Play this line (SAN or UCI), e.g. "e4 d5 exd5".')] = None,
     white_elo: Annotated[int | None, typer.Option(help="Strength of White; full strength if not given.")] = None,
     black_elo: Annotated[int | None, typer.Option(help="Strength of Black; full strength if not given.")] = None,
-    movetime: Annotated[float, typer.Option(min=0.001, help="Thinking time per move [s].")] = 0.2,
+    movetime: Annotated[
+        float | None, typer.Option(min=0.001, help="Thinking time per move [s]; 0.2 where there is no clock.")
+    ] = None,
+    clock: Annotated[str | None, typer.Option(help="Time control such as 5+3; no clock if not given.")] = None,
+    book: Annotated[Path | None, typer.Option(help="Opening book in Polyglot's format.")] = None,
     nodes: Annotated[
         int | None, typer.Option(min=1, help="Think so many nodes instead: a run then repeats exactly.")
     ] = None,
@@ -97,6 +101,7 @@ def demo(
             "rig.port": port, "rig.video": video, "rig.video_length": video_length,
             "game.plies": plies, "game.fen": fen, "game.moves": moves, "game.games": games,
             "engine.move_time": movetime, "engine.nodes": nodes, "engine.path": engine,
+            "engine.book": book, "clock.time": clock,
             "white.elo": white_elo, "black.elo": black_elo, "vision.verify": verify, "out": out,
         }
     )  # fmt: skip
@@ -112,7 +117,11 @@ def play(
         str | None, typer.Option(help="real: by the wall clock, the default; fast: as fast as the machine can.")
     ] = None,
     fen: Annotated[str | None, typer.Option(help="Start from this position.")] = None,
-    movetime: Annotated[float, typer.Option(min=0.001, help="The robot's thinking time per move [s].")] = 1.0,
+    clock: Annotated[str | None, typer.Option(help="Time control such as 5+3; no clock if not given.")] = None,
+    movetime: Annotated[
+        float | None, typer.Option(min=0.001, help="The robot's thinking time per move [s]; with a clock the longest.")
+    ] = None,
+    book: Annotated[Path | None, typer.Option(help="Opening book in Polyglot's format.")] = None,
     nodes: Annotated[
         int | None, typer.Option(min=1, help="Think so many nodes instead: a run then repeats exactly.")
     ] = None,
@@ -135,10 +144,74 @@ def play(
         {
             "rig.name": rig, "rig.pace": pace, "rig.profile": profile, "rig.seed": seed, "rig.video": False,
             "game.fen": fen, "engine.move_time": movetime, "engine.nodes": nodes, "engine.path": engine,
-            f"{color}.player": "human", f"{other}.elo": elo, "out": out,
+            "engine.book": book, "clock.time": clock, f"{color}.player": "human", f"{other}.elo": elo, "out": out,
         }
     )  # fmt: skip
     _show_game(lambda face: run_games(settings, face, sys.stdin), headless=False, as_json=as_json, talks=True)
+
+
+@app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(help="PGN file, also with several games; or the folder of a game.")],
+    game: Annotated[int | None, typer.Option(min=1, help="Only this game of the file.")] = None,
+    from_ply: Annotated[int, typer.Option(min=1, help="Begin with this ply.")] = 1,
+    plies: Annotated[int, typer.Option(min=1, help="End each game after so many plies.")] = 1000,
+    rig: Annotated[str, typer.Option(help="sim, board, or the TOML file of a lab's rig.")] = "sim",
+    pace: Annotated[
+        str | None, typer.Option(help="real: by the wall clock, the default; fast: as fast as the machine can.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Chooses all randomness of a simulated world.")] = 1,
+    out: Annotated[Path | None, typer.Option(help="Folder of the record; games/<time> by default.")] = None,
+    verify: Annotated[
+        bool | None,
+        typer.Option(help="The camera looks after every ply, and what is wrong is mended; in a lab it does."),
+    ] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="Show nothing while playing.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+) -> None:
+    """The arm plays recorded games again, and says of every ply whether the board came out right."""
+    from app.games import run_games
+
+    settings = _settings(
+        {
+            "rig.name": rig, "rig.pace": pace, "rig.seed": seed, "rig.video": False, "game.replay": file,
+            "game.replay_game": game, "game.from_ply": from_ply, "game.plies": plies, "vision.verify": verify,
+            "out": out,
+        }
+    )  # fmt: skip
+    _show_game(lambda face: run_games(settings, face), headless=headless, as_json=as_json)
+
+
+@app.command()
+def setup(
+    fen: Annotated[str, typer.Option(help="The position to set up; 'start' is the usual one.")] = "start",
+    standing: Annotated[str, typer.Option(help="What stands on the board now; 'start' is the usual one.")] = "start",
+    rig: Annotated[str, typer.Option(help="sim, board, or the TOML file of a lab's rig.")] = "sim",
+    pace: Annotated[
+        str | None, typer.Option(help="real: by the wall clock, the default; fast: as fast as the machine can.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Chooses all randomness of a simulated world.")] = 1,
+    out: Annotated[Path | None, typer.Option(help="Folder of the record; games/<time> by default.")] = None,
+    verify: Annotated[
+        bool | None, typer.Option(help="The camera looks in the end, and what is wrong is mended; in a lab it does.")
+    ] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="Show nothing meanwhile.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+) -> None:
+    """The arm sets a position up, with the pieces on the board and beside it."""
+    import chess
+
+    from app.games import run_games
+
+    settings = _settings(
+        {
+            "rig.name": rig, "rig.pace": pace, "rig.seed": seed, "rig.video": False, "game.plies": 0,
+            "game.fen": chess.STARTING_FEN if fen == "start" else fen,
+            "game.standing": chess.STARTING_FEN if standing == "start" else standing,
+            "vision.verify": verify, "out": out,
+        }
+    )  # fmt: skip
+    _show_game(lambda face: run_games(settings, face), headless=headless, as_json=as_json)
 
 
 def _settings(changes: dict[str, object]) -> Settings:

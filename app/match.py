@@ -15,6 +15,7 @@ from typing import Final, Protocol
 
 import chess
 
+from app.clock import ChessClock
 from app.faces import Face
 from app.game import Devices, Game, GameEnd, Position
 from app.game.game import require_empty_fingers
@@ -22,12 +23,17 @@ from app.game.human import Human
 from app.game.seating import Seating
 from app.game.state import WRONG
 from app.game.table import Table
+from app.game.timing import Timing, clock_of
 from app.manipulation import Inventory
 from app.players import Players
 from app.records import GameRecord, GameSetup
+from app.records.events import Result
+from app.records.history import counted_plies
 from app.session import Round
 from hardware.sim.settings import Pace
 
+PERSON: Final = "Human"
+"""Name of whoever plays by hand."""
 SET_UP: Final = GameEnd("*", "set up", complete=True)
 _NAME: Final = re.compile(r"(game|set-up)-(\d+)")
 
@@ -39,14 +45,20 @@ class Fixture:
     Attributes:
         board: where it starts.
         players: makes those who choose the arm's moves; what they need is closed with the stack.
-        plies: it ends after so many.
+        plies: it ends after so many; 0: the position is only set up.
         human: who plays one side by hand; None: nobody.
+        comments: for each ply of a game that is played again.
+        result: of that game; None: it is no such game.
+        clock: before the game; None: it is played without.
     """
 
     board: chess.Board
     players: Callable[[ExitStack], Players]
     plies: int
     human: Human | None = None
+    comments: tuple[str, ...] = ()
+    result: Result | None = None
+    clock: ChessClock | None = None
 
 
 class Fixtures(Protocol):
@@ -97,17 +109,23 @@ class Match:
         self._players.close()
         self._records.close()
 
-    def start(self, inventory: Callable[[chess.Board], Inventory]) -> Inventory:
+    def start(self, layout: Callable[[chess.Board], Inventory], standing: chess.Board | None) -> Inventory:
         """Open the first game's players and record, before any device; what stands where at its beginning.
+
+        Args:
+            layout: what stands where in a position.
+            standing: the position that stands there, if the first one is to be set up; None: that one does.
 
         Raises:
             UserError: an engine is missing, the set cannot show the position, or the folder cannot be written.
         """
         fixture = self._take_up(1, None)
         assert fixture is not None, "a match has at least one game"
-        stands = inventory(fixture.board)
-        record = self._record(self._name("game", 1), fixture.board, stands, 0.0)
-        self._start = Start(1, False, record, Position(fixture.board.copy(), stands))
+        board = fixture.board if standing is None else standing
+        stands = layout(board)
+        sets_up = standing is not None
+        name = "set-up-1" if sets_up and fixture.plies else ""
+        self._start = Start(1, sets_up, self._record(name, board, stands, 0.0), Position(board.copy(), stands))
         return stands
 
     def go_on(self, start: Start) -> None:
@@ -126,6 +144,9 @@ class Match:
             return self._round(devices, self._start.record, self._start.position)
         assert self._table is not None
         if self._sets_up:
+            assert self._fixture is not None
+            if not self._fixture.plies:
+                return None
             self._sets_up = False
         else:
             self._number += 1
@@ -162,17 +183,27 @@ class Match:
         if self._sets_up:
             goal = self._fixture.board
             return Round(record, lambda: _set_up(table, goal), dict)
-        game = Game(table, self._chosen, self._face, human)
+        clock = clock_of(self._fixture.clock, counted_plies(record.events))
+        timing = Timing(clock, devices.clock.now)
+        game = Game(
+            table, self._chosen, self._face, human, self._fixture.comments, self._fixture.result, timing
+        )  # fmt: skip
         plies = self._fixture.plies
         return Round(record, lambda: game.play(plies), lambda: {"thinking_s": round(game.thinking, 3)})
 
     def _name(self, what: str, number: int) -> str:
-        return "" if number == 1 else f"{what}-{number}"
+        return "" if number == 1 and what == "game" else f"{what}-{number}"
 
     def _record(self, name: str, board: chess.Board, inventory: Inventory, plant_time: float) -> GameRecord:
         assert self._chosen is not None
-        white, black = (self._chosen.name(colour) for colour in (chess.WHITE, chess.BLACK))
-        setup = GameSetup(white, black, self._seed, self._pace.value)
+        assert self._fixture is not None
+        human, clock = self._fixture.human, self._fixture.clock
+        white, black = (
+            PERSON if human is not None and human.colour is colour else self._chosen.name(colour)
+            for colour in (chess.WHITE, chess.BLACK)
+        )
+        control = None if clock is None else clock.white.pgn
+        setup = GameSetup(white, black, self._seed, self._pace.value, time_control=control)
         record = GameRecord.begin(self._folder / name, setup, board, inventory, plant_time)
         return self._records.enter_context(record)
 

@@ -13,8 +13,10 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
+from app.clock import ArmTime
 from app.config import SIMULATED
 from app.motion import Profile
+from engine.settings import OptionValue
 from hardware.sim.settings import Pace
 from hardware.table import Captured
 
@@ -80,23 +82,46 @@ class GameSection(_Section):
     """Start from this position; the usual one if left out."""
     chess960: bool = False
     """Castling by the rules of Chess960; needed where the start position castles from other squares than usual."""
+    standing: str | None = None
+    """What stands on the board at the beginning, as FEN: the arm sets up the start position from there. Left out: the
+    start position stands there already."""
     moves: str | None = None
     """Play this line (SAN or UCI) instead of asking players."""
-    plies: PositiveInt = 300
-    """End after so many plies."""
+    replay: Path | None = None
+    """Play the games of this PGN file again, or that of this folder."""
+    replay_game: PositiveInt | None = None
+    """Of those only this one, from 1."""
+    from_ply: PositiveInt = 1
+    """Of those only from this ply on, from 1."""
+    plies: NonNegativeInt = 300
+    """End after so many plies; 0: only set the start position up."""
     games: PositiveInt = 1
     """So many games one after the other; the arm sets the pieces up in between."""
 
 
 class EngineSection(_Section):
-    """``[engine]``: the UCI engine that plays, unless a side names its own."""
+    """``[engine]``: the UCI engines that play."""
 
     path: str | None = None
     """Of any UCI engine; Stockfish if left out."""
-    move_time: PositiveFloat | None = 0.2
-    """Thinking time per move where there is no clock [s]."""
+    move_time: PositiveFloat | None = None
+    """Thinking time per move [s]; with a clock the longest. Left out: 0.2 s where there is no clock."""
     nodes: PositiveInt | None = None
-    """Think so many nodes instead: a run then repeats exactly."""
+    """Think so many nodes instead: a run then repeats exactly, at full strength."""
+    threads: PositiveInt = 1
+    """Of the search; more than one, and no run repeats exactly."""
+    hash_mb: PositiveInt = 16
+    """Memory of the search [MiB]."""
+    ponder: bool | None = None
+    """Think while others move. Left out: in a game with a clock."""
+    options: dict[str, OptionValue] = Field(default_factory=dict)
+    """Further UCI options by name, as the engine offers them."""
+    book: Path | None = None
+    """Opening book in Polyglot's format; without one two engines choose an opening by the seed."""
+    book_plies: PositiveInt = 20
+    """The book is asked in the first plies only."""
+    resigns: bool = False
+    """Whether it gives up a lost game. People like to see a game end on the board."""
 
 
 class SideSection(_Section):
@@ -106,6 +131,23 @@ class SideSection(_Section):
     """engine or human."""
     elo: PositiveInt | None = None
     """Strength of the engine; full strength if left out."""
+    skill: NonNegativeInt | None = None
+    """Strength of the engine by its Skill Level, 0 to 20 of Stockfish, for less than its lowest Elo."""
+    path: str | None = None
+    """Of this side's own engine."""
+    book: Path | None = None
+    """Of this side's own."""
+    time: str | None = None
+    """Time control of this side, if it is another one than the clock's."""
+
+
+class ClockSection(_Section):
+    """``[clock]``."""
+
+    time: str | None = None
+    """Time control: 5+3 (minutes and seconds a move), 15+10, 0:30+1, 40/90+30,30+30; no clock if left out."""
+    arm_time: ArmTime = ArmTime.NOBODY
+    """Who pays for the arm's motion: nobody, or own, the side for which it moves. Even then no flag falls by it."""
 
 
 class VisionSection(_Section):
@@ -127,6 +169,7 @@ class Settings(_Section):
     engine: EngineSection = EngineSection()
     white: SideSection = SideSection()
     black: SideSection = SideSection()
+    clock: ClockSection = ClockSection()
     vision: VisionSection = VisionSection()
     out: Path | None = None
     """Folder of the record; games/<time> if left out."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from app import UserError
+from app.bench.clock import clock_bench
 from app.bench.fallen import fallen_bench
 from app.bench.finger import finger_bench
 from app.bench.grip import grip_bench
@@ -32,6 +33,7 @@ BENCHES: Mapping[str, Bench] = MappingProxyType(
         "grip": grip_bench,
         "fallen": fallen_bench,
         "vision": vision_bench,
+        "clock": clock_bench,
     }
 )
 """By name; each takes ``quick`` and a function that is told what is being done."""

@@ -12,15 +12,19 @@ from typing import Final
 
 import chess
 import numpy as np
+from numpy.typing import NDArray
 
-from app import UserError
 from app.arm import Arm
-from app.game.state import Devices
+from app.game.state import FRAME_AGE, CannotSee, Devices
 from app.manipulation import Inventory
+from app.repair import Sighting, kinds_by_height
+from app.repair.sighting import Chances
 from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
-from hardware.table import PieceSpec, TableSettings
+from hardware.table import Colour, PieceSpec, TableSettings
 from vision.anchor import Anchor
+from vision.appearance import BLACK, EMPTY, WHITE
 from vision.board import BoardNotFound, BoardView, playing_area
+from vision.centres import piece_centres
 from vision.evidence import codes_of
 from vision.find import find_board
 from vision.moves import Decision
@@ -30,14 +34,11 @@ from vision.sight import sight_of_frame
 from vision.situations import Finding, explain
 from vision.verify import Fault, verify_board
 
-FRAME_AGE: Final = 10.0
-"""A frame is no older than this: exposed when it was asked for, but drawn slowly by a busy machine [s]."""
+States = NDArray[np.intp]
+Heights = NDArray[np.float64]
+
 PATIENCE: Final = 3.0
 """So long a fresh frame is waited for [s]."""
-
-
-class CannotSee(UserError):
-    """The camera shows no board where there should be one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,8 +54,21 @@ class Reading:
 
     decision: Decision
     finding: Finding
-    states: np.ndarray[tuple[int], np.dtype[np.intp]]
+    states: States
     look: Look
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """Whether the board is as it should be.
+
+    Attributes:
+        faults: what is not.
+        sighting: what is seen, for mending it.
+    """
+
+    faults: tuple[Fault, ...]
+    sighting: Sighting
 
 
 class Eyes:
@@ -106,8 +120,11 @@ class Eyes:
                 raise HardwareError(f"the camera gave no new picture within {PATIENCE:.0f} s: see to its cable")
             self._clock.sleep(0.01)
 
-    def faults(self, inventory: Inventory) -> tuple[Fault, ...]:
-        """What is not as it should be, in a new frame.
+    def verify(self, stands: Inventory) -> Verification:
+        """Whether the board is as it should be, in a new frame.
+
+        Args:
+            stands: what should stand where.
 
         Raises:
             CannotSee: the board is not in the picture.
@@ -115,7 +132,23 @@ class Eyes:
         """
         frame = self.frame()
         self._follow(frame)
-        return verify_board(frame, self.view, on_board(inventory))
+        faults = verify_board(frame, self.view, on_board(stands))
+        if not faults:
+            return Verification(faults, Sighting({}))
+        look = self._observer.look(sight_of_frame(frame, self.view))
+        states = look.evidence.read(codes_of(self._observer.board))
+        top = None if look.solids is None else look.solids.top
+        sighting = Sighting.of(stands, states, faults, kinds=_kinds(stands, states, top))
+        return Verification(faults, sighting)
+
+    def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
+        """Where pieces stand in the newest frame, board frame (x, y) [m], by square; those alone that can be seen.
+
+        Args:
+            believed: what stands where.
+        """
+        centres = piece_centres(self.last, self.view, on_board(believed))
+        return {square: (one.x, one.y) for square, one in centres.items() if one.upright}
 
     def read(self) -> Reading:
         """What was played since the known position, in a new frame.
@@ -160,6 +193,17 @@ class Eyes:
 def on_board(inventory: Inventory) -> dict[int, PieceSpec]:
     """The pieces that stand on squares, by square."""
     return {piece.place.index: piece for piece in inventory if piece.place.on_board}
+
+
+def _kinds(stands: Inventory, states: States, top: Heights | None) -> dict[int, Chances]:
+    """Of what stands where it should not, how likely it is of each kind by its height."""
+    if top is None:
+        return {}
+    expected = np.full(64, EMPTY)
+    for square, piece in on_board(stands).items():
+        expected[square] = WHITE if piece.colour is Colour.WHITE else BLACK
+    strange = np.flatnonzero((states != expected) & (states != EMPTY) & (top > 0.0))
+    return {int(square): kinds_by_height(float(top[square])) for square in strange}
 
 
 def _find(frame: Frame, board: chess.Board, table: TableSettings, view: BoardView | None) -> BoardView:

@@ -7,22 +7,30 @@ arm puts it right when asked to, or the person does.
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
 
 import chess
 
+from app import UserError
+from app.arm import ArmPaused
 from app.faces import Face
-from app.game.commands import Command, CommandError, MoveHand, PlayMove, Word, help_text, parse_command
-from app.game.eyes import CannotSee, Reading
-from app.game.human import Human
+from app.game.commands import Command, MoveHand, PlayMove, Word, help_text, parse_command
+from app.game.human import Human, PersonGone
+from app.game.person import NeedsHand
 from app.game.state import WRONG, GameEnd
-from app.game.table import Table
+from app.game.table import Remark, Table
+from app.game.timing import Timing
 from app.manipulation import transfers
 from app.players import Players
+from app.records import RecordError
 from app.records.events import Result
+from app.time_control import clock_text
 from hardware.interfaces import HardwareError
-from vision.moves import Verdict
-from vision.situations import Situation
+from vision.verdict import Situation, Verdict
+
+if TYPE_CHECKING:
+    from app.game.eyes import Reading
 
 POLL: Final = 0.2
 """So often it is looked whether the person has done something by themselves [s, wall]."""
@@ -34,8 +42,9 @@ _PROMOTIONS: Final = {"q": chess.QUEEN, "r": chess.ROOK, "b": chess.BISHOP, "n":
 class HumanTurn:
     """Takes a person's turns."""
 
-    def __init__(self, human: Human, table: Table, players: Players, face: Face) -> None:
+    def __init__(self, human: Human, table: Table, players: Players, timing: Timing, face: Face) -> None:
         self._human, self._table, self._players, self._face = human, table, players, face
+        self._timing = timing
         self._colour = human.colour
 
     def plays(self, colour: chess.Color) -> bool:
@@ -44,49 +53,78 @@ class HumanTurn:
 
     def take(self) -> GameEnd | None:
         """Until a ply was made or taken back, sides were changed, or the game has ended."""
-        self._face.prompt(f"{'White' if self._colour else 'Black'} to move: your move")
         done = len(self._table.board.move_stack)
+        self._prompt()
+        self._timing.start(self._colour)
         while len(self._table.board.move_stack) == done and self.plays(self._table.board.turn):
             line = self._human.lines.next(POLL)
+            if (fallen := self._timing.fallen(self._table.board)) is not None:
+                return GameEnd(fallen.result, fallen.reason, True)
             if line is None:
                 continue
             try:
                 command = parse_command(line, self._table.board)
                 end = self._obey(command)
-            except (CommandError, HardwareError, CannotSee) as error:
+            except (PersonGone, RecordError, ArmPaused, NeedsHand):
+                raise
+            except (UserError, HardwareError) as error:  # it cannot be done: the game stands where it stood
                 self._face.say(str(error))
                 continue
             if end is not None:
                 return end
+            if len(self._table.board.move_stack) == done:
+                self._prompt()
         return None
 
+    def wait(self, sentence: str) -> None:
+        """Until the person says 'go'."""
+        self._face.say(sentence)
+        self._answer("go on?", (Word.GO.value,))
+
+    def _prompt(self) -> None:
+        left = self._timing.left()
+        clocks = "" if left is None else f" ({clock_text(left[chess.WHITE])} - {clock_text(left[chess.BLACK])})"
+        self._face.prompt(f"{_name(self._colour)} to move{clocks}: your move")
+
     def _obey(self, command: Command) -> GameEnd | None:
-        match command:
-            case PlayMove(move=move):
-                return self._play(move)
-            case MoveHand():
-                return self._hand(command)
-            case Word.LOOK:
-                return self._read(None)
-            case Word.FIX:
-                return None if self._table.repair() else WRONG
-            case Word.TAKE_BACK:
-                return self._take_back()
-            case Word.HINT:
-                self._hint()
-            case Word.HELP:
-                self._face.say(help_text())
-            case Word.RESIGN:
-                return GameEnd(_lost(self._colour), f"{_name(self._colour)} resigns", True)
-            case Word.NEW:
-                return GameEnd("*", "given up for a new game", True, again=True)
-            case Word.QUIT:
-                return GameEnd("*", "left by the person at the board", True)
-            case Word.SIDE:
-                self._colour = not self._colour
-                self._face.say(f"you play {_name(self._colour)} now")
-            case _:
-                self._face.say(f"'{command}' cannot be done now")
+        if isinstance(command, PlayMove):
+            return self._play(command.move)
+        if isinstance(command, MoveHand):
+            return self._hand(command)
+        words: dict[Word, Callable[[], GameEnd | None]] = {
+            Word.LOOK: lambda: self._read(None, self._timing.now()),
+            Word.FIX: lambda: None if self._table.repair() else WRONG,
+            Word.TAKE_BACK: self._take_back,
+            Word.HINT: self._hint,
+            Word.HELP: lambda: self._face.say(help_text()),
+            Word.DRAW: self._draw,
+            Word.PAUSE: self._pause,
+            Word.GO: lambda: self._face.say("nothing waits: it is your move"),
+            Word.SIDE: self._change_sides,
+            Word.RESIGN: lambda: GameEnd(_lost(self._colour), f"{_name(self._colour)} resigns", True),
+            Word.NEW: lambda: GameEnd("*", "given up for a new game", True, again=True),
+            Word.QUIT: lambda: GameEnd("*", "left by the person at the board", True),
+        }
+        return words[command]()
+
+    def _pause(self) -> None:
+        self._timing.pause()
+        self.wait("the clocks stand; say 'go' to go on")
+        self._timing.start(self._colour)
+
+    def _change_sides(self) -> None:
+        self._timing.pause()
+        self._colour = not self._colour
+        self._face.say(f"you play {_name(self._colour)} now")
+
+    def _draw(self) -> GameEnd | None:
+        """A draw that can be claimed, or that the robot agrees to."""
+        board = self._table.board
+        if board.can_claim_draw():
+            return GameEnd("1/2-1/2", f"{_name(self._colour)} claims a draw", True)
+        if self._players.accepts_draw(board, not self._colour):
+            return GameEnd("1/2-1/2", "draw agreed", True)
+        self._face.say("I would like to play on")
         return None
 
     # moves
@@ -96,21 +134,24 @@ class HumanTurn:
         if self._human.hands is not None:
             ply = transfers(self._table.board, move, self._table.inventory)
             self._face.phase(f"your hand plays {ply.san}")
-            self._human.hands.play(ply, self._table.inventory)
+            with self._timing.motion(of_arm=False):
+                self._human.hands.play(ply, self._table.inventory)
+        done = self._timing.now()
         if self._table.eyes is None:
-            return self._accept(move)
-        return self._read(move)
+            return self._accept(move, done)
+        return self._read(move, done)
 
     def _hand(self, command: MoveHand) -> GameEnd | None:
         if self._human.hands is None:
             self._face.say("only a simulated hand can be told what to do: move the piece yourself")
             return None
-        self._human.hands.do(command, self._table.inventory)
-        return self._read(None)
+        with self._timing.motion(of_arm=False):
+            self._human.hands.do(command, self._table.inventory)
+        return self._read(None, self._timing.now())
 
-    def _read(self, said: chess.Move | None) -> GameEnd | None:
-        """What the camera says was played; ``said``: what the person says."""
-        reading = self._look(said)
+    def _read(self, said: chess.Move | None, then: float) -> GameEnd | None:
+        """What the camera says was played; ``said``: what the person says; ``then``: when their hand had left [s]."""
+        reading = self._look()
         if reading is None:
             self._face.say("this rig has no camera: type the move")
             return None
@@ -124,15 +165,15 @@ class HumanTurn:
             (move,) = decision.moves
             if decision.promotion_unsure:
                 move = chess.Move(move.from_square, move.to_square, self._promotion(said))
-            return self._accept(move, reading)
+            return self._accept(move, then, reading)
         if finding.situation is Situation.LEGAL:
-            return self._ask_move(decision.moves[0], said, reading)
+            return self._ask_move(decision.moves[0], said, then, reading)
         self._table.note(finding)
         self._face.say(f"{finding.sentence}. Put it right by hand and say 'look', or say 'fix' and the arm does it")
         return None
 
-    def _look(self, said: chess.Move | None) -> Reading | None:
-        """Again while in doubt; what a person says is believed where the camera sees nothing against it."""
+    def _look(self) -> Reading | None:
+        """Again while in doubt."""
         eyes = self._table.eyes
         if eyes is None:
             return None
@@ -143,21 +184,22 @@ class HumanTurn:
             reading = eyes.read()
         return reading
 
-    def _ask_move(self, move: chess.Move, said: chess.Move | None, reading: Reading) -> GameEnd | None:
+    def _ask_move(self, move: chess.Move, said: chess.Move | None, then: float, reading: Reading) -> GameEnd | None:
         if said is not None and said == move:
-            return self._accept(move, reading)
+            return self._accept(move, then, reading)
         san = self._table.board.san(move)
         if self._yes(f"this looks like {san}, but not clearly: was that it?"):
-            return self._accept(move, reading)
+            return self._accept(move, then, reading)
         self._face.say("then put the pieces back as they were, or type the move that you have made")
         return None
 
-    def _accept(self, move: chess.Move, reading: Reading | None = None) -> GameEnd | None:
+    def _accept(self, move: chess.Move, then: float, reading: Reading | None = None) -> GameEnd | None:
+        self._timing.press(then)
         if self._table.eyes is not None and reading is not None:
             after = self._table.board.copy()
             after.push(move)
             self._table.eyes.confirm(after, reading.look)
-        return None if self._table.hand_ply(move) else WRONG
+        return None if self._table.hand_ply(move, Remark(clocks=self._timing.left)) else WRONG
 
     def _promotion(self, said: chess.Move | None) -> chess.PieceType:
         if said is not None and said.promotion is not None:
@@ -171,11 +213,14 @@ class HumanTurn:
         if len(self._table.board.move_stack) < 2:
             self._face.say("there is nothing of yours to take back yet")
             return None
-        return None if self._table.take_back(2) else WRONG
+        self._timing.take_back(2)
+        with self._timing.motion():
+            return None if self._table.take_back(2) else WRONG
 
     def _hint(self) -> None:
-        move = self._players.hint(self._table.board)
-        self._face.say(f"I would play {self._table.board.san(move)}" if move is not None else "no engine can be asked")
+        said = self._players.hint(self._table.board)
+        assert said.move is not None, "who is asked has an answer, or says why not"
+        self._face.say(f"I would play {self._table.board.san(said.move)}")
 
     def _yes(self, question: str) -> bool:
         return self._answer(f"{question} (yes or no)", ("yes", "no", "y", "n")).startswith("y")

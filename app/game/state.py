@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
 
 import chess
 
 from app import UserError
 from app.arm import Arm
-from app.hand_guard import HandGuard
 from app.manipulation import Inventory, Transfer
 from app.records import History
 from app.records.events import Result
@@ -18,6 +17,10 @@ from app.records.history import Unfinished
 from controller.errors import ControllerError
 from hardware.interfaces import Camera, Clock, HardwareError
 from hardware.sim.referee import Referee
+from hardware.table import Place
+
+if TYPE_CHECKING:
+    from app.hand_guard import HandGuard
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +55,12 @@ class Position:
         """Of a game that was broken off."""
         return cls(history.board, history.inventory, True, history.unfinished)
 
+    def from_the_start(self) -> Position:
+        """The same, where what was under way is done from its beginning."""
+        if self.unfinished is None:
+            return self
+        return replace(self, unfinished=replace(self.unfinished, transfer=None, stage=None))
+
 
 @dataclass(frozen=True, slots=True)
 class GameEnd:
@@ -78,7 +87,13 @@ class Job:
     uci: str | None = None
 
 
+class CannotSee(UserError):
+    """The camera shows no board where there should be one."""
+
+
 WRONG: Final = GameEnd("*", "the board is not as the game says", False)
+FRAME_AGE: Final = 10.0
+"""A frame is no older than this: exposed when it was asked for, but drawn slowly by a busy machine [s]."""
 EXPECTED_FAILURES: Final = (UserError, ControllerError, HardwareError)
 """What may go wrong in a running game without a bug: each says in one sentence what and what to do."""
 
@@ -92,3 +107,9 @@ def moved_all(inventory: Inventory, transfers: Iterable[Transfer]) -> Inventory:
     for transfer in transfers:
         inventory = inventory.moved(transfer)
     return inventory
+
+
+def changed(before: Inventory, after: Inventory) -> dict[str, Place]:
+    """Where the pieces stand that stand elsewhere, by name."""
+    places = {piece.name: piece.place for piece in before}
+    return {piece.name: piece.place for piece in after if places[piece.name] != piece.place}

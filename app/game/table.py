@@ -9,36 +9,39 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import chess
 import chess.engine
-import cv2
 
 from app import UserError
 from app.faces import Face
 from app.game.carrier import Begun, Carried, Carrier, CarryFailed
-from app.game.eyes import FRAME_AGE, Eyes
-from app.game.mending import Mender, changed
-from app.game.state import Devices, Job, Position, moved_all
+from app.game.state import FRAME_AGE, Devices, Job, Position, changed, moved_all
 from app.judging import Verdict, judge
 from app.layout import colour_of
-from app.manipulation import Inventory, Ply, move_kind, transfers
-from app.rearrange import set_up
+from app.manipulation import Inventory, Ply, Transfer, move_kind, transfers
 from app.records import GameRecord, PlyOutcome, recording
 from app.records.events import Purpose
 from app.records.history import Unfinished, transfer_of
 from hardware.interfaces import Frame
 from hardware.table import Place
-from vision.situations import Finding
+
+if TYPE_CHECKING:
+    from app.game.eyes import Eyes
+    from app.game.mending import Mender
+    from vision.situations import Finding
 
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What is recorded with a ply besides: what the player thinks of it, and what the clocks show after it [s]."""
+    """What is recorded with a ply: what the player thinks of it, a comment, and what the clocks show after it [s], to
+    be asked for once the move stands on the board.
+    """
 
     score: chess.engine.PovScore | None = None
-    clocks: dict[chess.Color, float] | None = None
+    comment: str = ""
+    clocks: Callable[[], dict[chess.Color, float] | None] = lambda: None
 
 
 NO_REMARK: Final = Remark()
@@ -105,7 +108,7 @@ class Table:
     def hand_ply(self, move: chess.Move, remark: Remark = NO_REMARK) -> bool:
         """A move was made by hand, and seen or told; what stands badly since is mended. False as of ``arm_ply``."""
         ply = transfers(self.board, move, self.inventory)
-        outcome = PlyOutcome(by="hand", score=remark.score, clocks=remark.clocks)
+        outcome = PlyOutcome(by="hand", score=remark.score, clocks=remark.clocks(), comment=remark.comment)
         done = self._conclude_ply(ply, self.inventory.after(ply), outcome)
         return done and self.repair()
 
@@ -118,7 +121,7 @@ class Table:
         before = self.board.copy()
         moves = [before.pop() for _ in range(plies)]
         label = "take back " + before.variation_san(reversed(moves))
-        moved = set_up(self.inventory, before)
+        moved = _arranged(self.inventory, before)
         self._record.task(Purpose.TAKE_BACK, label, moved, self.now(), taken_back=plies)
         return self._do_task(Job(label, moved), None, before)
 
@@ -128,7 +131,7 @@ class Table:
         Raises:
             UserError: the pieces there cannot show it; or as ``arm_ply``.
         """
-        moved = set_up(self.inventory, board)
+        moved = _arranged(self.inventory, board)
         label = "set the pieces up"
         self._record.task(Purpose.SET_UP, label, moved, self.now(), fen=board.fen())
         return self._do_task(Job(label, moved), None, board)
@@ -137,7 +140,7 @@ class Table:
         """The board is looked at, and put right where it is not as the game says; False as of ``arm_ply``."""
         if self._mender is None:
             return True
-        mended = self._mender.mend(self.inventory, self.inventory, self.inventory)
+        mended = self._mender.mend(self.inventory, self.inventory, self.inventory, self.board)
         if not mended.jobs:
             return True
         return self._conclude_task(mended.inventory, PlyOutcome(real=mended.duration), self.board)
@@ -170,13 +173,18 @@ class Table:
         self._reset_peak()
         wanted = self.inventory.after(ply)
         carried = self._carry(Job(ply.san, ply.transfers, uci=ply.uci), wanted, begun, letting_go)
-        outcome = replace(carried.outcome, score=remark.score, clocks=remark.clocks)
+        outcome = replace(carried.outcome, score=remark.score, clocks=remark.clocks(), comment=remark.comment)
         return self._conclude_ply(ply, carried.inventory, outcome)
 
     def _do_task(self, job: Job, begun: Begun | None, board: chess.Board) -> bool:
         """Carry out a task that is in the record already, after which a position stands on the board."""
         self._reset_peak()
-        carried = self._carry(job, moved_all(self.inventory, job.transfers), begun, None)
+        try:
+            carried = self._carry(job, moved_all(self.inventory, job.transfers), begun, None)
+        except UserError as error:
+            if self._carrier.untouched:
+                self._record.task_dropped(str(error), self.now())
+            raise
         return self._conclude_task(carried.inventory, carried.outcome, board)
 
     def _finish_repair(self, unfinished: Unfinished, begun: Begun | None) -> bool:
@@ -186,7 +194,7 @@ class Table:
         carried = self._carry(
             Job("put the board right", unfinished.repair), moved_all(self.inventory, unfinished.repair), begun, None
         )
-        rest = set_up(carried.inventory, goal)
+        rest = _arranged(carried.inventory, goal)
         stands = self.inventory
         self.inventory = carried.inventory
         if rest:
@@ -302,6 +310,13 @@ class _Done:
     outcome: PlyOutcome
 
 
+def _arranged(inventory: Inventory, board: chess.Board) -> tuple[Transfer, ...]:
+    """Transfers that put a position on the board."""
+    from app.rearrange import set_up  # SciPy takes a second to load: not before something is to be set up
+
+    return set_up(inventory, board)
+
+
 def _outcome(carried: Carried) -> PlyOutcome:
     done = carried.done
     return PlyOutcome(
@@ -316,6 +331,8 @@ def save_picture(path: Path, frame: Frame) -> None:
     Raises:
         RecordError: it cannot be written.
     """
+    import cv2  # only where there is a camera
+
     done, encoded = cv2.imencode(".jpg", cv2.cvtColor(frame.colour, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])
     if not done:
         raise RuntimeError(f"OpenCV could not encode {path.name}")

@@ -76,6 +76,8 @@ class StartEvent(_Stamped):
     black: str
     seed: int
     pace: Pace
+    time_control: str | None = None
+    """As in PGN; null: played without a clock."""
     inventory: tuple[PieceRecord, ...]
 
 
@@ -121,6 +123,13 @@ class TaskDoneEvent(_Stamped):
     """What went wrong, a sentence each."""
     resumed: bool = False
     """Another program finished it."""
+
+
+class TaskDroppedEvent(_Stamped):
+    """The task begun last could not be done, and nothing was moved for it."""
+
+    event: Literal["task_dropped"] = "task_dropped"
+    reason: str
 
 
 class FoundEvent(_Stamped):
@@ -179,6 +188,8 @@ class PlyEvent(_Stamped):
     """What the player thinks of it: pawns from White's side such as +0.31, or #-3."""
     clock_s: dict[Colour, FiniteFloat] | None = None
     """What both clocks show after it [s]; null where there are none."""
+    comment: str = ""
+    """Of the game that is replayed."""
 
 
 class ResumeEvent(_Stamped):
@@ -196,7 +207,16 @@ class EndEvent(_Stamped):
 
 
 AnyEvent = (
-    StartEvent | StepEvent | PlyEvent | TaskEvent | TaskDoneEvent | FoundEvent | TroubleEvent | ResumeEvent | EndEvent
+    StartEvent
+    | StepEvent
+    | PlyEvent
+    | TaskEvent
+    | TaskDoneEvent
+    | TaskDroppedEvent
+    | FoundEvent
+    | TroubleEvent
+    | ResumeEvent
+    | EndEvent
 )
 Event = Annotated[AnyEvent, Field(discriminator="event")]
 _EVENT: TypeAdapter[AnyEvent] = TypeAdapter(Event)

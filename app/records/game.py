@@ -28,13 +28,14 @@ from app.records.events import (
     StartEvent,
     StepEvent,
     TaskDoneEvent,
+    TaskDroppedEvent,
     TaskEvent,
     TroubleEvent,
     piece_records,
     transfer_records,
 )
 from app.records.files import LineLog, recording, write_atomically
-from app.records.history import History, counted_plies
+from app.records.history import History, counted_plies, open_task
 from app.records.pgn import PgnFile, PgnMove
 from app.records.report import Report, summarise
 from hardware.table import Place
@@ -58,6 +59,8 @@ class GameSetup:
     seed: int
     pace: Pace
     site: str = "?"
+    time_control: str | None = None
+    """As in PGN; None: played without a clock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +89,8 @@ class PlyOutcome:
     """What the player thinks of it."""
     clocks: Mapping[chess.Color, float] | None = None
     """What both clocks show after it [s]."""
+    comment: str = ""
+    """For the PGN."""
 
 
 class GameRecord:
@@ -105,7 +110,7 @@ class GameRecord:
         self._pgn = pgn
         self._events = list(events)
         self._counted = counted_plies(events)
-        self._task = _open_task(events)
+        self._task = open_task(events)
 
     @classmethod
     def begin(
@@ -243,6 +248,11 @@ class GameRecord:
             del self._counted[-taken_back:]
             self._pgn.take_back(taken_back)
 
+    def task_dropped(self, reason: str, plant_time: float) -> None:
+        """Record that the task begun last cannot be done, and nothing was moved for it."""
+        self._task = None
+        self._append(TaskDroppedEvent(wall_time=self._now(), plant_time=plant_time, ply=self._plies(), reason=reason))
+
     def found(self, places: Mapping[str, Place], reason: str, plant_time: float) -> None:
         """Record where pieces were seen that stand elsewhere than the game wants them, by name."""
         self._append(
@@ -284,8 +294,9 @@ class GameRecord:
             places=ply.changes() if places is None else places,
         )  # fmt: skip
         self._append(event)
+        self._task = None
         self._counted.append(event)
-        self._pgn.add(PgnMove(ply.uci, _own_clock(event), outcome.score))
+        self._pgn.add(PgnMove(ply.uci, _own_clock(event), outcome.score, outcome.comment))
         return event
 
     def end(
@@ -333,7 +344,14 @@ class GameRecord:
 def _pgn(folder: Path, start: StartEvent, site: str, moves: Sequence[PgnMove] = ()) -> PgnFile:
     board = chess.Board(start.fen, chess960=start.chess960)
     return PgnFile(
-        folder / PGN_FILE, board, white=start.white, black=start.black, site=site, date=start.wall_time, moves=moves
+        folder / PGN_FILE,
+        board,
+        white=start.white,
+        black=start.black,
+        site=site,
+        date=start.wall_time,
+        moves=moves,
+        time_control=start.time_control,
     )
 
 
@@ -350,6 +368,7 @@ def _start_event(
         black=setup.black,
         seed=setup.seed,
         pace=setup.pace,
+        time_control=setup.time_control,
         inventory=piece_records(inventory),
     )
 
@@ -386,19 +405,9 @@ def _ply_event(
         resumed=outcome.resumed,
         by=outcome.by,
         score=None if outcome.score is None else score_text(outcome.score),
+        comment=outcome.comment,
         clock_s=None if outcome.clocks is None else {colour_of(c): left for c, left in outcome.clocks.items()},
     )
-
-
-def _open_task(events: Sequence[AnyEvent]) -> TaskEvent | None:
-    """The task that was begun last and is not done."""
-    task: TaskEvent | None = None
-    for event in events:
-        if isinstance(event, TaskEvent) and event.purpose is not Purpose.REPAIR:
-            task = event
-        elif isinstance(event, TaskDoneEvent | PlyEvent):
-            task = None
-    return task
 
 
 def _own_clock(event: PlyEvent) -> float | None:
@@ -406,7 +415,7 @@ def _own_clock(event: PlyEvent) -> float | None:
 
 
 def _pgn_move(event: PlyEvent) -> PgnMove:
-    return PgnMove(event.uci, _own_clock(event), None if event.score is None else score_of(event.score))
+    return PgnMove(event.uci, _own_clock(event), None if event.score is None else score_of(event.score), event.comment)
 
 
 def score_text(score: chess.engine.PovScore) -> str:

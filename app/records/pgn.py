@@ -18,12 +18,12 @@ EVENT = "Touchmove"
 
 
 class PgnMove(NamedTuple):
-    """A move for PGN: UCI; what its player's clock shows after it [s]; what an engine thinks of it, at which depth."""
+    """A move for PGN: UCI; what its player's clock shows after it [s]; what an engine thinks of it; a comment."""
 
     uci: str
     clock: float | None = None
     score: chess.engine.PovScore | None = None
-    depth: int | None = None
+    comment: str = ""
 
 
 class PgnFile:
@@ -39,6 +39,7 @@ class PgnFile:
         site: str,
         date: datetime,
         moves: Sequence[PgnMove] = (),
+        time_control: str | None = None,
     ) -> None:
         """Write the game so far.
 
@@ -50,6 +51,7 @@ class PgnFile:
             site: where it is played.
             date: day of the start, UTC.
             moves: made already.
+            time_control: as in PGN; None: none.
 
         Raises:
             RecordError: it cannot be written.
@@ -59,6 +61,8 @@ class PgnFile:
         self._game = chess.pgn.Game()
         self._game.setup(self.board)
         values = {"Event": EVENT, "Site": site, "Date": date.strftime("%Y.%m.%d"), "White": white, "Black": black}
+        if time_control is not None:
+            values["TimeControl"] = time_control
         self._set(values)
         self._last: chess.pgn.GameNode = self._game
         for move in moves:
@@ -94,10 +98,11 @@ class PgnFile:
         made = self.board.parse_uci(move.uci)
         self._last = self._last.add_variation(made)
         self.board.push(made)
+        self._last.comment = move.comment
         if move.clock is not None:
             self._last.set_clock(move.clock)
         if move.score is not None:
-            self._last.set_eval(move.score, move.depth)
+            self._last.set_eval(move.score)
 
     def finish(self, result: Result, reason: str) -> None:
         """Write result and termination.

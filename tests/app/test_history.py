@@ -66,7 +66,7 @@ def test_what_was_begun_comes_back(tmp_path: Path, stage: Stage) -> None:
     table.record.close()
     step = read_history(table.log, TABLE).unfinished
     assert step is not None
-    assert (step.uci, step.transfer, step.stage, step.ply) == ("e4d5", 1, stage, 3)
+    assert (step.uci, step.transfer, step.stage) == ("e4d5", 1, stage)
 
 
 def test_a_record_goes_on_after_a_torn_line(tmp_path: Path) -> None:

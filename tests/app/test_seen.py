@@ -56,8 +56,8 @@ def test_a_piece_is_set_right_on_its_own_place_only_where_it_was_seen_elsewhere(
         now.moved(Transfer(right.name, right.kind, right.colour, square_place(chess.D3), right.target, right.seen))
 
 
-@pytest.mark.parametrize("angle", np.linspace(0.0, 2.0 * math.pi, 9)[:-1])
-@pytest.mark.parametrize("off", [0.0004, 0.0012, 0.006, 0.012, 0.020])
+@pytest.mark.parametrize("angle", [0.0, 0.8, 0.5 * math.pi, 3.5])
+@pytest.mark.parametrize("off", [0.0004, 0.0012, 0.020])
 def test_fingers_go_to_where_a_piece_was_seen_and_the_piece_to_the_centre(off: float, angle: float) -> None:
     now = stock()
     for target in (chess.D4, chess.F6):
@@ -121,7 +121,7 @@ def test_a_hand_takes_a_piece_where_it_was_seen() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("off", [(0.012, 0.0), (0.0, -0.014), (-0.011, 0.009)])
+@pytest.mark.parametrize("off", [(0.012, 0.0), (-0.008, 0.011)])
 def test_the_arm_sets_pieces_right(off: tuple[float, float]) -> None:
     """In the simulated world: farther off than fingers that go to the centre could close on."""
     now = stock()
