@@ -124,16 +124,20 @@ def find_strays(
     require_camera(frame, view)
     fit = Fit(frame, view, expected, use_depth=use_depth)
     centres = centres_of(fit) if expected else {}
+    off = {square: math.dist((one.x, one.y), view.table.xy(square_place(square))) for square, one in centres.items()}
+    # by colour alone, what lies looks much like what stands off its centre: which it is, the search decides
+    stands = {
+        square: one.upright and (off[square] <= tolerance or fit.rises is not None) for square, one in centres.items()
+    }
     missing: list[tuple[int | None, PieceLike]] = [
-        (square, expected[square]) for square in fit.squares if not (centres[square].upright or centres[square].hidden)
+        (square, expected[square]) for square in fit.squares if not (stands[square] or centres[square].hidden)
     ]
     missing += [(None, piece) for piece in lost]
-    upright = np.array([False, *(centres[square].upright for square in fit.squares)])
-    search = _Search(fit, view, upright[fit.owner])
+    search = _Search(fit, view, np.array([False, *(stands[square] for square in fit.squares)])[fit.owner])
     found = [
-        Stray(expected[square], square, Pose(centre.x, centre.y), centre.std, 0.0, centre.support, centre.seen, 1.0)
-        for square, centre in centres.items()
-        if centre.upright and math.dist((centre.x, centre.y), view.table.xy(square_place(square))) > tolerance
+        Stray(expected[square], square, Pose(one.x, one.y), one.std, 0.0, one.support, one.seen, 1.0)
+        for square, one in centres.items()
+        if stands[square] and off[square] > tolerance
     ]
     while missing:
         stray = search.best(missing)
