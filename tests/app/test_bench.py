@@ -125,7 +125,7 @@ def test_a_start_from_the_cache_compiles_nothing(tmp_path: Path) -> None:
 
 def test_an_unknown_bench_is_refused_with_the_choices() -> None:
     with pytest.raises(
-        UnknownBench, match=r"^there is no bench .speed., choose from: law, loop, .*, grip, vision, clock$"
+        UnknownBench, match=r"^there is no bench .speed., choose from: law, loop, .*, grip, fallen, vision, clock$"
     ):
         run_bench("speed", quick=True, progress=print)
     done = CliRunner().invoke(command_line, ["bench", "speed"])
