@@ -38,6 +38,8 @@ class Centre:
         support: how much what is in sight of the silhouette looks like the piece, -1 to 1.
         agreement: share of the outline in sight where the picture has its edge just there.
         seen: share of the outline that is in sight, 0 to 1.
+        low: by depth, nothing there is as high as the piece would be: one that lies along the view looks much like one
+            that stands.
     """
 
     x: float
@@ -46,6 +48,7 @@ class Centre:
     support: float
     agreement: float
     seen: float
+    low: bool = False
 
     @property
     def hidden(self) -> bool:
@@ -55,7 +58,7 @@ class Centre:
     @property
     def upright(self) -> bool:
         """Whether a standing piece of this kind explains the picture; else it is missing, fallen or hidden."""
-        return not self.hidden and self.support > LEAST_SUPPORT and self.agreement > LEAST_AGREEMENT
+        return not (self.hidden or self.low) and self.support > LEAST_SUPPORT and self.agreement > LEAST_AGREEMENT
 
 
 def piece_centres(
@@ -92,9 +95,16 @@ def require_camera(frame: Frame, view: BoardView) -> None:
 def centres_of(fit: Fit) -> dict[int, Centre]:
     """What a fit says of each piece."""
     support, agreement, seen = fit.support().tolist(), fit.agreement().tolist(), fit.in_sight().tolist()
+    low = fit.too_low().tolist()
     return {
         square: Centre(
-            x, y, (FLOOR**2 + (_NEIGHBOURS * spread) ** 2) ** 0.5, support[index], agreement[index], seen[index]
+            x,
+            y,
+            (FLOOR**2 + (_NEIGHBOURS * spread) ** 2) ** 0.5,
+            support[index],
+            agreement[index],
+            seen[index],
+            low[index],
         )
         for index, (square, (x, y), spread) in enumerate(
             zip(fit.squares, fit.places.tolist(), fit.spread.tolist(), strict=True)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
-from hardware.table import Colour, Kind, square_place
+from hardware.table import PIECE_SHAPES, Colour, Kind, square_place
 from vision.board import BoardView
 from vision.colours import MOST, colour_bins, evidence, looked_up, shares
 from vision.edges import Edges, along, edges_on_lines, line_samples, slopes
@@ -46,6 +46,12 @@ LEAST_SUPPORT: Final = 0.15
 LEAST_AGREEMENT: Final = 0.45
 """A piece that stands where it was found has more than both (measured: at least 0.31 and 0.55; where none stands, at
 most -0.05 and 0.38 with depth, 0.59 and 0.50 without)."""
+_TOP: Final = 0.9
+"""Of the points of a piece, this share is below what counts as its top: single points fly."""
+_HIGHEST: Final = 0.08
+"""No piece is as high [m]."""
+_ENOUGH: Final = 25
+"""With fewer points of known height a piece's is not known."""
 _CLEAR_EDGE: Final = 0.1
 _AGREES: Final = 1.5
 """An edge so near to the fitted outline agrees with it [px]."""
@@ -88,8 +94,9 @@ class Fit:
         pieces = [expected[square] for square in self.squares]
         self._nominal = np.array([view.table.xy(square_place(square)) for square in self.squares]).reshape(-1, 2)
         self.places = self._nominal.copy()
+        self._kinds = [piece.kind for piece in pieces]
         self._white = np.array([piece.colour is Colour.WHITE for piece in pieces], dtype=bool)
-        self._shapes = Shapes(view, [piece.kind for piece in pieces], self._nominal, self.part)
+        self._shapes = Shapes(view, self._kinds, self._nominal, self.part)
         window = frame.colour[self.part.rows, self.part.columns]
         self._bins = colour_bins(window)
         self._contrast = slopes(cv2.cvtColor(window, cv2.COLOR_RGB2GRAY).astype(np.float32))
@@ -272,3 +279,19 @@ class Fit:
         """Share of each outline that no other piece hides or touches, (n,)."""
         share: Array = self.edges.open.mean(axis=1)
         return share
+
+    def too_low(self) -> NDArray[np.bool_]:
+        """Whether depth shows each piece's silhouette, and nothing in it as high as if the piece stood, (n,).
+
+        Half way between what stands and what lies; false where there is no depth, or too little of the piece.
+        """
+        low = np.zeros(len(self.squares), dtype=bool)
+        if self.rises is None:
+            return low
+        for index, kind in enumerate(self._kinds):
+            rises = self.rises[self.owner == index + 1]
+            rises = rises[(rises > FLAT) & (rises < _HIGHEST)]
+            shape = PIECE_SHAPES[kind]
+            if rises.size >= _ENOUGH:
+                low[index] = np.quantile(rises, _TOP) < 0.5 * (shape.height + 2.0 * shape.foot_radius)
+        return low

@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 from app import UserError
 from app.bench.clock import clock_bench
+from app.bench.fallen import fallen_bench
 from app.bench.finger import finger_bench
 from app.bench.grip import grip_bench
 from app.bench.kills import kills_bench
@@ -30,6 +31,7 @@ BENCHES: Mapping[str, Bench] = MappingProxyType(
         "motion": motion_bench,
         "sim": sim_bench,
         "grip": grip_bench,
+        "fallen": fallen_bench,
         "vision": vision_bench,
         "clock": clock_bench,
     }

@@ -63,6 +63,8 @@ class Style(NamedTuple):
 
 SAME: Final = 1e-9
 """A reference this close to where a motion begins is the same [m]."""
+FURTHEST: Final = 0.020
+"""By no more are samples moved up or down, to where a touch ended the motion before [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,17 +84,18 @@ class Plan:
     style: Style | None = None
 
     def continued(self, index: int, reference: Vector) -> Motion:
-        """A motion as it must be where the one before ended elsewhere than planned: timed again from there.
+        """A motion as it must be where the one before ended elsewhere than planned: timed again from there, or, where
+        it has no route, its samples moved up or down by as much. Other samples stay, and the controller refuses them.
 
         Args:
             index: of the motion.
             reference: the arm's present one, base frame (3,) [m].
         """
         motion = self.motions[index]
-        if motion.route is None or self.style is None:
+        if self.style is None or np.abs(reference - motion.samples["position"][0]).max() < SAME:
             return motion
-        if np.abs(reference - motion.samples["position"][0]).max() < SAME:
-            return motion
+        if motion.route is None:
+            return _lifted(motion, reference - motion.samples["position"][0])
         done = timed(motion.route.from_point(reference), *self.style)
         return replace(motion, samples=done.samples, paths=done.paths, expected=done.expected)
 
@@ -100,3 +103,13 @@ class Plan:
     def expected(self) -> float:
         """How long the whole should take [s]."""
         return sum(motion.expected for motion in self.motions) + self.lead * (len(self.motions) - 1)
+
+
+def _lifted(motion: Motion, by: Vector) -> Motion:
+    """The motion moved by a vector (3,), if that is a short one along the vertical [m]."""
+    if np.abs(by[:2]).max() > 1e-6 or abs(by[2]) > FURTHEST:
+        return motion
+    samples = motion.samples.copy()
+    samples["position"] += by
+    samples.flags.writeable = False
+    return replace(motion, samples=samples)

@@ -6,7 +6,6 @@ with corners as wide as that leaves room for. Fingers move while the arm travels
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -15,10 +14,11 @@ import numpy as np
 from app.manipulation import Inventory, PieceBoxed, Stage, Transfer
 from app.motion.drop import fall_time
 from app.motion.gains import Softness
+from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd, Standing, blocking_neighbour, box_in_the_way, closed_position
 from app.motion.path import Vector
 from app.motion.plan import Motion, Plan, PlanRefused, Style
-from app.motion.route import Route, Timed, timed
+from app.motion.route import Route
 from app.motion.settings import MotionSettings
 from app.motion.ways import Hop, Workcell, over, polygon
 from hardware.parameters import RobotParameters
@@ -26,8 +26,6 @@ from hardware.table import PIECE_SHAPES, Kind, Place, TableSettings
 
 _OPENINGS = 4
 """So many openings of the fingers are tried, from the widest to the least."""
-_ATTEMPTS = 6
-"""So often a motion is slowed down until its torques are feasible."""
 
 
 def plan_ply(
@@ -74,16 +72,16 @@ def plan_ply(
         others = stands.without(transfer.name)
         if index == 0 and not holding:
             route = _approach(cell, transfer, stands, point, finger, low=low)
-            motion, finger = _motion(cell, f"to {transfer.source}", route, index, Stage.APPROACH)
+            motion, finger = motion_of(cell, f"to {transfer.source}", route, index, Stage.APPROACH)
             motions.append(motion)
             point = route.points[-1]
         if index > 0 or not holding:
             route = _grasp(cell, transfer, point, finger)
-            motion, _ = _motion(cell, f"grasp {transfer.kind} on {transfer.source}", route, index, Stage.GRASP)
+            motion, _ = motion_of(cell, f"grasp {transfer.kind} on {transfer.source}", route, index, Stage.GRASP)
             motions.append(replace(motion, expected=_grip_time(cell, transfer, finger)))
         route = _carry(cell, transfer, others, point, fresh=index > 0 or not holding)
         carried = f"{transfer.kind} {transfer.source} to {transfer.target}"
-        motion, _ = _motion(cell, carried, route, index, Stage.CARRY)
+        motion, _ = motion_of(cell, carried, route, index, Stage.CARRY)
         motions.append(motion)
         point = cell.base([(*table.xy(transfer.target), cell.height(transfer.kind, transfer.target))])[0]
         moved = Standing.at(transfer.name, transfer.target, transfer.kind, table)
@@ -91,7 +89,7 @@ def plan_ply(
         following = transfers[index + 1] if index + 1 < len(transfers) else None
         route = _release(cell, transfer, following, stands, point)
         where = "home" if following is None else f"to {following.source}"
-        motion, finger = _motion(cell, f"release {transfer.kind}, {where}", route, index, Stage.RELEASE)
+        motion, finger = motion_of(cell, f"release {transfer.kind}, {where}", route, index, Stage.RELEASE)
         motions.append(motion)
         point = route.points[-1]
     return Plan(label, tuple(motions), lead_ticks * cell.tick, Style(settings, table, cell.tick))
@@ -125,7 +123,7 @@ def plan_return(
         *polygon(cell, np.array([point, above, home]), [0.0], None), contact=(low, 0.0), finger=finger, wait=wait,
         opens=opens, soft_start=Softness.STIFF if release is None else Softness.LASTS,
     )  # fmt: skip
-    motion, _ = _motion(cell, "home", route, 0, Stage.RETURN)
+    motion, _ = motion_of(cell, "home", route, 0, Stage.RETURN)
     return Plan("home", (motion,), style=Style(settings, table, cell.tick))
 
 
@@ -254,56 +252,3 @@ def _release(cell: Workcell, transfer: Transfer, following: Transfer | None, sta
         then=then, closes=None if following is None else _beside(cell, following.kind),
         soft_start=Softness.STIFF if drops else Softness.BEGINS,
     )  # fmt: skip
-
-
-# motions
-
-
-def _motion(cell: Workcell, label: str, route: Route, transfer: int, stage: Stage) -> tuple[Motion, float]:
-    """Time a route; with it where the fingers are in the end."""
-    _check(cell, label, route)
-    route, done = _within_torque(cell, label, route)
-    motion = Motion(
-        label, done.samples, done.expected, grips=route.grips, touches=route.touches, route=route,
-        paths=done.paths, transfer=transfer, stage=stage,
-    )  # fmt: skip
-    return motion, done.finger
-
-
-def _within_torque(cell: Workcell, label: str, route: Route) -> tuple[Route, Timed]:
-    """Timed, with slower accelerations where the drives could not follow otherwise."""
-    limit = cell.settings.torque_share * cell.parameters.drive.peak_torque
-    for _ in range(_ATTEMPTS):
-        done = timed(route, cell.settings, cell.table, cell.tick)
-        if not route.bounds:
-            return route, done
-        peak, still = cell.torque.peak(done.motion)
-        if peak <= limit:
-            return route, done
-        share = 0.98 * max(limit - still, 0.1 * limit) / (peak - still)
-        route = replace(route, bounds=tuple(bounds.scaled(share) for bounds in route.bounds))
-    raise PlanRefused(
-        f"{label} takes {peak:.1f} N m, the drives have {limit:.1f} N m for it, and holding still takes "
-        f"{still:.1f} N m: move the board closer to the robot"
-    )
-
-
-def _check(cell: Workcell, label: str, route: Route) -> None:
-    """Every corner of the way lies in the workspace: with it the whole way, which is in their hull."""
-    limits = cell.limits
-    for point in route.points[1:].tolist():
-        x, y, height = cell.board(np.array(point))
-        where = f"{label}: the way leads over ({x * 1e3:.0f}, {y * 1e3:.0f}) mm at {height * 1e3:.0f} mm"
-        reach = math.hypot(point[0], point[1])
-        if reach > limits.reach:
-            raise PlanRefused(
-                f"{where}, {reach * 1e3:.0f} mm from the robot's axis, which reaches {limits.reach * 1e3:.0f} mm: "
-                "use smaller squares or move the board"
-            )
-        for axis in range(3):
-            value, centre, half = point[axis], limits.centre[axis], limits.half_size[axis]
-            if abs(value - centre) > half:
-                raise PlanRefused(
-                    f"{where}, where z{axis + 1} is {value * 1e3:.0f} mm; the workspace ends {half * 1e3:.0f} mm "
-                    f"from {centre * 1e3:.0f} mm: use smaller squares or pieces, or move the board"
-                )

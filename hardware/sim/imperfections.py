@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveInt
 
 from hardware.interfaces import Triple
+from hardware.sim.grip_faults import NEVER, GripFault, GripFaults
 
 _NOISE_TICKS: Final = 1 << 15
 """Noise repeats after so many ticks, half a minute: longer than anything that filters it."""
@@ -35,6 +36,8 @@ class Imperfections(BaseModel):
     """Standard deviation of a tactile sensor's noise in each tick [N]."""
     tactile_offset: NonNegativeFloat = 0.0
     """Each tactile sensor reads up to so much too much or too little [N]."""
+    grip: GripFaults = NEVER
+    """The gripper's motor lets go of what it holds."""
 
 
 PERFECT: Final = Imperfections()
@@ -50,6 +53,7 @@ class Flaws:
     Attributes:
         friction: factor of each shaft's friction.
         ripples: whether torques are changed at all.
+        grip: when the gripper lets go by itself.
     """
 
     def __init__(self, imperfections: Imperfections, seed: int) -> None:
@@ -61,6 +65,7 @@ class Flaws:
         self._tactile: list[list[float]] = [offset.tolist()]
         if imperfections.tactile_noise:
             self._tactile = (offset + imperfections.tactile_noise * rng.standard_normal((_NOISE_TICKS, 2))).tolist()
+        self.grip = GripFault(imperfections.grip, seed)
         self.ripples = bool(imperfections.torque_ripple or imperfections.cogging)
 
     def tactile(self, tick: int) -> tuple[float, float]:

@@ -217,6 +217,9 @@ class Plant:
         if self._flaws.ripples and enabled:
             a, b, c = (self._felt[i] * self._rad_per_count for i in range(3))
             u1, u2, u3 = self._flaws.torque((u1, u2, u3), (a, b, c))
+        if self._flaws.grip.possible:
+            right, left = self._felt[tick.TOUCH]
+            finger = self._flaws.grip.velocity(self.tick, self.parameters.drive.tick, finger, right, left)
         u = self._controls
         u[0], u[1], u[2], u[3] = u1, u2, u3, finger  # the model's actuators cut at the peak
 

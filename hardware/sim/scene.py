@@ -65,6 +65,7 @@ class StandingPiece:
         height: of what it stands on, above the board.
         mass: in masses of its kind.
         friction: in frictions of its felt and its stem.
+        tip: by how much it leans, about its own x axis, before it is turned; at π/2 it lies [rad].
     """
 
     spec: PieceSpec
@@ -74,6 +75,7 @@ class StandingPiece:
     height: float = 0.0
     mass: float = 1.0
     friction: float = 1.0
+    tip: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,9 +213,12 @@ def _piece_inertia(shape: PieceShape) -> tuple[tuple[float, float, float], list[
 def _add_piece(spec: mujoco.MjSpec, piece: StandingPiece) -> None:
     """A foot, which stands on felt, and a stem; two shapes are enough for all that the gripper and the table feel."""
     shape = PIECE_SHAPES[piece.spec.kind]
-    half = piece.yaw / 2.0
+    cos, sin = math.cos(piece.yaw / 2.0), math.sin(piece.yaw / 2.0)
+    upright, over = math.cos(piece.tip / 2.0), math.sin(piece.tip / 2.0)
     body = spec.worldbody.add_body(
-        name=piece.spec.name, pos=[piece.x, piece.y, piece.height], quat=[math.cos(half), 0.0, 0.0, math.sin(half)]
+        name=piece.spec.name,
+        pos=[piece.x, piece.y, piece.height],
+        quat=[cos * upright, cos * over, sin * over, sin * upright],
     )
     body.add_freejoint(name=piece.spec.name)
     centre, inertia = _piece_inertia(shape)

@@ -1,0 +1,112 @@
+"""Pieces that lie, as plans need them: where each is, what of the table it covers, and strips to keep free.
+
+Which way a piece lies is known in plan alone: it rests on the rim of its foot and on its head.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from app.motion.obstacles import Crowd, Standing
+from app.motion.path import Vector
+from hardware.table import PIECE_SHAPES, Kind, TableSettings, square_place
+
+_DISCS: Final = 6
+"""A piece that lies is kept clear of as so many discs along its axis."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lying:
+    """A piece that lies.
+
+    Attributes:
+        kind: its shape.
+        base: middle of its foot's underside, seen from above, board frame (x, y) [m].
+        yaw: from the base to the head, from the x axis, counter-clockwise [rad].
+        name: of the piece, for people.
+    """
+
+    kind: Kind
+    base: tuple[float, float]
+    yaw: float
+    name: str = ""
+
+    @property
+    def called(self) -> str:
+        """For sentences."""
+        return self.name or f"lying {self.kind}"
+
+    @property
+    def outwards(self) -> Vector:
+        """Away from the head along the board, unit vector (2,)."""
+        return -np.array([math.cos(self.yaw), math.sin(self.yaw)])
+
+    @property
+    def head(self) -> tuple[float, float]:
+        """Its top, seen from above, board frame (x, y) [m]."""
+        return self.along(PIECE_SHAPES[self.kind].height)
+
+    def along(self, way: float) -> tuple[float, float]:
+        """The point of its axis so far from its base [m], seen from above, board frame (x, y) [m]."""
+        x, y = (np.array(self.base) - way * self.outwards).tolist()
+        return x, y
+
+
+def standing_near(crowd: Iterable[Standing], lying: Iterable[Lying], table: TableSettings) -> Crowd:
+    """What is in the way: pieces that stand and pieces that lie; the latter count as rows of low discs.
+
+    Args:
+        crowd: pieces that stand, each where it stands.
+        lying: others than the one that is moved.
+        table: board, trays and boxes.
+    """
+    stands = Crowd.of(crowd, table)
+    rows, pieces = [stands.table], list(stands.pieces)
+    for piece in lying:
+        shape = PIECE_SHAPES[piece.kind]
+        for share in np.linspace(0.0, 1.0, _DISCS).tolist():
+            x, y = piece.along(share * shape.height)
+            radius = shape.foot_radius + share * (shape.stem_radius - shape.foot_radius)
+            top = 2.0 * shape.foot_radius
+            rows.append(np.array([[x, y, top, radius, radius, top]]))
+            pieces.append(Standing(piece.called, square_place(_square(x, y, table)), x, y, piece.kind))
+    return Crowd(tuple(pieces), np.concatenate(rows), stands.boxes)
+
+
+def _square(x: float, y: float, table: TableSettings) -> int:
+    """The nearest one."""
+    column, row = (min(7, max(0, math.floor(at / table.square + 4.0))) for at in (x, y))
+    return column + 8 * row
+
+
+class Strip(NamedTuple):
+    """A rectangle on the table: the middle of one short side, board frame [m]; unit vector along; length, half width
+    [m].
+    """
+
+    start: tuple[float, float]
+    along: Vector
+    length: float
+    half_width: float
+
+    def distance(self, x: float, y: float) -> float:
+        """From a point [m]; 0 inside."""
+        dx, dy = x - self.start[0], y - self.start[1]
+        forward = dx * self.along[0] + dy * self.along[1]
+        aside = abs(dy * self.along[0] - dx * self.along[1])
+        return float(math.hypot(max(-forward, forward - self.length, 0.0), max(aside - self.half_width, 0.0)))
+
+
+def in_the_strip(strips: Sequence[Strip], others: Crowd, margin: float) -> Standing | None:
+    """The piece that is nearest to these strips, if it is nearer than a margin [m]; None: they are free."""
+    found, nearest = None, margin
+    for piece, row in zip(others.pieces, others.table.tolist(), strict=True):
+        distance = min(strip.distance(row[0], row[1]) for strip in strips) - row[3]
+        if distance < nearest:
+            found, nearest = piece, distance
+    return found

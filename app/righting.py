@@ -1,0 +1,152 @@
+"""Setting right what does not stand where it should: from what the camera finds to a plan of the arm; pure functions.
+
+One look, one plan: a piece that lies is stood up where it lies, one that stands elsewhere is carried to its place.
+Then look again. Pieces that lie come first, so that none is in the way of a carried one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from app.manipulation import Inventory, Transfer
+from app.motion.lying import Lying
+from app.motion.obstacles import Standing
+from app.motion.path import Vector
+from app.motion.plan import Plan, PlanRefused
+from app.motion.planner import plan_ply
+from app.motion.settings import MotionSettings
+from app.motion.upright import plan_upright
+from hardware.parameters import RobotParameters
+from hardware.table import PieceSpec, Place, square_place
+from vision.fallen import Stray
+from vision.lying import Pose
+
+_CLEAR: Final = 0.11
+"""What makes way goes so far from where pieces lie [m]: they are up to 60 mm long, and the fingers need as much."""
+_PLACES_TRIED: Final = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Strayed:
+    """A piece that is not where it should stand.
+
+    Attributes:
+        piece: which; its ``place`` is that in the inventory.
+        target: where it has to stand.
+        pose: how it is there.
+    """
+
+    piece: PieceSpec
+    target: Place
+    pose: Pose
+
+    @classmethod
+    def of(cls, stray: Stray, target: Place) -> Strayed:
+        """What the camera found, of pieces that were given to it as ``PieceSpec``.
+
+        Raises:
+            TypeError: they were given as something else.
+        """
+        if not isinstance(stray.piece, PieceSpec):
+            raise TypeError(f"the stray is a {type(stray.piece).__name__}: look for pieces given as PieceSpec")
+        return cls(stray.piece, target, stray.pose)
+
+    @property
+    def lies(self) -> bool:
+        """Whether it has fallen."""
+        return self.pose.yaw is not None
+
+
+def next_to_right(strays: Sequence[Strayed]) -> Strayed | None:
+    """The one to begin with: of those that lie the first, else the first; None: there is none."""
+    return next((one for one in strays if one.lies), strays[0] if strays else None)
+
+
+def plan_righting(
+    one: Strayed, others: Sequence[Strayed], inventory: Inventory, start: Vector, finger: float,
+    settings: MotionSettings, parameters: RobotParameters, lead_ticks: int = 0,
+) -> Plan:  # fmt: skip
+    """Stand a piece up where it lies, or carry it from where it stands to its place; then home.
+
+    Args:
+        one: the piece.
+        others: all other strays.
+        inventory: what should stand where, with all strays at some place.
+        start: the arm's present reference, base frame (3,) [m].
+        finger: present finger position [m].
+        settings: speeds, gains, heights.
+        parameters: robot.
+        lead_ticks: pause between motions, for announcing the next one.
+
+    Raises:
+        PlanRefused: something is in the way; of a piece that lies, ``InTheWay`` says which piece.
+    """
+    gone = {stray.piece.name for stray in others if stray.piece.name != one.piece.name}
+    rest = [piece for piece in inventory if piece.name not in gone]
+    if not one.lies:
+        carried = Transfer.of(one.piece, one.target, (one.pose.x, one.pose.y))
+        label = f"{one.piece.name} to {one.target}"
+        return plan_ply(
+            label, [carried], Inventory.of(rest, inventory.table), start, finger, settings, parameters, lead_ticks
+        )
+    table = inventory.table
+    near = [Standing.at(piece.name, piece.place, piece.kind, table) for piece in rest
+            if piece.name != one.piece.name and not piece.place.in_box]  # fmt: skip
+    near += [Standing(stray.piece.name, stray.target, stray.pose.x, stray.pose.y, stray.piece.kind) for stray in others
+             if not stray.lies and stray.piece.name in gone]  # fmt: skip
+    lying = [_lying(stray) for stray in others if stray.lies and stray.piece.name in gone]
+    return plan_upright(_lying(one), near, lying, start, finger, settings, parameters, table, lead_ticks).plan
+
+
+def plan_making_way(
+    blocks: str, strays: Sequence[Strayed], inventory: Inventory, start: Vector, finger: float,
+    settings: MotionSettings, parameters: RobotParameters, lead_ticks: int = 0,
+) -> tuple[Transfer, Plan]:  # fmt: skip
+    """Carry a piece that stands in the way to a free place; once all is right it has to be carried back.
+
+    Args:
+        blocks: name of the piece, as ``InTheWay`` has it.
+        strays: all strays; the piece goes where it is clear of them.
+        inventory: what should stand where, with all strays at some place.
+        start: the arm's present reference, base frame (3,) [m].
+        finger: present finger position [m].
+        settings: speeds, gains, heights.
+        parameters: robot.
+        lead_ticks: pause between motions, for announcing the next one.
+
+    Returns:
+        Where it goes, for the inventory, and the plan.
+
+    Raises:
+        PlanRefused: the fingers cannot take it either, or no place is free.
+    """
+    table, piece = inventory.table, inventory.find(blocks)
+    gone = {stray.piece.name for stray in strays}
+    targets = {stray.target for stray in strays}
+    rest = Inventory.of([one for one in inventory if one.name not in gone], table)
+    places = (*map(square_place, range(64)), *table.tray_places())
+    free = [
+        place for place in places
+        if inventory.at(place) is None and place not in targets and _clear_of(table.xy(place), strays)
+    ]  # fmt: skip
+    refused: PlanRefused | None = None
+    for place in sorted(free, key=lambda place: (inventory.travel(piece.place, place), place))[:_PLACES_TRIED]:
+        transfer = Transfer.of(piece, place)
+        try:
+            label = f"{piece.name} out of the way to {place}"
+            return transfer, plan_ply(label, [transfer], rest, start, finger, settings, parameters, lead_ticks)
+        except PlanRefused as error:
+            refused = error
+    raise refused or PlanRefused(f"no place is free for {blocks}, which is in the way: take a piece off the board")
+
+
+def _clear_of(point: tuple[float, float], strays: Sequence[Strayed]) -> bool:
+    return all(math.dist(point, (stray.pose.x, stray.pose.y)) > _CLEAR for stray in strays)
+
+
+def _lying(stray: Strayed) -> Lying:
+    assert stray.pose.yaw is not None
+    return Lying(stray.piece.kind, (stray.pose.x, stray.pose.y), stray.pose.yaw, stray.piece.name)

@@ -1,0 +1,134 @@
+"""Pieces that lie, or stand elsewhere, in rendered pictures: which, where, and how well that is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import chess
+import numpy as np
+import pytest
+
+from app.layout import start_layout
+from app.motion import MotionSettings
+from hardware.interfaces import HardwareError
+from hardware.sim.looks import Looks
+from hardware.sim.table_studio import Pose as Put
+from hardware.sim.table_studio import TableStudio
+from hardware.table import PIECE_SHAPES, Kind, PieceSpec, TableSettings, square_place
+from vision.board import BoardView
+from vision.fallen import Stray, find_strays
+from vision.lying import Pose, drawn
+
+TABLE = TableSettings()
+LINE = "e4 e5 Nf3 Nc6 Bc4 Bc5 d3 Nf6 Nc3 d6 Bg5 h6"
+
+
+@pytest.fixture(scope="module")
+def studio() -> Iterator[TableStudio]:
+    try:
+        made = TableStudio(start_layout(chess.Board(), TABLE), TABLE, MotionSettings().home)
+    except HardwareError as error:
+        pytest.skip(str(error))
+    with made as one:
+        yield one
+
+
+def laid(name: str, kind: Kind, x: float, y: float, yaw: float) -> Put:
+    """As a piece comes to rest in the world: on the rim of its foot and on its head."""
+    shape = PIECE_SHAPES[kind]
+    radius = 0.85 * shape.foot_radius
+    lean = math.atan2(radius - shape.stem_radius, shape.height - shape.stem_radius - shape.foot_height)
+    height = radius * math.cos(lean) + shape.foot_height * math.sin(lean)
+    return Put(name, x, y, height, yaw + 0.5 * math.pi, 0.5 * math.pi + lean)
+
+
+def look(
+    studio: TableStudio, square: str, pose: Pose, *, use_depth: bool = True, seed: int = 1
+) -> tuple[PieceSpec, tuple[Stray, ...]]:
+    """A position in which one piece does not stand on its square, but in a pose."""
+    board = chess.Board()
+    for san in LINE.split():
+        board.push_san(san)
+    rng = np.random.default_rng(seed)
+    specs = start_layout(board, TABLE)
+    poses = dict[str, Put]()
+    for spec in specs:
+        x, y = (np.array(TABLE.xy(spec.place)) + rng.uniform(-0.001, 0.001, 2)).tolist()
+        poses[spec.name] = Put(spec.name, x, y, yaw=float(rng.uniform(-3.0, 3.0)))
+    expected = {spec.place.index: spec for spec in specs if spec.place.on_board}
+    one = expected[chess.parse_square(square)]
+    if pose.yaw is None:
+        poses[one.name] = Put(one.name, pose.x, pose.y)
+    else:
+        poses[one.name] = laid(one.name, one.kind, pose.x, pose.y, pose.yaw)
+    frame = studio.frame(poses.values(), Looks(), seed)
+    view = BoardView(frame.intrinsics, studio.camera_from_board(Looks().mount), TABLE)
+    return one, find_strays(frame, view, expected, use_depth=use_depth)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("square", "x", "y", "yaw"),
+    [("e4", 0.022, -0.030, 2.0), ("c5", -0.052, 0.021, -2.6), ("a2", -0.150, -0.098, 0.6), ("g5", 0.092, 0.010, 2.9)],
+)
+def test_a_fallen_piece_is_found(studio: TableStudio, square: str, x: float, y: float, yaw: float) -> None:
+    one, strays = look(studio, square, Pose(x, y, yaw))
+    (stray,) = strays
+    assert stray.piece == one
+    assert stray.square == chess.parse_square(square)
+    assert stray.lies
+    assert stray.pose.yaw is not None
+    off = math.dist((stray.pose.x, stray.pose.y), (x, y))
+    turned = abs((stray.pose.yaw - yaw + math.pi) % (2.0 * math.pi) - math.pi)
+    print(f"{one.kind}: {1e3 * off:.1f} mm, {math.degrees(turned):.1f}°, said {1e3 * stray.std:.1f} mm")
+    assert off < 0.005
+    assert turned < math.radians(12.0)
+    assert off < 3.0 * math.sqrt(2.0) * stray.std
+    assert stray.lead > 0.1
+
+
+@pytest.mark.slow
+def test_a_piece_that_stands_between_squares_is_found_standing(studio: TableStudio) -> None:
+    x, y = 0.003, 0.042
+    one, strays = look(studio, "e5", Pose(x, y))
+    (stray,) = strays
+    assert stray.piece == one
+    assert not stray.lies
+    assert math.dist((stray.pose.x, stray.pose.y), (x, y)) < 0.0045
+
+
+@pytest.mark.slow
+def test_where_all_stands_there_are_no_strays(studio: TableStudio) -> None:
+    x, y = TABLE.xy(square_place(chess.E4))
+    _, strays = look(studio, "e4", Pose(x, y))
+    assert strays == ()
+
+
+@pytest.mark.slow
+def test_by_colour_alone_a_fallen_piece_is_found_too(studio: TableStudio) -> None:
+    one, strays = look(studio, "c5", Pose(-0.052, 0.021, -2.6), use_depth=False)
+    found = [stray for stray in strays if stray.piece == one]
+    assert len(found) == 1
+    assert found[0].lies
+    assert math.dist((found[0].pose.x, found[0].pose.y), (-0.052, 0.021)) < 0.008
+
+
+def test_silhouettes_are_where_the_piece_is(studio: TableStudio) -> None:
+    """The drawing of a lying piece holds the picture of its axis, and grows with its kind."""
+    frame = studio.frame([], Looks(), 1)
+    view = BoardView(frame.intrinsics, studio.camera_from_board(Looks().mount), TABLE)
+    areas = []
+    for kind in (Kind.PAWN, Kind.ROOK, Kind.KING):
+        shape, pose = PIECE_SHAPES[kind], Pose(0.01, 0.02, 0.5)
+        seen = drawn(kind, pose, view, (frame.intrinsics.height, frame.intrinsics.width), (0, 0))
+        along = np.linspace(0.1, 0.9, 5) * shape.height
+        axis = np.stack([0.01 + along * math.cos(0.5), 0.02 + along * math.sin(0.5), np.full(5, shape.stem_radius)], 1)
+        for u, v in np.rint(view.project(axis)).astype(int).tolist():
+            assert seen.mask[v - seen.rows.start, u - seen.columns.start]
+        assert not (seen.underside & ~seen.mask).any()
+        areas.append(int(seen.mask.sum()))
+    assert areas == sorted(areas)
+    turned = replace(Pose(0.01, 0.02, 0.5), yaw=-0.5 * math.pi)
+    assert drawn(Kind.KING, turned, view, (480, 640), (0, 0)).underside.any()  # its foot towards the camera
