@@ -21,7 +21,7 @@ from typing import Final, Protocol, Self
 from app import UserError
 from app.arm_view import ArmHistory, Pose, arm_capsules
 from controller.errors import ControllerError
-from hardware.interfaces import Camera, CameraClosed, Frame, HardwareError
+from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 from vision.arm_mask import draw_mask
@@ -44,8 +44,14 @@ class Blind(UserError):
         super().__init__(f"hands over the board cannot be seen any more: {reason}; the arm holds")
 
 
-class WatchedFrames(Camera, Protocol):
+class WatchedFrames(Protocol):
     """A camera whose frames come one after the other at a steady rate."""
+
+    def read(self, max_age: float) -> Frame | DepthFrame:
+        """The next frame, as ``Camera.read``; depth alone where nobody needs colour: while the camera is not awake."""
+
+    def close(self) -> None:
+        """Release the device; a reader in another thread ends with ``CameraClosed``."""
 
     def wake(self, awake: bool) -> None:
         """Whether plant time shall run for it, also while nothing moves; where time runs anyway, nothing happens."""
@@ -118,7 +124,7 @@ class HandGuard:
         holder: Holder,
         settings: WatchSettings | None = None,
         progress: Callable[[str], None] | None = None,
-        listener: Callable[[Frame, Seen], None] | None = None,
+        listener: Callable[[Frame | DepthFrame, Seen], None] | None = None,
     ) -> None:
         self.stops: list[GuardStop] = []
         """Each time the arm was asked to hold."""
@@ -220,7 +226,7 @@ class HandGuard:
             if not isinstance(error, ControllerError | HardwareError | UserError):
                 raise  # a bug: the arm holds already, and the traceback is told
 
-    def _take(self, frame: Frame) -> None:
+    def _take(self, frame: Frame | DepthFrame) -> None:
         seen = self._watch.update(frame, self._view, self._masks.at(frame.stamp))
         with self._news:
             ask = seen.hand_present and not self._holding
