@@ -143,6 +143,11 @@ class Watch:
         """Begin anew: the camera or the board was moved."""
         self._view = self._senses = None
 
+    def pause(self) -> None:
+        """Nobody looks for a while: the last frames will say nothing of the next one, but the board stays known."""
+        if self._senses is not None:
+            self._senses.pause()
+
 
 class ColourWatch:
     """Watches by a camera of which nothing is known but where the board's corners are. Not thread-safe.
@@ -187,6 +192,10 @@ class _Senses:
         self._square = square
         self._course = _Course()
         self._stamp = float("-inf")
+
+    def pause(self) -> None:
+        """See ``Watch.pause``."""
+        self._course = _Course()
 
     def take(
         self, colour: Picture | None, depth: NDArray[np.float32] | None, stamp: float, hidden: Mask | None
