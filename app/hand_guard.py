@@ -24,15 +24,17 @@ from controller.errors import ControllerError
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
-from vision.arm_mask import draw_mask
+from vision.arm_mask import Hidden, draw_mask
 from vision.board import BoardView
 from vision.watch import Seen, Watch
-from vision.zone import Mask
 
 FRAME_AGE: Final = 1.0
 """Frames older than this say nothing about the present [s]; a late one is left out and told of."""
 MARGIN: Final = 0.008
 """The arm is masked so much thicker than it is: what calibration and interpolation may err [m] …"""
+APART: Final = 0.020
+"""What is measured so far off the arm is not the arm [m]: besides that margin, what depth errs, and how far an arm at
+full speed moves in the time by which a frame's stamp errs."""
 GROW: Final = 4
 """… and so much wider in the picture: edges that a depth camera smears [px]."""
 
@@ -93,16 +95,16 @@ class ArmMasks:
 
     def __init__(self, view: BoardView, parameters: RobotParameters, table: TableSettings, history: ArmHistory) -> None:
         self._view, self._parameters, self._table, self._history = view, parameters, table, history
-        self._last: tuple[Pose, Mask] | None = None
+        self._last: tuple[Pose, Hidden] | None = None
 
-    def at(self, stamp: float) -> Mask | None:
-        """The mask of a frame of this stamp [s], (h, w); None where nobody knows where the arm was."""
+    def at(self, stamp: float) -> Hidden | None:
+        """Where it was in a frame of this stamp [s]; None where nobody knows."""
         pose = self._history.at(stamp)
         if pose is None:
             return None
         if self._last is None or self._last[0] != pose:
             capsules = arm_capsules(self._parameters, self._table, pose)
-            self._last = pose, draw_mask(self._view, capsules, MARGIN, GROW)
+            self._last = pose, Hidden(draw_mask(self._view, capsules, MARGIN, GROW), capsules.grown(APART))
         return self._last[1]
 
 

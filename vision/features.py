@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.brightness import LOGARITHM
+from vision.loops import slopes_of
 from vision.sight import MARGIN, PLAN_PX, SQUARE_PX, Field, Picture
 
 Array = NDArray[np.float64]
@@ -50,16 +51,7 @@ def light_of(plan: Picture) -> Light:
     """Logarithmic brightness and gradients of a plan."""
     level = np.asarray(cv2.LUT(plan, LOGARITHM), dtype=np.float32)
     smooth = cv2.GaussianBlur(level, (0, 0), SMOOTHING)
-    slopes = np.empty((*level.shape[:2], 6), dtype=np.float32)
-    slopes[..., :3] = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=1 / 8)
-    slopes[..., 3:] = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=1 / 8)
-    return Light(level, slopes, length(slopes))
-
-
-def length(slopes: Field) -> Field:
-    """Length of gradients (h, w, 6): shape (h, w)."""
-    size: Field = np.sqrt(np.einsum("ijk,ijk->ij", slopes, slopes))
-    return size
+    return Light(level, *slopes_of(np.asarray(smooth, dtype=np.float32)))
 
 
 def exposure_step(light: Light, reference: Light) -> Array:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hardware.interfaces import DepthFrame, Frame
+from vision.arm_mask import Hidden
 from vision.board import BoardView
 from vision.difference import Differences, Glance
 from vision.heights import Heights, Relief
@@ -119,13 +120,13 @@ class Watch:
         self._view: BoardView | None = None
         self._senses: _Senses | None = None
 
-    def update(self, frame: Frame | DepthFrame, view: BoardView, hidden: Mask | None = None) -> Seen:
+    def update(self, frame: Frame | DepthFrame, view: BoardView, hidden: Mask | Hidden | None = None) -> Seen:
         """Take a frame in.
 
         Args:
             frame: by the camera of the view, later than the ones before.
             view: where the board is; another one than the last begins anew.
-            hidden: where the arm, or anything else that is known, is before the table, shape (height, width).
+            hidden: where the arm, or anything else that is known, is before the table; a mask is (height, width).
 
         Raises:
             ValueError: the frame is by another camera, older than the last, or the mask has another size.
@@ -137,7 +138,8 @@ class Watch:
             heights = Heights(Space.of_view(view, self._settings.space_margin), view.table)
             self._view, self._senses = view, _Senses(self._settings, zone, heights, view.table.square)
         colour = frame.colour if isinstance(frame, Frame) else None
-        return self._senses.take(colour, frame.depth, frame.stamp, hidden)
+        known = hidden if isinstance(hidden, Hidden) or hidden is None else Hidden(hidden)
+        return self._senses.take(colour, frame.depth, frame.stamp, known)
 
     def forget(self) -> None:
         """Begin anew: the camera or the board was moved."""
@@ -180,7 +182,7 @@ class ColourWatch:
             self._senses, self._size = _Senses(self._settings, zone, None, 1.0), colour.shape
         if colour.shape != self._size:
             raise ValueError(f"a frame of shape {colour.shape} came after ones of {self._size}: watch one camera")
-        return self._senses.take(colour, None, stamp, hidden)
+        return self._senses.take(colour, None, stamp, None if hidden is None else Hidden(hidden))
 
 
 class _Senses:
@@ -198,20 +200,20 @@ class _Senses:
         self._course = _Course()
 
     def take(
-        self, colour: Picture | None, depth: NDArray[np.float32] | None, stamp: float, hidden: Mask | None
+        self, colour: Picture | None, depth: NDArray[np.float32] | None, stamp: float, hidden: Hidden | None
     ) -> Seen:
         """See ``Watch.update``; ``colour`` None: depth must be there."""
         if stamp <= self._stamp:
             raise ValueError(f"a frame of {stamp:.3f} s came after one of {self._stamp:.3f} s: give them in order")
         shape = next(picture.shape[:2] for picture in (colour, depth) if picture is not None)
-        if hidden is not None and hidden.shape != shape:
-            raise ValueError(f"a mask of shape {hidden.shape} does not fit a picture of shape {shape}")
+        if hidden is not None and hidden.mask.shape != shape:
+            raise ValueError(f"a mask of shape {hidden.mask.shape} does not fit a picture of shape {shape}")
         if self._course.settled:
             self._course.touched = _NOBODY  # told with that frame
         before, self._stamp = self._stamp, stamp
-        covered = None if hidden is None else self._every(hidden)
+        covered, bodies = (None, None) if hidden is None else (self._every(hidden.mask), hidden.bodies)
         distance = None if depth is None or self._heights is None else self._every(depth)
-        relief = None if distance is None or self._heights is None else self._heights.look(distance, covered)
+        relief = None if distance is None or self._heights is None else self._heights.look(distance, covered, bodies)
         small = None if colour is None else shrink(colour, self._zone.step)
         glance = None if small is None else self._differences.look(small, covered, reaching=distance is None)
         area, over, low = self._evidence(glance, relief)

@@ -6,6 +6,7 @@ hand is, is the referee's word; when the arm rests, the controller's.
 
 from __future__ import annotations
 
+import math
 import tempfile
 import threading
 import time
@@ -48,8 +49,10 @@ NEAR: Final = 0.20
 """A hand that comes is not watched before it is so near to the board's edge [m]: no frames are drawn for nothing."""
 TIMEOUT: Final = 240.0
 """For anything that is waited for [s, wall]."""
-_GLANCE: Final = 0.004
-"""Between two questions to the referee [s, wall]."""
+_EVERY: Final = 0.006
+"""Plant time between two questions to the referee [s]: each takes the world as long as several ticks."""
+_GLANCE: Final = 0.001
+"""How often it is seen whether so much has passed [s, wall]."""
 _T = TypeVar("_T")
 
 
@@ -121,7 +124,7 @@ def hand_scene(seed: int, person: HandSettings | None) -> Iterator[HandScene]:
 
 
 class Follower:
-    """Asks the referee again and again where the hand is, in a thread of its own.
+    """Asks the referee again and again where the hand is, in a thread of its own, while plant time runs.
 
     Args:
         scene: with a hand.
@@ -133,7 +136,7 @@ class Follower:
 
     def __init__(self, scene: HandScene, near: Callable[[], None] | None = None) -> None:
         self.looks: list[tuple[float, float]] = []
-        self._referee = Referee(scene.run_dir)
+        self._scene, self._referee = scene, Referee(scene.run_dir)
         self._edge, self._tick = 4.0 * scene.table.square, scene.parameters.drive.tick
         self._near = near
         self._done = threading.Event()
@@ -141,7 +144,12 @@ class Follower:
         self._thread.start()
 
     def _follow(self) -> None:
+        asked = -math.inf
         while not self._done.wait(_GLANCE):
+            now = self._scene.history.newest
+            if now < asked + _EVERY:
+                continue
+            asked = now
             truth, _ = self._referee.look()
             assert truth.hand is not None
             outside = max(abs(truth.hand[0]), abs(truth.hand[1])) - self._edge
