@@ -44,7 +44,8 @@ class Light:
 
     def brighter(self, step: Array) -> Light:
         """The same, with so much more light in each colour, shape (3,), logarithmic."""
-        return replace(self, level=self.level + step.astype(np.float32))
+        brighter = cv2.add(self.level, (*step.tolist(), 0.0))
+        return replace(self, level=np.asarray(brighter, dtype=np.float32))
 
 
 def light_of(plan: Picture) -> Light:
@@ -91,13 +92,3 @@ def by_square(picture: Field, count: int) -> Field:
     cut = picture.reshape(8, count, 8, count, -1).transpose(0, 2, 1, 3, 4)
     squares: Field = cut[::-1].reshape(64, count, count, -1)
     return squares
-
-
-def square_means(picture: Field, share: float) -> Array:
-    """Means of a plan (PLAN_PX, PLAN_PX) over the middle of each square, ``share`` of its side wide: shape (64,)."""
-    start = MARGIN * SQUARE_PX
-    board = picture[start : start + 8 * SQUARE_PX, start : start + 8 * SQUARE_PX, None]
-    edge = round(0.5 * (1.0 - share) * SQUARE_PX)
-    middle = by_square(board, SQUARE_PX)[:, edge : SQUARE_PX - edge, edge : SQUARE_PX - edge, 0]
-    means: Array = middle.mean(axis=(1, 2)).astype(float)
-    return means
