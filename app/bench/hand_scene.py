@@ -106,12 +106,19 @@ class HandScene:
 
     def rested(self, since: float) -> float | None:
         """When the arm came to rest, if it has moved after a plant time and moves no more [s]; None: it still moves."""
+        return self._ended(since, (State.TRACK, State.STOPPING))
+
+    def left_off(self, since: float) -> float | None:
+        """When the arm left off its motion, by a stop or by giving way [s]; None: it follows it still."""
+        return self._ended(since, (State.TRACK,))
+
+    def _ended(self, since: float, states: tuple[State, ...]) -> float | None:
         tick = self.parameters.drive.tick
         told = [one for one in list(self.telemetry) if one.tick * tick >= since]
-        moving = [k for k, one in enumerate(told) if one.state in (State.TRACK, State.STOPPING)]
-        if not told or (moving and moving[-1] == len(told) - 1):
+        within = [k for k, one in enumerate(told) if one.state in states]
+        if not told or (within and within[-1] == len(told) - 1):
             return None
-        return told[moving[-1] + 1 if moving else 0].tick * tick
+        return told[within[-1] + 1 if within else 0].tick * tick
 
 
 @contextmanager
@@ -132,10 +139,12 @@ class Follower:
 
     Attributes:
         looks: plant time [s], and how far the fingertips are outside the board's edge [m].
+        touches: plant time [s], and the largest force of the robot on the hand until then [N].
     """
 
     def __init__(self, scene: HandScene, near: Callable[[], None] | None = None) -> None:
         self.looks: list[tuple[float, float]] = []
+        self.touches: list[tuple[float, float]] = []
         self._scene, self._referee = scene, Referee(scene.run_dir)
         self._edge, self._tick = 4.0 * scene.table.square, scene.parameters.drive.tick
         self._near = near
@@ -150,11 +159,12 @@ class Follower:
             if now < asked + _EVERY:
                 continue
             asked = now
-            truth, _ = self._referee.look()
+            truth, _ = self._referee.look(reset_peak=not self.looks)
             assert truth.hand is not None
             outside = max(abs(truth.hand[0]), abs(truth.hand[1])) - self._edge
             if not self.looks or truth.tick * self._tick > self.looks[-1][0]:
                 self.looks.append((truth.tick * self._tick, outside))
+                self.touches.append((truth.tick * self._tick, truth.hand_force))
             if outside < NEAR and self._near is not None:
                 self._near()
                 self._near = None

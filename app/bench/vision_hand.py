@@ -42,6 +42,12 @@ ENTRIES: Final = {True: 3, False: 200}
 PLIES: Final = {True: 1, False: 500}
 REST_LIMIT: Final = 0.4
 """From the hand's crossing of the board's edge until the arm rests, plant time [s]."""
+FORCE_LIMIT: Final = 140.0
+"""On a hand that is clamped, ISO/TS 15066 [N]."""
+OWN_STOP: Final = 0.12
+"""The controller's own stop takes no longer [s]; an arm that a hand reaches meanwhile gives way and rests later."""
+TOUCH: Final = 0.5
+"""A hand that feels more is touched [N]."""
 FALSE_STOPS_LIMIT: Final = 1.0
 """In 500 plies."""
 A_WORLD: Final = 20
@@ -58,7 +64,12 @@ class Figures:
     """What was seen: durations in plant time [s], and counts."""
 
     rest: list[float] = field(default_factory=list)
-    collisions: int = 0
+    """Of hands that the arm did not touch, until it was at rest."""
+    yielded: list[float] = field(default_factory=list)
+    """Of hands that reached the arm before it was at rest, until it left off its motion and gave way: after that it is
+    the hand that moves it."""
+    force: list[float] = field(default_factory=list)
+    """Of the robot on those hands [N]."""
     missed: int = 0
     plies: int = 0
     false_stops: int = 0
@@ -101,7 +112,8 @@ def measure(entries: int, plies: int, progress: Callable[[str], None], seed: int
 
 
 def _last(figures: Figures) -> str:
-    return f"rest after {figures.rest[-1]:.3f} s, {figures.missed} missed" if figures.rest else "missed"
+    rest = f"rest after {figures.rest[-1]:.3f} s" if figures.rest else "none"
+    return f"{rest}, {len(figures.yielded)} touched first, {figures.missed} missed"
 
 
 def _rows(figures: Figures) -> dict[str, Row]:
@@ -109,7 +121,10 @@ def _rows(figures: Figures) -> dict[str, Row]:
     if figures.rest:
         rows["hand_to_rest"] = row(figures.rest, "s", REST_LIMIT, "max")
         rows["hand_missed"] = row([figures.missed], "hands", 0.0, "max")
-        rows["hand_touched_first"] = row([figures.collisions], "hands")
+        rows["hand_touched_first"] = row([len(figures.yielded)], "hands")
+    if figures.yielded:
+        rows["hand_to_give_way"] = row(figures.yielded, "s", REST_LIMIT, "max")
+        rows["hand_force"] = row(figures.force, "N", FORCE_LIMIT, "max")
     if figures.plies:
         stops = row([500.0 * figures.false_stops / figures.plies], "in 500", FALSE_STOPS_LIMIT, "max")
         rows["false_stops"] = stops.model_copy(update={"n": figures.plies})
@@ -172,10 +187,15 @@ def _note_stop(scene: HandScene, figures: Figures, follower: Follower, stopped: 
     if stopped is Cause.NONE:
         figures.missed += 1
         return
-    figures.collisions += stopped not in (Cause.HOLD_COMMAND, Cause.NOT_ADMITTED)
     crossed = until(lambda: follower.crossings()[:1], "a hand that crosses the board's edge")[0]
     rested = until(lambda: scene.rested(crossed), "an arm at rest")
-    figures.rest.append(max(0.0, rested - crossed))
+    left_off = until(lambda: scene.left_off(crossed), "an arm that leaves off")
+    force = max([force for when, force in list(follower.touches) if when <= rested], default=0.0)
+    if rested - left_off > OWN_STOP and force > TOUCH:
+        figures.yielded.append(max(0.0, left_off - crossed))
+        figures.force.append(force)
+    else:
+        figures.rest.append(max(0.0, rested - crossed))
 
 
 def _play(scene: HandScene, plies: int, rng: random.Random, figures: Figures, progress: Callable[[str], None]) -> None:
