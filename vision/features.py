@@ -7,7 +7,7 @@ without changing what is to be seen in it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -44,7 +44,8 @@ class Light:
 
     def brighter(self, step: Array) -> Light:
         """The same, with so much more light in each colour, shape (3,), logarithmic."""
-        brighter = cv2.add(self.level, (*step.tolist(), 0.0))
+        offset: Any = (*step.tolist(), 0.0)  # a scalar to OpenCV, of which its type stubs do not know
+        brighter = cv2.add(self.level, offset)
         return replace(self, level=np.asarray(brighter, dtype=np.float32))
 
 

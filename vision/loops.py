@@ -8,18 +8,27 @@ cache would not notice.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from collections.abc import Callable
+from typing import Any, Final, TypeVar, cast
 
 import numba
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
+_F = TypeVar("_F", bound=Callable[..., Any])
 _numba: Any = numba  # its own types are incomplete
+types: Any = numba.types
+
+
+def _loop(signature: Any) -> Callable[[_F], _F]:
+    """Compile a function of such types now, or take it from the disk."""
+    return cast("Callable[[_F], _F]", _numba.njit(signature, cache=True, nogil=True))
+
+
 _FIELD: Final = types.float32[:, :]
 _MASK: Final = types.boolean[:, :]
 _ENDS: Final = types.Array(types.float64, 3, "C", readonly=True)
@@ -27,11 +36,10 @@ _RADII: Final = types.Array(types.float64, 1, "C", readonly=True)
 _SQUARES: Final = types.int32[:, ::1]
 
 
-@_numba.njit(
+@_loop(
     types.Tuple((types.int32[:, ::1], types.float32[:, ::1], types.boolean[:, ::1]))(
         _FIELD, types.float32[:, ::1], types.float32[:, ::1], types.float32[::1], types.float32,
-    ),
-    cache=True, nogil=True,
+    )
 )  # fmt: skip
 def lay_out(depth: Field, rows: Field, columns: Field, start: Field, reach: float) -> tuple[Any, Field, Mask]:
     """Over which square the points of a depth picture are, and how high.
@@ -68,11 +76,10 @@ def lay_out(depth: Field, rows: Field, columns: Field, start: Field, reach: floa
     return square, z, middle
 
 
-@_numba.njit(
+@_loop(
     types.Tuple((types.float64[:, ::1], types.int64[::1]))(
         types.uint8[:, :, :], types.float32[::1], _SQUARES, types.boolean[:, ::1],
-    ),
-    cache=True, nogil=True,
+    )
 )  # fmt: skip
 def colour_sums(picture: NDArray[np.uint8], level: Field, square: Any, where: Mask) -> tuple[Array, Any]:
     """Sums over the pixels of each square.
@@ -97,9 +104,8 @@ def colour_sums(picture: NDArray[np.uint8], level: Field, square: Any, where: Ma
     return sums, count
 
 
-@_numba.njit(
-    types.float64[::1](_SQUARES, types.boolean[:, ::1], types.float32[:, ::1], types.int64[::1], types.float64),
-    cache=True, nogil=True,
+@_loop(
+    types.float64[::1](_SQUARES, types.boolean[:, ::1], types.float32[:, ::1], types.int64[::1], types.float64)
 )  # fmt: skip
 def tops(square: Any, where: Mask, value: Field, count: Any, share: float) -> Array:
     """The value below which a share of each square's pixels are.
@@ -131,8 +137,8 @@ def tops(square: Any, where: Mask, value: Field, count: Any, share: float) -> Ar
     return found
 
 
-@_numba.njit(
-    types.Tuple((types.float32[:, :, ::1], types.float32[:, ::1]))(types.float32[:, :, ::1]), cache=True, nogil=True
+@_loop(
+    types.Tuple((types.float32[:, :, ::1], types.float32[:, ::1]))(types.float32[:, :, ::1])
 )  # fmt: skip
 def slopes_of(level: Field) -> tuple[Field, Field]:
     """Gradients of three fields by Sobel's filter, mirrored at the border.
@@ -163,12 +169,11 @@ def slopes_of(level: Field) -> tuple[Field, Field]:
     return slopes, size
 
 
-@_numba.njit(
+@_loop(
     types.float64[:, ::1](
         types.float32[:, :, ::1], types.float32[:, :, ::1], types.float32[:, :, ::1], types.float32[:, :, ::1],
         types.float32[:, ::1], types.float32[:, ::1], types.int64, types.int64, types.int64,
-    ),
-    cache=True, nogil=True,
+    )
 )  # fmt: skip
 def changes(
     level: Field, old_level: Field, slopes: Field, old_slopes: Field, size: Field, old_size: Field,
@@ -209,8 +214,8 @@ def changes(
     return means
 
 
-@_numba.njit(
-    types.boolean(types.float64, types.float64, types.float64, _ENDS, _RADII), cache=True, nogil=True
+@_loop(
+    types.boolean(types.float64, types.float64, types.float64, _ENDS, _RADII)
 )  # fmt: skip
 def _within(x: float, y: float, z: float, ends: Array, radii: Array) -> bool:
     """Whether a point is within any of some capsules; ``ends`` (n, 2, 3), ``radii`` (n,)."""
@@ -227,12 +232,11 @@ def _within(x: float, y: float, z: float, ends: Array, radii: Array) -> bool:
     return False
 
 
-@_numba.njit(
+@_loop(
     types.uint8[:, ::1](
         _FIELD, types.float32[:, :, ::1], types.float32[::1], _MASK, _FIELD, types.float32[::1], types.float32[::1],
         _ENDS, _RADII,
-    ),
-    cache=True, nogil=True,
+    )
 )  # fmt: skip
 def stand_out(
     depth: Field, ray: Field, position: Field, hidden: Mask, usual: Field, limits: Field, half: Field, ends: Array,
@@ -276,12 +280,11 @@ def stand_out(
     return found
 
 
-@_numba.njit(
+@_loop(
     types.Tuple((types.float64[::1], types.float64[::1], types.boolean[::1]))(
         types.int32[:, ::1], types.int64, types.uint8[:, ::1], _FIELD, types.float32[:, :, ::1], types.float32[::1],
         types.float32, types.float32[::1], types.int64,
-    ),
-    cache=True, nogil=True,
+    )
 )  # fmt: skip
 def measure_parts(
     labels: NDArray[np.int32], count: int, found: NDArray[np.uint8], depth: Field, ray: Field, position: Field,
@@ -322,12 +325,11 @@ def measure_parts(
     return areas, high, enters
 
 
-@_numba.njit(
+@_loop(
     types.int64[:, ::1](
         types.int32[:, ::1], types.boolean[::1], _FIELD, types.float32[:, :, ::1], types.float32[::1], types.float32,
         types.float32,
-    ),
-    cache=True, nogil=True,
+    )
 )  # fmt: skip
 def squares_under(
     labels: NDArray[np.int32], chosen: Mask, depth: Field, ray: Field, position: Field, side: float, low: float
@@ -362,9 +364,8 @@ def squares_under(
     return counts
 
 
-@_numba.njit(
-    types.void(_FIELD, types.float32[:, ::1], _MASK, types.float32[:, ::1], types.float32, types.float32),
-    cache=True, nogil=True,
+@_loop(
+    types.void(_FIELD, types.float32[:, ::1], _MASK, types.float32[:, ::1], types.float32, types.float32)
 )  # fmt: skip
 def learn_heights(depth: Field, ray: Field, hidden: Mask, usual: Field, position: float, share: float) -> None:
     """Take a picture of the settled board into its usual heights, in place.

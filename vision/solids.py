@@ -110,6 +110,6 @@ def _points(depth: Field, view: BoardView) -> tuple[tuple[slice, slice], NDArray
         start.append(offset * scale + (0.0 if axis == 2 else 4.0))
         rows.append((b * v + c) * scale)
         columns.append(a * u * scale)
-    rays = (np.array(one, dtype=np.float32) for one in (rows, columns, start))
-    square, z, over = lay_out(depth[window], *rays, REACH)
+    across, along, origin = (np.array(one, dtype=np.float32) for one in (rows, columns, start))
+    square, z, over = lay_out(depth[window], across, along, origin, REACH)
     return window, square, z, over

@@ -21,14 +21,16 @@ from app import UserError
 from app.bench.hand_scene import Follower, HandScene, hand_scene, until
 from app.bench.report import Row, row
 from app.bench.vision_games import Eye, Tally
-from app.hand_guard import HandGuard
+from app.hand_guard import HandGuard, Listener
 from app.hand_moves import hand_transfers
 from app.manipulation import transfers
-from hardware.interfaces import HardwareError
+from hardware.interfaces import DepthFrame, Frame, HardwareError
 from hardware.sim.hand_actions import HandSettings, Withdraw
 from hardware.sim.hand_client import SimHand
 from hardware.table import Colour
 from vision.moves import Verdict
+from vision.observer import Look
+from vision.watch import Seen, Watch
 
 SEED: Final = 31
 MOVES: Final = {True: 1, False: 40}
@@ -80,38 +82,48 @@ def rows_of(figures: Figures) -> dict[str, Row]:
 
 
 def _play(scene: HandScene, moves: int, rng: random.Random, figures: Figures, progress: Callable[[str], None]) -> None:
-    board, inventory = chess.Board(), scene.inventory
-    delivered = dict[float, float]()
-    guard = scene.guard(lambda frame, _: delivered.update({frame.stamp: scene.history.newest}))
-    with guard, closing(SimHand(scene.run_dir)) as hand:
-        frame, _ = guard.settled()
-        eye = Eye(frame, board, scene.table)
+    """A game by hand. The camera watches from before the hand withdraws: pictures take most of the bench's time."""
+    board, inventory, watch = chess.Board(), scene.inventory, Watch()
+    with closing(SimHand(scene.run_dir)) as hand:
+        with scene.guard(watch=watch) as guard:
+            eye = Eye(guard.settled()[0], board, scene.table)
         for _ in range(moves):
-            # without depth of its own a promotion is asked for; here it is about time
+            # a promotion is asked for where it is not seen; here it is about time
             move = rng.choice([move for move in board.legal_moves if not move.promotion])
             ply = transfers(board, move, inventory)
-            with closing(Follower(scene)) as follower:
-                hand.perform(*hand_transfers(ply.transfers, scene.table))
-                hand.wait()
+            hand.perform(*hand_transfers(ply.transfers, scene.table))
+            hand.wait()
+            watch.pause()
+            delivered = dict[float, float]()
+            guard = scene.guard(_note_delivery(scene, delivered), watch)
+            with guard, closing(Follower(scene)) as follower:
                 hand.perform(Withdraw())
-                _note(guard, eye, follower, delivered, move, figures)
+                look = _note(guard, eye, follower, delivered, move, figures)
                 hand.wait()
             board.push(move)
             inventory = inventory.after(ply)
-            look = eye.observer.look(eye.sight(guard.settled()[0]))
             eye.observer.confirm(look, board)
             last = f"known after {figures.known[-1]:.3f} s" if figures.known else "not read"
             progress(f"{len(figures.wrong)} moves by hand, {ply.san}: {last}")
 
 
+def _note_delivery(scene: HandScene, delivered: dict[float, float]) -> Listener:
+    """Plant time stands while the listener is called, so it is the time of delivery."""
+
+    def note(frame: Frame | DepthFrame, _seen: Seen) -> None:
+        delivered[frame.stamp] = scene.history.newest
+
+    return note
+
+
 def _note(
     guard: HandGuard, eye: Eye, follower: Follower, delivered: dict[float, float], move: chess.Move, figures: Figures
-) -> None:
+) -> Look:
     """Look until a move is read; ``delivered``: when frames came, by their stamps."""
     for _ in range(LOOKS):
         frame, _ = guard.settled()
         since = time.process_time()
-        _, decision = eye.read(frame, Tally())
+        look, decision = eye.read(frame, Tally())
         spent = time.process_time() - since
         if decision.verdict is Verdict.MOVE:
             left = until(lambda: follower.crossings()[-1:], "a hand that leaves the board")[0]
@@ -119,3 +131,4 @@ def _note(
             break
     figures.unread.append(float(decision.verdict is not Verdict.MOVE))
     figures.wrong.append(float(decision.verdict is Verdict.MOVE and decision.moves != (move,)))
+    return look
