@@ -122,9 +122,9 @@ def _note(
     """Look until a move is read; ``delivered``: when frames came, by their stamps."""
     for _ in range(LOOKS):
         frame, _ = guard.settled()
-        since = time.process_time()
+        since = time.thread_time()
         look, decision = eye.read(frame, Tally())
-        spent = time.process_time() - since
+        spent = time.thread_time() - since
         if decision.verdict is Verdict.MOVE:
             left = until(lambda: follower.crossings()[-1:], "a hand that leaves the board")[0]
             figures.known.append(delivered[frame.stamp] - left + spent)

@@ -9,6 +9,7 @@ import pytest
 
 from app.arm_view import ArmHistory
 from app.guarding import SteadyFrames, guard_arm
+from app.hand_guard import Blind
 from app.watch_view import nominal_view
 from hardware.interfaces import CameraClosed, Frame, Intrinsics, StaleFrame
 from hardware.parameters import load_parameters
@@ -72,7 +73,9 @@ def test_a_guard_whose_camera_falls_silent_holds_the_arm() -> None:
     table = TableSettings()
     arm = load_parameters(), table, ArmHistory(0.001)
     camera = Camera([])
-    with guard_arm(SteadyFrames(camera), nominal_view(PINHOLE, table), arm, Client()) as guard:
-        with pytest.raises(Exception, match="cannot be seen any more"):
-            guard.clear()
+    with (
+        guard_arm(SteadyFrames(camera), nominal_view(PINHOLE, table), arm, Client()) as guard,
+        pytest.raises(Blind, match="cannot be seen any more"),
+    ):
+        guard.clear()
     assert asked == ["hold"]
