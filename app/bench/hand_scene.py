@@ -104,6 +104,15 @@ class HandScene:
         """Whether the arm follows a motion."""
         return bool(self.telemetry) and self.telemetry[-1].state is State.TRACK
 
+    def at_rest_since(self) -> float | None:
+        """When the arm's last motion ended [s]; None: it moves, or has not moved yet."""
+        tick, moved = self.parameters.drive.tick, False
+        for one in reversed(list(self.telemetry)):
+            if one.state in (State.TRACK, State.STOPPING):
+                return one.tick * tick if moved else None
+            moved = True
+        return None
+
     def rested(self, since: float) -> float | None:
         """When the arm came to rest, if it has moved after a plant time and moves no more [s]; None: it still moves."""
         return self._ended(since, (State.TRACK, State.STOPPING))

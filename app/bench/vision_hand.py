@@ -71,8 +71,15 @@ class Figures:
     force: list[float] = field(default_factory=list)
     """Of the robot on those hands [N]."""
     missed: int = 0
+    late: int = 0
+    """Hands that came when the motion was over, on a busy machine: they count for nothing and come again."""
     plies: int = 0
     false_stops: int = 0
+
+    @property
+    def hands(self) -> int:
+        """That came while the arm moved."""
+        return len(self.rest) + len(self.yielded) + self.missed
 
 
 def hand_rows(quick: bool, progress: Callable[[str], None]) -> dict[str, Row]:
@@ -98,9 +105,9 @@ def measure(entries: int, plies: int, progress: Callable[[str], None], seed: int
                 watch = Watch()
                 with scene.guard(watch=watch) as guard:
                     guard.clear()
-                for number in range(first, min(first + A_WORLD, entries)):
+                while figures.hands < min(first + A_WORLD, entries):
                     _enter(scene, watch, rng, figures)
-                    progress(f"{number + 1} of {entries} hands: {_last(figures)}")
+                    progress(f"{figures.hands} of {entries} hands: {_last(figures)}")
         world = 0
         while figures.plies < plies:  # a stop ends its world, so how many there are is not known beforehand
             with hand_scene(seed + 1000 + world, None) as scene:
@@ -184,10 +191,12 @@ def _round(start: np.ndarray[tuple[int], np.dtype[np.float64]], settings: Motion
 
 def _note_stop(scene: HandScene, figures: Figures, follower: Follower, stopped: Cause) -> None:
     """How long the arm moved after the hand had crossed the edge."""
-    if stopped is Cause.NONE:
-        figures.missed += 1
-        return
     crossed = until(lambda: follower.crossings()[:1], "a hand that crosses the board's edge")[0]
+    if stopped is Cause.NONE:
+        ended = until(scene.at_rest_since, "an arm at rest")
+        figures.missed += crossed < ended
+        figures.late += crossed >= ended
+        return
     rested = until(lambda: scene.rested(crossed), "an arm at rest")
     left_off = until(lambda: scene.left_off(crossed), "an arm that leaves off")
     force = max([force for when, force in list(follower.touches) if when <= rested], default=0.0)
