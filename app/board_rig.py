@@ -7,17 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from app.arm import Arm, ArmState, Outcome
 from app.devices import EndState
-from app.motion.plan import Motion, Plan
 from controller.protocol import Result
 from hardware.interfaces import Clock
 from hardware.parameters import RobotParameters
+
+if TYPE_CHECKING:
+    from app.motion.plan import Motion, Plan
 
 
 class BoardClock:

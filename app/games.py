@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 import chess
 
@@ -30,10 +30,11 @@ from app.settings_file import keep_settings, kept_settings
 from app.sim_hands import SimHands
 from app.typed_lines import TypedLines
 from app.venue import Venue, start_board, venue_of
-from app.watch_view import nominal_view
 from hardware.interfaces import Intrinsics
 from hardware.table import Colour
-from vision.board import BoardView
+
+if TYPE_CHECKING:
+    from vision.board import BoardView
 
 NOBODY = "-"
 """Plays where a position is only set up."""
@@ -182,6 +183,8 @@ def _match(settings: Settings, venue: Venue, games: _Games, folder: Path, face: 
         looks = games.human is not None or not venue.simulated
 
     def view(intrinsics: Intrinsics) -> BoardView | None:
+        from app.watch_view import nominal_view
+
         return nominal_view(intrinsics, venue.table) if venue.simulated else None
 
     seating = Seating(venue.motion, venue.parameters, looks, view)

@@ -8,7 +8,8 @@ from pathlib import Path
 from app.config import BOARD, SIMULATED, RigFile, load_rig
 from app.devices import Rig, RigFailed
 from app.remote_rig import RemoteRig
-from app.sim_rig import SimRig, SimRigSettings
+from app.sim_rig import SimRig
+from app.sim_settings import SimRigSettings
 from controller.link import Listener
 
 

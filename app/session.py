@@ -15,7 +15,6 @@ from app.faces import Face
 from app.game import EXPECTED_FAILURES, Devices, GameEnd
 from app.records import GameRecord, RecordError, Report
 from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
-from app.video import Film
 from controller.link import Listener
 from engine.errors import EngineProblem
 from hardware.sim.settings import Pace
@@ -183,6 +182,8 @@ def _filming(filming: Filming | None, tick: float) -> Iterator[None]:
     if filming is None:
         yield
         return
+    from app.video import Film  # loads an encoder: not where nothing is filmed
+
     film = Film(filming.run_dir, filming.path, filming.longest, filming.pace, tick)
     try:
         yield

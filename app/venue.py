@@ -15,12 +15,9 @@ from app.config import BOARD, SIMULATED, RigFile, load_randomisation, load_rig
 from app.devices import Rig
 from app.manipulation import Inventory
 from app.motion import PROFILES, MotionSettings, contact_limits
-from app.rig import open_rig
 from app.settings import PadKind, RigSection
-from app.sim_rig import SimRigSettings
+from app.sim_settings import SimRigSettings
 from controller.link import Listener
-from controller.model.constants import DeltaModel
-from controller.model.workspace import BoardDoesNotFit, seated
 from controller.settings import ControllerSettings
 from hardware.parameters import DEFAULT_FILE, FLAT_PADS_FILE, RobotParameters, load_parameters
 from hardware.sim.hand_actions import HandSettings
@@ -107,6 +104,8 @@ class Venue:
         """
         if self.section.name == BOARD:
             return BoardRig(self.motion.home, self.parameters)
+        from app.rig import open_rig  # devices take seconds to load
+
         return open_rig(self.file, self.run_dir(folder), world, progress, listener)
 
 
@@ -158,6 +157,9 @@ def _own_table(section: RigSection) -> TableSettings:
     table = TableSettings(limits=contact_limits(section.profile), captured=section.captured or Captured.TRAY)
     if section.square is None:
         return table
+    from controller.model.constants import DeltaModel
+    from controller.model.workspace import BoardDoesNotFit, seated
+
     heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
     robot = DeltaModel(load_parameters(_ROBOTS[section.pads]), heaviest)
     try:

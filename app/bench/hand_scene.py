@@ -24,7 +24,8 @@ from app.hand_guard import ArmMasks, HandGuard, Listener
 from app.layout import start_layout
 from app.manipulation import Inventory
 from app.motion import MotionSettings
-from app.sim_rig import SimRig, SimRigSettings
+from app.sim_rig import SimRig
+from app.sim_settings import SimRigSettings
 from app.watch_view import nominal_view
 from controller.protocol.messages import Telemetry
 from controller.states import State

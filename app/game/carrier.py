@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 from app import UserError
 from app.arm import ArmHeld, ArmPaused, ArmState, GraspFailed, NothingTouched, Outcome
 from app.faces import Face
 from app.game.state import Devices, Job, moved_all
 from app.manipulation import Inventory, Stage, Transfer
-from app.motion import Motion, MotionSettings, plan_ply, plan_return
 from app.records import GameRecord
 from app.recovery import PieceLost, Progress, progress_of
 from hardware.parameters import RobotParameters
 from hardware.table import Kind
+
+if TYPE_CHECKING:
+    from app.motion import Motion, MotionSettings
 
 MOST_PAUSES = 20
 """Within one job; a computer that is late so often will not get better by itself."""
@@ -83,6 +86,11 @@ class Carrier:
         self._motion, self._parameters = motion, parameters
         self._step: Begun | None = None
 
+    @property
+    def untouched(self) -> bool:
+        """Nothing was begun of the last job."""
+        return self._step is None
+
     def carry(
         self,
         job: Job,
@@ -139,6 +147,8 @@ class Carrier:
         progress: Progress | None,
         letting_go: Callable[[], None] | None,
     ) -> tuple[float, Outcome]:
+        from app.motion import plan_ply, plan_return  # takes seconds to load: not before something moves
+
         arm, parameters = self._devices.arm, self._parameters
         done = 0 if progress is None else progress.done
         now = _after(inventory, job, done)
@@ -182,6 +192,8 @@ class Carrier:
 
     def _go_home(self, inventory: Inventory, release: Kind | None) -> None:
         """Straight up and home, whatever holds it up on the way; the fingers open first from what they are around."""
+        from app.motion import plan_return
+
         for _ in range(MOST_PAUSES):
             state = self._devices.arm.settle()
             plan = plan_return(state.reference, state.finger, self._motion, self._parameters, inventory.table, release)

@@ -14,9 +14,8 @@ import chess
 import numpy as np
 from numpy.typing import NDArray
 
-from app import UserError
 from app.arm import Arm
-from app.game.state import Devices
+from app.game.state import FRAME_AGE, CannotSee, Devices
 from app.manipulation import Inventory
 from app.repair import Sighting, kinds_by_height
 from app.repair.sighting import Chances
@@ -38,14 +37,8 @@ from vision.verify import Fault, verify_board
 States = NDArray[np.intp]
 Heights = NDArray[np.float64]
 
-FRAME_AGE: Final = 10.0
-"""A frame is no older than this: exposed when it was asked for, but drawn slowly by a busy machine [s]."""
 PATIENCE: Final = 3.0
 """So long a fresh frame is waited for [s]."""
-
-
-class CannotSee(UserError):
-    """The camera shows no board where there should be one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

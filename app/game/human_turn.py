@@ -7,24 +7,30 @@ arm puts it right when asked to, or the person does.
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
 
 import chess
 
+from app import UserError
+from app.arm import ArmPaused
 from app.faces import Face
-from app.game.commands import Command, CommandError, MoveHand, PlayMove, Word, help_text, parse_command
-from app.game.eyes import CannotSee, Reading
-from app.game.human import Human
+from app.game.commands import Command, MoveHand, PlayMove, Word, help_text, parse_command
+from app.game.human import Human, PersonGone
+from app.game.person import NeedsHand
 from app.game.state import WRONG, GameEnd
 from app.game.table import Remark, Table
 from app.game.timing import Timing
 from app.manipulation import transfers
 from app.players import Players
+from app.records import RecordError
 from app.records.events import Result
 from app.time_control import clock_text
 from hardware.interfaces import HardwareError
-from vision.moves import Verdict
-from vision.situations import Situation
+from vision.verdict import Situation, Verdict
+
+if TYPE_CHECKING:
+    from app.game.eyes import Reading
 
 POLL: Final = 0.2
 """So often it is looked whether the person has done something by themselves [s, wall]."""
@@ -59,7 +65,9 @@ class HumanTurn:
             try:
                 command = parse_command(line, self._table.board)
                 end = self._obey(command)
-            except (CommandError, HardwareError, CannotSee) as error:
+            except (PersonGone, RecordError, ArmPaused, NeedsHand):
+                raise
+            except (UserError, HardwareError) as error:  # it cannot be done: the game stands where it stood
                 self._face.say(str(error))
                 continue
             if end is not None:
@@ -79,40 +87,35 @@ class HumanTurn:
         self._face.prompt(f"{_name(self._colour)} to move{clocks}: your move")
 
     def _obey(self, command: Command) -> GameEnd | None:
-        match command:
-            case PlayMove(move=move):
-                return self._play(move)
-            case MoveHand():
-                return self._hand(command)
-            case Word.LOOK:
-                return self._read(None, self._timing.now())
-            case Word.FIX:
-                return None if self._table.repair() else WRONG
-            case Word.TAKE_BACK:
-                return self._take_back()
-            case Word.HINT:
-                self._hint()
-            case Word.HELP:
-                self._face.say(help_text())
-            case Word.RESIGN:
-                return GameEnd(_lost(self._colour), f"{_name(self._colour)} resigns", True)
-            case Word.NEW:
-                return GameEnd("*", "given up for a new game", True, again=True)
-            case Word.QUIT:
-                return GameEnd("*", "left by the person at the board", True)
-            case Word.PAUSE:
-                self._timing.pause()
-                self.wait("the clocks stand; say 'go' to go on")
-                self._timing.start(self._colour)
-            case Word.GO:
-                self._face.say("nothing waits: it is your move")
-            case Word.DRAW:
-                return self._draw()
-            case Word.SIDE:
-                self._timing.pause()
-                self._colour = not self._colour
-                self._face.say(f"you play {_name(self._colour)} now")
-        return None
+        if isinstance(command, PlayMove):
+            return self._play(command.move)
+        if isinstance(command, MoveHand):
+            return self._hand(command)
+        words: dict[Word, Callable[[], GameEnd | None]] = {
+            Word.LOOK: lambda: self._read(None, self._timing.now()),
+            Word.FIX: lambda: None if self._table.repair() else WRONG,
+            Word.TAKE_BACK: self._take_back,
+            Word.HINT: self._hint,
+            Word.HELP: lambda: self._face.say(help_text()),
+            Word.DRAW: self._draw,
+            Word.PAUSE: self._pause,
+            Word.GO: lambda: self._face.say("nothing waits: it is your move"),
+            Word.SIDE: self._change_sides,
+            Word.RESIGN: lambda: GameEnd(_lost(self._colour), f"{_name(self._colour)} resigns", True),
+            Word.NEW: lambda: GameEnd("*", "given up for a new game", True, again=True),
+            Word.QUIT: lambda: GameEnd("*", "left by the person at the board", True),
+        }
+        return words[command]()
+
+    def _pause(self) -> None:
+        self._timing.pause()
+        self.wait("the clocks stand; say 'go' to go on")
+        self._timing.start(self._colour)
+
+    def _change_sides(self) -> None:
+        self._timing.pause()
+        self._colour = not self._colour
+        self._face.say(f"you play {_name(self._colour)} now")
 
     def _draw(self) -> GameEnd | None:
         """A draw that can be claimed, or that the robot agrees to."""

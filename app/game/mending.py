@@ -17,14 +17,14 @@ from app import UserError
 from app.faces import Face
 from app.game.carrier import Carrier, CarryFailed
 from app.game.eyes import Eyes
-from app.game.state import Job, moved_all
+from app.game.state import Job, changed, moved_all
 from app.manipulation import Inventory
 from app.rearrange import rearrange
 from app.records import GameRecord
 from app.records.events import Purpose
 from app.repair import Ask, Repair, Sighting, mend
 from hardware.interfaces import Clock
-from hardware.table import Place, square_place
+from hardware.table import square_place
 from vision.verify import TOLERANCE, Fault
 
 MOST_ROUNDS: Final = 6
@@ -174,9 +174,3 @@ class Mender:
 
 def _sentence(faults: Sequence[Fault]) -> str:
     return "; ".join(fault.sentence for fault in faults)
-
-
-def changed(before: Inventory, after: Inventory) -> dict[str, Place]:
-    """Where the pieces stand that stand elsewhere, by name."""
-    places = {piece.name: piece.place for piece in before}
-    return {piece.name: piece.place for piece in after if places[piece.name] != piece.place}

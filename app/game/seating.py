@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from app.faces import Face
 from app.game.carrier import Carrier
-from app.game.eyes import Eyes
 from app.game.human import Human
-from app.game.mending import Mender
 from app.game.person import PersonAsker, UnattendedAsker
 from app.game.state import Devices, Position
 from app.game.table import Table
-from app.motion import MotionSettings
 from app.records import GameRecord
 from hardware.interfaces import Intrinsics
 from hardware.parameters import RobotParameters
-from vision.board import BoardView
+
+if TYPE_CHECKING:
+    from app.motion import MotionSettings
+    from vision.board import BoardView
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +54,9 @@ class Seating:
         carrier = Carrier(devices, record, face, self.motion, self.parameters)
         mender = None
         if self.looks and devices.camera is not None:
+            from app.game.eyes import Eyes  # loads what sees: not where nobody looks
+            from app.game.mending import Mender
+
             eyes = Eyes(devices, position.inventory.table, position.board, self.view)
             asker = UnattendedAsker() if human is None else PersonAsker(human.lines, face)
             mender = Mender(eyes, carrier, asker, record, face, devices.clock)

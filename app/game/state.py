@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import chess
 
 from app import UserError
 from app.arm import Arm
-from app.hand_guard import HandGuard
 from app.manipulation import Inventory, Transfer
 from app.records import History
 from app.records.events import Result
@@ -18,6 +17,10 @@ from app.records.history import Unfinished
 from controller.errors import ControllerError
 from hardware.interfaces import Camera, Clock, HardwareError
 from hardware.sim.referee import Referee
+from hardware.table import Place
+
+if TYPE_CHECKING:
+    from app.hand_guard import HandGuard
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +87,13 @@ class Job:
     uci: str | None = None
 
 
+class CannotSee(UserError):
+    """The camera shows no board where there should be one."""
+
+
 WRONG: Final = GameEnd("*", "the board is not as the game says", False)
+FRAME_AGE: Final = 10.0
+"""A frame is no older than this: exposed when it was asked for, but drawn slowly by a busy machine [s]."""
 EXPECTED_FAILURES: Final = (UserError, ControllerError, HardwareError)
 """What may go wrong in a running game without a bug: each says in one sentence what and what to do."""
 
@@ -98,3 +107,9 @@ def moved_all(inventory: Inventory, transfers: Iterable[Transfer]) -> Inventory:
     for transfer in transfers:
         inventory = inventory.moved(transfer)
     return inventory
+
+
+def changed(before: Inventory, after: Inventory) -> dict[str, Place]:
+    """Where the pieces stand that stand elsewhere, by name."""
+    places = {piece.name: piece.place for piece in before}
+    return {piece.name: piece.place for piece in after if places[piece.name] != piece.place}

@@ -9,28 +9,28 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import chess
 import chess.engine
-import cv2
 
 from app import UserError
 from app.faces import Face
 from app.game.carrier import Begun, Carried, Carrier, CarryFailed
-from app.game.eyes import FRAME_AGE, Eyes
-from app.game.mending import Mender, changed
-from app.game.state import Devices, Job, Position, moved_all
+from app.game.state import FRAME_AGE, Devices, Job, Position, changed, moved_all
 from app.judging import Verdict, judge
 from app.layout import colour_of
-from app.manipulation import Inventory, Ply, move_kind, transfers
-from app.rearrange import set_up
+from app.manipulation import Inventory, Ply, Transfer, move_kind, transfers
 from app.records import GameRecord, PlyOutcome, recording
 from app.records.events import Purpose
 from app.records.history import Unfinished, transfer_of
 from hardware.interfaces import Frame
 from hardware.table import Place
-from vision.situations import Finding
+
+if TYPE_CHECKING:
+    from app.game.eyes import Eyes
+    from app.game.mending import Mender
+    from vision.situations import Finding
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,7 @@ class Table:
         before = self.board.copy()
         moves = [before.pop() for _ in range(plies)]
         label = "take back " + before.variation_san(reversed(moves))
-        moved = set_up(self.inventory, before)
+        moved = _arranged(self.inventory, before)
         self._record.task(Purpose.TAKE_BACK, label, moved, self.now(), taken_back=plies)
         return self._do_task(Job(label, moved), None, before)
 
@@ -131,7 +131,7 @@ class Table:
         Raises:
             UserError: the pieces there cannot show it; or as ``arm_ply``.
         """
-        moved = set_up(self.inventory, board)
+        moved = _arranged(self.inventory, board)
         label = "set the pieces up"
         self._record.task(Purpose.SET_UP, label, moved, self.now(), fen=board.fen())
         return self._do_task(Job(label, moved), None, board)
@@ -179,7 +179,12 @@ class Table:
     def _do_task(self, job: Job, begun: Begun | None, board: chess.Board) -> bool:
         """Carry out a task that is in the record already, after which a position stands on the board."""
         self._reset_peak()
-        carried = self._carry(job, moved_all(self.inventory, job.transfers), begun, None)
+        try:
+            carried = self._carry(job, moved_all(self.inventory, job.transfers), begun, None)
+        except UserError as error:
+            if self._carrier.untouched:
+                self._record.task_dropped(str(error), self.now())
+            raise
         return self._conclude_task(carried.inventory, carried.outcome, board)
 
     def _finish_repair(self, unfinished: Unfinished, begun: Begun | None) -> bool:
@@ -189,7 +194,7 @@ class Table:
         carried = self._carry(
             Job("put the board right", unfinished.repair), moved_all(self.inventory, unfinished.repair), begun, None
         )
-        rest = set_up(carried.inventory, goal)
+        rest = _arranged(carried.inventory, goal)
         stands = self.inventory
         self.inventory = carried.inventory
         if rest:
@@ -305,6 +310,13 @@ class _Done:
     outcome: PlyOutcome
 
 
+def _arranged(inventory: Inventory, board: chess.Board) -> tuple[Transfer, ...]:
+    """Transfers that put a position on the board."""
+    from app.rearrange import set_up  # SciPy takes a second to load: not before something is to be set up
+
+    return set_up(inventory, board)
+
+
 def _outcome(carried: Carried) -> PlyOutcome:
     done = carried.done
     return PlyOutcome(
@@ -319,6 +331,8 @@ def save_picture(path: Path, frame: Frame) -> None:
     Raises:
         RecordError: it cannot be written.
     """
+    import cv2  # only where there is a camera
+
     done, encoded = cv2.imencode(".jpg", cv2.cvtColor(frame.colour, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])
     if not done:
         raise RuntimeError(f"OpenCV could not encode {path.name}")

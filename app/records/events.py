@@ -125,6 +125,13 @@ class TaskDoneEvent(_Stamped):
     """Another program finished it."""
 
 
+class TaskDroppedEvent(_Stamped):
+    """The task begun last could not be done, and nothing was moved for it."""
+
+    event: Literal["task_dropped"] = "task_dropped"
+    reason: str
+
+
 class FoundEvent(_Stamped):
     """Pieces stand elsewhere than they should, as the camera says: a repair follows, by the arm or by hand."""
 
@@ -200,7 +207,16 @@ class EndEvent(_Stamped):
 
 
 AnyEvent = (
-    StartEvent | StepEvent | PlyEvent | TaskEvent | TaskDoneEvent | FoundEvent | TroubleEvent | ResumeEvent | EndEvent
+    StartEvent
+    | StepEvent
+    | PlyEvent
+    | TaskEvent
+    | TaskDoneEvent
+    | TaskDroppedEvent
+    | FoundEvent
+    | TroubleEvent
+    | ResumeEvent
+    | EndEvent
 )
 Event = Annotated[AnyEvent, Field(discriminator="event")]
 _EVENT: TypeAdapter[AnyEvent] = TypeAdapter(Event)

@@ -28,13 +28,14 @@ from app.records.events import (
     StartEvent,
     StepEvent,
     TaskDoneEvent,
+    TaskDroppedEvent,
     TaskEvent,
     TroubleEvent,
     piece_records,
     transfer_records,
 )
 from app.records.files import LineLog, recording, write_atomically
-from app.records.history import History, counted_plies
+from app.records.history import History, counted_plies, open_task
 from app.records.pgn import PgnFile, PgnMove
 from app.records.report import Report, summarise
 from hardware.table import Place
@@ -109,7 +110,7 @@ class GameRecord:
         self._pgn = pgn
         self._events = list(events)
         self._counted = counted_plies(events)
-        self._task = _open_task(events)
+        self._task = open_task(events)
 
     @classmethod
     def begin(
@@ -247,6 +248,11 @@ class GameRecord:
             del self._counted[-taken_back:]
             self._pgn.take_back(taken_back)
 
+    def task_dropped(self, reason: str, plant_time: float) -> None:
+        """Record that the task begun last cannot be done, and nothing was moved for it."""
+        self._task = None
+        self._append(TaskDroppedEvent(wall_time=self._now(), plant_time=plant_time, ply=self._plies(), reason=reason))
+
     def found(self, places: Mapping[str, Place], reason: str, plant_time: float) -> None:
         """Record where pieces were seen that stand elsewhere than the game wants them, by name."""
         self._append(
@@ -288,6 +294,7 @@ class GameRecord:
             places=ply.changes() if places is None else places,
         )  # fmt: skip
         self._append(event)
+        self._task = None
         self._counted.append(event)
         self._pgn.add(PgnMove(ply.uci, _own_clock(event), outcome.score, outcome.comment))
         return event
@@ -401,17 +408,6 @@ def _ply_event(
         comment=outcome.comment,
         clock_s=None if outcome.clocks is None else {colour_of(c): left for c, left in outcome.clocks.items()},
     )
-
-
-def _open_task(events: Sequence[AnyEvent]) -> TaskEvent | None:
-    """The task that was begun last and is not done."""
-    task: TaskEvent | None = None
-    for event in events:
-        if isinstance(event, TaskEvent) and event.purpose is not Purpose.REPAIR:
-            task = event
-        elif isinstance(event, TaskDoneEvent | PlyEvent):
-            task = None
-    return task
 
 
 def _own_clock(event: PlyEvent) -> float | None:

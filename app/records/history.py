@@ -19,6 +19,7 @@ from app.records.events import (
     StartEvent,
     StepEvent,
     TaskDoneEvent,
+    TaskDroppedEvent,
     TaskEvent,
     TransferRecord,
     read_events,
@@ -98,6 +99,8 @@ class _Reading:
                 self._begin(event)
             case TaskDoneEvent():
                 self._finish(event)
+            case TaskDroppedEvent():
+                self.unfinished = None
             case _:
                 pass
 
@@ -150,19 +153,31 @@ def counted_plies(events: Iterable[AnyEvent]) -> list[PlyEvent]:
     plies: list[PlyEvent] = []
     task: TaskEvent | None = None
     for event in events:
-        match event:
-            case PlyEvent():
-                plies.append(event)
-                task = None
-            case TaskEvent() if event.purpose is not Purpose.REPAIR or task is None:
-                task = event
-            case TaskDoneEvent():
-                if task is not None and task.taken_back:
-                    del plies[-task.taken_back :]
-                task = None
-            case _:
-                pass
+        if isinstance(event, PlyEvent):
+            plies.append(event)
+        elif isinstance(event, TaskDoneEvent) and task is not None and task.taken_back:
+            del plies[-task.taken_back :]
+        task = _after(task, event)
     return plies
+
+
+def open_task(events: Iterable[AnyEvent]) -> TaskEvent | None:
+    """The task, no repair, that was begun last and is not done."""
+    task: TaskEvent | None = None
+    for event in events:
+        task = _after(task, event)
+    return task
+
+
+def _after(task: TaskEvent | None, event: AnyEvent) -> TaskEvent | None:
+    """The open task after an event."""
+    match event:
+        case TaskEvent() if event.purpose is not Purpose.REPAIR:
+            return event
+        case PlyEvent() | TaskDoneEvent() | TaskDroppedEvent():
+            return None
+        case _:
+            return task
 
 
 def _agree(reading: _Reading, inventory: Inventory) -> None:

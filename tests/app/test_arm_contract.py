@@ -15,7 +15,8 @@ from app.layout import start_layout
 from app.manipulation import Inventory, Ply, Stage, transfers
 from app.motion import Motion, MotionSettings, Plan, plan_ply, plan_return
 from app.recovery import FELT
-from app.sim_rig import SimRig, SimRigSettings
+from app.sim_rig import SimRig
+from app.sim_settings import SimRigSettings
 from hardware.parameters import load_parameters
 from hardware.sim.settings import Pace, WorldSettings
 from hardware.table import TableSettings
