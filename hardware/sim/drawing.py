@@ -130,10 +130,9 @@ class Easel:
         file[:DEPTH_BYTES] = units.view(np.uint8).ravel()
 
     def _glance(self, sensor: Sensor) -> NDArray[np.uint8]:
-        """Where it is so bright that depth fails, for a frame without colour: coarse, and without shadows.
+        """Where it is so bright that depth fails, for a frame without colour: coarse, and as if nothing threw shadows.
 
-        What a lamp lights is as bright as in the colour picture, and what lies in its shadow is brighter: so no less
-        depth is lost than with colour.
+        So depth is lost where it is with colour, to a pixel or two at edges, and in bright shadows besides.
         """
         width, height = sensor.camera.width // COARSE, sensor.camera.height // COARSE
         renderer = self._prepared(SENSOR_VIEW, width, height, samples=0)
