@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import random
 import shutil
@@ -155,7 +156,10 @@ def test_an_answer_that_comes_late_is_not_the_next_questions(fake: Callable[...,
     ],
     ids=["output", "errors", "no end of line"],
 )
-def test_a_flood_is_cut_off(fake: Callable[..., Any], flood: str, reason: str) -> None:
+def test_a_flood_is_cut_off(
+    fake: Callable[..., Any], flood: str, reason: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.CRITICAL, "chess.engine")  # else each line of it is kept for the report of the test
     made = fake(on_go=f'if start == 1:\n    {flood}\nelse: say("bestmove e2e4")')
     with Engine(EngineSettings(path=made.path, nodes=9)) as engine:
         chosen = engine.choose(chess.Board())
