@@ -39,8 +39,8 @@ class SimWatchCamera:
             run_dir: of the world.
             interval: from frame to frame [s].
             depth: whether frames have depth.
-            colour_asleep: whether frames have colour also while the camera was not woken up. A colour picture takes
-                the renderer five times as long as depth; False: there is depth alone while the arm moves.
+            colour_asleep: whether frames have colour also while the camera was not woken up. With it a frame
+                takes the renderer more than twice as long; False: there is depth alone while the arm moves.
 
         Raises:
             HardwareError: no world answers, or it has no cameras.

@@ -119,14 +119,13 @@ def test_the_same_seed_and_tick_give_the_same_bytes(studio: Studio) -> None:
 
 
 @pytest.mark.parametrize("brightness", [0.6, 1.2])
-def test_depth_is_the_same_without_colour_but_for_glare_in_shadows(studio: Studio, brightness: float) -> None:
+def test_depth_is_the_same_without_colour_but_at_edges_of_glare(studio: Studio, brightness: float) -> None:
     noisy, light = CameraSettings(), LightSettings(brightness=brightness)
     _, whole = studio.shoot(noisy, light=light)
     _, bare = studio.shoot(noisy, light=light, colour=False)
     both = (whole > 0.0) & (bare > 0.0)
     assert (whole[both] == bare[both]).all()
-    assert ((whole == 0.0) & (bare > 0.0)).mean() < 0.005, "no glare is left out, but at edges"
-    assert ((whole > 0.0) & (bare == 0.0)).mean() < 0.06
+    assert ((whole == 0.0) != (bare == 0.0)).mean() < 0.01
 
 
 def test_a_camera_turned_upside_down_sees_all_upside_down(studio: Studio) -> None:
