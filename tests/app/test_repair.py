@@ -290,7 +290,7 @@ def test_by_colours_alone_as_well_wherever_they_show_that_something_is_wrong(sor
 
 
 @given(GAMES, SEEDS, st.booleans())
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_a_board_that_is_right_is_left_alone(game: int, seed: int, heights: bool) -> None:
     world = World(game, seed)
     result = mend(world.expected, world.sighting(heights=heights, places=True), world.board)
@@ -321,7 +321,7 @@ def test_what_is_mended_by_a_person_as_asked_is_right_then(game: int, seed: int)
 
 
 @given(GAMES, SEEDS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_a_repair_can_lead_on_to_what_is_wanted_next(game: int, seed: int) -> None:
     """A ply that is to be carried out, or finished, on a board on which something was carried off."""
     world = World(game, seed)
