@@ -21,20 +21,25 @@ from typing import Final, Protocol, Self
 from app import UserError
 from app.arm_view import ArmHistory, Pose, arm_capsules
 from controller.errors import ControllerError
-from hardware.interfaces import Camera, CameraClosed, Frame, HardwareError
+from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
-from vision.arm_mask import draw_mask
+from vision.arm_mask import Hidden, draw_mask
 from vision.board import BoardView
-from vision.watch import Seen, Watch, WatchSettings
-from vision.zone import Mask
+from vision.watch import Seen, Watch
 
 FRAME_AGE: Final = 1.0
 """Frames older than this say nothing about the present [s]; a late one is left out and told of."""
 MARGIN: Final = 0.008
 """The arm is masked so much thicker than it is: what calibration and interpolation may err [m] …"""
+APART: Final = 0.020
+"""What is measured so far off the arm is not the arm [m]: besides that margin, what depth errs, and how far an arm at
+full speed moves in the time by which a frame's stamp errs."""
 GROW: Final = 4
 """… and so much wider in the picture: edges that a depth camera smears [px]."""
+
+
+Listener = Callable[[Frame | DepthFrame, Seen], None]
 
 
 class Blind(UserError):
@@ -44,8 +49,14 @@ class Blind(UserError):
         super().__init__(f"hands over the board cannot be seen any more: {reason}; the arm holds")
 
 
-class WatchedFrames(Camera, Protocol):
+class WatchedFrames(Protocol):
     """A camera whose frames come one after the other at a steady rate."""
+
+    def read(self, max_age: float) -> Frame | DepthFrame:
+        """The next frame, as ``Camera.read``; depth alone where nobody needs colour: while the camera is not awake."""
+
+    def close(self) -> None:
+        """Release the device; a reader in another thread ends with ``CameraClosed``."""
 
     def wake(self, awake: bool) -> None:
         """Whether plant time shall run for it, also while nothing moves; where time runs anyway, nothing happens."""
@@ -84,16 +95,16 @@ class ArmMasks:
 
     def __init__(self, view: BoardView, parameters: RobotParameters, table: TableSettings, history: ArmHistory) -> None:
         self._view, self._parameters, self._table, self._history = view, parameters, table, history
-        self._last: tuple[Pose, Mask] | None = None
+        self._last: tuple[Pose, Hidden] | None = None
 
-    def at(self, stamp: float) -> Mask | None:
-        """The mask of a frame of this stamp [s], (h, w); None where nobody knows where the arm was."""
+    def at(self, stamp: float) -> Hidden | None:
+        """Where it was in a frame of this stamp [s]; None where nobody knows."""
         pose = self._history.at(stamp)
         if pose is None:
             return None
         if self._last is None or self._last[0] != pose:
             capsules = arm_capsules(self._parameters, self._table, pose)
-            self._last = pose, draw_mask(self._view, capsules, MARGIN, GROW)
+            self._last = pose, Hidden(draw_mask(self._view, capsules, MARGIN, GROW), capsules.grown(APART))
         return self._last[1]
 
 
@@ -105,7 +116,7 @@ class HandGuard:
         view: where the board is in them.
         masks: where the arm is in them.
         holder: asked to hold.
-        settings: of the watch.
+        watch: what it sees with; None: a new one of the usual settings.
         progress: told when a hand comes and goes.
         listener: called with each frame and what was seen in it, in the guard's thread.
     """
@@ -116,17 +127,17 @@ class HandGuard:
         view: BoardView,
         masks: ArmMasks,
         holder: Holder,
-        settings: WatchSettings | None = None,
+        watch: Watch | None = None,
         progress: Callable[[str], None] | None = None,
-        listener: Callable[[Frame, Seen], None] | None = None,
+        listener: Listener | None = None,
     ) -> None:
         self.stops: list[GuardStop] = []
         """Each time the arm was asked to hold."""
         self._frames, self._view, self._masks, self._holder = frames, view, masks, holder
-        self._watch = Watch(settings)
+        self._watch = watch or Watch()
         self._progress, self._listener = progress, listener
         self._news = threading.Condition()
-        self._seen: Seen | None = None
+        self._newest: tuple[Frame | DepthFrame, Seen] | None = None
         self._count = 0
         self._holding = False
         self._trouble: Exception | None = None
@@ -160,7 +171,7 @@ class HandGuard:
         """
         with self._news:
             self._check()
-            return self._seen
+            return None if self._newest is None else self._newest[1]
 
     @property
     def hand_present(self) -> bool:
@@ -171,7 +182,7 @@ class HandGuard:
         """
         with self._news:
             self._check()
-            return self._holding or (self._seen is not None and self._seen.hand_present)
+            return self._holding or (self._newest is not None and self._newest[1].hand_present)
 
     def clear(self) -> Seen:
         """Wait until no hand is over the board and the board is settled, then admit motions again.
@@ -185,25 +196,43 @@ class HandGuard:
             Blind: there are no frames any more.
             ControllerError: the controller does not answer.
         """
+        _, seen = self._wait(admit=True)
+        return seen
+
+    def settled(self) -> tuple[Frame, Seen]:
+        """Wait likewise, but admit no motion: for a person's turn, whose move is then looked for in the frame.
+
+        Returns:
+            A frame that was exposed after this call began, and what was seen in it.
+
+        Raises:
+            Blind: there are no frames any more.
+        """
+        return self._wait(admit=False)
+
+    def _wait(self, *, admit: bool) -> tuple[Frame, Seen]:
         self._frames.wake(True)
         try:
             with self._news:
                 # a frame that was exposed before this call may be on its way, and one or two more in the pipe
                 first = self._count + 3
-                self._news.wait_for(lambda: self._trouble is not None or self._may_go_on(first))
+                self._news.wait_for(lambda: self._trouble is not None or self._settled_since(first) is not None)
                 self._check()
-                held, self._holding, seen = self._holding, False, self._seen
+                found = self._settled_since(first)
+                assert found is not None
+                if admit and self._holding:
+                    self._holding = False
+                    self._holder.resume()  # under the lock: a hand that comes now is told of to the controller later
+                    self._say("the board is clear: the arm may go on")
         finally:
             self._frames.wake(False)
-        assert seen is not None
-        if held:
-            self._say("the board is clear: the arm may go on")
-            self._holder.resume()
-        return seen
+        return found
 
-    def _may_go_on(self, first: int) -> bool:
-        seen = self._seen
-        return self._count >= first and seen is not None and seen.settled and not seen.hand_present
+    def _settled_since(self, first: int) -> tuple[Frame, Seen] | None:
+        if self._newest is None or self._count < first:
+            return None
+        frame, seen = self._newest
+        return (frame, seen) if isinstance(frame, Frame) and seen.settled and not seen.hand_present else None
 
     def _check(self) -> None:
         if self._trouble is not None:
@@ -220,11 +249,12 @@ class HandGuard:
             if not isinstance(error, ControllerError | HardwareError | UserError):
                 raise  # a bug: the arm holds already, and the traceback is told
 
-    def _take(self, frame: Frame) -> None:
+    def _take(self, frame: Frame | DepthFrame) -> None:
         seen = self._watch.update(frame, self._view, self._masks.at(frame.stamp))
         with self._news:
             ask = seen.hand_present and not self._holding
             self._holding = self._holding or ask
+            self._newest = frame, seen
         if ask:
             self._holder.ask_to_hold()
             self.stops.append(GuardStop(frame.stamp, seen.over))
@@ -232,7 +262,7 @@ class HandGuard:
         if self._listener is not None:
             self._listener(frame, seen)
         with self._news:
-            self._seen, self._count = seen, self._count + 1
+            self._count += 1
             self._news.notify_all()
 
     def _give_up(self, error: Exception) -> None:

@@ -142,6 +142,15 @@ class Frame:
     stamp: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthFrame:
+    """Depth alone, as of a ``Frame``: for whoever asks only how high things stand. The array is the reader's own."""
+
+    depth: NDArray[np.float32]
+    intrinsics: Intrinsics
+    stamp: float
+
+
 class Camera(Protocol):
     """A camera looking at the board, with or without depth."""
 

@@ -69,7 +69,9 @@ KNOW_THE_SIMULATION = {
     "app.calibrate": "composes the settings of a world to calibrate in",
     "app.check.rig": "tries the devices of a simulated rig",
     "app.bench.sim": "does a game's ticks again by the plant alone",
-    "app.bench.vision_hand": "has hands come in worlds of its own, and asks the referee when they did",
+    "app.bench.hand_scene": "has hands come in worlds of its own, and asks the referee when they did",
+    "app.bench.vision_hand": "says where hands come to",
+    "app.bench.vision_turn": "has a person play by hand",
     "app.watch_view": "knows where the rig's camera is meant to hang",
     "app.bench.recording": "records the law over a plant in the same process",
     "app.figures.grasp_mujoco": "computes a figure on the plant",
@@ -79,7 +81,7 @@ KNOW_THE_SIMULATION = {
 
 KNOW_THE_TRUTH = {
     "app.bench.kills",
-    "app.bench.vision_hand",
+    "app.bench.hand_scene",
     "app.devices",
     "app.game.state",
     "app.judging",

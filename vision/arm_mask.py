@@ -66,8 +66,26 @@ class Capsules:
         """From anything that NumPy takes for arrays; see the class."""
         return cls(np.asarray(ends, dtype=float), np.asarray(radii, dtype=float))
 
+    def grown(self, margin: float) -> Capsules:
+        """The same with every radius larger [m]."""
+        return Capsules(self.ends, self.radii + margin)
+
     def __len__(self) -> int:
         return len(self.radii)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hidden:
+    """What is known to be before the table.
+
+    Attributes:
+        mask: where it is in the picture, generously, shape (height, width).
+        bodies: in which all of it is. With depth, what is seen within the mask but outside of these is something else:
+            a hand behind the arm's outline, or before it. None: whatever the mask covers is not looked at.
+    """
+
+    mask: Mask
+    bodies: Capsules | None = None
 
 
 def draw_mask(view: BoardView, capsules: Capsules, margin: float = 0.0, grow: int = 0) -> Mask:

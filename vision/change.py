@@ -12,7 +12,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.features import Light, length, square_means
+from vision.features import Light
+from vision.loops import changes
+from vision.sight import MARGIN, SQUARE_PX
 
 Array = NDArray[np.float64]
 
@@ -33,10 +35,12 @@ def change_measures(light: Light, reference: Light) -> Array:
         light: of the sight, as if it had the exposure of the reference.
         reference: of the earlier one.
     """
-    colour = square_means(np.abs(light.level - reference.level).sum(axis=2), MIDDLE)
-    moved = square_means(length(light.slopes - reference.slopes), MIDDLE)
-    turned = moved / (square_means(light.size + reference.size, MIDDLE) + 0.01)
-    colour, turned = np.log(colour + 0.01), np.log(turned + 0.02)
+    edge = round(0.5 * (1.0 - MIDDLE) * SQUARE_PX)
+    colour, moved, size = changes(
+        light.level, reference.level, light.slopes, reference.slopes, light.size, reference.size,
+        MARGIN * SQUARE_PX, SQUARE_PX, edge,
+    ).T  # fmt: skip
+    colour, turned = np.log(colour + 0.01), np.log(moved / (size + 0.01) + 0.02)
     return np.stack([colour - np.median(colour), turned - np.median(turned), colour, turned], axis=1)
 
 

@@ -7,13 +7,14 @@ without changing what is to be seen in it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.brightness import LOGARITHM
+from vision.loops import slopes_of
 from vision.sight import MARGIN, PLAN_PX, SQUARE_PX, Field, Picture
 
 Array = NDArray[np.float64]
@@ -43,23 +44,16 @@ class Light:
 
     def brighter(self, step: Array) -> Light:
         """The same, with so much more light in each colour, shape (3,), logarithmic."""
-        return replace(self, level=self.level + step.astype(np.float32))
+        offset: Any = (*step.tolist(), 0.0)  # a scalar to OpenCV, of which its type stubs do not know
+        brighter = cv2.add(self.level, offset)
+        return replace(self, level=np.asarray(brighter, dtype=np.float32))
 
 
 def light_of(plan: Picture) -> Light:
     """Logarithmic brightness and gradients of a plan."""
     level = np.asarray(cv2.LUT(plan, LOGARITHM), dtype=np.float32)
     smooth = cv2.GaussianBlur(level, (0, 0), SMOOTHING)
-    slopes = np.empty((*level.shape[:2], 6), dtype=np.float32)
-    slopes[..., :3] = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=1 / 8)
-    slopes[..., 3:] = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=1 / 8)
-    return Light(level, slopes, length(slopes))
-
-
-def length(slopes: Field) -> Field:
-    """Length of gradients (h, w, 6): shape (h, w)."""
-    size: Field = np.sqrt(np.einsum("ijk,ijk->ij", slopes, slopes))
-    return size
+    return Light(level, *slopes_of(np.asarray(smooth, dtype=np.float32)))
 
 
 def exposure_step(light: Light, reference: Light) -> Array:
@@ -99,13 +93,3 @@ def by_square(picture: Field, count: int) -> Field:
     cut = picture.reshape(8, count, 8, count, -1).transpose(0, 2, 1, 3, 4)
     squares: Field = cut[::-1].reshape(64, count, count, -1)
     return squares
-
-
-def square_means(picture: Field, share: float) -> Array:
-    """Means of a plan (PLAN_PX, PLAN_PX) over the middle of each square, ``share`` of its side wide: shape (64,)."""
-    start = MARGIN * SQUARE_PX
-    board = picture[start : start + 8 * SQUARE_PX, start : start + 8 * SQUARE_PX, None]
-    edge = round(0.5 * (1.0 - share) * SQUARE_PX)
-    middle = by_square(board, SQUARE_PX)[:, edge : SQUARE_PX - edge, edge : SQUARE_PX - edge, 0]
-    means: Array = middle.mean(axis=(1, 2)).astype(float)
-    return means

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, TableSettings
-from vision.zone import NO_SQUARE, Floats, Mask, Space
+from vision.arm_mask import Capsules
+from vision.loops import learn_heights, measure_parts, squares_under, stand_out
+from vision.zone import Floats, Mask, Space
 
 TALLEST: Final = max(shape.height for shape in PIECE_SHAPES.values())
 """Height of the tallest piece [m]."""
@@ -27,6 +29,10 @@ _RIM: Final = 0.012
 """What comes so near to the border of the space that is watched comes in from outside [m]."""
 _TOUCHING: Final = 0.11
 """A hand whose skin is seen lower than this may touch what stands below [m]."""
+_BORDER: Final = 3
+"""So does what comes so near to the picture's edge, in the small picture [px]."""
+_NO_ENDS: Final = np.zeros((0, 2, 3))
+_NO_RADII: Final = np.zeros(0)
 _SMALL: Final = np.ones((3, 3), dtype=np.uint8)
 
 
@@ -72,81 +78,57 @@ class Heights:
         large: float = 0.006,
     ) -> None:
         self._space, self._table = space, table
-        self._lowest, self._ceiling = TALLEST + margin, ceiling
+        self._limits = np.array([TALLEST + margin, ceiling, _STANDS, _RISES], dtype=np.float32)
+        self._half = np.array(space.half, dtype=np.float32)
         self._least, self._reach, self._large = least, reach, large
-        self._background: Floats | None = None
+        shape = space.ray.shape[1:]
+        self._usual = np.full(shape, np.inf, dtype=np.float32)
+        self._nothing = np.zeros(shape, dtype=np.bool_)
 
-    def look(self, depth: Floats, hidden: Mask | None) -> Relief:
+    def look(self, depth: Floats, hidden: Mask | None, known: Capsules | None = None) -> Relief:
         """Take a picture in.
 
         Args:
             depth: small picture of distances along the view, 0 where there is none [m].
             hidden: small mask of where something known, such as the arm, is before the table.
+            known: where that is in space; what ``hidden`` covers is seen nevertheless if it is outside of all of these.
+                None: nothing is seen there.
         """
-        height = self._space.coordinate(depth, 2)
-        there = (depth > 0.0) & (height < self._ceiling)
-        if hidden is not None:
-            there &= ~hidden
-        tall = there & (height > self._lowest)
-        low = np.zeros_like(tall)
-        if self._background is not None:
-            low = there & (height > _STANDS) & (height - self._background > _RISES)
-        if not (tall.any() or low.any()):
+        space = self._space
+        found = stand_out(
+            depth, space.ray, space.position, self._mask(hidden), self._usual, self._limits, self._half,
+            _NO_ENDS if known is None else known.ends, _NO_RADII if known is None else known.radii,
+        )  # fmt: skip
+        if not found.any():
             return NOTHING
-        x, y = self._space.coordinate(depth, 0), self._space.coordinate(depth, 1)
-        inside = (np.abs(x) < self._space.half[0]) & (np.abs(y) < self._space.half[1])
-        area, mask = self._hand(tall & inside, low & inside, depth, self._near_rim(x, y))
-        if mask is None:
+        mask = cv2.morphologyEx(np.minimum(found, 1), cv2.MORPH_OPEN, _SMALL)
+        count, labels = cv2.connectedComponents(mask, connectivity=8)
+        if count == 1:
             return NOTHING
-        where = self._squares(x, y)
-        return Relief(area, _covered(where[mask]), _covered(where[mask & (height < _TOUCHING)]))
+        parts = np.asarray(labels, dtype=np.int32)
+        areas, high, enters = measure_parts(
+            parts, count, found, depth, space.ray, space.position, space.pixel, self._half - np.float32(_RIM), _BORDER
+        )
+        chosen = (high >= self._least) | (enters & (areas >= self._reach)) | (areas >= self._large)
+        if not chosen.any():
+            return NOTHING
+        counts = squares_under(parts, chosen, depth, space.ray, space.position, self._table.square, _TOUCHING)
+        return Relief(float(areas[chosen].sum()), _covered(counts[0]), _covered(counts[1]))
 
     def learn(self, depth: Floats, hidden: Mask | None, *, moved: bool) -> None:
         """A picture of the settled board; arguments as of ``Differences.learn``."""
-        height = self._space.coordinate(depth, 2)
-        seen = depth > 0.0 if hidden is None else (depth > 0.0) & ~hidden
-        if self._background is None:
-            self._background = np.full(depth.shape, np.inf, dtype=np.float32)
-        known = np.isfinite(self._background)
-        share = np.where(known & (not moved), np.float32(_LEARNING), np.float32(1.0))
-        before = np.where(known, self._background, np.float32(0.0))
-        self._background = np.where(seen, before + share * (height - before), self._background).astype(np.float32)
+        space = self._space
+        share = 1.0 if moved else _LEARNING
+        learn_heights(depth, space.ray[2], self._mask(hidden), self._usual, float(space.position[2]), share)
 
     def forget(self) -> None:
         """The table is no longer where it was."""
-        self._background = None
+        self._usual.fill(np.inf)
 
-    def _near_rim(self, x: Floats, y: Floats) -> Mask:
-        half_x, half_y = self._space.half
-        near = (np.abs(x) > half_x - _RIM) | (np.abs(y) > half_y - _RIM)
-        near[:3], near[-3:], near[:, :3], near[:, -3:] = True, True, True, True
-        return near
-
-    def _hand(self, tall: Mask, low: Mask, depth: Floats, rim: Mask) -> tuple[float, Mask | None]:
-        """Area of all parts that must be a hand [m²], and where they are."""
-        mask = cv2.morphologyEx((tall | low).astype(np.uint8), cv2.MORPH_OPEN, _SMALL)
-        count, labels = cv2.connectedComponents(mask, connectivity=8)
-        if count == 1:
-            return 0.0, None
-        flat = labels.ravel()
-        pixels = (depth * depth).ravel() * np.float32(self._space.pixel)
-        areas = np.bincount(flat, weights=pixels, minlength=count)
-        high = np.bincount(flat, weights=pixels * tall.ravel(), minlength=count)
-        enters = np.bincount(labels[rim], minlength=count) > 0
-        hands = (high >= self._least) | (enters & (areas >= self._reach)) | (areas >= self._large)
-        hands[0] = False
-        if not hands.any():
-            return 0.0, None
-        return float(areas[hands].sum()), hands[labels]
-
-    def _squares(self, x: Floats, y: Floats) -> NDArray[np.intp]:
-        side = self._table.square
-        file, rank = np.floor(x / side + 4.0), np.floor(y / side + 4.0)
-        on_board = (file >= 0) & (file < 8) & (rank >= 0) & (rank < 8)
-        return np.where(on_board, file + 8 * rank, NO_SQUARE).astype(np.intp)
+    def _mask(self, hidden: Mask | None) -> Mask:
+        return self._nothing if hidden is None else hidden
 
 
-def _covered(squares: NDArray[np.intp]) -> frozenset[int]:
-    """Squares of which at least a few pixels are among these."""
-    counts = np.bincount(squares, minlength=NO_SQUARE + 1)[:NO_SQUARE]
+def _covered(counts: NDArray[np.int64]) -> frozenset[int]:
+    """Squares of which at least a few pixels are counted."""
     return frozenset(np.flatnonzero(counts >= 6).tolist())

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hardware.interfaces import Frame
 from vision.board import BoardView
 from vision.brightness import LOGARITHM
+from vision.loops import colour_sums, lay_out, tops
 from vision.room import hidden_by, room_of
 
 Array = NDArray[np.float64]
@@ -72,14 +73,9 @@ def solids_of(frame: Frame, view: BoardView) -> Solids:
     """
     if frame.depth is None:
         raise ValueError("this frame has no depth: solids are seen by a camera that has it")
-    window, x, y, z = _points(frame.depth, view)
-    file, rank = np.floor(x), np.floor(y)
-    over = (np.abs(x - file - 0.5) < REACH) & (np.abs(y - rank - 0.5) < REACH)
-    over &= (file >= 0) & (file < 8) & (rank >= 0) & (rank < 8) & (frame.depth[window] > 0.0)
-    square = (8.0 * rank + file).astype(np.int32)
+    window, square, z, over = _points(frame.depth, view)
     stands = over & (z > TALL) & (z < CEILING)
-    of_piece = square[stands]
-    count = np.bincount(of_piece, minlength=64)
+    count = np.bincount(square[stands], minlength=64)
     core = cv2.erode(stands.astype(np.uint8), np.ones((FAT, FAT), np.uint8)).astype(np.bool_)
     colour, cored = _colour(frame.colour[window], square, core)
     if (cored < CORE).any():
@@ -88,40 +84,26 @@ def solids_of(frame: Frame, view: BoardView) -> Solids:
     above = np.bincount(square[over & (z >= CEILING) & (z < HOVERING)], minlength=64)
     seen = np.bincount(square[over & (z < HOVERING)], minlength=64)
     label = np.zeros(frame.depth.shape, dtype=np.uint8)
-    on_board = (file >= 0) & (file < 8) & (rank >= 0) & (rank < 8) & (z < CEILING)
-    up = (z > TALL) & (frame.depth[window] > 0.0)
-    label[window] = np.where(up, np.where(on_board, 8.0 * rank + file + 1.0, OFF_BOARD), 0.0)
-    other = hidden_by(label, view)
-    return Solids(seen, count, above, _tops(of_piece, z[stands], count), colour, room_of(frame.depth, view), other)
+    up, on_board = (z > TALL) & (frame.depth[window] > 0.0), (square < 64) & (z < CEILING)
+    label[window] = np.where(up, np.where(on_board, square + 1, OFF_BOARD), 0)
+    top = tops(square, stands, z, count, HIGHEST)
+    return Solids(seen, count, above, top, colour, room_of(frame.depth, view), hidden_by(label, view))
 
 
 def _colour(
     picture: NDArray[np.uint8], square: NDArray[np.int32], where: NDArray[np.bool_]
 ) -> tuple[Array, NDArray[np.intp]]:
     """Mean logarithmic colour of each square's points, shape (64, 3), and how many they are."""
-    of_square, pixels = square[where], picture[where]
-    count = np.bincount(of_square, minlength=64)
-    level = [np.bincount(of_square, LOGARITHM[pixels[:, band]], minlength=64) for band in range(3)]
-    return np.stack(level, axis=1) / np.maximum(count, 1)[:, None], count
+    sums, count = colour_sums(picture, LOGARITHM, square, where)
+    return sums[:64] / np.maximum(count[:64], 1)[:, None], count[:64]
 
 
-def _tops(square: NDArray[np.int32], height: NDArray[np.float32], count: NDArray[np.intp]) -> Array:
-    """The height below which ``HIGHEST`` of each square's points are, shape (64,) [m]."""
-    order = np.lexsort((height, square))
-    ordered = height[order]
-    ends = np.cumsum(count)
-    which = np.minimum(ends - count + (HIGHEST * count).astype(np.intp), np.maximum(len(ordered) - 1, 0))
-    if not len(ordered):
-        return np.zeros(64)
-    return np.where(count > 0, ordered[which], 0.0).astype(float)
-
-
-def _points(depth: Field, view: BoardView) -> tuple[tuple[slice, slice], Field, Field, Field]:
+def _points(depth: Field, view: BoardView) -> tuple[tuple[slice, slice], NDArray[np.int32], Field, NDArray[np.bool_]]:
     """The part of a picture that may show the board or what stands on it, and the points of its pixels.
 
     Returns:
-        Rows and columns of the part; then x and y [sides of a square, from the outer corner of a1] and z [m] for each
-        of its pixels.
+        Rows and columns of the part; then for each of its pixels the square, the height [m], and whether it is over the
+        middle of the square; see ``vision.loops.lay_out``.
     """
     half = 4.0 * view.table.square
     box = np.array([[x, y, z] for x in (-half, half) for y in (-half, half) for z in (0.0, CEILING)])
@@ -133,14 +115,14 @@ def _points(depth: Field, view: BoardView) -> tuple[tuple[slice, slice], Field, 
     pinhole, turn, shift = view.intrinsics, view.camera_from_board[:3, :3], view.camera_from_board[:3, 3]
     u = (np.arange(left, right) - pinhole.cx) / pinhole.fx
     v = (np.arange(top, bottom) - pinhole.cy) / pinhole.fy
-    away = depth[window]
-    coordinates = []
+    rows, columns, start = [], [], []
     for axis in range(3):  # a point is its ray times its depth, turned into the board frame: linear in columns and rows
         a, b, c = turn[:, axis]
         offset = -float(turn[:, axis] @ shift)
         scale = 1.0 if axis == 2 else 1.0 / view.table.square
-        start = offset * scale + (0.0 if axis == 2 else 4.0)
-        ray = ((b * v + c) * scale).astype(np.float32)[:, None] + (a * u * scale).astype(np.float32)
-        coordinates.append(ray * away + np.float32(start))
-    x, y, z = coordinates
-    return window, x, y, z
+        start.append(offset * scale + (0.0 if axis == 2 else 4.0))
+        rows.append((b * v + c) * scale)
+        columns.append(a * u * scale)
+    across, along, origin = (np.array(one, dtype=np.float32) for one in (rows, columns, start))
+    square, z, over = lay_out(depth[window], across, along, origin, REACH)
+    return window, square, z, over

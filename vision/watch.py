@@ -3,7 +3,8 @@
 Frame by frame and without any clock of its own: time is what frames are stamped with. With depth a hand is what stands
 higher than any piece, or reaches in from outside (:mod:`vision.heights`); without, it is what differs from the settled
 board, whatever the light does, and reaches in from outside (:mod:`vision.difference`). What is known to be before the
-table, such as the arm's links, is masked by whoever knows where it is.
+table, such as the arm's links, is masked by whoever knows where it is. A frame of depth alone tells of hands just as
+well, but not whether anything moves: the board is not settled in it.
 """
 
 from __future__ import annotations
@@ -15,13 +16,15 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hardware.interfaces import Frame
+from hardware.interfaces import DepthFrame, Frame
+from vision.arm_mask import Hidden
 from vision.board import BoardView
 from vision.difference import Differences, Glance
 from vision.heights import Heights, Relief
 from vision.zone import Floats, Mask, Space, Zone, shrink
 
 Picture = NDArray[np.uint8]
+_T = TypeVar("_T", bound=np.generic)
 
 _NOBODY: Final = frozenset[int]()
 _DARK: Final = 12.0
@@ -71,7 +74,7 @@ class Seen:
         hand_present: a hand, or whatever else is no piece, is over the board or the trays.
         hand_area: of what this frame shows of it [squares].
         over: squares that it is over in this frame, 0 = a1 … 63 = h8.
-        moving: something moves over the board.
+        moving: something moves over the board, or may: without colour nobody can tell.
         stable_since: stamp of the first frame since which nothing moved and no hand was there; None: not now [s].
         settled: that has been so for the stable time.
         touched: squares at which a hand was, low enough to touch, since the board was settled the last time; once it is
@@ -117,13 +120,13 @@ class Watch:
         self._view: BoardView | None = None
         self._senses: _Senses | None = None
 
-    def update(self, frame: Frame, view: BoardView, hidden: Mask | None = None) -> Seen:
+    def update(self, frame: Frame | DepthFrame, view: BoardView, hidden: Mask | Hidden | None = None) -> Seen:
         """Take a frame in.
 
         Args:
             frame: by the camera of the view, later than the ones before.
             view: where the board is; another one than the last begins anew.
-            hidden: where the arm, or anything else that is known, is before the table, shape (height, width).
+            hidden: where the arm, or anything else that is known, is before the table; a mask is (height, width).
 
         Raises:
             ValueError: the frame is by another camera, older than the last, or the mask has another size.
@@ -134,11 +137,18 @@ class Watch:
             zone = Zone.of_view(view, self._settings.margin)
             heights = Heights(Space.of_view(view, self._settings.space_margin), view.table)
             self._view, self._senses = view, _Senses(self._settings, zone, heights, view.table.square)
-        return self._senses.take(frame.colour, frame.depth, frame.stamp, hidden)
+        colour = frame.colour if isinstance(frame, Frame) else None
+        known = hidden if isinstance(hidden, Hidden) or hidden is None else Hidden(hidden)
+        return self._senses.take(colour, frame.depth, frame.stamp, known)
 
     def forget(self) -> None:
         """Begin anew: the camera or the board was moved."""
         self._view = self._senses = None
+
+    def pause(self) -> None:
+        """Nobody looks for a while: the last frames will say nothing of the next one, but the board stays known."""
+        if self._senses is not None:
+            self._senses.pause()
 
 
 class ColourWatch:
@@ -172,7 +182,7 @@ class ColourWatch:
             self._senses, self._size = _Senses(self._settings, zone, None, 1.0), colour.shape
         if colour.shape != self._size:
             raise ValueError(f"a frame of shape {colour.shape} came after ones of {self._size}: watch one camera")
-        return self._senses.take(colour, None, stamp, hidden)
+        return self._senses.take(colour, None, stamp, None if hidden is None else Hidden(hidden))
 
 
 class _Senses:
@@ -185,38 +195,51 @@ class _Senses:
         self._course = _Course()
         self._stamp = float("-inf")
 
-    def take(self, colour: Picture, depth: NDArray[np.float32] | None, stamp: float, hidden: Mask | None) -> Seen:
-        """See ``Watch.update``."""
+    def pause(self) -> None:
+        """See ``Watch.pause``."""
+        self._course = _Course()
+
+    def take(
+        self, colour: Picture | None, depth: NDArray[np.float32] | None, stamp: float, hidden: Hidden | None
+    ) -> Seen:
+        """See ``Watch.update``; ``colour`` None: depth must be there."""
         if stamp <= self._stamp:
             raise ValueError(f"a frame of {stamp:.3f} s came after one of {self._stamp:.3f} s: give them in order")
-        if hidden is not None and hidden.shape != colour.shape[:2]:
-            raise ValueError(f"a mask of shape {hidden.shape} does not fit a picture of shape {colour.shape[:2]}")
+        shape = next(picture.shape[:2] for picture in (colour, depth) if picture is not None)
+        if hidden is not None and hidden.mask.shape != shape:
+            raise ValueError(f"a mask of shape {hidden.mask.shape} does not fit a picture of shape {shape}")
         if self._course.settled:
             self._course.touched = _NOBODY  # told with that frame
         before, self._stamp = self._stamp, stamp
-        step = self._zone.step
-        small = shrink(colour, step)
-        covered = None if hidden is None else _every(hidden, step, small)
-        distance = None if depth is None or self._heights is None else _every(depth, step, small)
-        glance = self._differences.look(small, covered, reaching=distance is None)
-        relief = None if distance is None or self._heights is None else self._heights.look(distance, covered)
+        covered, bodies = (None, None) if hidden is None else (self._every(hidden.mask), hidden.bodies)
+        distance = None if depth is None or self._heights is None else self._every(depth)
+        relief = None if distance is None or self._heights is None else self._heights.look(distance, covered, bodies)
+        small = None if colour is None else shrink(colour, self._zone.step)
+        glance = None if small is None else self._differences.look(small, covered, reaching=distance is None)
         area, over, low = self._evidence(glance, relief)
-        if low and (relief is not None or glance.moving > 0.0):
+        if low and (relief is not None or (glance is not None and glance.moving > 0.0)):
             self._course.touched |= low
         self._judge_hand(area > 0.0)
-        moving = glance.moving > self._settings.motion
-        free = not (area > 0.0 or self._dark(small))
+        moving = glance is None or glance.moving > self._settings.motion
+        free = not (area > 0.0 or small is None or self._dark(small))
         # a frame that differs in nothing from the one before shows what that one showed: it has been so since then
         self._judge_rest(free and not moving and not self._course.hand, before if self._course.free else stamp)
         self._course.free = free
-        self._learn(small, distance, covered, still=not moving and relief is None)
+        if small is not None:
+            self._learn(small, distance, covered, still=not moving and relief is None)
         return self._tell(area, over, moving)
 
-    def _evidence(self, glance: Glance, relief: Relief | None) -> tuple[float, frozenset[int], frozenset[int]]:
+    def _evidence(self, glance: Glance | None, relief: Relief | None) -> tuple[float, frozenset[int], frozenset[int]]:
         """Area of a hand [squares], squares it is over, and those where it may touch something."""
-        if relief is None:
-            return glance.reaching, glance.over, glance.over
-        return relief.area / self._square**2, relief.over, relief.low
+        if relief is not None:
+            return relief.area / self._square**2, relief.over, relief.low
+        assert glance is not None  # a frame has colour or depth
+        return glance.reaching, glance.over, glance.over
+
+    def _every(self, pixels: NDArray[_T]) -> NDArray[_T]:
+        """Each ``step``-th pixel along both axes, as many as the small picture has."""
+        step, (height, width) = self._zone.step, self._zone.board.shape
+        return pixels[: step * height : step, : step * width : step]
 
     def _dark(self, small: Picture) -> bool:
         return float(np.percentile(small[::4, ::4][self._zone.board[::4, ::4]], 90)) < _DARK
@@ -263,11 +286,3 @@ class _Senses:
     def _tell(self, area: float, over: frozenset[int], moving: bool) -> Seen:
         course = self._course
         return Seen(self._stamp, course.hand, area, over, moving, course.since, course.settled, course.touched)
-
-
-_T = TypeVar("_T", bound=np.generic)
-
-
-def _every(pixels: NDArray[_T], step: int, small: Picture) -> NDArray[_T]:
-    """Each ``step``-th pixel along both axes, as many as the small picture has."""
-    return pixels[: step * small.shape[0] : step, : step * small.shape[1] : step]

@@ -13,6 +13,7 @@ from app.bench.vision_find import find_rows
 from app.bench.vision_games import game_rows, trouble_rows
 from app.bench.vision_hand import hand_rows
 from app.bench.vision_photos import VARIABLE, photo_folder, photo_rows
+from app.bench.vision_turn import turn_rows
 
 Progress = Callable[[str], None]
 
@@ -25,6 +26,7 @@ RENDERED: Final[dict[str, Callable[[bool, Progress], dict[str, Row]]]] = {
 WHOLE_RIG: Final[dict[str, Callable[[bool, Progress], dict[str, Row]]]] = {
     "calibration": calibration_rows,
     "hands": hand_rows,
+    "turns": turn_rows,
 }
 """These start a world and a controller; too slow for ``quick``."""
 

@@ -36,6 +36,8 @@ ROD_HALF_DISTANCE = 0.024
 ROD_RADIUS = 0.004
 SAMPLES = 4
 """Of each pixel of a colour picture."""
+COARSE = 2
+"""What tells of glare alone has so many times fewer pixels along each axis."""
 NICE = 5
 """Pictures step back behind the plant's ticks [steps of the scheduler's niceness]."""
 SENSOR_VIEW = "camera"
@@ -92,6 +94,9 @@ class Easel:
         self._looks = shot.looks or self._looks
         self._mount.look(self._looks.mount, depth=False)
         sensor = shot.sensor
+        if sensor is not None and not sensor.colour:
+            self._sense_depth(sensor, file, self._glance(sensor))
+            return
         picture = self._sense(sensor, file) if sensor is not None else self._see(shot.view, WIDTH, HEIGHT)
         file[DEPTH_BYTES : DEPTH_BYTES + picture.size] = picture.ravel()
 
@@ -113,19 +118,32 @@ class Easel:
         camera, exposure = sensor.camera, self._looks.exposure
         ideal = self._see(SENSOR_VIEW, camera.width, camera.height)
         if sensor.depth:
-            self._mount.look(self._looks.mount, depth=True)
-            units = self._measure(sensor, self._see_depth(), ideal)
-            file[:DEPTH_BYTES] = units.view(np.uint8).ravel()
+            self._sense_depth(sensor, file, ideal)
         return colour_picture(
             ideal, COLOUR.noisier(camera.noise) if camera.noise else None, exposure=exposure.time, gain=exposure.gain,
             white_balance=exposure.white_balance, rng=_noise(sensor, _COLOUR_NOISE),
         )  # fmt: skip
 
+    def _sense_depth(self, sensor: Sensor, file: NDArray[np.uint8], ideal: NDArray[np.uint8]) -> None:
+        self._mount.look(self._looks.mount, depth=True)
+        units = self._measure(sensor, self._see_depth(), ideal)
+        file[:DEPTH_BYTES] = units.view(np.uint8).ravel()
+
+    def _glance(self, sensor: Sensor) -> NDArray[np.uint8]:
+        """Where it is so bright that depth fails, for a frame without colour: coarse, and without smooth edges.
+
+        With shadows, although they take most of its time: OpenGL cuts off the light of all lamps together where there
+        are none, and bright squares would not glare.
+        """
+        width, height = sensor.camera.width // COARSE, sensor.camera.height // COARSE
+        picture: NDArray[np.uint8] = self._prepared(SENSOR_VIEW, width, height, samples=0).render()
+        return picture
+
     def _measure(self, sensor: Sensor, depth: NDArray[np.float32], ideal: NDArray[np.uint8]) -> NDArray[np.uint16]:
         camera = sensor.camera
         if not camera.noise:
             return whole_units(depth, camera.depth_unit)
-        pinhole = colour_intrinsics(camera.width, camera.height)
+        pinhole = colour_intrinsics(ideal.shape[1], ideal.shape[0])
         grey = seen_from_left(ideal, pinhole, depth, STEREO.intrinsics, LEFT_IMAGER)
         return depth_picture(depth, grey, STEREO.noisier(camera.noise), camera.depth_unit, _noise(sensor, _DEPTH_NOISE))
 
@@ -134,17 +152,17 @@ class Easel:
         return picture
 
     def _see_depth(self) -> NDArray[np.float32]:
-        renderer = self._prepared(SENSOR_VIEW, DEPTH_WIDTH, DEPTH_HEIGHT)
+        # smooth edges are for colour: depth of several samples mixed would lie between two surfaces
+        renderer = self._prepared(SENSOR_VIEW, DEPTH_WIDTH, DEPTH_HEIGHT, samples=0)
         renderer.enable_depth_rendering()
         depth: NDArray[np.float32] = renderer.render()
         renderer.disable_depth_rendering()
         return depth
 
-    def _prepared(self, view: str, width: int, height: int) -> mujoco.Renderer:
+    def _prepared(self, view: str, width: int, height: int, samples: int = SAMPLES) -> mujoco.Renderer:
         """The renderer of a size, with the scene as it is and from where it is seen."""
         if (width, height) not in self._renderers:
-            # smooth edges are for colour: depth of several samples mixed would lie between two surfaces
-            self._model.vis.quality.offsamples = 0 if (width, height) == (DEPTH_WIDTH, DEPTH_HEIGHT) else SAMPLES
+            self._model.vis.quality.offsamples = samples
             self._renderers[width, height] = mujoco.Renderer(self._model, height, width)
         renderer = self._renderers[width, height]
         mujoco.mj_camlight(self._model, self._data)

@@ -125,6 +125,8 @@ class CameraService:
             visitor.tell({"error": "one frame or stream at a time: this one is under way"})
         elif isinstance(request, wire.Exposure | wire.WatchWish) and request.depth and request.camera != RGBD:
             visitor.tell({"error": f"the view '{request.camera}' has no depth: '{RGBD}' has"})
+        elif isinstance(request, wire.WatchWish) and not (request.depth or request.colour_asleep):
+            visitor.tell({"error": "a frame without colour and depth shows nothing: ask for one of them"})
         elif isinstance(request, wire.WatchWish):
             self._watch(view, request)
         elif isinstance(request, wire.Exposure):
@@ -149,8 +151,9 @@ class CameraService:
             frame_path(self._run_dir, slot).touch()
         first = self._after(self._plant.tick, request.watch_ticks)
         self._watchers[view.visitor] = Watcher(
-            view.visitor, request.camera, request.depth, request.watch_ticks, self._latency, slots, first
-        )
+            view.visitor, request.camera, request.depth, request.watch_ticks, self._latency, slots, first,
+            request.colour_asleep,
+        )  # fmt: skip
 
     def _hear_watcher(self, watcher: Watcher, request: wire.CameraRequest) -> None:
         if isinstance(request, wire.Taken):
@@ -199,7 +202,8 @@ class CameraService:
         tick = self._plant.tick
         flight = watcher.expose(tick)
         if flight is not None:
-            self._request(flight.slot, watcher.camera, watcher.depth, sensed=watcher.camera == RGBD)
+            sensed = watcher.camera == RGBD
+            self._request(flight.slot, watcher.camera, watcher.depth, sensed=sensed, colour=flight.colour)
         return watcher.deliver(tick, listen, lambda: watcher.visitor in self._watchers and self._renderer is not None)
 
     def close(self) -> None:
@@ -260,11 +264,11 @@ class CameraService:
         # streams are for people: clean pictures, quickly drawn
         self._request(view.slot, camera, depth, sensed=camera == RGBD and not view.every)
 
-    def _request(self, slot: int, camera: str, depth: bool, sensed: bool) -> None:
+    def _request(self, slot: int, camera: str, depth: bool, sensed: bool, colour: bool = True) -> None:
         if self._renderer is None:
             return
         tick = self._plant.tick
-        sensor = Sensor(camera=self._camera, seed=self._seed, tick=tick, depth=depth) if sensed else None
+        sensor = Sensor(camera=self._camera, seed=self._seed, tick=tick, depth=depth, colour=colour) if sensed else None
         shot = Shot(slot=slot, view=camera, looks=self._stage.looks, sensor=sensor)
         try:
             self._renderer.request(shot, self._plant.positions())

@@ -53,6 +53,8 @@ class Sensor(BaseModel):
     tick: int
     depth: bool
     """Whether the depth picture is wanted as well."""
+    colour: bool = True
+    """Whether the colour picture is wanted: it takes most of the time. Without, the file keeps an older one."""
 
 
 class Shot(BaseModel):
@@ -86,19 +88,23 @@ def frame_path(run_dir: Path, slot: int) -> Path:
 
 
 def load_pictures(
-    path: Path, width: int, height: int, *, depth: bool
+    path: Path, width: int, height: int, *, depth: bool, colour: bool = True
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint16] | None]:
     """What was drawn into a slot's file.
 
     Returns:
-        Colour (height, width, 3) RGB; depth as the imager has it, in whole units, or None where it is not wanted.
+        Colour (height, width, 3) RGB, black where it is not wanted; depth as the imager has it, in whole units, or None
+        where it is not wanted.
     """
     shape = (height, width, 3)
-    colour = np.fromfile(path, dtype=np.uint8, offset=DEPTH_BYTES, count=math.prod(shape)).reshape(shape)
+    if colour:
+        picture = np.fromfile(path, dtype=np.uint8, offset=DEPTH_BYTES, count=math.prod(shape)).reshape(shape)
+    else:
+        picture = np.zeros(shape, dtype=np.uint8)
     if not depth:
-        return colour, None
+        return picture, None
     units = np.fromfile(path, dtype=np.uint16, count=DEPTH_WIDTH * DEPTH_HEIGHT)
-    return colour, units.reshape(DEPTH_HEIGHT, DEPTH_WIDTH)
+    return picture, units.reshape(DEPTH_HEIGHT, DEPTH_WIDTH)
 
 
 def intrinsics_for(vertical_field_of_view: float) -> Intrinsics:

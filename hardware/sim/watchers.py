@@ -26,12 +26,14 @@ class Flight:
         slot: into whose file it is drawn.
         exposed: tick of exposure.
         due: tick of delivery.
+        colour: it has colour; else depth alone.
         drawing: it is not drawn yet.
     """
 
     slot: int
     exposed: int
     due: int
+    colour: bool = True
     drawing: bool = True
 
 
@@ -47,6 +49,7 @@ class Watcher:
         latency: from exposure to delivery [ticks].
         free: slots that no frame is in.
         exposes: tick of the next exposure.
+        colour_asleep: frames have colour also while ``wake`` is False.
         wake: plant time runs for it, also while nothing moves.
         flights: frames under way, oldest first.
         held: slot of the frame that was delivered and not taken.
@@ -59,6 +62,7 @@ class Watcher:
     latency: int
     free: list[int]
     exposes: int
+    colour_asleep: bool = True
     wake: bool = False
     flights: list[Flight] = field(default_factory=list)
     held: int | None = None
@@ -81,7 +85,7 @@ class Watcher:
         self.exposes = (tick // self.every + 1) * self.every
         if not self.free:
             return None
-        flight = Flight(self.free.pop(0), tick, tick + self.latency)
+        flight = Flight(self.free.pop(0), tick, tick + self.latency, self.wake or self.colour_asleep)
         self.flights.append(flight)
         return flight
 
@@ -115,7 +119,7 @@ class Watcher:
                 self.free.append(flight.slot)
                 continue
             self.held = flight.slot
-            self.visitor.tell({"exposed": flight.exposed, "tick": tick, "slot": flight.slot})
+            self.visitor.tell({"exposed": flight.exposed, "tick": tick, "slot": flight.slot, "colour": flight.colour})
             if listen is not None:
                 self._wait(lambda: self.held is not None, listen, present)
         return waited

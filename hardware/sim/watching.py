@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hardware.framesets import FrameMaker
-from hardware.interfaces import CameraClosed, Frame, HardwareError, Intrinsics, StaleFrame
+from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics, StaleFrame
 from hardware.sim import wire
 from hardware.sim.clients import connect_camera, depth_stream
 from hardware.sim.renderer import frame_path, load_pictures
@@ -30,17 +30,24 @@ class SimWatchCamera:
         interval: from frame to frame, plant time [s].
     """
 
-    def __init__(self, run_dir: Path, interval: float = 1.0 / 30.0, depth: bool = True) -> None:
+    def __init__(
+        self, run_dir: Path, interval: float = 1.0 / 30.0, depth: bool = True, colour_asleep: bool = True
+    ) -> None:
         """Connect to the world of a run directory.
 
         Args:
             run_dir: of the world.
             interval: from frame to frame [s].
             depth: whether frames have depth.
+            colour_asleep: whether frames have colour also while the camera was not woken up. With it a frame
+                takes the renderer more than twice as long; False: there is depth alone while the arm moves.
 
         Raises:
             HardwareError: no world answers, or it has no cameras.
+            ValueError: frames would have neither depth nor colour.
         """
+        if not (depth or colour_asleep):
+            raise ValueError("a frame without colour and depth shows nothing: ask for one of them")
         self._link, answer = connect_camera(run_dir, "camera")
         view = answer["views"]["camera"]
         self._run_dir = run_dir
@@ -54,7 +61,7 @@ class SimWatchCamera:
         self._held = self._closed = self._watching = False
         self._reading, self._sending = threading.Lock(), threading.Lock()
         self._link.settimeout(_GLANCE)
-        self._wish = {"camera": "camera", "watch_ticks": ticks, "depth": depth}
+        self._wish = {"camera": "camera", "watch_ticks": ticks, "depth": depth, "colour_asleep": colour_asleep}
 
     def wake(self, awake: bool) -> None:
         """Whether plant time shall run for this camera, also while nothing moves; pace real: no difference."""
@@ -68,8 +75,11 @@ class SimWatchCamera:
         if held:
             self._tell({"taken": True})
 
-    def read(self, max_age: float = 0.25) -> Frame:
+    def read(self, max_age: float = 0.25) -> Frame | DepthFrame:
         """See ``Camera.read``; waits for a frame however long plant time stands.
+
+        Returns:
+            With depth alone if it was exposed while the camera was asleep and colour is not wanted then.
 
         Raises:
             StaleFrame: the frame came later than ``max_age`` after its exposure.
@@ -82,7 +92,7 @@ class SimWatchCamera:
             answer = self._next()
             self._held = True
             exposed = int(answer["exposed"])
-            frame = self._load(int(answer["slot"]), exposed * self._period)
+            frame = self._load(int(answer["slot"]), exposed * self._period, colour=bool(answer["colour"]))
         age = (int(answer["tick"]) - exposed) * self._period
         if age > max_age:
             raise StaleFrame(age, max_age)
@@ -113,10 +123,15 @@ class SimWatchCamera:
             return wire.understood(message)
         raise CameraClosed
 
-    def _load(self, slot: int, stamp: float) -> Frame:
+    def _load(self, slot: int, stamp: float, *, colour: bool) -> Frame | DepthFrame:
         pinhole = self.intrinsics
-        colour, units = load_pictures(frame_path(self._run_dir, slot), pinhole.width, pinhole.height, depth=self._depth)
-        return self._maker.make(self._device.pass_through(colour, units, stamp), stamp)
+        picture, units = load_pictures(
+            frame_path(self._run_dir, slot), pinhole.width, pinhole.height, depth=self._depth, colour=colour
+        )
+        frame = self._maker.make(self._device.pass_through(picture, units, stamp), stamp)
+        if colour or frame.depth is None:
+            return frame
+        return DepthFrame(frame.depth, frame.intrinsics, stamp)
 
     def _tell(self, message: dict[str, Any]) -> None:
         if self._closed:

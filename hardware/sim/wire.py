@@ -86,6 +86,8 @@ class WatchWish(_Message):
     camera: str
     watch_ticks: int = Field(ge=1, le=10**12)
     depth: bool = False
+    colour_asleep: bool = True
+    """Whether frames have colour also while the visitor has not woken plant time up; False wants depth."""
 
 
 class Wake(_Message):

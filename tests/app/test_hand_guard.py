@@ -14,7 +14,7 @@ import pytest
 from app.arm_view import ArmHistory
 from app.hand_guard import ArmMasks, Blind, HandGuard
 from app.watch_view import nominal_view
-from hardware.interfaces import CameraClosed, Frame, HardwareError, Intrinsics
+from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 
@@ -43,7 +43,7 @@ class Frames:
     """Hands out what is put in; as a camera whose reader waits."""
 
     def __init__(self) -> None:
-        self.waiting: queue.Queue[Frame | Exception] = queue.Queue()
+        self.waiting: queue.Queue[Frame | DepthFrame | Exception] = queue.Queue()
         self.woken: list[bool] = []
         self.released = 0
         self._stamp = 0.0
@@ -53,7 +53,11 @@ class Frames:
             self._stamp += 1.0 / 30.0
             self.waiting.put(Frame(COLOUR.copy(), depth.copy(), PINHOLE, self._stamp))
 
-    def read(self, max_age: float) -> Frame:
+    def put_bare(self, depth: Any) -> None:
+        self._stamp += 1.0 / 30.0
+        self.waiting.put(DepthFrame(depth.copy(), PINHOLE, self._stamp))
+
+    def read(self, max_age: float) -> Frame | DepthFrame:
         one = self.waiting.get(timeout=20.0)
         if isinstance(one, Exception):
             raise one
@@ -192,3 +196,42 @@ def test_a_guard_that_breaks_makes_the_arm_hold_first(frames: Frames, release_fa
         with pytest.raises(Blind, match="the world is gone" if release_fails else "a bug"):
             guard.clear()
         assert controller.asked == ["hold"]
+
+
+def test_a_persons_turn_ends_with_a_settled_frame_and_admits_no_motion(
+    frames: Frames, controller: Controller, guard: HandGuard
+) -> None:
+    frames.put(HAND, 3)
+    until(lambda: controller.asked == ["hold"])
+    found: list[Any] = []
+    waiter = threading.Thread(target=lambda: found.append(guard.settled()))
+    waiter.start()
+    frames.put(FREE, 15)
+    waiter.join(20.0)
+    (frame, seen) = found[0]
+    assert frame.colour.shape == (240, 320, 3)
+    assert frame.stamp == seen.stamp
+    assert seen.settled
+    assert controller.asked == ["hold"]
+    assert guard.hand_present  # the hold is in force until the board is cleared for a motion
+    frames.put(FREE, 5)
+    guard.clear()
+    assert controller.asked == ["hold", "resume"]
+
+
+def test_frames_of_depth_alone_hold_the_arm_but_clear_nothing(
+    frames: Frames, controller: Controller, guard: HandGuard
+) -> None:
+    for depth in (FREE, FREE, HAND, HAND):
+        frames.put_bare(depth)
+    until(lambda: controller.asked == ["hold"])
+    waiter = threading.Thread(target=guard.clear)
+    waiter.start()
+    for _ in range(15):
+        frames.put_bare(FREE)
+    until(frames.waiting.empty)
+    waiter.join(0.2)
+    assert waiter.is_alive()
+    frames.put(FREE, 12)
+    waiter.join(20.0)
+    assert controller.asked == ["hold", "resume"]

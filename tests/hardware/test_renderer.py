@@ -48,17 +48,23 @@ class Studio:
         self.renderer = Renderer(folder)
 
     def shoot(
-        self, camera: CameraSettings = IDEAL, seed: int = 1, tick: int = 1, depth: bool = True, **looks: Any
+        self,
+        camera: CameraSettings = IDEAL,
+        seed: int = 1,
+        tick: int = 1,
+        depth: bool = True,
+        colour: bool = True,
+        **looks: Any,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Colour (h, w, 3) and depth (480, 848) [m]."""
-        sensor = Sensor(camera=camera, seed=seed, tick=tick, depth=depth)
+        sensor = Sensor(camera=camera, seed=seed, tick=tick, depth=depth, colour=colour)
         shot = Shot(slot=0, view="camera", looks=Looks(**looks), sensor=sensor)
         self.renderer.request(shot, self._positions)
         self.renderer.take(wait=True)
         shape = (camera.height, camera.width, 3)
-        colour = np.fromfile(self._file, np.uint8, offset=DEPTH_BYTES, count=math.prod(shape)).reshape(shape)
+        picture = np.fromfile(self._file, np.uint8, offset=DEPTH_BYTES, count=math.prod(shape)).reshape(shape)
         units = np.fromfile(self._file, np.uint16, count=DEPTH_WIDTH * DEPTH_HEIGHT)
-        return colour, units.reshape(DEPTH_HEIGHT, DEPTH_WIDTH) * camera.depth_unit
+        return picture, units.reshape(DEPTH_HEIGHT, DEPTH_WIDTH) * camera.depth_unit
 
 
 @pytest.fixture(scope="module")
@@ -110,6 +116,16 @@ def test_the_same_seed_and_tick_give_the_same_bytes(studio: Studio) -> None:
         assert (other[0] != colour).mean() > 0.5
         assert (other[1] != depth).mean() > 0.5
     assert (studio.shoot(noisy, depth=False)[0] == colour).all(), "a picture is the same without depth"
+
+
+@pytest.mark.parametrize("brightness", [0.6, 1.2])
+def test_depth_is_the_same_without_colour_but_at_edges_of_glare(studio: Studio, brightness: float) -> None:
+    noisy, light = CameraSettings(), LightSettings(brightness=brightness)
+    _, whole = studio.shoot(noisy, light=light)
+    _, bare = studio.shoot(noisy, light=light, colour=False)
+    both = (whole > 0.0) & (bare > 0.0)
+    assert (whole[both] == bare[both]).all()
+    assert ((whole == 0.0) != (bare == 0.0)).mean() < 0.01
 
 
 def test_a_camera_turned_upside_down_sees_all_upside_down(studio: Studio) -> None:

@@ -109,4 +109,4 @@ def test_pace_real_delivers_late_what_is_drawn_late() -> None:
     assert not person.told
     one.drawn(flight.slot)
     one.deliver(40, None, lambda: True)
-    assert person.told == [{"exposed": 10, "tick": 40, "slot": flight.slot}]
+    assert person.told == [{"exposed": 10, "tick": 40, "slot": flight.slot, "colour": True}]

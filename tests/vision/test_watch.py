@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hardware.interfaces import Frame, Intrinsics
+from hardware.interfaces import DepthFrame, Frame, Intrinsics
 from hardware.table import TableSettings, square_place
 from tests.vision.views import looking_at
+from vision.arm_mask import Capsules, Hidden
 from vision.board import BoardView, playing_area
 from vision.video_gate import SettledView, VideoGate
 from vision.watch import ColourWatch, Seen, Watch, WatchSettings
@@ -317,3 +318,53 @@ def test_a_real_video_is_gated_as_people_would() -> None:
     start_up = 25  # frames before the first label; the board is free in some of them
     outside = [n for n in told if n > start_up and not any(first - 2 <= n <= last + 2 for first, last in intervals)]
     assert not outside
+
+
+def test_depth_alone_tells_of_a_hand_as_a_whole_frame_does_and_settles_nothing() -> None:
+    scene, whole, bare = Scene(), Watch(), Watch()
+    for _ in range(16):
+        frame = scene.frame(scene.picture(), scene.depth())
+        whole.update(frame, VIEW)
+        bare.update(frame, VIEW)
+    for y in (-0.30, -0.22, -0.18, -0.15, -0.12, -0.05, 0.0, -0.10, -0.20, -0.40, -0.50, -0.50, -0.50):
+        hand = (0.02, y, 0.10)
+        frame = scene.frame(scene.picture((0.02, y)), scene.depth(hand))
+        assert frame.depth is not None
+        seen = whole.update(frame, VIEW)
+        told = bare.update(DepthFrame(frame.depth, PINHOLE, frame.stamp), VIEW)
+        assert (told.hand_present, told.hand_area, told.over) == (seen.hand_present, seen.hand_area, seen.over)
+        assert told.moving
+        assert not told.settled
+    assert not told.hand_present
+    for _ in range(12):
+        told = bare.update(scene.frame(scene.picture(), scene.depth()), VIEW)
+    assert told.settled
+
+
+def test_a_hand_before_or_behind_the_arms_outline_is_seen_and_the_arm_is_not() -> None:
+    """The outline of something known covers all of the board here; only what is within it in space is left out."""
+    scene, everywhere = Scene(), np.ones((480, 640), dtype=np.bool_)
+    hand = (0.02, 0.0, 0.10)
+    slab = Capsules.of([[[0.02, -0.16, 0.10], [0.02, -0.14, 0.10]]], [0.17])
+    far = Capsules.of([[[0.02, 0.25, 0.30], [0.10, 0.25, 0.30]]], [0.05])
+    for bodies, seen_then in ((None, False), (slab, False), (far, True)):
+        watch = Watch()
+        for _ in range(3):
+            frame = scene.frame(scene.picture(), scene.depth(hand))
+            seen = watch.update(frame, VIEW, Hidden(everywhere, bodies))
+        assert seen.hand_present is seen_then, bodies
+
+
+def test_who_looks_again_after_a_pause_knows_the_board_and_no_hand() -> None:
+    scene, watch = Scene(), Watch()
+    for _ in range(16):
+        watch.update(scene.frame(scene.picture(), scene.depth()), VIEW)
+    for _ in range(3):
+        seen = watch.update(scene.frame(scene.picture((0.02, 0.0)), scene.depth((0.02, 0.0, 0.10))), VIEW)
+    assert seen.hand_present
+    watch.pause()
+    assert not watch.update(scene.frame(scene.picture(), scene.depth()), VIEW).hand_present
+    low = (0.02, 0.0, 0.05)  # lower than the tallest piece: only who knows the board sees that it came in
+    for _ in range(2):
+        seen = watch.update(scene.frame(scene.picture(), scene.depth(low)), VIEW)
+    assert seen.hand_present

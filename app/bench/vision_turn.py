@@ -1,0 +1,134 @@
+"""Row of bench ``vision``: how soon a person's move is known after the hand has left the board.
+
+A person plays both sides of a random game in a world of its own: hand, the guard's watch and the observer in the loop.
+When the fingertips leave the board's edge for the last time is the referee's word. The move is known when the frame
+that shows it settled was delivered, in plant time, and looked at, in time of the processor, which stands for plant time
+on a real robot.
+"""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, field
+from typing import Final
+
+import chess
+
+from app import UserError
+from app.bench.hand_scene import Follower, HandScene, hand_scene, until
+from app.bench.report import Row, row
+from app.bench.vision_games import Eye, Tally
+from app.hand_guard import HandGuard, Listener
+from app.hand_moves import hand_transfers
+from app.manipulation import transfers
+from hardware.interfaces import DepthFrame, Frame, HardwareError
+from hardware.sim.hand_actions import HandSettings, Withdraw
+from hardware.sim.hand_client import SimHand
+from hardware.table import Colour
+from vision.observer import Look
+from vision.verdict import Verdict
+from vision.watch import Seen, Watch
+
+SEED: Final = 31
+MOVES: Final = {True: 1, False: 40}
+"""By ``quick``."""
+A_WORLD: Final = 8
+"""So many moves are made in one world."""
+KNOWN_LIMIT: Final = 0.6
+"""From the hand's leaving the board until the move is known [s]."""
+LOOKS: Final = 5
+"""So many settled frames are looked at before the move counts as not read."""
+
+
+@dataclass(slots=True)
+class Figures:
+    """What was seen."""
+
+    known: list[float] = field(default_factory=list)
+    """From leaving to knowing [s]."""
+    wrong: list[float] = field(default_factory=list)
+    """1 for a move that was taken for another one."""
+    unread: list[float] = field(default_factory=list)
+    """1 for a move that had to be asked for."""
+
+
+def turn_rows(quick: bool, progress: Callable[[str], None]) -> dict[str, Row]:
+    """Measure; arguments and errors as of ``app.bench.vision_hand.hand_rows``."""
+    return measure(MOVES[quick], progress)
+
+
+def measure(moves: int, progress: Callable[[str], None], seed: int = SEED) -> dict[str, Row]:
+    """Measure with so many moves."""
+    figures, rng = Figures(), random.Random(seed)
+    try:
+        for first in range(0, moves, A_WORLD):
+            person = HandSettings(side=rng.choice(list(Colour)), speed=rng.uniform(0.5, 1.0))
+            with hand_scene(seed + first, person) as scene:
+                _play(scene, min(A_WORLD, moves - first), rng, figures, progress)
+    except HardwareError as error:
+        raise UserError(str(error)) from error
+    return rows_of(figures)
+
+
+def rows_of(figures: Figures) -> dict[str, Row]:
+    """The rows of some figures."""
+    rows = {"move wrong": row(figures.wrong, "1", 0.0, "max"), "move asked": row(figures.unread, "1")}
+    if figures.known:
+        rows["hand gone to move known"] = row(figures.known, "s", KNOWN_LIMIT, "max")
+    return rows
+
+
+def _play(scene: HandScene, moves: int, rng: random.Random, figures: Figures, progress: Callable[[str], None]) -> None:
+    """A game by hand. The camera watches from before the hand withdraws: pictures take most of the bench's time."""
+    board, inventory, watch = chess.Board(), scene.inventory, Watch()
+    with closing(SimHand(scene.run_dir)) as hand:
+        with scene.guard(watch=watch) as guard:
+            eye = Eye(guard.settled()[0], board, scene.table)
+        for _ in range(moves):
+            # a promotion is asked for where it is not seen; here it is about time
+            move = rng.choice([move for move in board.legal_moves if not move.promotion])
+            ply = transfers(board, move, inventory)
+            hand.perform(*hand_transfers(ply.transfers, scene.table))
+            hand.wait()
+            watch.pause()
+            delivered = dict[float, float]()
+            guard = scene.guard(_note_delivery(scene, delivered), watch)
+            with guard, closing(Follower(scene)) as follower:
+                hand.perform(Withdraw())
+                look = _note(guard, eye, follower, delivered, move, figures)
+                hand.wait()
+            board.push(move)
+            inventory = inventory.after(ply)
+            eye.observer.confirm(look, board)
+            last = f"known after {figures.known[-1]:.3f} s" if figures.known else "not read"
+            progress(f"{len(figures.wrong)} moves by hand, {ply.san}: {last}")
+
+
+def _note_delivery(scene: HandScene, delivered: dict[float, float]) -> Listener:
+    """Plant time stands while the listener is called, so it is the time of delivery."""
+
+    def note(frame: Frame | DepthFrame, _seen: Seen) -> None:
+        delivered[frame.stamp] = scene.history.newest
+
+    return note
+
+
+def _note(
+    guard: HandGuard, eye: Eye, follower: Follower, delivered: dict[float, float], move: chess.Move, figures: Figures
+) -> Look:
+    """Look until a move is read; ``delivered``: when frames came, by their stamps."""
+    for _ in range(LOOKS):
+        frame, _ = guard.settled()
+        since = time.thread_time()
+        look, decision = eye.read(frame, Tally())
+        spent = time.thread_time() - since
+        if decision.verdict is Verdict.MOVE:
+            left = until(lambda: follower.crossings()[-1:], "a hand that leaves the board")[0]
+            figures.known.append(delivered[frame.stamp] - left + spent)
+            break
+    figures.unread.append(float(decision.verdict is not Verdict.MOVE))
+    figures.wrong.append(float(decision.verdict is Verdict.MOVE and decision.moves != (move,)))
+    return look

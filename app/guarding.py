@@ -1,0 +1,77 @@
+"""A guard against hands for a game: put together from what a rig has, whatever kind of camera watches."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Final
+
+from app.arm_view import ArmHistory
+from app.hand_guard import ArmMasks, HandGuard, Holder, WatchedFrames
+from hardware.interfaces import Camera, CameraClosed, Frame
+from hardware.parameters import RobotParameters
+from hardware.table import TableSettings
+from vision.board import BoardView
+
+_AGAIN: Final = 0.004
+"""How soon a camera that had no newer frame is asked again [s]."""
+
+
+class SteadyFrames:
+    """``WatchedFrames`` of a camera that also others read: each frame once, as it comes.
+
+    Plant time runs by itself where there is such a camera, so that nobody has to be woken up.
+
+    Args:
+        camera: stays open when this is closed.
+    """
+
+    def __init__(self, camera: Camera) -> None:
+        self._camera, self._stamp = camera, float("-inf")
+        self._closed = threading.Event()
+
+    def read(self, max_age: float) -> Frame:
+        """See ``WatchedFrames.read``; waits for a frame that was not read before.
+
+        Raises:
+            StaleFrame: the camera has no frame that young any more.
+            CameraClosed: ``close`` was called, or the camera is closed.
+            HardwareError: the camera does not answer.
+        """
+        while not self._closed.is_set():
+            frame = self._camera.read(max_age)
+            if frame.stamp > self._stamp:
+                self._stamp = frame.stamp
+                return frame
+            time.sleep(_AGAIN)
+        raise CameraClosed
+
+    def wake(self, awake: bool) -> None:
+        """See ``WatchedFrames.wake``."""
+
+    def release(self) -> None:
+        """See ``WatchedFrames.release``."""
+
+    def close(self) -> None:
+        """A reader in another thread ends with ``CameraClosed``."""
+        self._closed.set()
+
+
+def guard_arm(
+    frames: WatchedFrames,
+    view: BoardView,
+    arm: tuple[RobotParameters, TableSettings, ArmHistory],
+    holder: Holder,
+    progress: Callable[[str], None] | None = None,
+) -> HandGuard:
+    """A guard that is not started yet: use it as a context manager, and call ``clear`` before each motion.
+
+    Args:
+        frames: of the board's camera: ``SteadyFrames`` of a lab's, or the watching camera of a simulated world.
+        view: where the board is in them, as calibrated or found.
+        arm: the robot, where the table is below it, and the history that hears the telemetry of its controller.
+        holder: the controller's client.
+        progress: told when a hand comes and goes.
+    """
+    return HandGuard(frames, view, ArmMasks(view, *arm), holder, progress=progress)
