@@ -67,12 +67,14 @@ def find_rows(photos: Path, progress: Callable[[str], None] = lambda _: None) ->
     """Find the board in all photographs below a folder.
 
     Returns:
-        ``found``: 1 where every corner is within ``TOLERANCE``; ``wrong``: 1 where a board was given and a corner is
-        not; ``astray``: 1 where one is off by ``ASTRAY``; ``turned``: 1 where a1 was said to be sure and is not the
-        labelled one; ``corner``: worst corner of each board given; ``underrated``: 1 where that is beyond both the
-        error that was given and the tolerance; ``find``: time a picture.
+        ``found``: 1 where every corner is within ``TOLERANCE``; ``wrong``: 1 where a board was given without a doubt
+        and a corner is not; ``doubtful``: 1 where one was given with a doubt; ``astray``: 1 where a corner is off by
+        ``ASTRAY``, doubt or not; ``turned``: 1 where a1 was said to be sure and is not the labelled one; ``corner``:
+        worst corner of each board given; ``underrated``: 1 where that is beyond both the error that was given and the
+        tolerance; ``find``: time a picture.
     """
     errors, claims, times, turned = list[float](), list[float](), list[float](), list[float]()
+    doubtful = list[bool]()
     for picture in photographs(photos):
         start = time.perf_counter()
         try:
@@ -80,21 +82,26 @@ def find_rows(photos: Path, progress: Callable[[str], None] = lambda _: None) ->
         except BoardNotFound as reason:
             errors.append(np.nan)
             claims.append(np.nan)
+            doubtful.append(False)
             progress(f"{picture.name}: {reason}")
         else:
             error, turn = _corner_error(board.corners, picture.corners)
             errors.append(error)
             claims.append(board.error)
+            doubtful.append(board.doubt is not None)
             if picture.oriented and board.oriented:
                 turned.append(float(turn != 0))
             if error > TOLERANCE:
-                progress(f"{picture.name}: a corner is off by {error:.2f} squares")
+                progress(
+                    f"{picture.name}: a corner is off by {error:.2f} squares; {board.doubt or 'no doubt was said'}"
+                )
         times.append(time.perf_counter() - start)
-    off, claimed = np.array(errors), np.array(claims)
+    off, claimed, doubted = np.array(errors), np.array(claims), np.array(doubtful)
     share = row(off <= TOLERANCE, "1")
     rows = {
         "found": share.model_copy(update={"limit": LEAST_FOUND, "holds": share.mean >= LEAST_FOUND}),
-        "wrong": row(off > TOLERANCE, "1"),
+        "wrong": row((off > TOLERANCE) & ~doubted, "1"),
+        "doubtful": row(doubted, "1"),
         "astray": row(off > ASTRAY, "1", 0.0, "max"),
         "underrated": row(off > np.maximum(claimed, TOLERANCE), "1"),
         "find": row(times, "s", 1.5, "p50"),
