@@ -31,6 +31,12 @@ ENDS: Final = np.array([[0.12, 0.18, 0.24, 0.30, 0.36], [0.64, 0.70, 0.76, 0.82,
 """Where along a side, at either end [sides of a square]."""
 NEAR: Final = 0.10
 """Width of the window in which an edge is centred, one sigma [sides of a square]."""
+NEAR_BORDER: Final = 0.05
+"""The same on the border, where lines around the board have edges of their own."""
+MOST_FAR: Final = 0.12
+"""An edge further from the line is not the border's [sides of a square]."""
+LEAST_SLOPE: Final = 1.0
+"""Rise or fall of a clear edge [1/side of a square]: of noise and grain it is less."""
 ROUNDS: Final = 6
 """How often the window is moved onto the edge."""
 LEAST_STEP: Final = 0.35
@@ -39,7 +45,8 @@ LEAST_BORDER_STEP: Final = 0.175
 MOST_ASIDE: Final = 0.12
 """An edge further from where it is looked for is another one [sides of a square]."""
 LEAST_PURE: Final = 0.7
-"""Share of all rise and fall near an edge that goes the way it should."""
+LEAST_BORDER_PURE: Final = 0.5
+"""Share of all rise and fall near an edge that goes the way it should, within the board and on its border."""
 SAME_EDGE: Final = 0.03
 """Edges of light and of dark squares on a border that are further apart are two [sides of a square]."""
 
@@ -85,9 +92,10 @@ def measure_edges(look: Look, grid: Grid, dark: int) -> SideEdges:
         light = -outward * rising > 0.0  # the square within
         for group, first, way in _border_edges(slope, outward, [np.nonzero(on & light)[0], np.nonzero(on & ~light)[0]]):
             usable[group], start[group], rising[group] = True, first, way
-    off, height, pure = _centre(slope * rising[:, None], start)
+    off, height, pure = _centre(slope * rising[:, None], start, np.where(border, NEAR_BORDER, NEAR)[:, None])
     least = np.where(border, LEAST_BORDER_STEP, LEAST_STEP)
-    seen = usable & (height > least) & (pure > LEAST_PURE) & (np.abs(off - start) < MOST_ASIDE)
+    purest = np.where(border, LEAST_BORDER_PURE, LEAST_PURE)
+    seen = usable & (height > least) & (pure > purest) & (np.abs(off - start) < MOST_ASIDE)
     places = np.empty((len(axis), 2))
     rows = np.arange(len(axis))
     places[rows, axis], places[rows, 1 - axis] = line, along + ENDS.mean(axis=1)[end]
@@ -114,24 +122,34 @@ def _border_edges(slope: Array, outward: float, groups: list[Indices]) -> list[t
         if len(group) < 3:
             continue
         pooled = np.median(slope[group], axis=0)
-        strength = np.abs(pooled) * np.exp(-0.5 * (ACROSS / (1.5 * NEAR)) ** 2)
-        best = int(strength.argmax())
+        best = _first_edge(pooled if outward > 0.0 else pooled[::-1])
+        if best is None:
+            continue
+        best = best if outward > 0.0 else len(ACROSS) - 1 - best
         way = 1.0 if pooled[best] > 0.0 else -1.0
-        off, height, pure = _centre(way * pooled[None], ACROSS[[best]])
-        if height[0] > LEAST_BORDER_STEP and pure[0] > LEAST_PURE:
+        off, height, pure = _centre(way * pooled[None], ACROSS[[best]], NEAR_BORDER)
+        if height[0] > LEAST_BORDER_STEP and pure[0] > LEAST_BORDER_PURE:
             found.append((group, float(off[0]), way))
     inner = min((outward * off for _, off, _ in found), default=0.0)
     return [one for one in found if outward * one[1] - inner < SAME_EDGE]
 
 
-def _centre(slope: Array, start: Array) -> tuple[Array, Array, Array]:
+def _first_edge(slope: Array) -> int | None:
+    """Which sample is on the first clear edge from the inside on; None if there is none."""
+    strength = np.abs(slope) * (np.abs(ACROSS) < MOST_FAR)
+    peaks = (strength[1:-1] >= strength[:-2]) & (strength[1:-1] >= strength[2:])
+    clear = np.nonzero(peaks & (strength[1:-1] > max(0.5 * float(strength.max()), LEAST_SLOPE)))[0]
+    return int(clear[0]) + 1 if len(clear) else None
+
+
+def _centre(slope: Array, start: Array, width: Array | float = NEAR) -> tuple[Array, Array, Array]:
     """Centre, height and purity of edges that rise in slopes (n, m), looked for from a start (n,) on: each (n,)."""
     rise = np.maximum(slope, 0.0)
     centre = start
     for _ in range(ROUNDS):
-        near = rise * np.exp(-0.5 * ((ACROSS - centre[:, None]) / NEAR) ** 2)
+        near = rise * np.exp(-0.5 * ((ACROSS - centre[:, None]) / width) ** 2)
         shift = (near * (ACROSS - centre[:, None])).sum(axis=1) / np.maximum(near.sum(axis=1), 1e-9)
-        centre = np.clip(centre + np.clip(2.0 * shift, -0.1, 0.1), -REACH, REACH)
-    near = np.exp(-0.5 * ((ACROSS - centre[:, None]) / NEAR) ** 2)
+        centre = np.clip(centre + shift, -REACH, REACH)
+    near = np.exp(-0.5 * ((ACROSS - centre[:, None]) / width) ** 2)
     total = (np.abs(slope) * near).sum(axis=1)
     return centre, (slope * near).sum(axis=1) * STEP, (rise * near).sum(axis=1) / np.maximum(total, 1e-9)
