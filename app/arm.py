@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
 from app import UserError
-from app.motion.plan import Motion, Plan
-from app.motion.reference import Vector
 from controller.causes import Cause
 from controller.client import ControllerClient, MotionOutcome
 from controller.errors import MotionRefused, MotionStopped
+
+if TYPE_CHECKING:
+    from app.motion.plan import Motion, Plan
+    from app.motion.reference import Vector
 
 _LATE: Final = (Cause.UNDERRUN, Cause.LATE)
 _HELD: Final = (Cause.HOLD_COMMAND, Cause.NOT_ADMITTED)

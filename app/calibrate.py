@@ -26,7 +26,7 @@ from app.motion import MotionSettings
 from app.processes import GAMES
 from app.rig import choose_rig, open_rig
 from app.showing import Setup, Sighting, fresh_frame, show
-from app.sim_rig import SimRigSettings
+from app.sim_settings import SimRigSettings
 from controller.errors import ControllerError
 from hardware.interfaces import Frame, HardwareError
 from hardware.parameters import load_parameters

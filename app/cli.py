@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from app.link_test import LinkReport
     from app.seeing import VisionReport
     from app.session import SessionResult
+    from app.settings import Settings
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -42,7 +43,8 @@ def _root() -> None:
 @app.command()
 def demo(
     plies: Annotated[int, typer.Option(min=1, help="End after so many plies.")] = 300,
-    rig: Annotated[str, typer.Option(help="sim, or the TOML file of a lab's rig.")] = "sim",
+    games: Annotated[int, typer.Option(min=1, help="So many games; the arm sets the pieces up in between.")] = 1,
+    rig: Annotated[str, typer.Option(help="sim, board, or the TOML file of a lab's rig.")] = "sim",
     pace: Annotated[
         str | None, typer.Option(help="real: by the wall clock, the default; fast: as fast as the machine can.")
     ] = None,
@@ -54,12 +56,20 @@ def demo(
     moves: Annotated[str | None, typer.Option(help='Play this line (SAN or UCI), e.g. "e4 d5 exd5".')] = None,
     white_elo: Annotated[int | None, typer.Option(help="Strength of White; full strength if not given.")] = None,
     black_elo: Annotated[int | None, typer.Option(help="Strength of Black; full strength if not given.")] = None,
-    movetime: Annotated[float, typer.Option(min=0.001, help="Thinking time per move [s].")] = 0.2,
+    movetime: Annotated[
+        float | None, typer.Option(min=0.001, help="Thinking time per move [s]; 0.2 where there is no clock.")
+    ] = None,
+    clock: Annotated[str | None, typer.Option(help="Time control such as 5+3; no clock if not given.")] = None,
+    book: Annotated[Path | None, typer.Option(help="Opening book in Polyglot's format.")] = None,
     nodes: Annotated[
         int | None, typer.Option(min=1, help="Think so many nodes instead: a run then repeats exactly.")
     ] = None,
     engine: Annotated[str | None, typer.Option(help="Path of a UCI engine; Stockfish by default.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the record; games/<time> by default.")] = None,
+    verify: Annotated[
+        bool | None,
+        typer.Option(help="The camera looks after every ply, and what is wrong is mended; in a lab it does."),
+    ] = None,
     video: Annotated[bool, typer.Option(help="Film the first part of the game.")] = True,
     video_length: Annotated[float, typer.Option(min=1.0, help="Longest film, in plant time [s].")] = 40.0,
     linger: Annotated[
@@ -82,27 +92,136 @@ def demo(
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
     """Two engines play a game that the arm executes."""
-    if pace not in (None, "real", "fast"):
-        _fail(f"--pace is '{pace}', choose real or fast")
+    from app.games import run_games
 
-    from app.demo import DemoOptions, PadKind, run_demo
-    from app.motion import Profile
-    from hardware.sim.settings import Pace
-    from hardware.table import Captured
-
-    if captured not in (None, *Captured):
-        _fail(f"--captured is '{captured}', choose {', '.join(Captured)}")
-    if pads not in list(PadKind):
-        _fail(f"--pads is '{pads}', choose {', '.join(PadKind)}")
-    if profile not in list(Profile):
-        _fail(f"--profile is '{profile}', choose {', '.join(Profile)}")
-    options = DemoOptions(
-        rig=rig, plies=plies, pace=None if pace is None else Pace(pace), seed=seed, fen=fen, moves=moves,
-        white_elo=white_elo, black_elo=black_elo, move_time=movetime, nodes=nodes, engine=engine, out=out,
-        video=video, video_length=video_length, linger=linger, port=port, profile=Profile(profile), square=square,
-        randomise=randomise, pads=PadKind(pads), captured=None if captured is None else Captured(captured),
+    settings = _settings(
+        {
+            "rig.name": rig, "rig.pace": pace, "rig.profile": profile, "rig.seed": seed, "rig.square": square,
+            "rig.pads": pads, "rig.captured": captured, "rig.randomise": randomise, "rig.linger": linger,
+            "rig.port": port, "rig.video": video, "rig.video_length": video_length,
+            "game.plies": plies, "game.fen": fen, "game.moves": moves, "game.games": games,
+            "engine.move_time": movetime, "engine.nodes": nodes, "engine.path": engine,
+            "engine.book": book, "clock.time": clock,
+            "white.elo": white_elo, "black.elo": black_elo, "vision.verify": verify, "out": out,
+        }
     )  # fmt: skip
-    _show_game(lambda face: run_demo(options, face), headless=headless, as_json=as_json)
+    _show_game(lambda face: run_games(settings, face), headless=headless, as_json=as_json)
+
+
+@app.command()
+def play(
+    color: Annotated[str, typer.Option(help="Your pieces: white or black.")] = "white",
+    elo: Annotated[int | None, typer.Option(help="Strength of the robot; full strength if not given.")] = None,
+    rig: Annotated[str, typer.Option(help="sim, board, or the TOML file of a lab's rig.")] = "sim",
+    pace: Annotated[
+        str | None, typer.Option(help="real: by the wall clock, the default; fast: as fast as the machine can.")
+    ] = None,
+    fen: Annotated[str | None, typer.Option(help="Start from this position.")] = None,
+    clock: Annotated[str | None, typer.Option(help="Time control such as 5+3; no clock if not given.")] = None,
+    movetime: Annotated[
+        float | None, typer.Option(min=0.001, help="The robot's thinking time per move [s]; with a clock the longest.")
+    ] = None,
+    book: Annotated[Path | None, typer.Option(help="Opening book in Polyglot's format.")] = None,
+    nodes: Annotated[
+        int | None, typer.Option(min=1, help="Think so many nodes instead: a run then repeats exactly.")
+    ] = None,
+    engine: Annotated[str | None, typer.Option(help="Path of a UCI engine; Stockfish by default.")] = None,
+    profile: Annotated[
+        str, typer.Option(help="How the arm moves: default, fast, gentle (children in reach) or minimum-jerk.")
+    ] = "default",
+    seed: Annotated[int, typer.Option(min=0, help="Chooses all randomness of a simulated world.")] = 1,
+    out: Annotated[Path | None, typer.Option(help="Folder of the record; games/<time> by default.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+) -> None:
+    """Play against the robot: type a move, or just make it where there is a real board. 'help' says what else."""
+    if color not in ("white", "black"):
+        _fail(f"--color is '{color}', choose white or black")
+
+    from app.games import run_games
+
+    other = "black" if color == "white" else "white"
+    settings = _settings(
+        {
+            "rig.name": rig, "rig.pace": pace, "rig.profile": profile, "rig.seed": seed, "rig.video": False,
+            "game.fen": fen, "engine.move_time": movetime, "engine.nodes": nodes, "engine.path": engine,
+            "engine.book": book, "clock.time": clock, f"{color}.player": "human", f"{other}.elo": elo, "out": out,
+        }
+    )  # fmt: skip
+    _show_game(lambda face: run_games(settings, face, sys.stdin), headless=False, as_json=as_json, talks=True)
+
+
+@app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(help="PGN file, also with several games; or the folder of a game.")],
+    game: Annotated[int | None, typer.Option(min=1, help="Only this game of the file.")] = None,
+    from_ply: Annotated[int, typer.Option(min=1, help="Begin with this ply.")] = 1,
+    plies: Annotated[int, typer.Option(min=1, help="End each game after so many plies.")] = 1000,
+    rig: Annotated[str, typer.Option(help="sim, board, or the TOML file of a lab's rig.")] = "sim",
+    pace: Annotated[
+        str | None, typer.Option(help="real: by the wall clock, the default; fast: as fast as the machine can.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Chooses all randomness of a simulated world.")] = 1,
+    out: Annotated[Path | None, typer.Option(help="Folder of the record; games/<time> by default.")] = None,
+    verify: Annotated[
+        bool | None,
+        typer.Option(help="The camera looks after every ply, and what is wrong is mended; in a lab it does."),
+    ] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="Show nothing while playing.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+) -> None:
+    """The arm plays recorded games again, and says of every ply whether the board came out right."""
+    from app.games import run_games
+
+    settings = _settings(
+        {
+            "rig.name": rig, "rig.pace": pace, "rig.seed": seed, "rig.video": False, "game.replay": file,
+            "game.replay_game": game, "game.from_ply": from_ply, "game.plies": plies, "vision.verify": verify,
+            "out": out,
+        }
+    )  # fmt: skip
+    _show_game(lambda face: run_games(settings, face), headless=headless, as_json=as_json)
+
+
+@app.command()
+def setup(
+    fen: Annotated[str, typer.Option(help="The position to set up; 'start' is the usual one.")] = "start",
+    standing: Annotated[str, typer.Option(help="What stands on the board now; 'start' is the usual one.")] = "start",
+    rig: Annotated[str, typer.Option(help="sim, board, or the TOML file of a lab's rig.")] = "sim",
+    pace: Annotated[
+        str | None, typer.Option(help="real: by the wall clock, the default; fast: as fast as the machine can.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Chooses all randomness of a simulated world.")] = 1,
+    out: Annotated[Path | None, typer.Option(help="Folder of the record; games/<time> by default.")] = None,
+    verify: Annotated[
+        bool | None, typer.Option(help="The camera looks in the end, and what is wrong is mended; in a lab it does.")
+    ] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="Show nothing meanwhile.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+) -> None:
+    """The arm sets a position up, with the pieces on the board and beside it."""
+    import chess
+
+    from app.games import run_games
+
+    settings = _settings(
+        {
+            "rig.name": rig, "rig.pace": pace, "rig.seed": seed, "rig.video": False, "game.plies": 0,
+            "game.fen": chess.STARTING_FEN if fen == "start" else fen,
+            "game.standing": chess.STARTING_FEN if standing == "start" else standing,
+            "vision.verify": verify, "out": out,
+        }
+    )  # fmt: skip
+    _show_game(lambda face: run_games(settings, face), headless=headless, as_json=as_json)
+
+
+def _settings(changes: dict[str, object]) -> Settings:
+    from app import UserError
+    from app.settings_file import settings_of
+
+    try:
+        return settings_of(changes)
+    except UserError as error:
+        _fail(str(error))
 
 
 @app.command()
@@ -112,17 +231,19 @@ def resume(
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
     """Go on with a game that was interrupted, or whose program or controller died: first with the ply under way."""
-    from app.demo import resume_demo
+    from app.games import resume_games
 
-    _show_game(lambda face: resume_demo(folder, face), headless=headless, as_json=as_json)
+    _show_game(lambda face: resume_games(folder, face, sys.stdin), headless=headless, as_json=as_json, talks=True)
 
 
-def _show_game(play: Callable[[Face], SessionResult], *, headless: bool, as_json: bool) -> NoReturn:
+def _show_game(
+    play: Callable[[Face], SessionResult], *, headless: bool, as_json: bool, talks: bool = False
+) -> NoReturn:
     """Play a game before a face; ends the program."""
     from rich.console import Console
 
     from app import UserError
-    from app.faces import Quiet, Terminal
+    from app.faces import Conversation, Quiet, Terminal
     from engine.errors import EngineProblem
 
     console = Console(stderr=True)
@@ -132,7 +253,7 @@ def _show_game(play: Callable[[Face], SessionResult], *, headless: bool, as_json
         if headless:
             result = play(Quiet())
         else:
-            with Terminal(console) as terminal:
+            with Conversation(console) if talks else Terminal(console) as terminal:
                 result = play(terminal)
     except (UserError, EngineProblem) as error:
         _fail(str(error))

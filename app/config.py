@@ -39,6 +39,8 @@ from hardware.table import TableSettings
 
 SIMULATED: Final = "sim"
 """Name of the rig that is simulated and started by whoever uses it; also of its bus."""
+BOARD: Final = "board"
+"""Name of the rig without physics, camera or arm."""
 
 
 _M = TypeVar("_M", bound=BaseModel)

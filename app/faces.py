@@ -28,6 +28,12 @@ class Face(Protocol):
     def ply(self, event: PlyEvent, board: chess.Board) -> None:
         """A ply was done."""
 
+    def say(self, sentence: str) -> None:
+        """Something for the person at the board, who should not miss it."""
+
+    def prompt(self, sentence: str) -> None:
+        """Somebody is to type something."""
+
 
 class Quiet:
     """Shows nothing."""
@@ -39,6 +45,12 @@ class Quiet:
         """Nothing."""
 
     def ply(self, event: PlyEvent, board: chess.Board) -> None:
+        """Nothing."""
+
+    def say(self, sentence: str) -> None:
+        """Nothing."""
+
+    def prompt(self, sentence: str) -> None:
         """Nothing."""
 
 
@@ -87,6 +99,14 @@ class Terminal:
             self._console.print(_line(event), highlight=False, soft_wrap=True)
         self._show()
 
+    def say(self, sentence: str) -> None:
+        """See ``Face.say``."""
+        self._console.print(sentence, highlight=False, soft_wrap=True)
+
+    def prompt(self, sentence: str) -> None:
+        """See ``Face.prompt``."""
+        self.say(sentence)
+
     def _show(self) -> None:
         if self._live is not None:
             self._live.update(self._picture())
@@ -97,6 +117,67 @@ class Terminal:
         table.add_row(squares, _plies(self._rows[-8:]))
         wall = time.monotonic() - self._since
         return Group(table, Text(f"{self._phase}   ({wall:.0f} s)", style="cyan"))
+
+
+class Conversation:
+    """A game with a person at the keyboard: line by line, so that what they type stays in order."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._said = ""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Nothing has to be undone."""
+
+    def phase(self, text: str) -> None:
+        """See ``Face.phase``."""
+        if text != self._said:
+            self._said = text
+            self._console.print(f"  … {text}", style="cyan", highlight=False, soft_wrap=True)
+
+    def position(self, board: chess.Board) -> None:
+        """See ``Face.position``."""
+        self._console.print(board_text(board))
+
+    def ply(self, event: PlyEvent, board: chess.Board) -> None:
+        """See ``Face.ply``."""
+        self._console.print(board_text(board, chess.Move.from_uci(event.uci)))
+        who = "you played" if event.by == "hand" else "I played"
+        self._console.print(f"{_number(event)} {event.san}  ({who})", style="bold", highlight=False)
+
+    def say(self, sentence: str) -> None:
+        """See ``Face.say``."""
+        self._console.print(sentence, highlight=False, soft_wrap=True)
+
+    def prompt(self, sentence: str) -> None:
+        """See ``Face.prompt``."""
+        self._console.print(f"{sentence} > ", style="bold", end="", highlight=False, soft_wrap=True)
+
+
+_LIGHT, _DARK, _MOVED = "#e8d8b8", "#b58863", "#aab84a"
+
+
+def board_text(board: chess.Board, last: chess.Move | None = None) -> Text:
+    """The board in colours, White below, with coordinates; the squares of the last move stand out."""
+    text = Text()
+    touched = set() if last is None else {last.from_square, last.to_square}
+    for rank in range(7, -1, -1):
+        text.append(f" {rank + 1} ", style="dim")
+        for file in range(8):
+            square = chess.square(file, rank)
+            ground = _MOVED if square in touched else _LIGHT if (file + rank) % 2 else _DARK
+            piece = board.piece_at(square)
+            glyph = " " if piece is None else chess.Piece(piece.piece_type, chess.BLACK).unicode_symbol()
+            ink = "#ffffff" if piece is not None and piece.color else "#000000"
+            text.append(f" {glyph} ", style=f"bold {ink} on {ground}")
+        text.append("\n")
+    text.append("    " + "  ".join("abcdefgh"), style="dim")
+    return text
 
 
 def _title(rows: list[PlyEvent]) -> str:
@@ -112,11 +193,15 @@ def _placement(event: PlyEvent) -> str:
     return f"{max(errors.values()):.2f} mm" if errors else "-"
 
 
+def _duration(event: PlyEvent) -> str:
+    return "by hand" if event.real_s is None else f"{event.real_s:.2f} s"
+
+
 def _line(event: PlyEvent) -> str:
     verdict = {True: "ok", False: "WRONG", None: "unjudged"}[event.physical_ok]
     return (
         f"ply {event.ply:3d}  {event.side:5}  {event.san:7} {event.kind:10}  "
-        f"{event.real_s:5.2f} s  {_placement(event):>8}  {verdict}"
+        f"{_duration(event):>7}  {_placement(event):>8}  {verdict}"
     )
 
 
@@ -126,5 +211,5 @@ def _plies(rows: list[PlyEvent]) -> Table:
         table.add_column(heading, justify="right" if heading in ("time", "placed") else "left")
     for event in rows:
         verdict = {True: "[green]ok", False: "[red]wrong", None: "-"}[event.physical_ok]
-        table.add_row(_number(event), event.san, event.kind, f"{event.real_s:.2f} s", _placement(event), verdict)
+        table.add_row(_number(event), event.san, event.kind, _duration(event), _placement(event), verdict)
     return table

@@ -76,7 +76,7 @@ def hand_transfers(
     for transfer in moved:
         if transfer.target.in_box:
             raise HandDropsNothing(transfer)
-        start = where.pop(transfer.source, table.xy(transfer.source))
+        start = where.pop(transfer.source, transfer.grasped_at(table))
         where.pop(transfer.target, None)
         actions.append(Move(start=start, to=table.xy(transfer.target)))
     return tuple(actions)

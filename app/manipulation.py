@@ -89,13 +89,32 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Transfer:
-    """One piece carried from where it stands to a free place."""
+    """One piece carried from where it stands to a free place, or set right on its own.
+
+    Attributes:
+        name: of the piece.
+        kind: of the piece.
+        colour: of the piece.
+        source: its place.
+        target: where it goes; its source again only if it was seen off the centre.
+        seen: where it really stands, board frame (x, y) [m]; None: at the centre of its source.
+    """
 
     name: str
     kind: Kind
     colour: Colour
     source: Place
     target: Place
+    seen: tuple[float, float] | None = None
+
+    @classmethod
+    def of(cls, piece: PieceSpec, target: Place, seen: tuple[float, float] | None = None) -> Transfer:
+        """Of a piece from where it stands."""
+        return cls(piece.name, piece.kind, piece.colour, piece.place, target, seen)
+
+    def grasped_at(self, table: TableSettings) -> tuple[float, float]:
+        """Where the fingers take it, board frame (x, y) [m]."""
+        return table.xy(self.source) if self.seen is None else self.seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +219,8 @@ class Inventory:
 
         Raises:
             PieceBoxed: it would be taken out of a box.
-            InventoryError: another piece or none stands at the source, or the target is taken.
+            InventoryError: another piece or none stands at the source, or the target is taken: also by the piece
+                itself, unless it was seen off the centre and is set right.
         """
         piece = self.at(transfer.source)
         if piece is None or piece.name != transfer.name:
@@ -208,6 +228,8 @@ class Inventory:
             raise InventoryError(f"{transfer.name} should stand on {transfer.source}, but {found} does")
         if transfer.source.in_box:
             raise PieceBoxed(transfer.name, transfer.source)
+        if transfer.target == transfer.source and transfer.seen is not None:
+            return self
         taken = self.at(transfer.target)
         if taken is not None:
             raise InventoryError(f"{transfer.name} cannot go to {transfer.target}: {taken.name} stands there")
@@ -298,7 +320,7 @@ class _Plan:
 
     def carry(self, source: Place, target: Place) -> None:
         piece = self.inventory.standing[source]
-        transfer = Transfer(piece.name, piece.kind, piece.colour, source, target)
+        transfer = Transfer.of(piece, target)
         self.inventory = self.inventory.moved(transfer)
         self.transfers.append(transfer)
 

@@ -8,11 +8,12 @@ a piece has touched the board is another part.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app import UserError
 from app.arm import ArmState
-from app.manipulation import Ply, Stage, Transfer
+from app.manipulation import Stage, Transfer
 from hardware.table import PIECE_SHAPES, TableSettings
 
 FELT = 0.5
@@ -33,24 +34,24 @@ class PieceLost(UserError):
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far a ply is: so many transfers done; the next one's piece in the fingers, or not."""
+    """How far a job is: so many transfers done; the next one's piece in the fingers, or not."""
 
     done: int
     holding: bool
 
 
 def progress_of(
-    ply: Ply,
+    transfers: Sequence[Transfer],
     transfer: int,
     stage: Stage,
     arm: ArmState,
     table: TableSettings,
 ) -> Progress:
-    """What is done of a ply whose execution was broken off.
+    """What is done of a ply, or of another job, whose execution was broken off.
 
     Args:
-        ply: the move.
-        transfer: of its transfers, the one begun last, from 0.
+        transfers: of the whole job.
+        transfer: of those, the one begun last, from 0.
         stage: of that transfer, begun last.
         arm: at rest.
         table: board and trays.
@@ -63,7 +64,7 @@ def progress_of(
     holding = arm.felt >= FELT
     if stage is Stage.GRASP or holding:
         return Progress(transfer, holding)
-    carried = ply.transfers[transfer]
+    carried = transfers[transfer]
     if stage is Stage.RELEASE or _over(carried, arm, table):
         return Progress(transfer + 1, holding=False)
     raise PieceLost(carried)

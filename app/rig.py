@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from app.config import SIMULATED, RigFile, load_rig
+from app.config import BOARD, SIMULATED, RigFile, load_rig
 from app.devices import Rig, RigFailed
 from app.remote_rig import RemoteRig
-from app.sim_rig import SimRig, SimRigSettings
+from app.sim_rig import SimRig
+from app.sim_settings import SimRigSettings
 from controller.link import Listener
-
-BOARD = "board"
 
 
 def choose_rig(name: str) -> RigFile | None:
-    """What ``--rig`` names: None for a simulation of our own, else a rig file.
+    """What ``--rig`` names where devices are needed: None for a simulation of our own, else a rig file.
 
     Raises:
         UserError: there is no such rig, or something in its file is wrong.
@@ -23,7 +22,7 @@ def choose_rig(name: str) -> RigFile | None:
     if name == SIMULATED:
         return None
     if name == BOARD:
-        raise RigFailed(f"--rig {BOARD} has no arm yet: choose sim, or the TOML file of a lab's rig")
+        raise RigFailed(f"rig {BOARD} has no devices: choose sim, or the TOML file of a lab's rig")
     return load_rig(Path(name))
 
 

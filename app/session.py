@@ -1,4 +1,4 @@
-"""A game on a rig from end to end: devices, telemetry, film, the game itself, and the report of however it ended."""
+"""Games on a rig from end to end: devices, telemetry, film, the games, and the report of however each ended."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Protocol
 
 from pydantic import JsonValue
 
 from app.devices import Rig
 from app.faces import Face
-from app.game import EXPECTED_FAILURES, Devices, Game, GameEnd
+from app.game import EXPECTED_FAILURES, Devices, GameEnd
 from app.records import GameRecord, RecordError, Report
 from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
-from app.video import Film
 from controller.link import Listener
 from engine.errors import EngineProblem
 from hardware.sim.settings import Pace
@@ -33,6 +33,36 @@ class Filming:
 
 
 @dataclass(frozen=True, slots=True)
+class Round:
+    """One game, or one setting up, on an open rig.
+
+    Attributes:
+        record: of it; ended by the session.
+        play: plays it.
+        details: for its report, asked for at its end.
+    """
+
+    record: GameRecord
+    play: Callable[[], GameEnd]
+    details: Callable[[], dict[str, JsonValue]]
+
+
+class Programme(Protocol):
+    """What is played on a rig, one round after the other."""
+
+    def next(self, devices: Devices, last: GameEnd | None) -> Round | None:
+        """The next round.
+
+        Args:
+            devices: of the rig.
+            last: how the round before ended; None: there was none.
+
+        Returns:
+            None when nothing more is to be played.
+        """
+
+
+@dataclass(frozen=True, slots=True)
 class SessionResult:
     """The report, where it lies, whether everything held, and whether another program could go on with the game."""
 
@@ -40,12 +70,15 @@ class SessionResult:
     folder: Path
     holds: bool
     resumable: bool
+    before: tuple[SessionResult, ...] = ()
+    """Of the rounds before the last one."""
 
 
 @dataclass(slots=True)
 class _Course:
-    """How a game went so far, whatever ends it."""
+    """How a round went so far, whatever ends it."""
 
+    round: Round
     end: GameEnd = FAILED
     failures: list[str] = field(default_factory=list)
     interrupted: bool = False
@@ -55,58 +88,83 @@ class _Course:
 
 
 def run_session(
+    folder: Path,
     open_rig: Callable[[Listener], Rig],
-    make_game: Callable[[Devices], Game],
-    plies: int,
-    record: GameRecord,
+    programme: Programme,
     tick: float,
     filming: Filming | None,
     face: Face,
 ) -> SessionResult:
-    """Play a game on a rig.
+    """Play what is to be played on a rig.
 
     Args:
+        folder: of the session; the telemetry lies there.
         open_rig: given a listener of the telemetry.
-        make_game: on the devices of that rig.
-        plies: the game ends after so many.
-        record: of the game; ended here.
+        programme: says what is played.
         tick: length of a tick [s].
         filming: None: no film.
         face: shown what happens.
 
     Raises:
-        UserError: the rig did not start, or the record cannot be written.
+        UserError: the rig did not start, or a record cannot be written.
         KeyboardInterrupt: it was interrupted; the record says so, and the arm is at rest.
     """
-    course = _Course()
-    telemetry = TelemetryRecorder(_free(record.folder, TELEMETRY_FILE), tick)
+    telemetry = TelemetryRecorder(_free(folder, TELEMETRY_FILE), tick)
+    done: list[SessionResult] = []
     with telemetry, open_rig(telemetry.take) as rig:
-        game = make_game(Devices(rig.arm, rig.clock, rig.camera, rig.referee))
-        try:
-            with _filming(filming, tick):
-                course.end = game.play(plies)
-            _take_stock(rig, course)
-        except KeyboardInterrupt:
-            course.end, course.interrupted = GameEnd("*", "interrupted", complete=False), True
-        except RecordError:
-            raise
-        except (*EXPECTED_FAILURES, EngineProblem) as error:
-            course.failures.append(rig.failure() or str(error))
+        with _filming(filming, tick):
+            course = _play_all(rig, programme, done)
         face.phase("the arm goes to rest")
         last = rig.close()
     if last is None or not last.at_rest:
         course.failures.append("the arm did not come to rest")
-    details: dict[str, JsonValue] = {"thinking_s": round(game.thinking, 3)}
+    result = _result(course, rested=last is not None)
+    if course.interrupted:
+        raise KeyboardInterrupt
+    holds = result.holds and all(one.holds for one in done)
+    return SessionResult(result.report, result.folder, holds, result.resumable, tuple(done))
+
+
+def _play_all(rig: Rig, programme: Programme, done: list[SessionResult]) -> _Course:
+    """Round after round; the results of all but the last, whose report waits for the arm's rest, go to ``done``."""
+    devices = Devices(rig.arm, rig.clock, rig.camera, rig.referee)
+    first = programme.next(devices, None)
+    assert first is not None, "a programme has at least one round"
+    course = _Course(first)
+    while True:
+        _play(rig, course)
+        if course.failures or course.interrupted or not course.end.complete:
+            return course
+        following = programme.next(devices, course.end)
+        if following is None:
+            return course
+        done.append(_result(course, rested=True))
+        course = _Course(following)
+
+
+def _play(rig: Rig, course: _Course) -> None:
+    try:
+        course.end = course.round.play()
+        _take_stock(rig, course)
+    except KeyboardInterrupt:
+        course.end, course.interrupted = GameEnd("*", "interrupted", complete=False), True
+    except RecordError:
+        raise
+    except (*EXPECTED_FAILURES, EngineProblem) as error:
+        course.failures.append(rig.failure() or str(error))
+
+
+def _result(course: _Course, *, rested: bool) -> SessionResult:
+    """End the record of a round."""
+    record = course.round.record
     until = course.plant_time or record.events[-1].plant_time  # a game that broke off lasted to its last event
     report = record.end(
         course.end.result, course.end.reason, until, failures=course.failures, speed=course.speed,
-        world_state=course.world_state, details=details,
+        world_state=course.world_state, details=course.round.details(),
     )  # fmt: skip
-    if course.interrupted:
-        raise KeyboardInterrupt
     holds = course.end.complete and not course.failures and report.physical_ok is not False
     # not where the board came out wrong, which wants a hand first, nor where nobody knows how the arm was left
-    resumable = course.end is FAILED and last is not None
+    resumable = course.end is FAILED and rested
     return SessionResult(report, record.folder, holds, resumable)
 
 
@@ -124,6 +182,8 @@ def _filming(filming: Filming | None, tick: float) -> Iterator[None]:
     if filming is None:
         yield
         return
+    from app.video import Film  # loads an encoder: not where nothing is filmed
+
     film = Film(filming.run_dir, filming.path, filming.longest, filming.pace, tick)
     try:
         yield

@@ -15,21 +15,20 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
-
 from app.adopted import Adopted, Process, adopt
 from app.arm import ControllerArm
 from app.attach import attach
 from app.devices import EndState, RigFailed
 from app.processes import CONTROLLER_SETTINGS_FILE, last_words, log_of, spawn
 from app.records import recording
+from app.sim_settings import SimRigSettings
 from controller.client import ControllerClient
 from controller.errors import ControllerError
 from controller.link import Listener
 from controller.model.constants import DeltaModel
 from controller.model.workspace import BoardDoesNotFit, require_fit
 from controller.protocol.key import KEY_FILE, KeyFileError, create_key
-from controller.settings import CONTROLLER_FILE, ControllerSettings
+from controller.settings import CONTROLLER_FILE
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.clients import SimCamera, SimClock
@@ -46,15 +45,6 @@ LAST_WORDS_TIME = 2.0
 """For a world that may be ending to say why, when another process has failed first [s, wall]."""
 END_TIMEOUT = 8.0
 """For each process to end by itself; then it is killed, and the drives' watchdog brakes [s, wall]."""
-
-
-class SimRigSettings(BaseModel):
-    """A simulated rig: its world and its controller."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    world: WorldSettings
-    controller: ControllerSettings = ControllerSettings()
 
 
 class SimRig:

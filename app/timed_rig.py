@@ -16,7 +16,8 @@ from app import UserError
 from app.layout import start_layout
 from app.manipulation import Inventory
 from app.motion import MotionSettings
-from app.sim_rig import SimRig, SimRigSettings
+from app.sim_rig import SimRig
+from app.sim_settings import SimRigSettings
 from controller.clock import PULSE_FILE
 from controller.settings import ControllerSettings
 from hardware.sim.settings import Pace, WorldSettings

@@ -3,12 +3,16 @@
 EngineProblem
 ├── EngineMissing   install Stockfish, or name another binary
 ├── EngineRefused   ask for something that the engine offers
-└── EngineFailed    the engine misbehaved, was restarted, and misbehaved again
+├── BookBroken      name another opening book, or none
+└── EngineFailed    the engine misbehaved, was restarted, and misbehaved again; asked anew, it is started anew
+
+Within the room, ``Misbehaved`` is one failure of one process, before anything was tried against it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 
 
 class EngineProblem(Exception):
@@ -23,8 +27,12 @@ class EngineRefused(EngineProblem):
     """A setting or a question that this engine cannot take; asking again would not help."""
 
 
+class BookBroken(EngineProblem):
+    """An opening book that is not there or cannot be read."""
+
+
 class EngineFailed(EngineProblem):
-    """The engine failed, was restarted, and failed again."""
+    """The engine failed again and again. It may be asked anew: whoever mends it can go on with the game."""
 
     def __init__(self, path: str, doing: str, reasons: Sequence[str]) -> None:
         """Build the sentence.
@@ -35,8 +43,17 @@ class EngineFailed(EngineProblem):
             reasons: what happened at each attempt, in order, each a phrase such as "it died with exit code 1".
         """
         super().__init__(
-            f"engine {path} failed in {doing}, again after a restart ({', then '.join(reasons)}): "
+            f"engine {path} failed {len(reasons)} times in a row in {doing} "
+            f"({', then '.join(reason for reason, _ in groupby(reasons))}): "
             "try it by hand in a terminal, or name another one with --engine PATH"
         )
         self.path = path
         self.reasons = tuple(reasons)
+
+
+class Misbehaved(Exception):
+    """The engine hung, died or broke the protocol; the message is a phrase, and the process is of no more use."""
+
+
+class Hung(Misbehaved):
+    """It gave no answer: a failure that has cost time already."""

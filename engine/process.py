@@ -21,6 +21,9 @@ from typing import Any, TypeVar
 
 import chess.engine
 
+from engine.errors import Hung, Misbehaved
+from engine.protocol import Uci
+
 T = TypeVar("T")
 
 LOGGER = logging.getLogger(__name__)
@@ -36,10 +39,6 @@ _HINTS = {
 }
 
 
-class Misbehaved(Exception):
-    """The engine hung, died or broke the protocol; the message is a phrase, and the process is of no more use."""
-
-
 def exit_phrase(code: int, last_words: str) -> str:
     """Say how a process ended.
 
@@ -49,16 +48,6 @@ def exit_phrase(code: int, last_words: str) -> str:
     """
     details = [text for text in (_HINTS.get(code), f"last words: {last_words!r}" if last_words else None) if text]
     return f"it died with exit code {code}" + (f" ({'; '.join(details)})" if details else "")
-
-
-class _Uci(chess.engine.UciProtocol):
-    """UCI that keeps the last line from stderr: often the only explanation of a death."""
-
-    last_words = ""
-
-    def error_line_received(self, line: str) -> None:
-        LOGGER.debug("%s: stderr: %s", self, line)
-        self.last_words = line.strip() or self.last_words
 
 
 class UciProcess:
@@ -75,7 +64,7 @@ class UciProcess:
             Misbehaved: it could not be started, died or did not answer.
         """
         self._transport: asyncio.SubprocessTransport | None = None
-        self._uci: _Uci | None = None
+        self._uci: Uci | None = None
         self._loop = asyncio.new_event_loop()
         self._loop.set_exception_handler(_log_loop_error)
         self._thread = threading.Thread(target=self._serve, name=f"engine {path}", daemon=True)
@@ -88,7 +77,7 @@ class UciProcess:
             raise
 
     @property
-    def uci(self) -> chess.engine.UciProtocol:
+    def uci(self) -> Uci:
         """Protocol of the running process: its options and names."""
         assert self._uci is not None, "set by the constructor"
         return self._uci
@@ -99,7 +88,7 @@ class UciProcess:
         assert self._transport is not None, "set by the constructor"
         return self._transport.get_pid()
 
-    def call(self, question: Callable[[chess.engine.UciProtocol], Awaitable[T]], deadline: float) -> T:
+    def call(self, question: Callable[[Uci], Awaitable[T]], deadline: float) -> T:
         """Ask and wait for the answer, whatever happens no longer than the deadline.
 
         Args:
@@ -107,9 +96,19 @@ class UciProcess:
             deadline: wall time [s].
 
         Raises:
-            Misbehaved: no answer in time, the process died, or it broke the protocol. Kill it then.
+            Hung: no answer in time.
+            Misbehaved: the process died, or it broke the protocol. Kill it then, as after ``Hung``.
         """
         return self._wait_for(self._answer(question), deadline)
+
+    def tell(self, line: str) -> None:
+        """Send a line that has no answer of its own, such as ``stop``; from any thread. Harmless when it is gone."""
+        with suppress(RuntimeError):  # the loop is closed
+            self._loop.call_soon_threadsafe(self._send, line)
+
+    def _send(self, line: str) -> None:
+        if self._uci is not None and not self._uci.returncode.done():
+            self._uci.send_line(line)
 
     def kill(self) -> None:
         """Kill process and group, wait until they are gone, end the thread. Harmless when already done.
@@ -141,7 +140,7 @@ class UciProcess:
         try:
             return answer.result(deadline)
         except TimeoutError as error:
-            raise Misbehaved(f"it gave no answer within {deadline:g} s") from error
+            raise Hung(f"it gave no answer within {deadline:g} s") from error
         except CancelledError as error:
             raise Misbehaved("it was ended while it was asked") from error
         except chess.engine.EngineTerminatedError as error:
@@ -152,15 +151,15 @@ class UciProcess:
     def _death(self) -> str:
         """Phrase of how the process ended."""
         assert self._uci is not None, "only a started process can die"
-        return exit_phrase(self._uci.returncode.result(), self._uci.last_words)
+        return self._uci.trouble or exit_phrase(self._uci.returncode.result(), self._uci.last_words)
 
     async def _spawn(self, path: str) -> None:
         try:
-            self._transport, self._uci = await _Uci.popen(path, start_new_session=True, preexec_fn=_die_with_parent())
+            self._transport, self._uci = await Uci.popen(path, start_new_session=True, preexec_fn=_die_with_parent())
         except OSError as error:
             raise Misbehaved(f"it could not be started: {error.strerror}") from error
 
-    async def _answer(self, question: Callable[[chess.engine.UciProtocol], Awaitable[T]]) -> T:
+    async def _answer(self, question: Callable[[Uci], Awaitable[T]]) -> T:
         """Await the answer or the death of the process: python-chess alone misses a death early in an analysis."""
         uci = self.uci
         task = asyncio.ensure_future(question(uci))

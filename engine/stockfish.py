@@ -1,92 +1,40 @@
-"""Stockfish, or any UCI engine, as a player: strength, limits, and a deadline of our own on every call.
+"""Stockfish, or any UCI engine, as a player: limits, pondering, and a deadline of our own on every call.
 
-An engine that hangs, dies, answers illegally or breaks the protocol is killed, restarted once and asked again.
+An engine that hangs, dies, answers illegally or breaks the protocol is killed, restarted and asked again; only after
+that failed several times, ``EngineFailed`` says so. Even then it may be asked anew, and is started anew: the game can
+go on.
 """
 
 from __future__ import annotations
 
 import shutil
-import threading
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
 from types import TracebackType
-from typing import NamedTuple, Self, TypeVar
+from typing import NamedTuple, Self
 
 import chess
 import chess.engine
-from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
 
-from engine.errors import EngineFailed, EngineMissing, EngineRefused
-from engine.process import Misbehaved, UciProcess
+from engine import budget
+from engine.answers import Candidate, EngineMove, engine_move
+from engine.errors import EngineMissing, EngineRefused, Misbehaved
+from engine.keeper import Keeper
+from engine.options import at_full_strength
+from engine.process import UciProcess
+from engine.protocol import PULSE_DEADLINE, TOLD, Uci
+from engine.settings import EngineSettings
 
-T = TypeVar("T")
+__all__ = ["Candidate", "Engine", "EngineMove", "EngineSettings", "find_engine"]
 
 DEBIAN_PATH = "/usr/games/stockfish"
 """Where Debian installs Stockfish; not on the PATH of every account."""
 
-ATTEMPTS = 2
 
-_TOLD = chess.engine.INFO_BASIC | chess.engine.INFO_SCORE
+class _Ahead(NamedTuple):
+    """What is pondered."""
 
-
-class EngineSettings(BaseModel):
-    """How one engine plays."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    path: str | None = None
-    """The binary; None looks for ``stockfish`` on PATH, then where Debian puts it."""
-    elo: PositiveInt | None = None
-    """Playing strength by UCI_LimitStrength, within the engine's own limits; None is full strength."""
-    threads: PositiveInt = 1
-    hash_mb: PositiveInt = 64
-    """Size of the hash table [MiB]."""
-    move_time: PositiveFloat | None = None
-    """Thinking time of a move [s]."""
-    nodes: PositiveInt | None = None
-    """Positions searched for a move."""
-    deadline: PositiveFloat = 30.0
-    """Wall time [s] granted beyond the time that a limit names, or in all where it names none."""
-    start_deadline: PositiveFloat = 10.0
-    """Wall time [s] for each step of starting: process and handshake, options."""
-
-    @property
-    def limit(self) -> chess.engine.Limit:
-        """Limit of a move by these settings; empty when neither time nor nodes are set."""
-        return chess.engine.Limit(time=self.move_time, nodes=self.nodes)
-
-    @property
-    def repeatable(self) -> bool:
-        """Whether the same line comes out each time after ``new_game``.
-
-        Time depends on the load of the machine, Elo draws from a generator seeded by the clock, and several threads
-        race each other: what is left is a node limit at full strength on one thread.
-        """
-        return self.nodes is not None and self.move_time is None and self.elo is None and self.threads == 1
-
-
-@dataclass(frozen=True, slots=True)
-class EngineMove:
-    """A legal move and what the engine said of it; None where it said nothing."""
-
-    move: chess.Move
-    ponder: chess.Move | None
-    """Reply that the engine expects."""
-    score: chess.engine.PovScore | None
-    depth: int | None
-    """Search depth [plies]."""
-    nodes: int | None
-    """Positions searched."""
-    wall: float
-    """Wall time from question to answer, a restart included [s]."""
-
-
-class Candidate(NamedTuple):
-    """One of the best moves of a position and its score."""
-
-    move: chess.Move
-    score: chess.engine.PovScore
+    board: chess.Board
+    limit: chess.engine.Limit
 
 
 def find_engine(path: str | None = None) -> str:
@@ -109,22 +57,15 @@ def find_engine(path: str | None = None) -> str:
     )
 
 
-def thinking_time(limit: chess.engine.Limit, turn: chess.Color) -> float | None:
-    """Longest time [s] that a limit leaves to the side to move; None where it names no time."""
-    clock = limit.white_clock if turn == chess.WHITE else limit.black_clock
-    named = [max(0.0, seconds) for seconds in (limit.time, clock) if seconds is not None]
-    return min(named, default=None)
-
-
 class Engine:
     """An engine that plays; a context manager. One thread at a time may ask, any thread, and any may close it."""
 
     def __init__(self, settings: EngineSettings) -> None:
         self.settings = settings
-        self._lock = threading.Lock()
-        self._path: str | None = None
-        self._process: UciProcess | None = None
+        self._keeper = Keeper(settings)
         self._game = object()
+        self._ahead: _Ahead | None = None
+        self._searching = False
 
     def open(self) -> Self:
         """Find, start and configure the engine, so that what is wrong shows here.
@@ -132,17 +73,14 @@ class Engine:
         Raises:
             EngineMissing: no binary.
             EngineRefused: the engine does not offer a setting, or not that value.
-            EngineFailed: it could not be started, twice.
+            EngineFailed: it could not be started, several times.
         """
-        self._path = find_engine(self.settings.path)
-        self._ask("starting", lambda process: None)
+        self._keeper.open(find_engine(self.settings.path))
         return self
 
     def close(self) -> None:
         """End the process at once, also while another thread asks. Harmless when already done."""
-        with self._lock:
-            self._path = None
-        self._drop()
+        self._keeper.close()
 
     def __enter__(self) -> Self:
         return self.open()
@@ -155,47 +93,91 @@ class Engine:
     @property
     def pid(self) -> int | None:
         """Process id of the running engine; None while there is none."""
-        return self._process.pid if self._process else None
+        process = self._keeper.process
+        return process.pid if process else None
 
     def new_game(self) -> None:
         """Forget the game so far: the next question clears hash and histories first."""
         self._game = object()
 
     def choose(self, board: chess.Board, limit: chess.engine.Limit | None = None) -> EngineMove:
-        """The engine's move, always a legal one.
+        """The engine's move, always a legal one; what was pondered on this position counts.
 
         Args:
             board: the position with its history; left as it is.
-            limit: for this move, such as the chess clock's; None takes the settings'.
+            limit: for this move, such as the chess clock's; None takes the settings'. With a clock its ``time`` is the
+                longest that the move may take.
 
         Returns:
-            At the latest after twice the time of the limit and the deadline, and one more start.
+            At the latest after ``keeper.MOST_HANGS`` deadlines (see ``budget``) and a start for each attempt.
 
         Raises:
             EngineRefused: the game is over, nothing limits the search, or the engine is not open.
-            EngineFailed: hung, died, answered illegally or broke the protocol, again after a restart.
+            EngineFailed: hung, died, answered illegally or broke the protocol, again after restarts. Asked anew, it is
+                started anew.
         """
         limit = limit or self.settings.limit
         self._check_question(board, limit)
-        deadline = (thinking_time(limit, board.turn) or 0.0) + self.settings.deadline
         began = time.monotonic()
 
-        def ask(process: UciProcess) -> chess.engine.PlayResult:
-            played = process.call(lambda uci: uci.play(board, limit, game=self._game, info=_TOLD), deadline)
-            if played.move is None or played.move not in board.legal_moves:
-                raise Misbehaved(f"it answered {played.move}, which is not legal in {board.fen()}")
-            return played
+        def ask(process: UciProcess) -> tuple[chess.engine.PlayResult, float]:
+            lost = time.monotonic() - began
+            return self._play(process, board, budget.less(limit, board.turn, lost)), lost
 
-        played = self._ask("choosing a move", ask)
-        assert played.move is not None, "checked to be legal"
-        return EngineMove(
-            move=played.move,
-            ponder=played.ponder,
-            score=played.info.get("score"),
-            depth=played.info.get("depth"),
-            nodes=played.info.get("nodes"),
-            wall=time.monotonic() - began,
+        (played, lost), troubles = self._keeper.ask("choosing a move", ask)
+        return engine_move(played, time.monotonic() - began, lost if troubles else 0.0, troubles)
+
+    def ponder(self, board: chess.Board, limit: chess.engine.Limit | None = None) -> bool:
+        """Begin to think about a position that is expected; returns at once, and the next question ends it.
+
+        Args:
+            board: the position, with the engine's side to move, and its history; left as it is.
+            limit: what ``choose`` is expected to be asked with; None takes the settings'.
+
+        Returns:
+            False when it does not: by the settings, at the end of a game, or as it just failed. ``choose`` then starts
+            anew and tells of trouble that lasts.
+        """
+        limit = limit or self.settings.limit
+        if not self.settings.ponders or not any(board.legal_moves):
+            return False
+        if self._ahead is not None and _same(self._ahead.board, board):
+            return True
+        said, ahead = budget.told(limit, board.turn), board.copy()
+        try:
+            process = self._keeper.running()
+            self._settle(process)
+            process.call(lambda uci: uci.begin_ponder(ahead, said, self._game), self._patience)
+        except Misbehaved:
+            self._keeper.drop()
+            return False
+        self._ahead = _Ahead(ahead, limit)
+        return True
+
+    def hint(self, board: chess.Board, seconds: float = 1.0) -> EngineMove:
+        """What the engine would play at its full strength, whatever its settings; for the person on the other side.
+
+        Args:
+            board: the position with its history; left as it is.
+            seconds: to think, where the settings name no number of nodes [s].
+
+        Raises:
+            EngineProblem: as for ``choose``.
+        """
+        nodes = self.settings.nodes
+        limit = chess.engine.Limit(time=seconds) if nodes is None else chess.engine.Limit(nodes=nodes)
+        self._check_question(board, limit)
+        began = time.monotonic()
+        played, troubles = self._keeper.ask(
+            "looking for a hint", lambda process: self._play(process, board, limit, at_full_strength(process.uci))
         )
+        return engine_move(played, time.monotonic() - began, 0.0, troubles)
+
+    def move_now(self) -> None:
+        """End the search for a move, so that ``choose`` answers with what is known; from any thread."""
+        process = self._keeper.process
+        if self._searching and process is not None:
+            process.tell("stop")
 
     def candidates(self, board: chess.Board, lines: int, nodes: int) -> tuple[Candidate, ...]:
         """The best moves of a position, best first, from a cleared engine: on one thread they depend on it alone.
@@ -213,6 +195,7 @@ class Engine:
         self._check_question(board, limit)
 
         def ask(process: UciProcess) -> tuple[Candidate, ...]:
+            self._settle(process)
             infos = process.call(
                 lambda uci: uci.analyse(board, limit, multipv=lines, game=object()), self.settings.deadline
             )
@@ -224,85 +207,55 @@ class Engine:
                 raise Misbehaved(f"it named no move and score for {board.fen()}")
             return tuple(Candidate(move, score) for move, score in found.items())
 
-        return self._ask("analysing a position", ask)
+        return self._keeper.ask("analysing a position", ask)[0]
 
     def _check_question(self, board: chess.Board, limit: chess.engine.Limit) -> None:
         if not any(board.legal_moves):
             raise EngineRefused(f"the game is over at {board.fen()}: there is no move to ask for")
-        if thinking_time(limit, board.turn) is None and limit.nodes is None and limit.depth is None:
+        if budget.thinking_time(limit, board.turn) is None and limit.nodes is None and limit.depth is None:
             raise EngineRefused("nothing limits the engine's search: set a move time, a number of nodes or a clock")
 
-    def _ask(self, doing: str, ask: Callable[[UciProcess], T]) -> T:
-        """Ask, and after a failure ask a fresh process once more."""
-        reasons, path = [], self._path
-        for _ in range(ATTEMPTS):
-            try:
-                return ask(self._running())
-            except Misbehaved as error:
-                self._drop()
-                reasons.append(str(error))
-        assert path is not None, "else _running refuses"
-        raise EngineFailed(path, doing, reasons)
+    def _play(
+        self,
+        process: UciProcess,
+        board: chess.Board,
+        limit: chess.engine.Limit,
+        options: chess.engine.ConfigMapping | None = None,
+    ) -> chess.engine.PlayResult:
+        """One attempt at a move: by what is pondered, if that is it."""
+        ahead, self._ahead = self._ahead, None
+        hit = options is None and ahead is not None and _same(ahead.board, board)
+        if ahead is None or not hit or not budget.still_holds(ahead.limit, limit, board.turn):
+            hit = False
+            self._settle(process)
+        stop, said = budget.stop_after(limit, board.turn), budget.told(limit, board.turn)
 
-    def _running(self) -> UciProcess:
-        """The process, started if there is none."""
-        path, process = self._path, self._process
-        if path is None:
-            raise EngineRefused("the engine is not open: open it before asking")
-        if process is not None:
-            return process
-        process = self._start(path)
-        with self._lock:
-            if self._path is not None:
-                self._process = process
-                return process
-        process.kill()  # closed meanwhile
-        raise EngineRefused("the engine was closed while it was started")
+        async def search(uci: Uci) -> chess.engine.PlayResult:
+            answer = uci.hit() if hit else uci.play(
+                board, said, game=self._game, info=TOLD, options=options or {}
+            )  # fmt: skip
+            return await uci.watched(answer, stop)
 
-    def _start(self, path: str) -> UciProcess:
-        process = UciProcess(path, self.settings.start_deadline)
+        self._searching = True
         try:
-            options = _configuration(self.settings, process.uci)
-            process.call(lambda uci: uci.configure(options), self.settings.start_deadline)
-            process.call(lambda uci: uci.ping(), self.settings.start_deadline)
-        except BaseException:
-            process.kill()
-            raise
-        return process
+            played = process.call(search, budget.give_up_after(limit, board.turn, self.settings.deadline))
+        finally:
+            self._searching = False
+        if played.move is None or played.move not in board.legal_moves:
+            raise Misbehaved(f"it answered {played.move}, which is not legal in {board.fen()}")
+        return played
 
-    def _drop(self) -> None:
-        with self._lock:
-            process, self._process = self._process, None
-        if process:
-            process.kill()
+    @property
+    def _patience(self) -> float:
+        """Wall time for an answer that needs no search [s]."""
+        return min(PULSE_DEADLINE, self.settings.deadline)
 
-
-def _configuration(settings: EngineSettings, uci: chess.engine.UciProtocol) -> dict[str, int | bool]:
-    """Options to set, each checked against what the engine says of itself.
-
-    Raises:
-        EngineRefused: an option is not offered, or not with that value.
-    """
-    wanted: dict[str, int | bool] = {}
-    if settings.threads > 1 or "Threads" in uci.options:
-        wanted["Threads"] = _within(uci, "Threads", settings.threads)
-    if "Hash" in uci.options:  # an engine without the option has a fixed table, or none
-        wanted["Hash"] = _within(uci, "Hash", settings.hash_mb)
-    if settings.elo is not None:
-        wanted["UCI_Elo"] = _within(uci, "UCI_Elo", settings.elo)
-        wanted["UCI_LimitStrength"] = True
-    return wanted
+    def _settle(self, process: UciProcess) -> None:
+        """End what it ponders, let pass what it may still say of earlier questions, and see that it lives."""
+        self._ahead = None
+        process.call(lambda uci: uci.ping(), self._patience)
 
 
-def _within(uci: chess.engine.UciProtocol, name: str, value: int) -> int:
-    """The value, if the engine offers the option with it."""
-    engine = uci.id.get("name", "this engine")
-    option = uci.options.get(name)
-    if option is None:
-        raise EngineRefused(f"{engine} does not offer {name}, so that {value} cannot be set: leave it out")
-    low, high = option.min, option.max
-    if (low is not None and value < low) or (high is not None and value > high):
-        raise EngineRefused(
-            f"{name} = {value} is outside what {engine} offers: choose {low} to {high}, or leave it out"
-        )
-    return value
+def _same(one: chess.Board, other: chess.Board) -> bool:
+    """The same position with the same history."""
+    return one == other and one.move_stack == other.move_stack

@@ -63,7 +63,7 @@ def test_captured_pieces_and_promoted_pawns_are_dropped_into_the_boxes(demo):
         stands = {name for name, place in ply.inventory.items() if not place.startswith("B")}
         assert set(ply.placement_mm) == stands, "what lies in a box has no place to be off"
     assert report["placement_mm"]["max"] < 1.0
-    assert json.loads((run.folder / "demo.json").read_text())["captured"] == "box"
+    assert json.loads((run.folder / "settings.json").read_text())["rig"]["captured"] == "box"
 
 
 @pytest.mark.slow

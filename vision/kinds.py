@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.evidence import Codes
-from vision.moves import Decision, Verdict
+from vision.moves import Decision
+from vision.verdict import Verdict
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,6 @@ there is doubt, which is told as such.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Final
 
 import chess
@@ -17,6 +16,7 @@ import numpy as np
 
 from vision.appearance import EMPTY
 from vision.evidence import Array, Codes, Evidence, codes_of
+from vision.verdict import Verdict
 
 MARGIN: Final = 6.0
 """By which a move must be better explained than any other legal move: e⁶ ≈ 400 times as likely [nat]."""
@@ -29,17 +29,6 @@ UNEXPLAINED: Final = 12.0
 """The most that may be left unexplained over the whole board: three pieces brushed past [nat]."""
 MANY: Final = 4.0
 """Two plies in one look must keep the margin by so much more: there are hundreds of them [nat]."""
-
-
-class Verdict(StrEnum):
-    """What a look came to."""
-
-    MOVE = "move"
-    """A move was made, or several where that was asked for."""
-    NOTHING = "nothing"
-    """The position is as it was."""
-    DOUBT = "doubt"
-    """Nothing explains the look well enough."""
 
 
 @dataclass(frozen=True, slots=True)

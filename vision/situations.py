@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Final
 
 import chess
@@ -17,32 +16,12 @@ from numpy.typing import NDArray
 
 from vision.appearance import BLACK, EMPTY, WHITE
 from vision.evidence import codes_of, states_of
+from vision.verdict import Situation
 
 States = NDArray[np.intp]
 
 MANY: Final = 6
 """With more squares wrong than this, they are counted rather than explained."""
-
-
-class Situation(StrEnum):
-    """What is the matter."""
-
-    NOTHING = "nothing"
-    LEGAL = "legal"
-    """It looks like a legal move, but not clearly enough."""
-    UNFINISHED = "unfinished"
-    """A legal move, half made: castling, en passant, a capture."""
-    ILLEGAL = "illegal"
-    """A piece went where it must not."""
-    WRONG_SIDE = "wrong side"
-    """A piece of the other side was moved."""
-    TWO_MOVES = "two moves"
-    TAKEN_BACK = "taken back"
-    MISSING = "missing"
-    EXTRA = "extra"
-    RECOLOURED = "recoloured"
-    """A piece of the other colour stands where one stood."""
-    WRONG_BOARD = "wrong board"
 
 
 @dataclass(frozen=True, slots=True)

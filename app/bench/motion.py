@@ -19,7 +19,8 @@ from app.bench.touchdown import TARGET, Touchdown, set_down
 from app.manipulation import MoveKind
 from app.motion import PROFILES, Motion, MotionSettings, Profile
 from app.motion.path import STRAIGHT, Path, Vector, blend, turns
-from app.motion.time_law import Bounds, Law, bounds_of_pieces, time_law
+from app.motion.settings import Law
+from app.motion.time_law import Bounds, bounds_of_pieces, time_law
 from controller.protocol import Guard
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.table import CONTACT_PROFILES, Kind, TableSettings, square_place

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from app import UserError
+from app.bench.clock import clock_bench
 from app.bench.finger import finger_bench
 from app.bench.grip import grip_bench
 from app.bench.kills import kills_bench
@@ -30,6 +31,7 @@ BENCHES: Mapping[str, Bench] = MappingProxyType(
         "sim": sim_bench,
         "grip": grip_bench,
         "vision": vision_bench,
+        "clock": clock_bench,
     }
 )
 """By name; each takes ``quick`` and a function that is told what is being done."""

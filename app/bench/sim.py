@@ -19,10 +19,11 @@ from typing import Final, NamedTuple
 
 from app import UserError
 from app.bench.report import BenchReport, Row, machine, row
-from app.demo import DemoOptions, run_demo
 from app.faces import Quiet
+from app.games import run_games
 from app.records import Report
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
+from app.settings_file import settings_of
 from controller.settings import ControllerSettings
 from hardware.sim.construction import Construction
 from hardware.sim.journal import Replay
@@ -117,12 +118,14 @@ def play(folder: Path, plies: int) -> Game:
     Raises:
         UserError: it failed.
     """
-    options = DemoOptions(
-        plies=plies, pace=Pace.FAST, seed=SEED, nodes=NODES, move_time=None, out=folder, video=False, linger=5.0,
-        journal=True,
+    settings = settings_of(
+        {
+            "rig.pace": Pace.FAST, "rig.seed": SEED, "rig.video": False, "rig.linger": 5.0, "rig.journal": True,
+            "game.plies": plies, "engine.nodes": NODES, "out": folder,
+        }
     )  # fmt: skip
     since = time.perf_counter()
-    done = run_demo(options, Quiet())
+    done = run_games(settings, Quiet())
     wall = time.perf_counter() - since
     if not done.holds:
         raise UserError(f"the game failed: {'; '.join(one.reason for one in done.report.failures)}")

@@ -16,8 +16,8 @@ from app.layout import start_layout
 from hardware.sim.table_studio import Pose
 from hardware.table import PIECE_SHAPES, TableSettings, square_place
 from vision.evidence import codes_of, states_of
-from vision.moves import Verdict
 from vision.situations import explain
+from vision.verdict import Verdict
 from vision.verify import verify_board
 
 Progress = Callable[[str], None]

@@ -23,7 +23,8 @@ from app.calibrate import calibrate_rig, corners_near
 from app.layout import start_layout
 from app.motion import MotionSettings
 from app.showing import Setup
-from app.sim_rig import SimRig, SimRigSettings
+from app.sim_rig import SimRig
+from app.sim_settings import SimRigSettings
 from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
 from hardware.sim.looks import ExposureSettings, LightSettings, Looks, MountSettings

@@ -27,10 +27,11 @@ from vision.anchor import Anchor
 from vision.board import BoardView
 from vision.evidence import codes_of, states_of
 from vision.find import find_board
-from vision.moves import Decision, Verdict
+from vision.moves import Decision
 from vision.observer import Look, Observer
 from vision.orientation import orient
 from vision.sight import Sight, sight_of_frame
+from vision.verdict import Verdict
 
 Progress = Callable[[str], None]
 

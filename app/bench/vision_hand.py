@@ -32,7 +32,8 @@ from app.hand_guard import ArmMasks, HandGuard
 from app.layout import start_layout
 from app.manipulation import Inventory, transfers
 from app.motion import Motion, MotionSettings, Plan, plan_ply
-from app.sim_rig import SimRig, SimRigSettings
+from app.sim_rig import SimRig
+from app.sim_settings import SimRigSettings
 from app.watch_view import nominal_view
 from controller.causes import Cause
 from controller.errors import MotionRefused, MotionStopped

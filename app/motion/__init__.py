@@ -2,13 +2,38 @@
 
 ``planner`` decides where to go (with ``obstacles``), ``route`` says it as data, ``path`` draws it, ``time_law`` (with
 ``refine``) times it, ``torque`` asks whether the drives can, ``reference`` and ``gains`` sample it.
+
+Names are loaded when they are first asked for: what plans takes seconds to load, and who only needs settings, or has
+not planned anything yet, need not wait for it.
 """
 
-from app.motion.plan import Motion, Plan, PlanRefused
-from app.motion.planner import plan_ply, plan_return
-from app.motion.settings import PROFILES, MotionSettings, Profile, contact_limits
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from app.motion.plan import Motion, Plan, PlanRefused
+    from app.motion.planner import plan_ply, plan_return
+    from app.motion.settings import PROFILES, MotionSettings, Profile, contact_limits
 
 __all__ = [
     "PROFILES", "Motion", "MotionSettings", "Plan", "PlanRefused", "Profile", "contact_limits", "plan_ply",
     "plan_return",
 ]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """The name, from the module below that has it."""
+    if name in ("PROFILES", "MotionSettings", "Profile", "contact_limits"):
+        from app.motion import settings
+
+        return getattr(settings, name)
+    if name in ("Motion", "Plan", "PlanRefused"):
+        from app.motion import plan
+
+        return getattr(plan, name)
+    if name in ("plan_ply", "plan_return"):
+        from app.motion import planner
+
+        return getattr(planner, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from app.manipulation import Inventory, Transfer
 from app.motion.path import Vector
 from controller.model.compiled import PAIR, ROW, SCALAR, STATUS, TABLE, FloatArray, compiled_as
 from hardware.parameters import Pads
@@ -70,6 +71,17 @@ class Crowd:
         pieces = tuple(pieces)
         rows = [(piece.x, piece.y, *_SHAPES[piece.kind]) for piece in pieces]
         return cls(pieces, np.array(rows, dtype=float).reshape((len(rows), 6)), _boxes(table))
+
+    @classmethod
+    def before(cls, transfers: Sequence[Transfer], inventory: Inventory) -> Crowd:
+        """What stands on the table before transfers: at the centres of places, or where those say it was seen."""
+        table, seen = inventory.table, dict[str, tuple[float, float]]()
+        for transfer in reversed(transfers):  # of a piece that is carried twice, the first time counts
+            seen[transfer.name] = transfer.grasped_at(table)
+        standing = (piece for piece in inventory if not piece.place.in_box)
+        return cls.of(
+            (Standing(p.name, p.place, *seen.get(p.name, table.xy(p.place)), p.kind) for p in standing), table
+        )
 
     def without(self, name: str) -> Crowd:
         """But for one."""

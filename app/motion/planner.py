@@ -47,7 +47,8 @@ def plan_ply(
 
     Args:
         label: the move, for people.
-        transfers: in order of execution.
+        transfers: in order of execution. A piece that one of them says was seen elsewhere counts as standing there
+            until it is carried.
         inventory: what stands where before the ply.
         start: the arm's present reference, base frame (3,) [m].
         finger: present finger position [m].
@@ -68,8 +69,7 @@ def plan_ply(
     cell = Workcell.of(settings, parameters, table)
     motions: list[Motion] = []
     point = np.asarray(start, dtype=float)
-    standing = (piece for piece in inventory if not piece.place.in_box)
-    stands = Crowd.of((Standing.at(piece.name, piece.place, piece.kind, table) for piece in standing), table)
+    stands = Crowd.before(transfers, inventory)
     for index, transfer in enumerate(transfers):
         others = stands.without(transfer.name)
         if index == 0 and not holding:
@@ -143,14 +143,14 @@ def _least_opening(cell: Workcell, kind: Kind) -> float:
     return position
 
 
-def _opening(cell: Workcell, kind: Kind, place: Place, others: Crowd) -> float:
-    """As wide as is useful and as neighbours and boxes leave room for.
+def _opening(cell: Workcell, kind: Kind, place: Place, point: tuple[float, float], others: Crowd) -> float:
+    """As wide as is useful and as neighbours and boxes leave room for, at a point (x, y) of a place [m].
 
     Raises:
         PlanRefused: not even the least opening fits.
     """
     grip, pads = cell.settings.grip, cell.parameters.pads
-    x, y = cell.table.xy(place)
+    x, y = point
     tip = cell.height(kind, place) - pads.half_height
     least = _least_opening(cell, kind)
     widest = min(closed_position(kind, pads) + grip.widest_margin, cell.parameters.gripper.stroke)
@@ -189,10 +189,10 @@ def _grip_time(cell: Workcell, transfer: Transfer, finger: float) -> float:
 def _approach(cell: Workcell, transfer: Transfer, stands: Crowd, point: Vector, finger: float, *, low: bool) -> Route:
     """Over to the piece with the fingers opening, then straight down to the grip height."""
     shape = PIECE_SHAPES[transfer.kind]
-    opening = _opening(cell, transfer.kind, transfer.source, stands.without(transfer.name))
+    there = transfer.grasped_at(cell.table)
+    opening = _opening(cell, transfer.kind, transfer.source, there, stands.without(transfer.name))
     x, y, height = cell.board(point)
     wait = max(0.0, opening - finger) / cell.settings.grip.opening_speed if low else 0.0
-    there = cell.table.xy(transfer.source)
     hop = Hop((x, y, height), (*there, shape.grip_height), 0.0, None, max(opening, finger))
     return Route(
         *over(cell, hop, stands), contact=(shape.grip_height, shape.grip_height), finger=finger, wait=wait,
@@ -216,12 +216,11 @@ def _carry(cell: Workcell, transfer: Transfer, others: Crowd, point: Vector, *, 
     settings, shape = cell.settings, PIECE_SHAPES[transfer.kind]
     x, y, height = cell.board(point)
     closed = closed_position(transfer.kind, cell.parameters.pads)
-    _opening(cell, transfer.kind, transfer.target, others)
+    there = cell.table.xy(transfer.target)
+    _opening(cell, transfer.kind, transfer.target, there, others)
     low, drops = shape.grip_height, transfer.target.in_box
     end = cell.height(transfer.kind, transfer.target) + (0.0 if drops else settings.touch_height)
-    hop = Hop(
-        (x, y, height), (*cell.table.xy(transfer.target), end), low + settings.clearance, shape, closed, drops
-    )  # fmt: skip
+    hop = Hop((x, y, height), (*there, end), low + settings.clearance, shape, closed, drops)
     return Route(
         *over(cell, hop, others), contact=(low, low), finger=closed, wait=settings.grip.settle,
         soft_start=Softness.LASTS if fresh else Softness.STIFF, touches=not drops,
@@ -233,17 +232,22 @@ def _release(cell: Workcell, transfer: Transfer, following: Transfer | None, sta
     settings, table, shape = cell.settings, cell.table, PIECE_SHAPES[transfer.kind]
     pads = cell.parameters.pads
     beside, drops = stands.without(transfer.name), transfer.target.in_box
-    opening, closed = _opening(cell, transfer.kind, transfer.target, beside), closed_position(transfer.kind, pads)
+    place = table.xy(transfer.target)
+    opening, closed = (
+        _opening(cell, transfer.kind, transfer.target, place, beside),
+        closed_position(transfer.kind, pads),
+    )
     wait = settings.release_wait + settings.grip.freed / settings.grip.opening_speed
     wait += cell.parameters.gripper.reflected_mass / cell.parameters.gripper.velocity_gain
     wait += fall_time(transfer.kind, pads) if drops else 0.0
-    here = (*table.xy(transfer.target), cell.board(point)[2])
+    here = (*place, cell.board(point)[2])
     if following is None:
         end, low, then = cell.board(np.asarray(settings.home)), 0.0, None
     else:
         low = PIECE_SHAPES[following.kind].grip_height
-        then = _opening(cell, following.kind, following.source, stands.without(following.name))
-        end = (*table.xy(following.source), low)
+        there = following.grasped_at(table)
+        then = _opening(cell, following.kind, following.source, there, stands.without(following.name))
+        end = (*there, low)
     hop = Hop(here, end, 0.0, None, max(opening, then or 0.0))
     return Route(
         *over(cell, hop, stands), contact=(shape.grip_height, low), finger=closed, wait=wait, opens=opening,

@@ -8,8 +8,17 @@ from typing import Final, Self
 
 from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat
 
-from app.motion.time_law import Law
 from hardware.table import CONTACT_PROFILES, ContactLimits, TableSettings
+
+
+class Law(StrEnum):
+    """How time runs along a path."""
+
+    TIME_OPTIMAL = "time-optimal"
+    RUCKIG = "ruckig"
+    """Without the refinement."""
+    MINIMUM_JERK = "minimum-jerk"
+    """The quintic law, whose mean squared jerk is the least: from rest to rest as quickly as the bounds admit."""
 
 
 class _Frozen(BaseModel):

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from itertools import pairwise
 from typing import Final
 
@@ -24,6 +23,7 @@ from app.motion.curves import begins, trace
 from app.motion.grid import grid
 from app.motion.path import Path, Vector
 from app.motion.refine import constant_speed, excess, limits, quickest
+from app.motion.settings import Law
 
 GAP: Final = 0.003
 """How far from the optimum the refinement may stop, as a share of the duration."""
@@ -34,16 +34,6 @@ _BETWEEN: Final = 1.0002
 _ROUNDING: Final = 1e-9
 _QUINTIC_PARTS: Final = 400
 """Cubic pieces of the quintic law."""
-
-
-class Law(StrEnum):
-    """How time runs along a path."""
-
-    TIME_OPTIMAL = "time-optimal"
-    RUCKIG = "ruckig"
-    """Without the refinement."""
-    MINIMUM_JERK = "minimum-jerk"
-    """The quintic law, whose mean squared jerk is the least: from rest to rest as quickly as the bounds admit."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,17 +5,29 @@ Places are written as on the table: ``e4``, ``L3``, ``R24``. A field that only a
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
 
-from app.manipulation import Inventory, MoveKind, Ply, Stage
+from app.manipulation import Inventory, MoveKind, Stage, Transfer
 from app.records.files import RecordError
 from hardware.table import Colour, Kind
 
 Pace = Literal["real", "fast"]
 Result = Literal["1-0", "0-1", "1/2-1/2", "*"]
+By = Literal["arm", "hand"]
+Mender = Literal["arm", "person"]
+
+
+class Purpose(StrEnum):
+    """What the arm moves pieces for, if not for a ply."""
+
+    SET_UP = "set_up"
+    TAKE_BACK = "take_back"
+    REPAIR = "repair"
 
 
 class Record(BaseModel):
@@ -41,6 +53,8 @@ class TransferRecord(Record):
     colour: Colour
     source: str
     target: str
+    seen: tuple[FiniteFloat, FiniteFloat] | None = None
+    """Where it stood, if not at the centre of its source: board frame (x, y) [m]."""
 
 
 class _Stamped(Record):
@@ -62,22 +76,85 @@ class StartEvent(_Stamped):
     black: str
     seed: int
     pace: Pace
+    time_control: str | None = None
+    """As in PGN; null: played without a clock."""
     inventory: tuple[PieceRecord, ...]
 
 
 class StepEvent(_Stamped):
-    """The arm begins a part of a ply; written before it does, so that another program can finish the ply."""
+    """The arm begins a part of a ply or of a task; written before it does, so that another program can finish it."""
 
     event: Literal["step"] = "step"
-    uci: str
-    """The move."""
+    uci: str | None
+    """The move; null: it belongs to the task that was begun last."""
     transfer: int
-    """Of the ply's transfers: which, from 0."""
+    """Of the transfers: which, from 0."""
     stage: Stage
 
 
+class TaskEvent(_Stamped):
+    """The arm begins to move pieces for something else than a ply; written before it does.
+
+    A repair may belong to the ply or task that is under way, which is then done when that is.
+    """
+
+    event: Literal["task"] = "task"
+    purpose: Purpose
+    label: str
+    """What is done, for people."""
+    transfers: tuple[TransferRecord, ...]
+    fen: str | None = None
+    """The position that is set up; null: that of the game."""
+    taken_back: int = 0
+    """So many of the plies before do not count any more once it is done."""
+
+
+class TaskDoneEvent(_Stamped):
+    """The task begun last was done by the arm, or by a person."""
+
+    event: Literal["task_done"] = "task_done"
+    real_s: FiniteFloat | None
+    """Plant time from home to home [s]; null: by a person."""
+    inventory: dict[str, str]
+    """Where each piece that stands elsewhere than before stands now, by name."""
+    physical_ok: bool | None
+    """True when all pieces stood where the record says, by the referee."""
+    failures: tuple[str, ...] = ()
+    """What went wrong, a sentence each."""
+    resumed: bool = False
+    """Another program finished it."""
+
+
+class TaskDroppedEvent(_Stamped):
+    """The task begun last could not be done, and nothing was moved for it."""
+
+    event: Literal["task_dropped"] = "task_dropped"
+    reason: str
+
+
+class FoundEvent(_Stamped):
+    """Pieces stand elsewhere than they should, as the camera says: a repair follows, by the arm or by hand."""
+
+    event: Literal["found"] = "found"
+    inventory: dict[str, str]
+    """Where each piece that stands elsewhere than recorded stands, by name."""
+    reason: str
+
+
+class TroubleEvent(_Stamped):
+    """Something went wrong at the board, and what became of it."""
+
+    event: Literal["trouble"] = "trouble"
+    kind: str
+    """One word: what sort."""
+    squares: tuple[str, ...]
+    sentence: str
+    mended_by: Mender | None
+    """Who put it right; null: nobody has."""
+
+
 class PlyEvent(_Stamped):
-    """The arm has done a ply."""
+    """A ply was done."""
 
     event: Literal["ply"] = "ply"
     side: Colour
@@ -86,13 +163,15 @@ class PlyEvent(_Stamped):
     kind: MoveKind
     fen: str
     """The position after it."""
-    planned_s: FiniteFloat
+    by: By = "arm"
+    """Who moved the pieces. Of a hand, the times are null, and so are the peaks."""
+    planned_s: FiniteFloat | None
     """Plant time from home to home, as planned [s]."""
-    real_s: FiniteFloat
+    real_s: FiniteFloat | None
     """Plant time from home to home, as it was [s]."""
     placement_mm: dict[str, FiniteFloat] | None
     """Distance of each moved piece from the centre of its place at the end, by name [mm]."""
-    peak_torque_Nm: FiniteFloat  # noqa: N815  # the name in the file, with its unit
+    peak_torque_Nm: FiniteFloat | None  # noqa: N815  # the name in the file, with its unit
     peak_force_N: FiniteFloat | None  # noqa: N815  # the name in the file, with its unit
     physical_ok: bool | None
     """True when all pieces stood where the game says, by the referee."""
@@ -105,6 +184,12 @@ class PlyEvent(_Stamped):
     """What went wrong, a sentence each."""
     resumed: bool = False
     """Another program finished it: planned, real and peaks are those of its last part."""
+    score: str | None = None
+    """What the player thinks of it: pawns from White's side such as +0.31, or #-3."""
+    clock_s: dict[Colour, FiniteFloat] | None = None
+    """What both clocks show after it [s]; null where there are none."""
+    comment: str = ""
+    """Of the game that is replayed."""
 
 
 class ResumeEvent(_Stamped):
@@ -121,7 +206,18 @@ class EndEvent(_Stamped):
     reason: str
 
 
-AnyEvent = StartEvent | StepEvent | PlyEvent | ResumeEvent | EndEvent
+AnyEvent = (
+    StartEvent
+    | StepEvent
+    | PlyEvent
+    | TaskEvent
+    | TaskDoneEvent
+    | TaskDroppedEvent
+    | FoundEvent
+    | TroubleEvent
+    | ResumeEvent
+    | EndEvent
+)
 Event = Annotated[AnyEvent, Field(discriminator="event")]
 _EVENT: TypeAdapter[AnyEvent] = TypeAdapter(Event)
 
@@ -132,11 +228,13 @@ def piece_records(inventory: Inventory) -> tuple[PieceRecord, ...]:
     return tuple(PieceRecord(name=p.name, kind=p.kind, colour=p.colour, place=str(p.place)) for p in pieces)
 
 
-def transfer_records(ply: Ply) -> tuple[TransferRecord, ...]:
-    """The transfers of a ply in the order of execution."""
+def transfer_records(transfers: Iterable[Transfer]) -> tuple[TransferRecord, ...]:
+    """Transfers in the order of execution."""
     return tuple(
-        TransferRecord(piece=t.name, kind=t.kind, colour=t.colour, source=str(t.source), target=str(t.target))
-        for t in ply.transfers
+        TransferRecord(
+            piece=t.name, kind=t.kind, colour=t.colour, source=str(t.source), target=str(t.target), seen=t.seen
+        )
+        for t in transfers
     )
 
 

@@ -9,25 +9,36 @@ from pathlib import Path
 from types import TracebackType
 
 import chess
+import chess.engine
 from pydantic import JsonValue
 
-from app.manipulation import Inventory, Ply, Stage
+from app.layout import colour_of
+from app.manipulation import Inventory, Ply, Stage, Transfer
 from app.records.events import (
     AnyEvent,
+    By,
     EndEvent,
+    FoundEvent,
+    Mender,
     Pace,
     PlyEvent,
+    Purpose,
     Result,
     ResumeEvent,
     StartEvent,
     StepEvent,
+    TaskDoneEvent,
+    TaskDroppedEvent,
+    TaskEvent,
+    TroubleEvent,
     piece_records,
     transfer_records,
 )
 from app.records.files import LineLog, recording, write_atomically
-from app.records.history import History
-from app.records.pgn import PgnFile
+from app.records.history import History, counted_plies, open_task
+from app.records.pgn import PgnFile, PgnMove
 from app.records.report import Report, summarise
+from hardware.table import Place
 
 EVENTS_FILE = "events.jsonl"
 PGN_FILE = "game.pgn"
@@ -48,17 +59,19 @@ class GameSetup:
     seed: int
     pace: Pace
     site: str = "?"
+    time_control: str | None = None
+    """As in PGN; None: played without a clock."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlyOutcome:
-    """What was measured while the arm did a ply; fields only a referee knows are None in a lab."""
+    """What is known of a ply or task that was done; None: what a referee alone knows in a lab, or an arm of a hand."""
 
-    planned: float
+    planned: float | None = None
     """Plant time from home to home, as planned [s]."""
-    real: float
+    real: float | None = None
     """Plant time from home to home, as it was [s]."""
-    peak_torque: float
+    peak_torque: float | None = None
     """Largest servomotor torque [N m]."""
     placement_mm: Mapping[str, float] | None = None
     """Distance of each moved piece from the centre of its place, by name [mm]."""
@@ -70,6 +83,14 @@ class PlyOutcome:
     failures: tuple[str, ...] = ()
     resumed: bool = False
     """Another program had begun it."""
+    by: By = "arm"
+    """Who moved the pieces."""
+    score: chess.engine.PovScore | None = None
+    """What the player thinks of it."""
+    clocks: Mapping[chess.Color, float] | None = None
+    """What both clocks show after it [s]."""
+    comment: str = ""
+    """For the PGN."""
 
 
 class GameRecord:
@@ -88,6 +109,8 @@ class GameRecord:
         self._log = log
         self._pgn = pgn
         self._events = list(events)
+        self._counted = counted_plies(events)
+        self._task = open_task(events)
 
     @classmethod
     def begin(
@@ -132,7 +155,7 @@ class GameRecord:
         """
         log = LineLog(folder / EVENTS_FILE, go_on=True)
         try:
-            moves = [event.uci for event in history.events if isinstance(event, PlyEvent)]
+            moves = [_pgn_move(event) for event in history.plies]
             return cls(folder, log, _pgn(folder, history.start, "?", moves), history.events, now)
         except BaseException:
             log.close()
@@ -162,11 +185,11 @@ class GameRecord:
         """Record that another program goes on with the game."""
         self._append(ResumeEvent(wall_time=self._now(), plant_time=plant_time, ply=self._plies()))
 
-    def step(self, uci: str, transfer: int, stage: Stage, plant_time: float) -> None:
-        """Record a part of a ply before the arm begins it; returns at once, without waiting for the disk.
+    def step(self, uci: str | None, transfer: int, stage: Stage, plant_time: float) -> None:
+        """Record a part of a ply or task before the arm begins it; returns at once, without waiting for the disk.
 
         Args:
-            uci: the move.
+            uci: the move; None: of the task begun last.
             transfer: of its transfers, which, from 0.
             stage: of that transfer.
             plant_time: [s].
@@ -176,17 +199,104 @@ class GameRecord:
         )
         self._append(step, durable=False)
 
-    def ply(self, ply: Ply, outcome: PlyOutcome, plant_time: float) -> PlyEvent:
-        """Record a ply after the arm has done it.
+    def task(
+        self,
+        purpose: Purpose,
+        label: str,
+        transfers: Sequence[Transfer],
+        plant_time: float,
+        *,
+        fen: str | None = None,
+        taken_back: int = 0,
+    ) -> None:
+        """Record what else than a ply the arm is about to do.
+
+        Args:
+            purpose: of it.
+            label: what it is, for people.
+            transfers: in order of execution.
+            plant_time: [s].
+            fen: the position that is set up, if it is another one than the game's.
+            taken_back: so many plies do not count any more once it is done.
+        """
+        event = TaskEvent(
+            wall_time=self._now(), plant_time=plant_time, ply=self._plies(), purpose=purpose, label=label,
+            transfers=transfer_records(transfers), fen=fen, taken_back=taken_back,
+        )  # fmt: skip
+        self._append(event)
+        if purpose is not Purpose.REPAIR:
+            self._task = event
+
+    def task_done(self, places: Mapping[str, Place], outcome: PlyOutcome, plant_time: float) -> None:
+        """Record that the task begun last was done, or that what was found was put right.
+
+        Args:
+            places: where each piece that stands elsewhere than before stands now, by name.
+            outcome: what is known of it.
+            plant_time: [s].
+        """
+        task, self._task = self._task, None
+        taken_back = 0 if task is None else task.taken_back
+        self._append(
+            TaskDoneEvent(
+                wall_time=self._now(), plant_time=plant_time, ply=self._plies() - taken_back, real_s=outcome.real,
+                inventory={name: str(place) for name, place in places.items()},
+                physical_ok=outcome.physical_ok, failures=outcome.failures, resumed=outcome.resumed,
+            )
+        )  # fmt: skip
+        if taken_back:
+            del self._counted[-taken_back:]
+            self._pgn.take_back(taken_back)
+
+    def task_dropped(self, reason: str, plant_time: float) -> None:
+        """Record that the task begun last cannot be done, and nothing was moved for it."""
+        self._task = None
+        self._append(TaskDroppedEvent(wall_time=self._now(), plant_time=plant_time, ply=self._plies(), reason=reason))
+
+    def found(self, places: Mapping[str, Place], reason: str, plant_time: float) -> None:
+        """Record where pieces were seen that stand elsewhere than the game wants them, by name."""
+        self._append(
+            FoundEvent(
+                wall_time=self._now(), plant_time=plant_time, ply=self._plies(), reason=reason,
+                inventory={name: str(place) for name, place in places.items()},
+            )
+        )  # fmt: skip
+
+    def trouble(
+        self, kind: str, squares: Sequence[str], sentence: str, mended_by: Mender | None, plant_time: float
+    ) -> None:
+        """Record something that went wrong at the board, and who has put it right."""
+        self._append(
+            TroubleEvent(
+                wall_time=self._now(), plant_time=plant_time, ply=self._plies(), kind=kind, squares=tuple(squares),
+                sentence=sentence, mended_by=mended_by,
+            )
+        )  # fmt: skip
+
+    def ply(
+        self, ply: Ply, outcome: PlyOutcome, plant_time: float, places: Mapping[str, Place] | None = None
+    ) -> PlyEvent:
+        """Record a ply after it was done.
+
+        Args:
+            ply: as it was meant.
+            outcome: what is known of it.
+            plant_time: [s].
+            places: where each piece that stands elsewhere than before stands now, by name; None: as it was meant.
 
         Raises:
             ValueError: it is not legal after the plies recorded so far (of python-chess); nothing is written.
         """
         after = self._pgn.board.copy(stack=False)
         after.push_uci(ply.uci)
-        event = _ply_event(self._now(), plant_time, number=self._plies() + 1, ply=ply, outcome=outcome, fen=after.fen())
+        event = _ply_event(
+            self._now(), plant_time, number=self._plies() + 1, ply=ply, outcome=outcome, fen=after.fen(),
+            places=ply.changes() if places is None else places,
+        )  # fmt: skip
         self._append(event)
-        self._pgn.add(ply.uci)
+        self._task = None
+        self._counted.append(event)
+        self._pgn.add(PgnMove(ply.uci, _own_clock(event), outcome.score, outcome.comment))
         return event
 
     def end(
@@ -224,17 +334,24 @@ class GameRecord:
         self._log.close()
 
     def _plies(self) -> int:
-        return sum(isinstance(event, PlyEvent) for event in self._events)
+        return len(self._counted)
 
     def _append(self, event: AnyEvent, *, durable: bool = True) -> None:
         self._log.append(event.model_dump_json(), durable=durable)
         self._events.append(event)
 
 
-def _pgn(folder: Path, start: StartEvent, site: str, moves: Sequence[str] = ()) -> PgnFile:
+def _pgn(folder: Path, start: StartEvent, site: str, moves: Sequence[PgnMove] = ()) -> PgnFile:
     board = chess.Board(start.fen, chess960=start.chess960)
     return PgnFile(
-        folder / PGN_FILE, board, white=start.white, black=start.black, site=site, date=start.wall_time, moves=moves
+        folder / PGN_FILE,
+        board,
+        white=start.white,
+        black=start.black,
+        site=site,
+        date=start.wall_time,
+        moves=moves,
+        time_control=start.time_control,
     )
 
 
@@ -251,12 +368,20 @@ def _start_event(
         black=setup.black,
         seed=setup.seed,
         pace=setup.pace,
+        time_control=setup.time_control,
         inventory=piece_records(inventory),
     )
 
 
 def _ply_event(
-    wall_time: datetime, plant_time: float, *, number: int, ply: Ply, outcome: PlyOutcome, fen: str
+    wall_time: datetime,
+    plant_time: float,
+    *,
+    number: int,
+    ply: Ply,
+    outcome: PlyOutcome,
+    fen: str,
+    places: Mapping[str, Place],
 ) -> PlyEvent:
     return PlyEvent(
         wall_time=wall_time,
@@ -274,8 +399,36 @@ def _ply_event(
         peak_force_N=outcome.peak_force,
         physical_ok=outcome.physical_ok,
         frame=outcome.frame,
-        transfers=transfer_records(ply),
-        inventory={name: str(place) for name, place in ply.changes().items()},
+        transfers=transfer_records(ply.transfers),
+        inventory={name: str(place) for name, place in places.items()},
         failures=outcome.failures,
         resumed=outcome.resumed,
+        by=outcome.by,
+        score=None if outcome.score is None else score_text(outcome.score),
+        comment=outcome.comment,
+        clock_s=None if outcome.clocks is None else {colour_of(c): left for c, left in outcome.clocks.items()},
     )
+
+
+def _own_clock(event: PlyEvent) -> float | None:
+    return None if event.clock_s is None else event.clock_s.get(event.side)
+
+
+def _pgn_move(event: PlyEvent) -> PgnMove:
+    return PgnMove(event.uci, _own_clock(event), None if event.score is None else score_of(event.score), event.comment)
+
+
+def score_text(score: chess.engine.PovScore) -> str:
+    """Pawns from White's side with two decimals and sign, or #3 and #-3 for mates."""
+    white = score.white()
+    mate, pawns = white.mate(), white.score()
+    if mate is not None:
+        return f"#{mate}"
+    assert pawns is not None
+    return f"{pawns / 100.0:+.2f}"
+
+
+def score_of(text: str) -> chess.engine.PovScore:
+    """What ``score_text`` has written."""
+    score = chess.engine.Mate(int(text[1:])) if text.startswith("#") else chess.engine.Cp(round(100.0 * float(text)))
+    return chess.engine.PovScore(score, chess.WHITE)

@@ -5,14 +5,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
+from typing import NamedTuple
 
 import chess
+import chess.engine
 import chess.pgn
 
 from app.records.events import Result
 from app.records.files import write_atomically
 
 EVENT = "Touchmove"
+
+
+class PgnMove(NamedTuple):
+    """A move for PGN: UCI; what its player's clock shows after it [s]; what an engine thinks of it; a comment."""
+
+    uci: str
+    clock: float | None = None
+    score: chess.engine.PovScore | None = None
+    comment: str = ""
 
 
 class PgnFile:
@@ -27,7 +38,8 @@ class PgnFile:
         black: str,
         site: str,
         date: datetime,
-        moves: Sequence[str] = (),
+        moves: Sequence[PgnMove] = (),
+        time_control: str | None = None,
     ) -> None:
         """Write the game so far.
 
@@ -38,7 +50,8 @@ class PgnFile:
             black: name of the player.
             site: where it is played.
             date: day of the start, UTC.
-            moves: made already, UCI.
+            moves: made already.
+            time_control: as in PGN; None: none.
 
         Raises:
             RecordError: it cannot be written.
@@ -48,26 +61,48 @@ class PgnFile:
         self._game = chess.pgn.Game()
         self._game.setup(self.board)
         values = {"Event": EVENT, "Site": site, "Date": date.strftime("%Y.%m.%d"), "White": white, "Black": black}
+        if time_control is not None:
+            values["TimeControl"] = time_control
         self._set(values)
         self._last: chess.pgn.GameNode = self._game
-        for uci in moves:
-            self._push(uci)
+        for move in moves:
+            self._push(move)
         self._write()
 
-    def add(self, uci: str) -> None:
+    def add(self, move: PgnMove) -> None:
         """Append a move and rewrite the file.
 
         Raises:
             ValueError: the move is not legal (of python-chess).
             RecordError: it cannot be written; the file holds the plies before.
         """
-        self._push(uci)
+        self._push(move)
         self._write()
 
-    def _push(self, uci: str) -> None:
-        move = self.board.parse_uci(uci)
-        self._last = self._last.add_variation(move)
-        self.board.push(move)
+    def take_back(self, plies: int) -> None:
+        """Drop the last moves and rewrite the file.
+
+        Raises:
+            IndexError: there are not so many.
+            RecordError: it cannot be written.
+        """
+        for _ in range(plies):
+            self.board.pop()
+            before = self._last.parent
+            assert before is not None
+            before.variations.clear()
+            self._last = before
+        self._write()
+
+    def _push(self, move: PgnMove) -> None:
+        made = self.board.parse_uci(move.uci)
+        self._last = self._last.add_variation(made)
+        self.board.push(made)
+        self._last.comment = move.comment
+        if move.clock is not None:
+            self._last.set_clock(move.clock)
+        if move.score is not None:
+            self._last.set_eval(move.score)
 
     def finish(self, result: Result, reason: str) -> None:
         """Write result and termination.
@@ -83,5 +118,5 @@ class PgnFile:
             self._game.headers[name] = " ".join(value.split()).replace('"', "'")
 
     def _write(self) -> None:
-        exporter = chess.pgn.StringExporter(columns=80, headers=True, variations=False, comments=False)
+        exporter = chess.pgn.StringExporter(columns=80, headers=True, variations=False, comments=True)
         write_atomically(self.path, self._game.accept(exporter) + "\n")

@@ -8,8 +8,20 @@ import numpy as np
 from pydantic import Field, FiniteFloat, JsonValue
 
 from app.manipulation import MoveKind
-from app.records.events import AnyEvent, EndEvent, Pace, PlyEvent, Record, Result, StartEvent
+from app.records.events import (
+    AnyEvent,
+    EndEvent,
+    Mender,
+    Pace,
+    PlyEvent,
+    Record,
+    Result,
+    StartEvent,
+    TaskDoneEvent,
+    TroubleEvent,
+)
 from app.records.files import RecordError
+from app.records.history import counted_plies
 
 UNFINISHED = "the record breaks off"
 
@@ -51,6 +63,16 @@ class Failure(Record):
     reason: str
 
 
+class Trouble(Record):
+    """Something that went wrong at the board; see ``TroubleEvent``."""
+
+    ply: int
+    kind: str
+    squares: tuple[str, ...]
+    sentence: str
+    mended_by: Mender | None
+
+
 class Report(Record):
     """What ``report.json`` holds."""
 
@@ -70,6 +92,8 @@ class Report(Record):
     physical_ok: bool | None
     """True: the referee found every ply right; False: one was wrong; null: no ply, or plies nobody could judge."""
     failures: tuple[Failure, ...]
+    troubles: tuple[Trouble, ...] = ()
+    """What went wrong at the board and was noticed, also where it was mended."""
     speed: FiniteFloat | None = None
     """Plant time over wall time while ticks ran, where the world measured it."""
     world_state: str | None = None
@@ -101,7 +125,8 @@ def summarise(
     if not events or not isinstance(events[0], StartEvent):
         raise RecordError("the events do not begin with the start of a game: there is nothing to report")
     start, last = events[0], events[-1]
-    plies = [event for event in events if isinstance(event, PlyEvent)]
+    plies = counted_plies(events)
+    tasks = [event for event in events if isinstance(event, TaskDoneEvent)]
     ended = isinstance(last, EndEvent)
     return Report(
         result=last.result if isinstance(last, EndEvent) else "*",
@@ -113,10 +138,15 @@ def summarise(
         seed=start.seed,
         kinds=Kinds.model_validate({kind.value: _kind_stats(plies, kind) for kind in MoveKind}),
         placement_mm=_placement_stats(plies),
-        peak_torque_Nm=max((ply.peak_torque_Nm for ply in plies), default=None),
+        peak_torque_Nm=max((ply.peak_torque_Nm for ply in plies if ply.peak_torque_Nm is not None), default=None),
         peak_force_N=max((ply.peak_force_N for ply in plies if ply.peak_force_N is not None), default=None),
-        physical_ok=_all_ok(plies),
-        failures=(*_ply_failures(plies), *_other_failures(failures, ended)),
+        physical_ok=_all_ok([*plies, *tasks]),
+        failures=(*_ply_failures(plies), *_task_failures(tasks), *_other_failures(failures, ended)),
+        troubles=tuple(
+            Trouble(ply=one.ply, kind=one.kind, squares=one.squares, sentence=one.sentence, mended_by=one.mended_by)
+            for one in events
+            if isinstance(one, TroubleEvent)
+        ),
         speed=speed,
         world_state=world_state,
         details=details or {},
@@ -124,7 +154,7 @@ def summarise(
 
 
 def _kind_stats(plies: Sequence[PlyEvent], kind: MoveKind) -> KindStats:
-    times = np.array([ply.real_s for ply in plies if ply.kind is kind and not ply.resumed])
+    times = np.array([ply.real_s for ply in plies if ply.kind is kind and ply.real_s is not None and not ply.resumed])
     if not times.size:
         return KindStats(n=0, mean_s=None, p95_s=None, max_s=None)
     return KindStats(
@@ -140,8 +170,8 @@ def _placement_stats(plies: Sequence[PlyEvent]) -> PlacementStats:
     return PlacementStats(n=errors.size, mean=float(errors.mean()), p50=p50, p95=p95, max=float(errors.max()))
 
 
-def _all_ok(plies: Sequence[PlyEvent]) -> bool | None:
-    verdicts = {ply.physical_ok for ply in plies}
+def _all_ok(done: Sequence[PlyEvent | TaskDoneEvent]) -> bool | None:
+    verdicts = {one.physical_ok for one in done}
     if False in verdicts:
         return False
     return True if verdicts == {True} else None
@@ -149,6 +179,10 @@ def _all_ok(plies: Sequence[PlyEvent]) -> bool | None:
 
 def _ply_failures(plies: Sequence[PlyEvent]) -> list[Failure]:
     return [Failure(ply=ply.ply, san=ply.san, reason=reason) for ply in plies for reason in ply.failures]
+
+
+def _task_failures(tasks: Sequence[TaskDoneEvent]) -> list[Failure]:
+    return [Failure(ply=task.ply, san=None, reason=reason) for task in tasks for reason in task.failures]
 
 
 def _other_failures(failures: Sequence[str], ended: bool) -> list[Failure]:

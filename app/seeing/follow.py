@@ -16,9 +16,10 @@ from app.seeing.pictures import Picture
 from app.seeing.report import Event, Score, VisionReport
 from vision.board import BoardNotFound
 from vision.evidence import codes_of, states_of
-from vision.moves import Decision, Verdict
+from vision.moves import Decision
 from vision.observer import Look, Observer
 from vision.sight import sight_of_picture
+from vision.verdict import Verdict
 
 PLIES: Final = 2
 """A settled view may be a move and its answer away from the one before: the other player answered at once."""

@@ -13,8 +13,8 @@ import pytest
 from app import UserError
 from app.arm import ArmState
 from app.config import load_rig
-from app.demo import DemoOptions, _table, run_demo
 from app.faces import Quiet
+from app.games import run_games
 from app.hand_moves import HandDropsNothing, hand_move
 from app.judging import judge
 from app.layout import BoxesTooSmall, TraysTooSmall, physical_set, start_layout
@@ -22,6 +22,9 @@ from app.manipulation import Inventory, InventoryError, NoSpare, PieceBoxed, Ply
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from app.motion.drop import fall_time, tool_height
 from app.recovery import FELT, PieceLost, Progress, progress_of
+from app.settings import Settings
+from app.settings_file import settings_of
+from app.venue import venue_of
 from controller.safety import default_limits
 from controller.sample_check import SampleCheck
 from hardware.parameters import load_parameters
@@ -209,10 +212,12 @@ def test_a_piece_that_fell_over_its_box_is_where_it_belongs_and_one_beside_is_lo
     ply = transfers(board, chess.Move.from_uci("e4d5"), inventory)
     box = TABLE.box_of(ply.transfers[0].target)
     over = rests(box.x + 0.01, box.y + 0.05, 0.12, 0.0)
-    assert progress_of(ply, 0, Stage.CARRY, over, TABLE) == Progress(1, holding=False)
-    assert progress_of(ply, 0, Stage.CARRY, rests(box.x, 0.0, 0.12, 2 * FELT), TABLE) == Progress(0, holding=True)
+    assert progress_of(ply.transfers, 0, Stage.CARRY, over, TABLE) == Progress(1, holding=False)
+    assert progress_of(ply.transfers, 0, Stage.CARRY, rests(box.x, 0.0, 0.12, 2 * FELT), TABLE) == Progress(
+        0, holding=True
+    )
     with pytest.raises(PieceLost):
-        progress_of(ply, 0, Stage.CARRY, rests(0.0, 0.0, 0.12, 0.0), TABLE)
+        progress_of(ply.transfers, 0, Stage.CARRY, rests(0.0, 0.0, 0.12, 0.0), TABLE)
 
 
 def test_a_piece_still_held_over_its_box_is_dropped_from_there() -> None:
@@ -269,10 +274,10 @@ def test_the_simulated_hand_says_that_it_drops_nothing() -> None:
 
 
 def test_the_options_of_a_game_keep_where_captured_pieces_go() -> None:
-    kept = DemoOptions.model_validate_json(DemoOptions(captured=Captured.BOX).model_dump_json())
-    assert _table(kept).captured is Captured.BOX
-    assert _table(DemoOptions()).captured is Captured.TRAY
-    assert _table(kept.model_copy(update={"square": 50.0})).boxes()
+    kept = Settings.model_validate_json(settings_of({"rig.captured": Captured.BOX}).model_dump_json())
+    assert venue_of(kept.rig).table.captured is Captured.BOX
+    assert venue_of(Settings().rig).table.captured is Captured.TRAY
+    assert venue_of(kept.with_changes({"rig.square": 50.0}).rig).table.boxes()
 
 
 def test_a_rig_file_says_where_captured_pieces_go_and_an_option_cannot_say_otherwise(tmp_path: Path) -> None:
@@ -280,7 +285,7 @@ def test_a_rig_file_says_where_captured_pieces_go_and_an_option_cannot_say_other
     file.write_text('[controller]\nport = 47100\n[table]\ncaptured = "box"\n', encoding="utf-8")
     assert load_rig(file).table.boxes()
     with pytest.raises(UserError, match=r"captured pieces go to a box: leave --captured out, or change its file$"):
-        run_demo(DemoOptions(rig=str(file), captured=Captured.TRAY), Quiet())
+        run_games(settings_of({"rig.name": str(file), "rig.captured": Captured.TRAY}), Quiet())
     file.write_text('[controller]\nport = 47100\n[table]\ncaptured = "bag"\n', encoding="utf-8")
     with pytest.raises(UserError, match=r"table\.captured: Input should be 'tray' or 'box', not 'bag'$"):
         load_rig(file)

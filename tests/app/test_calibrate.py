@@ -25,7 +25,8 @@ from app.calibration import (
 from app.cli import app
 from app.motion import MotionSettings
 from app.showing import Setup
-from app.sim_rig import SimRig, SimRigSettings
+from app.sim_rig import SimRig
+from app.sim_settings import SimRigSettings
 from hardware.interfaces import Frame, Intrinsics
 from hardware.parameters import load_parameters
 from hardware.sim.looks import CameraSettings, MountSettings

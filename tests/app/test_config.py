@@ -109,7 +109,7 @@ def test_a_rig_is_sim_or_a_file(tmp_path: Path) -> None:
     assert chosen is not None
     with pytest.raises(ConfigError, match="cannot be read: No such file or directory: give sim, or the TOML file"):
         choose_rig(str(tmp_path / "none.toml"))
-    with pytest.raises(RigFailed, match="has no arm yet: choose sim"):
+    with pytest.raises(RigFailed, match="rig board has no devices: choose sim"):
         choose_rig("board")
 
 

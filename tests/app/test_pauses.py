@@ -13,7 +13,9 @@ import pytest
 
 from app.arm import ArmPaused, ArmState, Outcome
 from app.faces import Quiet
-from app.game import MOST_PAUSES, Devices, Game, Position
+from app.game import Devices, Game, Position
+from app.game.carrier import MOST_PAUSES, Carrier
+from app.game.table import Table
 from app.layout import start_layout
 from app.manipulation import Inventory, Stage
 from app.motion import Motion, MotionSettings, Plan
@@ -92,7 +94,9 @@ def play(folder: Path, arm: LateArm, line: str = "e4 d5 exd5", wrap: Callable[[P
     record = GameRecord.begin(folder, GameSetup("a", "b", 1, "real"), board, inventory, 0.0)
     devices = Devices(arm, Clock(), None, None)
     with record, Players(player, player) as players:
-        game = Game(Position(board, inventory), players, devices, record, Quiet(), MOTION, PARAMETERS)
+        carrier = Carrier(devices, record, Quiet(), MOTION, PARAMETERS)
+        table = Table(Position(board, inventory), devices, carrier, None, record, Quiet())
+        game = Game(table, players, Quiet())
         game.play(10)
     return game
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import threading
+import time
+
 import chess
+import chess.engine
 import pytest
 
 from app.players import Decision, LinePlayer, Players
+from engine.errors import EngineFailed, EngineRefused
 
 
 class Always:
@@ -14,7 +19,7 @@ class Always:
     def __init__(self, move: str) -> None:
         self.move = chess.Move.from_uci(move)
 
-    def choose(self, board: chess.Board) -> Decision:
+    def choose(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> Decision:
         return Decision(self.move)
 
 
@@ -43,7 +48,7 @@ class Counting:
         self.name = name
         self.positions = list[str]()
 
-    def choose(self, board: chess.Board) -> Decision:
+    def choose(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> Decision:
         self.positions.append(board.fen())
         return Decision(next(iter(board.legal_moves)))
 
@@ -75,10 +80,162 @@ def test_what_goes_wrong_in_thinking_ahead_shows_when_the_move_is_needed():
     class Broken:
         name = "broken"
 
-        def choose(self, board: chess.Board) -> Decision:
+        def choose(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> Decision:
             raise LookupError("no move")
 
     with Players(Broken(), Broken()) as players:
         players.begin(chess.Board())
         with pytest.raises(LookupError, match="no move"):
             players.choose(chess.Board())
+
+
+class Thinking:
+    """Notes what it is asked; thinks until it is hurried where it is told to."""
+
+    name = "thinking"
+
+    def __init__(self, slow: bool = False) -> None:
+        self.asked = list[tuple[object, ...]]()
+        self.hurried = threading.Event()
+        self.slow = slow
+
+    def choose(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> Decision:
+        self.asked.append(("choose", board.ply(), clock))
+        if self.slow:
+            assert self.hurried.wait(20.0)
+        return Decision(next(iter(board.legal_moves)))
+
+    def ponder(self, board: chess.Board, clock: chess.engine.Limit | None, *, certain: bool) -> None:
+        self.asked.append(("ponder", board.ply(), clock, certain))
+
+    def move_now(self) -> None:
+        self.hurried.set()
+
+    def hint(self, board: chess.Board) -> Decision:
+        self.asked.append(("hint", board.ply()))
+        return Decision(next(iter(board.legal_moves)))
+
+    def accepts_draw(self, board: chess.Board) -> bool:
+        return board.ply() > 0
+
+
+CLOCK = chess.engine.Limit(white_clock=60.0, black_clock=50.0)
+
+
+def test_with_a_clock_nobody_thinks_for_a_move_before_its_time():
+    white, black = Thinking(), Thinking()
+    board = chess.Board()
+    with Players(white, black) as players:
+        players.begin(board, CLOCK)
+        assert players.choose(board, CLOCK).move in board.legal_moves
+        board.push_san("e4")
+        players.ponder(board, CLOCK)  # White has moved, and expects a reply
+        board.push_san("e5")
+        players.choose(board)
+    assert white.asked == [
+        ("ponder", 0, CLOCK, True), ("choose", 0, CLOCK), ("ponder", 1, CLOCK, False), ("choose", 2, None),
+    ]  # fmt: skip
+    assert black.asked == []
+
+
+def test_who_does_not_think_ahead_neither_begins_nor_ponders():
+    white = Thinking()
+    with Players(white, white, ahead=False) as players:
+        players.begin(chess.Board())
+        players.begin(chess.Board(), CLOCK)
+        players.ponder(chess.Board(), CLOCK)
+        players.choose(chess.Board())
+    assert white.asked == [("choose", 0, None)]
+
+
+def test_a_thought_about_a_position_that_did_not_come_is_cut_short():
+    white = Thinking(slow=True)
+    other = chess.Board()
+    other.push_san("Nf3")
+    other.push_san("Nf6")
+    with Players(white, Thinking()) as players:
+        players.begin(chess.Board())
+        began = time.monotonic()
+        assert players.choose(other).move in other.legal_moves
+        assert time.monotonic() - began < 10.0
+    assert white.hurried.is_set()
+
+
+def test_whether_a_move_is_ready():
+    white = Thinking(slow=True)
+    board = chess.Board()
+    with Players(white, Thinking()) as players:
+        assert not players.ready(board)
+        players.begin(board)
+        assert not players.ready(board)
+        players.move_now()
+        while not players.ready(board):
+            time.sleep(0.01)
+        players.choose(board)
+        assert not players.ready(board)
+
+
+def test_a_person_is_not_asked_but_helped():
+    robot = Thinking()
+    board = chess.Board()
+    with Players(None, robot) as players:
+        assert (players.name(chess.WHITE), players.is_person(chess.WHITE)) == ("Human", True)
+        assert not players.is_person(chess.BLACK)
+        players.begin(board)
+        with pytest.raises(ValueError, match="a person is to move"):
+            players.choose(board)
+        players.ponder(board, CLOCK)
+        assert players.hint(board).move in board.legal_moves
+        assert not players.accepts_draw(board, chess.BLACK)
+        assert not players.accepts_draw(board, chess.WHITE)
+        board.push_san("e4")
+        assert players.accepts_draw(board, chess.BLACK)
+        players.choose(board, CLOCK)
+    # the hint ends what is pondered, which begins again after it
+    assert robot.asked == [
+        ("ponder", 0, CLOCK, False), ("hint", 0), ("ponder", 0, CLOCK, False), ("choose", 1, CLOCK),
+    ]  # fmt: skip
+
+
+def test_without_an_engine_there_is_no_hint():
+    line = LinePlayer(chess.Board(), [chess.Move.from_uci("e2e4")])
+    with (
+        Players(line, line) as players,
+        pytest.raises(EngineRefused, match=r"^no engine plays here that could give a hint: play against one$"),
+    ):
+        players.hint(chess.Board())
+
+
+def test_a_line_lets_its_follower_think_once_it_ends():
+    follower = Thinking()
+    board = chess.Board()
+    player = LinePlayer(board, [chess.Move.from_uci("e2e4"), chess.Move.from_uci("e7e5")], follower)
+    player.ponder(board, None, certain=True)
+    player.ponder(board, None, certain=False)
+    board.push_san("e4")
+    player.ponder(board, None, certain=True)
+    player.ponder(board, None, certain=False)
+    board.push_san("e5")
+    player.ponder(board, None, certain=True)
+    assert player.choose(board, CLOCK).move is not None
+    assert player.hint(board).move is not None
+    assert player.accepts_draw(board)
+    player.move_now()
+    assert follower.hurried.is_set()
+    assert follower.asked == [
+        ("ponder", 1, None, False), ("ponder", 2, None, True), ("choose", 2, CLOCK), ("hint", 2),
+    ]  # fmt: skip
+
+
+def test_after_a_failure_a_player_may_be_asked_again():
+    class Mended(Thinking):
+        def choose(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> Decision:
+            if not self.asked:
+                self.asked.append(("failed",))
+                raise EngineFailed("engine", "choosing a move", ["it died"])
+            return super().choose(board, clock)
+
+    with Players(Mended(), Thinking()) as players:
+        with pytest.raises(EngineFailed):
+            players.choose(chess.Board(), CLOCK)
+        assert players.choose(chess.Board(), CLOCK).move in chess.Board().legal_moves

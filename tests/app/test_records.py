@@ -163,12 +163,24 @@ def test_a_ply_event_holds_the_move_and_what_was_measured(tmp_path: Path) -> Non
                 "colour": "black",
                 "source": "d5",
                 "target": str(taken.target),
+                "seen": None,
             },
-            {"piece": "white-pawn-e", "kind": "pawn", "colour": "white", "source": "e4", "target": "d5"},
+            {
+                "piece": "white-pawn-e",
+                "kind": "pawn",
+                "colour": "white",
+                "source": "e4",
+                "target": "d5",
+                "seen": None,
+            },
         ],
         "inventory": {"black-pawn-d": str(taken.target), "white-pawn-e": "d5"},
         "failures": ["white-pawn-e stands 11 mm beside d5"],
         "resumed": False,
+        "by": "arm",
+        "score": None,
+        "clock_s": None,
+        "comment": "",
     }
     assert taker.name == "white-pawn-e"
 
@@ -321,7 +333,7 @@ def test_the_report_has_the_fields_of_the_contract(tmp_path: Path) -> None:
     assert written == json.loads(report.model_dump_json())
     assert list(written) == [
         *("result", "exit_reason", "plies", "sim_s", "wall_s", "pace", "seed", "kinds", "placement_mm"),
-        *("peak_torque_Nm", "peak_force_N", "physical_ok", "failures", "speed", "world_state", "details"),
+        *("peak_torque_Nm", "peak_force_N", "physical_ok", "failures", "troubles", "speed", "world_state", "details"),
     ]
     assert (written["result"], written["exit_reason"], written["plies"]) == ("1/2-1/2", "agreed", 5)
     assert (written["sim_s"], written["wall_s"], written["pace"], written["seed"]) == (39.0, 6.0, "fast", 7)

@@ -38,7 +38,7 @@ def arm(place: Place, height: float, finger: float, felt: float) -> ArmState:
 
 
 def progress(transfer: int, stage: Stage, state: ArmState) -> Progress:
-    return progress_of(PLY, transfer, stage, state, TABLE)
+    return progress_of(PLY.transfers, transfer, stage, state, TABLE)
 
 
 @pytest.mark.parametrize("transfer", [0, 1])

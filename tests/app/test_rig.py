@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from app.devices import RigFailed
-from app.sim_rig import SimRig, SimRigSettings
+from app.sim_rig import SimRig
+from app.sim_settings import SimRigSettings
 from hardware.sim.settings import WorldSettings
 from hardware.table import TableSettings
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from app.demo import DemoOptions, run_demo
 from app.faces import Quiet
+from app.games import run_games
+from app.settings_file import settings_of
 from controller.client import ControllerClient
 from controller.contact import find_controller
 from hardware.sim.settings import Pace
@@ -19,11 +20,13 @@ LINE = "e4 d5 exd5"
 
 def play(folder: Path) -> dict[str, Any]:
     """The line, as ``touchmove demo`` plays it; its report."""
-    options = DemoOptions(
-        plies=3, pace=Pace.FAST, seed=3, fen=None, moves=LINE, white_elo=None, black_elo=None, move_time=None,
-        nodes=None, engine=None, out=folder, video=False, video_length=1.0, linger=5.0, port=0,
+    settings = settings_of(
+        {
+            "rig.pace": Pace.FAST, "rig.seed": 3, "rig.video": False, "rig.linger": 5.0, "game.plies": 3,
+            "game.moves": LINE, "out": folder,
+        }
     )  # fmt: skip
-    done = run_demo(options, Quiet())
+    done = run_games(settings, Quiet())
     assert done.holds, done.report.failures
     return done.report.model_dump()
 

@@ -34,6 +34,8 @@ for line in sys.stdin:
 {on_new_game}
     elif line.startswith("go"):
 {on_go}
+    else:
+{on_other}
 """
 
 HELLO = """
@@ -78,7 +80,11 @@ def fake(tmp_path: Path) -> MakeFake:
     """Makes a fake engine from Python snippets; they see ``start`` (1, 2, ...), ``line`` and ``say``."""
 
     def make(
-        on_go: str = 'say("bestmove e2e4")', on_uci: str = HELLO, on_new_game: str = "", at_start: str = ""
+        on_go: str = 'say("bestmove e2e4")',
+        on_uci: str = HELLO,
+        on_new_game: str = "",
+        at_start: str = "",
+        on_other: str = "",
     ) -> Fake:
         made = Fake(str(tmp_path / "fake-engine"), tmp_path / "starts", tmp_path / "log")
         text = SCRIPT.format(
@@ -89,12 +95,19 @@ def fake(tmp_path: Path) -> MakeFake:
             on_uci=_indented(on_uci),
             on_new_game=_indented(on_new_game),
             on_go=_indented(on_go),
+            on_other=_indented(on_other),
         )
         Path(made.path).write_text(text)
         Path(made.path).chmod(0o755)
         return made
 
     return make
+
+
+@pytest.fixture(autouse=True)
+def _without_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Attempts follow each other at once."""
+    monkeypatch.setattr("engine.keeper.PAUSES", (0.0, 0.0, 0.0))
 
 
 @pytest.fixture(scope="session")

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from tests.vision.synthetic import camera_matrix, corners_of, draw
 from vision.evidence import Evidence, codes_of, states_of
-from vision.moves import Verdict, decide
+from vision.moves import decide
 from vision.observer import Observer
 from vision.sight import sight_of_picture
 from vision.solids import Solids
+from vision.verdict import Verdict
 
 ABOVE = camera_matrix(0.35)
 OBLIQUE = camera_matrix(0.75, distance=14.5)

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vision.evidence import codes_of, states_of
-from vision.situations import Situation, explain
+from vision.situations import explain
+from vision.verdict import Situation
 
 
 def position(moves: str) -> chess.Board:

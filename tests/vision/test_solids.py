@@ -15,9 +15,10 @@ from vision.appearance import BLACK, EMPTY, WHITE
 from vision.board import BoardView
 from vision.evidence import codes_of, states_of
 from vision.kinds import Kinds
-from vision.moves import Decision, Verdict
+from vision.moves import Decision
 from vision.solids import CEILING, Solids, solids_of
 from vision.standing import Standing
+from vision.verdict import Verdict
 
 PINHOLE = Intrinsics(640, 480, 615.0, 615.0, 319.5, 239.5)
 TABLE = TableSettings()

@@ -1,0 +1,8 @@
+"""The game: the loop, the table it is played at, who plays, and what is done when something goes wrong."""
+
+from __future__ import annotations
+
+from app.game.game import Game
+from app.game.state import EXPECTED_FAILURES, WRONG, Devices, GameEnd, Position
+
+__all__ = ["EXPECTED_FAILURES", "WRONG", "Devices", "Game", "GameEnd", "Position"]

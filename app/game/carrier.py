@@ -1,0 +1,224 @@
+"""Carries pieces: whole jobs of the arm, whatever interrupts them, each part recorded before it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from app import UserError
+from app.arm import ArmHeld, ArmPaused, ArmState, GraspFailed, NothingTouched, Outcome
+from app.faces import Face
+from app.game.state import Devices, Job, moved_all
+from app.manipulation import Inventory, Stage, Transfer
+from app.records import GameRecord
+from app.recovery import PieceLost, Progress, progress_of
+from hardware.parameters import RobotParameters
+from hardware.table import Kind
+
+if TYPE_CHECKING:
+    from app.motion import Motion, MotionSettings
+
+MOST_PAUSES = 20
+"""Within one job; a computer that is late so often will not get better by itself."""
+
+
+class Loss(StrEnum):
+    """How a piece came not to be carried."""
+
+    NOT_GRIPPED = "not gripped"
+    """The fingers closed and felt nothing."""
+    LOST = "lost"
+    """It was in the fingers, and did not arrive."""
+
+
+class CarryFailed(Exception):
+    """A piece was not carried where it should; the arm is home again, with nothing in its fingers.
+
+    Attributes:
+        loss: how.
+        transfer: of the piece.
+        done: so many transfers of the job were done before.
+        inventory: what stands where after those; where the piece is, only eyes can tell.
+    """
+
+    def __init__(self, loss: Loss, transfer: Transfer, done: int, inventory: Inventory, sentence: str) -> None:
+        super().__init__(sentence)
+        self.loss, self.transfer, self.done, self.inventory = loss, transfer, done, inventory
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """What a job came to.
+
+    Attributes:
+        planned: duration planned for its last part [s].
+        done: that part.
+        resumed: there was one before, of another program or before a pause.
+    """
+
+    planned: float
+    done: Outcome
+    resumed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """Of a job's transfers: which was begun last, from 0, and which stage of it."""
+
+    transfer: int
+    stage: Stage
+
+
+class Carrier:
+    """Uses the arm."""
+
+    def __init__(
+        self,
+        devices: Devices,
+        record: GameRecord,
+        face: Face,
+        motion: MotionSettings,
+        parameters: RobotParameters,
+    ) -> None:
+        self._devices, self._record, self._face = devices, record, face
+        self._motion, self._parameters = motion, parameters
+        self._step: Begun | None = None
+
+    @property
+    def untouched(self) -> bool:
+        """Nothing was begun of the last job."""
+        return self._step is None
+
+    def carry(
+        self,
+        job: Job,
+        inventory: Inventory,
+        begun: Begun | None = None,
+        letting_go: Callable[[], None] | None = None,
+    ) -> Carried:
+        """Do a job, or what is left of one that was broken off, from wherever the arm is; home at its end.
+
+        Where the arm had to stop because samples came too late, it goes on from where it is; a busy computer may cost
+        time, but no game. Nor does a hand over the board: the arm holds until it is gone.
+
+        Args:
+            job: what to carry; every part of it is recorded before it begins.
+            inventory: what stood where before the whole job.
+            begun: how far another program was; None: nothing was begun.
+            letting_go: called when the arm lets go of the last piece.
+
+        Raises:
+            CarryFailed: a piece was not gripped or was lost on its way; the arm is home.
+            UserError: the computer was late too often; or as the planner.
+        """
+        state = self._devices.arm.state()
+        self._step = begun
+        pauses, resumed = 0, begun is not None
+        while True:
+            progress: Progress | None = None
+            try:
+                if self._step is not None:
+                    progress = self._progress(job, state, inventory)
+                    self._face.phase(_explain(job, progress))
+                self._interlock()
+                planned, done = self._rest(job, state, inventory, progress, letting_go)
+                return Carried(planned, done, resumed)
+            except (GraspFailed, NothingTouched, PieceLost) as failure:
+                raise self._failed(job, inventory, failure) from failure
+            except ArmHeld as held:
+                if self._devices.guard is None:
+                    raise
+                self._face.phase(f"waiting for the board to be clear: {held}")
+            except ArmPaused as pause:
+                pauses += 1
+                if pauses > MOST_PAUSES or self._step is None:
+                    raise
+                self._face.phase(f"going on after a pause: {pause}")
+            state = self._devices.arm.settle()
+            resumed = resumed or self._step is not None
+
+    def _rest(
+        self,
+        job: Job,
+        state: ArmState,
+        inventory: Inventory,
+        progress: Progress | None,
+        letting_go: Callable[[], None] | None,
+    ) -> tuple[float, Outcome]:
+        from app.motion import plan_ply, plan_return  # takes seconds to load: not before something moves
+
+        arm, parameters = self._devices.arm, self._parameters
+        done = 0 if progress is None else progress.done
+        now = _after(inventory, job, done)
+        if rest := job.transfers[done:]:
+            plan = plan_ply(
+                job.label, rest, now, state.reference, state.finger, self._motion, parameters, arm.lead_ticks,
+                holding=progress is not None and progress.holding, low=progress is not None,
+            )  # fmt: skip
+        else:
+            kind = job.transfers[-1].kind
+            plan = plan_return(state.reference, state.finger, self._motion, parameters, now.table, release=kind)
+
+        def begin(motion: Motion) -> None:
+            self._note(job, motion, done, letting_go)
+
+        return plan.expected, arm.execute(plan, begin)
+
+    def _note(self, job: Job, motion: Motion, done: int, letting_go: Callable[[], None] | None) -> None:
+        """Record what the arm begins, so that another program can finish it."""
+        if motion.transfer is None or motion.stage is None:
+            return
+        self._step = Begun(done + motion.transfer, motion.stage)
+        self._record.step(job.uci, self._step.transfer, self._step.stage, self._devices.clock.now())
+        if letting_go is not None and self._step == Begun(len(job.transfers) - 1, Stage.RELEASE):
+            letting_go()
+
+    def _progress(self, job: Job, state: ArmState, inventory: Inventory) -> Progress:
+        assert self._step is not None
+        return progress_of(job.transfers, self._step.transfer, self._step.stage, state, inventory.table)
+
+    def _failed(self, job: Job, inventory: Inventory, failure: UserError) -> CarryFailed:
+        """Home after a loss, and what it was."""
+        assert self._step is not None
+        index = self._step.transfer
+        transfer = job.transfers[index]
+        missed = isinstance(failure, GraspFailed)
+        self._go_home(inventory, transfer.kind if missed else None)
+        return CarryFailed(
+            Loss.NOT_GRIPPED if missed else Loss.LOST, transfer, index, _after(inventory, job, index), str(failure)
+        )
+
+    def _go_home(self, inventory: Inventory, release: Kind | None) -> None:
+        """Straight up and home, whatever holds it up on the way; the fingers open first from what they are around."""
+        from app.motion import plan_return
+
+        for _ in range(MOST_PAUSES):
+            state = self._devices.arm.settle()
+            plan = plan_return(state.reference, state.finger, self._motion, self._parameters, inventory.table, release)
+            try:
+                self._interlock()
+                self._devices.arm.execute(plan)
+                return
+            except ArmPaused as pause:
+                self._face.phase(f"going on after a pause: {pause}")
+        raise UserError("the arm could not go home: this computer is late again and again; see 'touchmove link-test'")
+
+    def _interlock(self) -> None:
+        """No motion over the board while a hand is there."""
+        if self._devices.guard is not None:
+            self._devices.guard.clear()
+
+
+def _after(inventory: Inventory, job: Job, done: int) -> Inventory:
+    """What stands where after the first transfers of a job."""
+    return moved_all(inventory, job.transfers[:done])
+
+
+def _explain(job: Job, progress: Progress) -> str:
+    if progress.done == len(job.transfers):
+        return f"{job.label} was all but done: the arm goes home"
+    piece = job.transfers[progress.done]
+    where = "is in the fingers" if progress.holding else f"stands on {piece.source}"
+    return f"going on with {job.label}: the {piece.kind} for {piece.target} {where}"

@@ -1,0 +1,225 @@
+"""What the camera says of the board: whether it stands as the game wants it, and what a person played.
+
+The view of the board follows it: a camera or a board that was moved is found again. Every frame asked for here is
+exposed after the asking, with the arm at home.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import chess
+import numpy as np
+from numpy.typing import NDArray
+
+from app.arm import Arm
+from app.game.state import FRAME_AGE, CannotSee, Devices
+from app.manipulation import Inventory
+from app.repair import Sighting, kinds_by_height
+from app.repair.sighting import Chances
+from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
+from hardware.table import Colour, PieceSpec, TableSettings
+from vision.anchor import Anchor
+from vision.appearance import BLACK, EMPTY, WHITE
+from vision.board import BoardNotFound, BoardView, playing_area
+from vision.centres import piece_centres
+from vision.evidence import codes_of
+from vision.find import find_board
+from vision.moves import Decision
+from vision.observer import Look, Observer
+from vision.orientation import orient
+from vision.sight import sight_of_frame
+from vision.situations import Finding, explain
+from vision.verify import Fault, verify_board
+
+States = NDArray[np.intp]
+Heights = NDArray[np.float64]
+
+PATIENCE: Final = 3.0
+"""So long a fresh frame is waited for [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """One look at the board.
+
+    Attributes:
+        decision: what was played since the known position, or doubt.
+        finding: what is the matter, and what to do; for people.
+        states: what stands on each square as it is seen, shape (64,): ``vision.appearance`` EMPTY, WHITE, BLACK.
+        look: to be confirmed.
+    """
+
+    decision: Decision
+    finding: Finding
+    states: States
+    look: Look
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """Whether the board is as it should be.
+
+    Attributes:
+        faults: what is not.
+        sighting: what is seen, for mending it.
+    """
+
+    faults: tuple[Fault, ...]
+    sighting: Sighting
+
+
+class Eyes:
+    """Follows one game by one camera.
+
+    Args:
+        devices: of the rig; it has a camera.
+        table: board and trays.
+        board: the position that stands there now; it is how the set is learnt.
+        view: where the board should be in the pictures of a camera, by calibration; None: nobody knows, so it is
+            searched for.
+
+    Raises:
+        CannotSee: there is no board in the picture.
+        HardwareError: the camera failed.
+    """
+
+    def __init__(
+        self,
+        devices: Devices,
+        table: TableSettings,
+        board: chess.Board,
+        view: Callable[[Intrinsics], BoardView | None],
+    ) -> None:
+        assert devices.camera is not None
+        self._camera: Camera = devices.camera
+        self._clock: Clock = devices.clock
+        self._arm: Arm = devices.arm
+        self._table = table
+        self.last = self.frame()
+        """The newest frame that was looked at."""
+        self._hold(self.last, _find(self.last, board, table, view(self.last.intrinsics)))
+        self._observer = Observer(board, sight_of_frame(self.last, self.view))
+
+    def frame(self) -> Frame:
+        """A frame exposed from now on, the arm being at rest.
+
+        Raises:
+            HardwareError: the camera gives none.
+        """
+        self._arm.state()  # in pace fast: once plant time stands, so that the exposure's tick is decided
+        since = self._clock.now()
+        while True:
+            frame = self._camera.read(FRAME_AGE)
+            if frame.stamp >= since:
+                self.last = frame
+                return frame
+            if self._clock.now() > since + PATIENCE:
+                raise HardwareError(f"the camera gave no new picture within {PATIENCE:.0f} s: see to its cable")
+            self._clock.sleep(0.01)
+
+    def verify(self, stands: Inventory) -> Verification:
+        """Whether the board is as it should be, in a new frame.
+
+        Args:
+            stands: what should stand where.
+
+        Raises:
+            CannotSee: the board is not in the picture.
+            HardwareError: the camera failed.
+        """
+        frame = self.frame()
+        self._follow(frame)
+        faults = verify_board(frame, self.view, on_board(stands))
+        if not faults:
+            return Verification(faults, Sighting({}))
+        look = self._observer.look(sight_of_frame(frame, self.view))
+        states = look.evidence.read(codes_of(self._observer.board))
+        top = None if look.solids is None else look.solids.top
+        sighting = Sighting.of(stands, states, faults, kinds=_kinds(stands, states, top))
+        return Verification(faults, sighting)
+
+    def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
+        """Where pieces stand in the newest frame, board frame (x, y) [m], by square; those alone that can be seen.
+
+        Args:
+            believed: what stands where.
+        """
+        centres = piece_centres(self.last, self.view, on_board(believed))
+        return {square: (one.x, one.y) for square, one in centres.items() if one.upright}
+
+    def read(self) -> Reading:
+        """What was played since the known position, in a new frame.
+
+        Raises:
+            CannotSee: the board is not in the picture.
+            HardwareError: the camera failed.
+        """
+        frame = self.frame()
+        self._follow(frame)
+        look = self._observer.look(sight_of_frame(frame, self.view))
+        decision = self._observer.decide(look)
+        states = look.evidence.read(codes_of(self._observer.board))
+        return Reading(decision, explain(states, self._observer.board), states, look)
+
+    def confirm(self, board: chess.Board, look: Look | None = None) -> None:
+        """The position is known: by the rules, a person, or since the arm has made it.
+
+        Args:
+            board: the position.
+            look: that shows it; None: the newest frame does.
+        """
+        if look is None:
+            look = self._observer.look(sight_of_frame(self.last, self.view))
+        self._observer.confirm(look, board)
+
+    def _follow(self, frame: Frame) -> None:
+        check = self._anchor.follow(frame.colour)
+        if check.moved is None:
+            raise CannotSee(
+                "the board cannot be found in the camera's picture: clear the view of its edges and squares"
+            )
+        if check.moved:
+            self._hold(frame, BoardView.from_corners(frame.intrinsics, check.corners, self._table))
+
+    def _hold(self, frame: Frame, view: BoardView) -> None:
+        self.view = view
+        """Where the board is in the pictures."""
+        self._anchor = Anchor(frame.colour, view.project(playing_area(self._table)))
+
+
+def on_board(inventory: Inventory) -> dict[int, PieceSpec]:
+    """The pieces that stand on squares, by square."""
+    return {piece.place.index: piece for piece in inventory if piece.place.on_board}
+
+
+def _kinds(stands: Inventory, states: States, top: Heights | None) -> dict[int, Chances]:
+    """Of what stands where it should not, how likely it is of each kind by its height."""
+    if top is None:
+        return {}
+    expected = np.full(64, EMPTY)
+    for square, piece in on_board(stands).items():
+        expected[square] = WHITE if piece.colour is Colour.WHITE else BLACK
+    strange = np.flatnonzero((states != expected) & (states != EMPTY) & (top > 0.0))
+    return {int(square): kinds_by_height(float(top[square])) for square in strange}
+
+
+def _find(frame: Frame, board: chess.Board, table: TableSettings, view: BoardView | None) -> BoardView:
+    """The board in the first frame; where it should be, it is only refined, and the robot's side of it is known."""
+    near = None if view is None else view.project(playing_area(table))
+    try:
+        found = find_board(frame.colour, near=near)
+        corners = found.corners
+        if near is None:
+            turned = orient(frame.colour, corners, board)
+            if not turned.sure:
+                raise CannotSee(
+                    "the pieces do not tell which side of the board is White's: set the position up, or calibrate the "
+                    "camera with 'touchmove calibrate'"
+                )
+            corners = turned.corners
+        return BoardView.from_corners(frame.intrinsics, corners, table)
+    except BoardNotFound as error:
+        raise CannotSee(f"the camera does not see the board: {error}") from error

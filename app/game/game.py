@@ -1,0 +1,175 @@
+"""The game loop: whoever is to move moves, by the arm or by hand, until the game is over."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import chess
+
+from app import UserError
+from app.faces import Face
+from app.game.human import Human
+from app.game.human_turn import HumanTurn
+from app.game.state import WRONG, GameEnd
+from app.game.table import Remark, Table
+from app.game.timing import Timing
+from app.players import Decision, Players
+from app.records.events import Result
+from app.recovery import FELT
+from engine.errors import EngineProblem
+
+
+class Game:
+    """One game at one table.
+
+    Args:
+        table: where it is played.
+        players: who choose the moves that the arm makes.
+        face: shown what happens.
+        human: who plays one side by hand; None: the arm makes all moves.
+        comments: recorded with each ply, from the first one of the game on.
+        result: of a game that is played again; its moves are made to their end, whatever might have been claimed
+            before. None: the rules end the game, and draws are claimed.
+        timing: chess clocks; None: none.
+    """
+
+    def __init__(
+        self,
+        table: Table,
+        players: Players,
+        face: Face,
+        human: Human | None = None,
+        comments: tuple[str, ...] = (),
+        result: Result | None = None,
+        timing: Timing | None = None,
+    ) -> None:
+        self._table, self._players, self._face = table, players, face
+        self._timing = timing or Timing(None, table.now)
+        self._comments, self._result = comments, result
+        self._human = None if human is None else HumanTurn(human, table, players, self._timing, face)
+        self._most = 0
+        self.thinking = 0.0
+        """Wall time that the arm rested because a player thought [s]."""
+
+    def play(self, plies: int) -> GameEnd:
+        """Play until the game is over, a player has no more moves, or so many plies are done.
+
+        A ply that fails physically ends the game; what went wrong is in the record.
+        """
+        board = self._table.board
+        self._face.position(board)
+        self._most = plies
+        if not self._table.finish():
+            return WRONG
+        while True:
+            end = self._over(plies)
+            end = end or self._turn()
+            if end is not None:
+                return end
+
+    def _over(self, plies: int) -> GameEnd | None:
+        board = self._table.board
+        again = self._result is not None
+        outcome = board.outcome(claim_draw=self._human is None)
+        done = len(board.move_stack) >= plies
+        if outcome is not None and (done or not again):
+            return GameEnd(result_of(outcome), outcome.termination.name.lower().replace("_", " "), True)
+        return GameEnd(self._result or "*", f"{plies} plies played", True) if done else None
+
+    def _turn(self) -> GameEnd | None:
+        """One ply, or something else in its place."""
+        board, colour = self._table.board, self._table.board.turn
+        if self._human is not None and self._human.plays(colour):
+            return self._human.take()
+        decision = self._choose()
+        if (fallen := self._timing.fallen(board)) is not None:
+            return GameEnd(fallen.result, fallen.reason, True)
+        if decision.resigns:
+            return GameEnd("0-1" if colour else "1-0", f"{_side(colour)} resigns", True)
+        if decision.claims_draw:
+            return GameEnd("1/2-1/2", f"{_side(colour)} claims a draw", True)
+        if decision.move is None:
+            return GameEnd(self._result or "*", "end of the given line", True)
+        return self._make(decision, decision.move)
+
+    def _make(self, decision: Decision, move: chess.Move) -> GameEnd | None:
+        """The arm makes the move of a player."""
+        colour, number = self._table.board.turn, len(self._table.board.move_stack)
+        self._timing.decided(colour, decision.lost)
+
+        def clocks() -> dict[chess.Color, float] | None:
+            self._timing.arm_clear()
+            return self._timing.left()
+
+        comment = self._comments[number] if number < len(self._comments) else ""
+        with self._timing.motion():
+            well = self._table.arm_ply(move, self._thinking_ahead(move), Remark(decision.score, comment, clocks))
+        if not well:
+            return WRONG
+        if decision.offers_draw and self._human is not None:
+            self._face.say("I offer a draw: say 'draw' if you agree")
+        return None
+
+    def _choose(self) -> Decision:
+        """What the player to move decides; where its engine fails for good and a person is there, the game waits."""
+        board = self._table.board
+        self._face.phase(f"{_side(board.turn)} thinks ({self._players.name(board.turn)})")
+        since = time.perf_counter()
+        while True:
+            self._timing.start(board.turn)
+            try:
+                decision = self._players.choose(board, self._timing.limit(board.turn))
+                break
+            except EngineProblem as problem:
+                self._timing.pause()
+                if self._human is None:
+                    raise
+                self._human.wait(f"{problem}; say 'go' when I may ask again")
+        for trouble in decision.troubles:
+            self._face.phase(f"the engine was started again: {trouble}")
+        self.thinking += time.perf_counter() - since
+        return decision
+
+    def _thinking_ahead(self, move: chess.Move) -> Callable[[], None]:
+        """While the arm lets go of the last piece and goes home, the next player thinks already; or, where a person is
+        next, the engine about what they will play.
+        """
+
+        def begin() -> None:
+            board = self._table.board.copy()
+            board.push(move)
+            if len(board.move_stack) >= self._most or board.outcome(claim_draw=True) is not None:
+                return
+            if self._human is not None and self._human.plays(board.turn):
+                self._players.ponder(board, self._timing.limit(not board.turn))
+            else:
+                self._players.begin(board, self._timing.limit(board.turn))
+
+        return begin
+
+
+def require_empty_fingers(felt: float) -> None:
+    """Before a game begins.
+
+    Args:
+        felt: by both pads [N].
+
+    Raises:
+        UserError: something is between them.
+    """
+    if felt >= FELT:
+        raise UserError(
+            "something is between the fingers: take it out by hand, or go on with its game by 'touchmove resume'"
+        )
+
+
+def _side(colour: chess.Color) -> str:
+    return "White" if colour else "Black"
+
+
+def result_of(outcome: chess.Outcome) -> Result:
+    """In PGN's words."""
+    if outcome.winner is None:
+        return "1/2-1/2"
+    return "1-0" if outcome.winner else "0-1"

@@ -1,0 +1,246 @@
+"""A person's turn: they say something or move a piece; the camera, where there is one, says what was played.
+
+Nothing is guessed. A move counts when the camera has seen it beyond doubt, or when the person has confirmed what it
+believes; on a rig without camera, when they have said it. An illegal or half-made move is named with its squares; the
+arm puts it right when asked to, or the person does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+import chess
+
+from app import UserError
+from app.arm import ArmPaused
+from app.faces import Face
+from app.game.commands import Command, MoveHand, PlayMove, Word, help_text, parse_command
+from app.game.human import Human, PersonGone
+from app.game.person import NeedsHand
+from app.game.state import WRONG, GameEnd
+from app.game.table import Remark, Table
+from app.game.timing import Timing
+from app.manipulation import transfers
+from app.players import Players
+from app.records import RecordError
+from app.records.events import Result
+from app.time_control import clock_text
+from hardware.interfaces import HardwareError
+from vision.verdict import Situation, Verdict
+
+if TYPE_CHECKING:
+    from app.game.eyes import Reading
+
+POLL: Final = 0.2
+"""So often it is looked whether the person has done something by themselves [s, wall]."""
+LOOKS: Final = 3
+"""So many looks before anybody is asked: noise differs from frame to frame."""
+_PROMOTIONS: Final = {"q": chess.QUEEN, "r": chess.ROOK, "b": chess.BISHOP, "n": chess.KNIGHT}
+
+
+class HumanTurn:
+    """Takes a person's turns."""
+
+    def __init__(self, human: Human, table: Table, players: Players, timing: Timing, face: Face) -> None:
+        self._human, self._table, self._players, self._face = human, table, players, face
+        self._timing = timing
+        self._colour = human.colour
+
+    def plays(self, colour: chess.Color) -> bool:
+        """Whether the person plays this colour now."""
+        return colour == self._colour
+
+    def take(self) -> GameEnd | None:
+        """Until a ply was made or taken back, sides were changed, or the game has ended."""
+        done = len(self._table.board.move_stack)
+        self._prompt()
+        self._timing.start(self._colour)
+        while len(self._table.board.move_stack) == done and self.plays(self._table.board.turn):
+            line = self._human.lines.next(POLL)
+            if (fallen := self._timing.fallen(self._table.board)) is not None:
+                return GameEnd(fallen.result, fallen.reason, True)
+            if line is None:
+                continue
+            try:
+                command = parse_command(line, self._table.board)
+                end = self._obey(command)
+            except (PersonGone, RecordError, ArmPaused, NeedsHand):
+                raise
+            except (UserError, HardwareError) as error:  # it cannot be done: the game stands where it stood
+                self._face.say(str(error))
+                continue
+            if end is not None:
+                return end
+            if len(self._table.board.move_stack) == done:
+                self._prompt()
+        return None
+
+    def wait(self, sentence: str) -> None:
+        """Until the person says 'go'."""
+        self._face.say(sentence)
+        self._answer("go on?", (Word.GO.value,))
+
+    def _prompt(self) -> None:
+        left = self._timing.left()
+        clocks = "" if left is None else f" ({clock_text(left[chess.WHITE])} - {clock_text(left[chess.BLACK])})"
+        self._face.prompt(f"{_name(self._colour)} to move{clocks}: your move")
+
+    def _obey(self, command: Command) -> GameEnd | None:
+        if isinstance(command, PlayMove):
+            return self._play(command.move)
+        if isinstance(command, MoveHand):
+            return self._hand(command)
+        words: dict[Word, Callable[[], GameEnd | None]] = {
+            Word.LOOK: lambda: self._read(None, self._timing.now()),
+            Word.FIX: lambda: None if self._table.repair() else WRONG,
+            Word.TAKE_BACK: self._take_back,
+            Word.HINT: self._hint,
+            Word.HELP: lambda: self._face.say(help_text()),
+            Word.DRAW: self._draw,
+            Word.PAUSE: self._pause,
+            Word.GO: lambda: self._face.say("nothing waits: it is your move"),
+            Word.SIDE: self._change_sides,
+            Word.RESIGN: lambda: GameEnd(_lost(self._colour), f"{_name(self._colour)} resigns", True),
+            Word.NEW: lambda: GameEnd("*", "given up for a new game", True, again=True),
+            Word.QUIT: lambda: GameEnd("*", "left by the person at the board", True),
+        }
+        return words[command]()
+
+    def _pause(self) -> None:
+        self._timing.pause()
+        self.wait("the clocks stand; say 'go' to go on")
+        self._timing.start(self._colour)
+
+    def _change_sides(self) -> None:
+        self._timing.pause()
+        self._colour = not self._colour
+        self._face.say(f"you play {_name(self._colour)} now")
+
+    def _draw(self) -> GameEnd | None:
+        """A draw that can be claimed, or that the robot agrees to."""
+        board = self._table.board
+        if board.can_claim_draw():
+            return GameEnd("1/2-1/2", f"{_name(self._colour)} claims a draw", True)
+        if self._players.accepts_draw(board, not self._colour):
+            return GameEnd("1/2-1/2", "draw agreed", True)
+        self._face.say("I would like to play on")
+        return None
+
+    # moves
+
+    def _play(self, move: chess.Move) -> GameEnd | None:
+        """A legal move was typed: the hand of a simulated world makes it; else the person has made it, or will."""
+        if self._human.hands is not None:
+            ply = transfers(self._table.board, move, self._table.inventory)
+            self._face.phase(f"your hand plays {ply.san}")
+            with self._timing.motion(of_arm=False):
+                self._human.hands.play(ply, self._table.inventory)
+        done = self._timing.now()
+        if self._table.eyes is None:
+            return self._accept(move, done)
+        return self._read(move, done)
+
+    def _hand(self, command: MoveHand) -> GameEnd | None:
+        if self._human.hands is None:
+            self._face.say("only a simulated hand can be told what to do: move the piece yourself")
+            return None
+        with self._timing.motion(of_arm=False):
+            self._human.hands.do(command, self._table.inventory)
+        return self._read(None, self._timing.now())
+
+    def _read(self, said: chess.Move | None, then: float) -> GameEnd | None:
+        """What the camera says was played; ``said``: what the person says; ``then``: when their hand had left [s]."""
+        reading = self._look()
+        if reading is None:
+            self._face.say("this rig has no camera: type the move")
+            return None
+        decision, finding = reading.decision, reading.finding
+        if decision.verdict is Verdict.NOTHING:
+            self._face.say(
+                "I see no change on the board" if said is None else f"I do not see {said.uci()} on the board"
+            )
+            return None
+        if decision.verdict is Verdict.MOVE:
+            (move,) = decision.moves
+            if decision.promotion_unsure:
+                move = chess.Move(move.from_square, move.to_square, self._promotion(said))
+            return self._accept(move, then, reading)
+        if finding.situation is Situation.LEGAL:
+            return self._ask_move(decision.moves[0], said, then, reading)
+        self._table.note(finding)
+        self._face.say(f"{finding.sentence}. Put it right by hand and say 'look', or say 'fix' and the arm does it")
+        return None
+
+    def _look(self) -> Reading | None:
+        """Again while in doubt."""
+        eyes = self._table.eyes
+        if eyes is None:
+            return None
+        reading = eyes.read()
+        for _ in range(LOOKS - 1):
+            if reading.decision.verdict is not Verdict.DOUBT:
+                break
+            reading = eyes.read()
+        return reading
+
+    def _ask_move(self, move: chess.Move, said: chess.Move | None, then: float, reading: Reading) -> GameEnd | None:
+        if said is not None and said == move:
+            return self._accept(move, then, reading)
+        san = self._table.board.san(move)
+        if self._yes(f"this looks like {san}, but not clearly: was that it?"):
+            return self._accept(move, then, reading)
+        self._face.say("then put the pieces back as they were, or type the move that you have made")
+        return None
+
+    def _accept(self, move: chess.Move, then: float, reading: Reading | None = None) -> GameEnd | None:
+        self._timing.press(then)
+        if self._table.eyes is not None and reading is not None:
+            after = self._table.board.copy()
+            after.push(move)
+            self._table.eyes.confirm(after, reading.look)
+        return None if self._table.hand_ply(move, Remark(clocks=self._timing.left)) else WRONG
+
+    def _promotion(self, said: chess.Move | None) -> chess.PieceType:
+        if said is not None and said.promotion is not None:
+            return said.promotion
+        answer = self._answer("what has the pawn become? q, r, b or n", tuple(_PROMOTIONS))
+        return _PROMOTIONS[answer]
+
+    # words
+
+    def _take_back(self) -> GameEnd | None:
+        if len(self._table.board.move_stack) < 2:
+            self._face.say("there is nothing of yours to take back yet")
+            return None
+        self._timing.take_back(2)
+        with self._timing.motion():
+            return None if self._table.take_back(2) else WRONG
+
+    def _hint(self) -> None:
+        said = self._players.hint(self._table.board)
+        assert said.move is not None, "who is asked has an answer, or says why not"
+        self._face.say(f"I would play {self._table.board.san(said.move)}")
+
+    def _yes(self, question: str) -> bool:
+        return self._answer(f"{question} (yes or no)", ("yes", "no", "y", "n")).startswith("y")
+
+    def _answer(self, question: str, valid: tuple[str, ...]) -> str:
+        """One of some words; others are asked for again."""
+        self._face.prompt(question)
+        while True:
+            line = self._human.lines.next(POLL)
+            if line is None:
+                continue
+            word = line.strip().lower()
+            if word in valid:
+                return word
+            self._face.say(f"'{word}' is no answer: say {', '.join(valid)}")
+
+
+def _name(colour: chess.Color) -> str:
+    return "White" if colour else "Black"
+
+
+def _lost(colour: chess.Color) -> Result:
+    return "0-1" if colour else "1-0"

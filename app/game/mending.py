@@ -1,0 +1,176 @@
+"""The look after each job, and mending what is not as it should be: by the arm where it can, else by a person.
+
+Each round looks at the board, finds out what stands where, and lets the arm carry what stands wrong; the next round
+looks again. Every round is in the record before the arm moves, so that a program that goes on with the game knows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Protocol
+
+import chess
+
+from app import UserError
+from app.faces import Face
+from app.game.carrier import Carrier, CarryFailed
+from app.game.eyes import Eyes
+from app.game.state import Job, changed, moved_all
+from app.manipulation import Inventory
+from app.rearrange import rearrange
+from app.records import GameRecord
+from app.records.events import Purpose
+from app.repair import Ask, Repair, Sighting, mend
+from hardware.interfaces import Clock
+from hardware.table import square_place
+from vision.verify import TOLERANCE, Fault
+
+MOST_ROUNDS: Final = 6
+"""Of mending by the arm; what is not right then, it will not get right."""
+
+
+class Asker(Protocol):
+    """A person who can put the board right by hand."""
+
+    def mend(self, sentence: str, squares: tuple[str, ...]) -> None:
+        """Ask for it; returns when they say that it is done.
+
+        Raises:
+            UserError: nobody is there.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Mended:
+    """What mending came to.
+
+    Attributes:
+        inventory: what stands where now.
+        jobs: rounds in which something had to be moved, by the arm or by a person.
+        duration: of what the arm did [s].
+    """
+
+    inventory: Inventory
+    jobs: int
+    duration: float
+
+
+class Mender:
+    """Looks, and puts right.
+
+    Args:
+        eyes: look.
+        carrier: carries.
+        asker: asks a person.
+        record: of the game.
+        face: shown what happens.
+        clock: of the plant.
+    """
+
+    def __init__(
+        self, eyes: Eyes, carrier: Carrier, asker: Asker, record: GameRecord, face: Face, clock: Clock
+    ) -> None:
+        self.eyes = eyes
+        self._carrier, self._asker = carrier, asker
+        self._record, self._face, self._clock = record, face, clock
+
+    def note_loss(self, failure: CarryFailed) -> None:
+        """The arm has lost a piece, or not got it: that is in the record, whatever comes of it."""
+        self._face.phase(str(failure))
+        squares = (str(failure.transfer.source), str(failure.transfer.target))
+        self._record.trouble(failure.loss.value, squares, str(failure), None, self._clock.now())
+
+    def mend(
+        self, recorded: Inventory, stands: Inventory, wanted: Inventory, board: chess.Board | None = None
+    ) -> Mended:
+        """Until the board shows what is wanted.
+
+        Args:
+            recorded: what stands where by the record.
+            stands: what should stand where now, as far as is known.
+            wanted: what shall stand where.
+            board: the position that ``stands`` shows, where a person may have moved something; None: only the arm has.
+
+        Raises:
+            UserError: a person is needed, and nobody is there; or it cannot be mended.
+        """
+        rounds, duration = 0, 0.0
+        while True:
+            faults, step = self._decide(stands, wanted, board)
+            if step is None:
+                return Mended(stands, rounds, duration)
+            rounds += 1
+            if rounds > MOST_ROUNDS:
+                raise UserError(
+                    f"the board is still not right after {MOST_ROUNDS} attempts ({_sentence(faults)}): put it right by "
+                    "hand, then go on with 'touchmove resume'"
+                )
+            if isinstance(step, Repair):
+                after, took = self._carry(recorded, step, faults)
+                duration += took
+                stands = wanted if step.rest is not None else after
+                step = step.rest
+            if step is not None:
+                self._ask(step, faults)
+                stands = wanted
+
+    def _decide(
+        self, stands: Inventory, wanted: Inventory, board: chess.Board | None
+    ) -> tuple[tuple[Fault, ...], Repair | Ask | None]:
+        """What is wrong, and what to do about it; None: nothing, the board shows what is wanted."""
+        found = self.eyes.verify(stands)
+        if found.faults:  # one frame may be wrong
+            found = self.eyes.verify(stands)
+        if not found.faults:
+            rest = rearrange(stands, wanted)
+            return (), Repair(stands, rest, "the arm goes on") if rest else None
+        step = mend(stands, found.sighting, board)
+        if isinstance(step, Ask):
+            return found.faults, step
+        return found.faults, self._towards(step, found.sighting, stands, wanted)
+
+    def _towards(self, step: Repair, sighting: Sighting, stands: Inventory, wanted: Inventory) -> Repair | Ask:
+        """The repair as it leads to what is wanted, with the fingers where the pieces really stand."""
+        there = {piece.name for piece in step.believed}
+        target = Inventory.of((piece for piece in wanted if piece.name in there), wanted.table)
+        places = {**sighting.places, **self.eyes.places(step.believed)}
+        seen = dict[str, tuple[float, float]]()
+        for square, place in places.items():
+            piece = step.believed.at(square_place(square))
+            if piece is None:
+                continue
+            moves = target.find(piece.name).place != piece.place
+            if moves or math.dist(place, wanted.table.xy(piece.place)) > TOLERANCE:
+                seen[piece.name] = place
+        transfers = rearrange(step.believed, target, seen=seen)
+        if not transfers and step.rest is not None:
+            return step.rest
+        return replace(step, transfers=transfers)
+
+    def _carry(self, recorded: Inventory, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float]:
+        """One round: recorded, carried; what stands where then, and how long it took [s]."""
+        label, now = "put the board right", self._clock.now()
+        for fault in faults:
+            self._record.trouble(fault.kind.value, (str(square_place(fault.square)),), fault.sentence, "arm", now)
+        self._face.say(f"{_sentence(faults)}: {step.sentence}" if faults else step.sentence)
+        self._record.found(changed(recorded, step.believed), _sentence(faults) or "a piece was not carried", now)
+        self._record.task(Purpose.REPAIR, label, step.transfers, now)
+        try:
+            carried = self._carrier.carry(Job(label, step.transfers), step.believed)
+        except CarryFailed as failure:
+            self.note_loss(failure)
+            return failure.inventory, 0.0
+        return moved_all(step.believed, step.transfers), carried.done.duration
+
+    def _ask(self, step: Ask, faults: Sequence[Fault]) -> None:
+        squares = tuple(str(square_place(square)) for square in step.squares)
+        self._asker.mend(step.sentence, squares)
+        for fault in faults:
+            place = (str(square_place(fault.square)),)
+            self._record.trouble(fault.kind.value, place, fault.sentence, "person", self._clock.now())
+
+
+def _sentence(faults: Sequence[Fault]) -> str:
+    return "; ".join(fault.sentence for fault in faults)

@@ -1,0 +1,63 @@
+"""Puts a table together: arm, camera and record of one game on one rig."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from app.faces import Face
+from app.game.carrier import Carrier
+from app.game.human import Human
+from app.game.person import PersonAsker, UnattendedAsker
+from app.game.state import Devices, Position
+from app.game.table import Table
+from app.records import GameRecord
+from hardware.interfaces import Intrinsics
+from hardware.parameters import RobotParameters
+
+if TYPE_CHECKING:
+    from app.motion import MotionSettings
+    from vision.board import BoardView
+
+
+@dataclass(frozen=True, slots=True)
+class Seating:
+    """What all tables of a rig have in common.
+
+    Attributes:
+        motion: how the arm moves.
+        parameters: of the robot.
+        looks: whether the camera follows the game.
+        view: where the board should be in the pictures of a camera, by calibration; None: nobody knows.
+    """
+
+    motion: MotionSettings
+    parameters: RobotParameters
+    looks: bool
+    view: Callable[[Intrinsics], BoardView | None]
+
+    def table(self, devices: Devices, record: GameRecord, position: Position, face: Face, human: Human | None) -> Table:
+        """For one game or setting up.
+
+        Args:
+            devices: of the rig.
+            record: of it.
+            position: where it stands.
+            face: shown what happens.
+            human: who can be asked to put something right; None: nobody.
+
+        Raises:
+            CannotSee: the camera shall follow the game, and sees no board.
+            HardwareError: the camera failed.
+        """
+        carrier = Carrier(devices, record, face, self.motion, self.parameters)
+        mender = None
+        if self.looks and devices.camera is not None:
+            from app.game.eyes import Eyes  # loads what sees: not where nobody looks
+            from app.game.mending import Mender
+
+            eyes = Eyes(devices, position.inventory.table, position.board, self.view)
+            asker = UnattendedAsker() if human is None else PersonAsker(human.lines, face)
+            mender = Mender(eyes, carrier, asker, record, face, devices.clock)
+        return Table(position, devices, carrier, mender, record, face)

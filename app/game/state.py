@@ -1,0 +1,115 @@
+"""What a game stands on and where it stands: devices, position, jobs of the arm, and how it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import chess
+
+from app import UserError
+from app.arm import Arm
+from app.manipulation import Inventory, Transfer
+from app.records import History
+from app.records.events import Result
+from app.records.history import Unfinished
+from controller.errors import ControllerError
+from hardware.interfaces import Camera, Clock, HardwareError
+from hardware.sim.referee import Referee
+from hardware.table import Place
+
+if TYPE_CHECKING:
+    from app.hand_guard import HandGuard
+
+
+@dataclass(frozen=True, slots=True)
+class Devices:
+    """What a game runs on; camera, referee and who watches for hands may be missing."""
+
+    arm: Arm
+    clock: Clock
+    camera: Camera | None
+    referee: Referee | None
+    guard: HandGuard | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """Where a game stands.
+
+    Attributes:
+        board: with its moves.
+        inventory: what stands where.
+        begun: whether another program has begun it.
+        unfinished: what that had begun and not finished.
+    """
+
+    board: chess.Board
+    inventory: Inventory
+    begun: bool = False
+    unfinished: Unfinished | None = None
+
+    @classmethod
+    def of(cls, history: History) -> Position:
+        """Of a game that was broken off."""
+        return cls(history.board, history.inventory, True, history.unfinished)
+
+    def from_the_start(self) -> Position:
+        """The same, where what was under way is done from its beginning."""
+        if self.unfinished is None:
+            return self
+        return replace(self, unfinished=replace(self.unfinished, transfer=None, stage=None))
+
+
+@dataclass(frozen=True, slots=True)
+class GameEnd:
+    """Why the loop ended: PGN result, phrase, whether all that was asked was done, whether another game is wanted."""
+
+    result: Result
+    reason: str
+    complete: bool
+    again: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """Something the arm does from home to home.
+
+    Attributes:
+        label: what it is, for people.
+        transfers: in order of execution.
+        uci: the move, where it is one; None for a task.
+    """
+
+    label: str
+    transfers: tuple[Transfer, ...]
+    uci: str | None = None
+
+
+class CannotSee(UserError):
+    """The camera shows no board where there should be one."""
+
+
+WRONG: Final = GameEnd("*", "the board is not as the game says", False)
+FRAME_AGE: Final = 10.0
+"""A frame is no older than this: exposed when it was asked for, but drawn slowly by a busy machine [s]."""
+EXPECTED_FAILURES: Final = (UserError, ControllerError, HardwareError)
+"""What may go wrong in a running game without a bug: each says in one sentence what and what to do."""
+
+
+def moved_all(inventory: Inventory, transfers: Iterable[Transfer]) -> Inventory:
+    """What stands where after some transfers.
+
+    Raises:
+        InventoryError: they were not planned for this inventory.
+    """
+    for transfer in transfers:
+        inventory = inventory.moved(transfer)
+    return inventory
+
+
+def changed(before: Inventory, after: Inventory) -> dict[str, Place]:
+    """Where the pieces stand that stand elsewhere, by name."""
+    places = {piece.name: piece.place for piece in before}
+    return {piece.name: piece.place for piece in after if places[piece.name] != piece.place}

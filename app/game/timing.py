@@ -1,0 +1,136 @@
+"""The chess clock of a running game.
+
+The game's time is the wall's, but for what the arm or a simulated hand does: that takes as long as plant time says,
+however quick or slow the machine simulates it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+import chess
+import chess.engine
+
+from app.clock import ChessClock, FlagFall, Move
+from app.records import PlyEvent
+from hardware.table import Colour
+
+EXPECTED_MOTION = 2.0
+"""How long the arm will move for a ply, before it has moved [s]: what a mean ply takes."""
+
+
+class Timing:
+    """Clocks of one game, or none.
+
+    Args:
+        clock: as it stands when nobody's time runs; None: the game is played without.
+        plant_time: of the rig [s].
+        wall_time: monotonic [s].
+    """
+
+    def __init__(
+        self,
+        clock: ChessClock | None,
+        plant_time: Callable[[], float],
+        wall_time: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._clock, self._plant_time, self._wall_time = clock, plant_time, wall_time
+        self._shift = 0.0
+        self._moving: tuple[float, float] | None = None
+        self._motion = EXPECTED_MOTION
+
+    @property
+    def clock(self) -> ChessClock | None:
+        """As it stands."""
+        return self._clock
+
+    def now(self) -> float:
+        """The game's time [s]."""
+        if self._moving is not None:
+            then, plant = self._moving
+            return then + self._plant_time() - plant
+        return self._wall_time() + self._shift
+
+    def start(self, colour: chess.Color) -> None:
+        """The side's time runs."""
+        if self._clock is not None and self._clock.since is None:
+            self._clock = self._clock.start(colour, self.now())
+
+    def limit(self, colour: chess.Color) -> chess.engine.Limit | None:
+        """What an engine that is to move is told."""
+        return None if self._clock is None else self._clock.limit(colour, self.now(), self._motion)
+
+    def decided(self, colour: chess.Color, lost: float = 0.0) -> None:
+        """The robot knows its move; what failures of its engine have taken, it gets back [s]."""
+        if self._clock is not None:
+            self._clock = self._clock.give_back(colour, lost).decided(self.now())
+
+    def arm_clear(self) -> None:
+        """The robot's move stands on the board."""
+        if self._clock is not None and self._clock.is_decided:
+            self._clock = self._clock.arm_clear(self.now())
+
+    def press(self, then: float | None = None) -> None:
+        """A person's move was made, at an instant of the game's time; None: now."""
+        if self._clock is not None and self._clock.mover is not None:
+            self._clock = self._clock.press(self.now() if then is None else then)
+
+    def pause(self) -> None:
+        """Nobody's time runs."""
+        if self._clock is not None:
+            self._clock = self._clock.pause(self.now())
+
+    def take_back(self, plies: int) -> None:
+        """Both sides have what they had before so many plies, as far as they were played by this clock."""
+        if self._clock is not None:
+            self._clock = self._clock.take_back(min(plies, len(self._clock.moves)))
+
+    def fallen(self, board: chess.Board) -> FlagFall | None:
+        """How the game has ended by time, if it has."""
+        return None if self._clock is None else self._clock.fallen(board, self.now())
+
+    def left(self) -> dict[chess.Color, float] | None:
+        """What both sides have [s]."""
+        if self._clock is None:
+            return None
+        now = self.now()
+        return {colour: max(0.0, self._clock.left(colour, now)) for colour in chess.COLORS}
+
+    @contextmanager
+    def motion(self, *, of_arm: bool = True) -> Iterator[None]:
+        """What happens within takes as long as plant time says; the arm's next ply is expected to take as long."""
+        since, plant = self.now(), self._plant_time()
+        self._moving = since, plant
+        try:
+            yield
+        finally:
+            until, self._moving = self.now(), None
+            self._shift = until - self._wall_time()
+            if of_arm:
+                self._motion = until - since
+
+
+def clock_of(clock: ChessClock | None, plies: Sequence[PlyEvent]) -> ChessClock | None:
+    """The clock of a game that goes on, from what it showed after each ply.
+
+    Args:
+        clock: as it was at the beginning.
+        plies: that were played and count.
+    """
+    if clock is None:
+        return None
+    left = {Colour.WHITE: clock.white_left, Colour.BLACK: clock.black_left}
+    moves: list[Move] = []
+    for ply in plies:
+        if ply.clock_s is None:
+            return clock
+        before, after = left[ply.side], ply.clock_s[ply.side]
+        moves.append(
+            Move(white=ply.side is Colour.WHITE, before=before, thought=max(0.0, before - after), arm=0.0, after=after)
+        )
+        left[ply.side] = after
+    return clock.model_copy(
+        update={"moves": tuple(moves), "white_left": left[Colour.WHITE], "black_left": left[Colour.BLACK]}
+    )

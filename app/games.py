@@ -1,0 +1,229 @@
+"""Games from their settings: the demo of two engines, a game against a person, and going on with either."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+import chess
+
+from app import UserError
+from app.config import BOARD
+from app.faces import Face
+from app.game import GameEnd, Position
+from app.game.human import Human
+from app.game.seating import Seating
+from app.layout import start_layout
+from app.lines import parse_line
+from app.manipulation import Inventory
+from app.match import Fixture, Match, Start, last_round
+from app.player_choice import engine_players, line_players, start_clock
+from app.players import Players
+from app.processes import GAMES
+from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
+from app.replay import RecordedGame, recorded_games
+from app.session import Filming, SessionResult, run_session
+from app.settings import PlayerKind, Settings
+from app.settings_file import keep_settings, kept_settings
+from app.sim_hands import SimHands
+from app.typed_lines import TypedLines
+from app.venue import Venue, start_board, venue_of
+from hardware.interfaces import Intrinsics
+from hardware.table import Colour
+
+if TYPE_CHECKING:
+    from vision.board import BoardView
+
+NOBODY = "-"
+"""Plays where a position is only set up."""
+
+
+def run_games(settings: Settings, face: Face, typed: TextIO | None = None) -> SessionResult:
+    """Play as the settings say.
+
+    Args:
+        settings: of rig, games and players.
+        face: shown what happens.
+        typed: what the person at the board types; needed where one plays.
+
+    Raises:
+        UserError: bad settings, something missing on this machine, or no space for the record.
+        EngineProblem: Stockfish is missing or fails for good.
+    """
+    venue = venue_of(settings.rig)
+    settings = _completed(settings, venue)
+    folder = settings.out if settings.out is not None else new_folder(GAMES, utc_now())
+    with ExitStack() as stack:
+        games = _Games(settings, venue, face, _human(settings, venue, folder, typed, stack))
+        match = stack.enter_context(_match(settings, venue, games, folder, face))
+        standing = None if settings.game.standing is None else start_board(settings.game.standing)
+        inventory = match.start(lambda board: Inventory.of(start_layout(board, venue.table), venue.table), standing)
+        keep_settings(folder, settings)
+        world = venue.world(inventory, _person(settings)) if venue.own else None
+        return run_session(
+            folder,
+            lambda listener: venue.open(folder, world, face.phase, listener),
+            match, venue.parameters.drive.tick, _filming(venue, folder), face,
+        )  # fmt: skip
+
+
+def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> SessionResult:
+    """Go on with what was interrupted, or whose program or controller died: first with the ply under way.
+
+    Raises:
+        UserError: the folder holds no such game, or the game is over; or as ``run_games``.
+        EngineProblem: as ``run_games``.
+    """
+    settings = kept_settings(folder)
+    venue = venue_of(settings.rig)
+    path, number, sets_up = last_round(folder)
+    history = read_history(path / EVENTS_FILE, venue.table)
+    if any(event.physical_ok is False for event in history.plies):
+        raise UserError(f"a ply of the game in {path} left the board wrong, see its report: start a new one")
+    sets_up = sets_up or not settings.game.plies
+    position = Position.of(history)
+    if settings.rig.name == BOARD:  # nothing stands anywhere: what was under way is done over
+        position = position.from_the_start()
+    with ExitStack() as stack:
+        human = _human(settings, venue, folder, typed, stack)
+        games = _Games(settings, venue, face, human, opened=bool(history.plies))
+        if not sets_up and _over(history, games.most(number)) and games(number + 1, None) is None:
+            raise UserError(f"the game in {path} is over, after {len(history.plies)} plies: start a new one")
+        match = stack.enter_context(_match(settings, venue, games, folder, face))
+        match.go_on(Start(number, sets_up, GameRecord.go_on(path, history), position))
+        return run_session(
+            folder,
+            lambda listener: venue.open(folder, None, face.phase, listener),
+            match, venue.parameters.drive.tick, None, face,
+        )  # fmt: skip
+
+
+class _Games:
+    """``Fixtures`` of the settings.
+
+    Args:
+        settings: of the match.
+        venue: where it is played.
+        face: shown what happens.
+        human: who plays one side by hand; None: nobody.
+        opened: the first one was begun before.
+    """
+
+    def __init__(
+        self, settings: Settings, venue: Venue, face: Face, human: Human | None, *, opened: bool = False
+    ) -> None:
+        self._settings, self._venue, self._face, self._opened = settings, venue, face, opened
+        self.human = human
+        game = settings.game
+        self._replayed: tuple[RecordedGame, ...] = ()
+        if game.replay is not None:
+            found = recorded_games(game.replay, game.replay_game)
+            self._replayed = tuple(one.from_ply(game.from_ply) for one in found) if game.from_ply > 1 else found
+        self._board = start_board(game.fen, chess960=game.chess960)
+        self._line = None if game.moves is None else parse_line(game.moves, self._board)
+
+    def __call__(self, number: int, last: GameEnd | None) -> Fixture | None:
+        """See ``Fixtures``."""
+        plies = self._settings.game.plies
+        if self._replayed:
+            if number > len(self._replayed):
+                return None
+            one = self._replayed[number - 1]
+            names = (one.white, one.black)
+            most = min(plies, len(one.moves))
+            result = one.result if most == len(one.moves) else "*"
+            return Fixture(one.board.copy(), _follow(one.board, one.moves, names), most, None, one.comments, result)
+        if number > self._settings.game.games and not (last is not None and last.again):
+            return None
+        if self._line is not None:
+            most = min(plies, len(self._line))
+            players = _follow(self._board, self._line, ("line", "line"))
+            return Fixture(self._board.copy(), players, most, result="*")
+        opened, self._opened = self._opened, False
+        clock = start_clock(self._settings)
+        return Fixture(self._board.copy(), self._engines(number, opened), plies, self.human, clock=clock)
+
+    def most(self, number: int) -> int:
+        """Plies of a game after which it is over in any case."""
+        fixture = self(number, None)
+        return 0 if fixture is None else fixture.plies
+
+    def _engines(self, number: int, opened: bool) -> Callable[[ExitStack], Players]:
+        settings, seed = self._settings, self._settings.rig.seed + number - 1
+        if not settings.game.plies:
+            return _follow(self._board, (), (NOBODY, NOBODY))
+
+        def make(stack: ExitStack) -> Players:
+            return stack.enter_context(
+                engine_players(settings, self._board, seed, stack, self._face, self._venue.pace, opened=opened)
+            )
+
+        return make
+
+
+def _follow(
+    board: chess.Board, moves: tuple[chess.Move, ...], names: tuple[str, str]
+) -> Callable[[ExitStack], Players]:
+    return lambda stack: stack.enter_context(line_players(board, moves, names))
+
+
+def _over(history: History, most: int) -> bool:
+    return (
+        history.ended
+        and history.unfinished is None
+        and (len(history.plies) >= most or history.board.is_game_over(claim_draw=True))
+    )
+
+
+def _match(settings: Settings, venue: Venue, games: _Games, folder: Path, face: Face) -> Match:
+    looks = settings.vision.verify
+    if looks is None:
+        looks = games.human is not None or not venue.simulated
+
+    def view(intrinsics: Intrinsics) -> BoardView | None:
+        from app.watch_view import nominal_view
+
+        return nominal_view(intrinsics, venue.table) if venue.simulated else None
+
+    seating = Seating(venue.motion, venue.parameters, looks, view)
+    return Match(folder, games, seating, face, settings.rig.seed, venue.pace)
+
+
+def _completed(settings: Settings, venue: Venue) -> Settings:
+    """With what the rig says, and with paths that hold for any working directory."""
+    if settings.game.fen is None and venue.fen is not None:
+        settings = settings.with_changes({"game.fen": venue.fen})
+    if settings.game.replay is not None:
+        settings = settings.with_changes({"game.replay": settings.game.replay.absolute()})
+    if venue.file is not None:
+        settings = settings.with_changes({"rig.name": str(Path(settings.rig.name).absolute())})
+    return settings
+
+
+def _person(settings: Settings) -> Colour | None:
+    """The side that a person plays."""
+    humans = [colour for colour in Colour if settings.side(colour is Colour.WHITE).player is PlayerKind.HUMAN]
+    if len(humans) > 1:
+        raise UserError("two humans need no robot: let an engine play one side")
+    return humans[0] if humans else None
+
+
+def _human(settings: Settings, venue: Venue, folder: Path, typed: TextIO | None, stack: ExitStack) -> Human | None:
+    colour = _person(settings)
+    if colour is None:
+        return None
+    assert typed is not None, "a person types"
+    hands = None
+    if venue.own:
+        hands = SimHands(venue.run_dir(folder))
+        stack.callback(hands.close)
+    return Human(colour is Colour.WHITE, TypedLines(typed), hands)
+
+
+def _filming(venue: Venue, folder: Path) -> Filming | None:
+    section = venue.section
+    if not (section.video and venue.simulated):
+        return None
+    return Filming(venue.run_dir(folder), folder / "game.webm", section.video_length, venue.pace)

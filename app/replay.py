@@ -1,0 +1,119 @@
+"""Games that were played before, read so that the arm can play them again: PGN files, and folders of our own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, TextIO
+
+import chess
+import chess.pgn
+
+from app import UserError
+from app.records.events import Result
+from app.records.game import PGN_FILE
+
+RESULTS: Final[tuple[Result, ...]] = ("1-0", "0-1", "1/2-1/2", "*")
+
+
+class ReplayError(UserError):
+    """Nothing there can be played again."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedGame:
+    """The main line of a game.
+
+    Attributes:
+        board: where it starts.
+        moves: of both sides.
+        comments: after each move; what a clock or an engine noted in them is left in.
+        white: name.
+        black: name.
+        title: of players and event, for people.
+        result: as the file has it.
+    """
+
+    board: chess.Board
+    moves: tuple[chess.Move, ...]
+    comments: tuple[str, ...]
+    white: str
+    black: str
+    title: str
+    result: Result
+
+    def from_ply(self, ply: int) -> RecordedGame:
+        """The rest of it, beginning with a ply (from 1).
+
+        Raises:
+            ReplayError: it has no such ply.
+        """
+        if not 1 <= ply <= max(1, len(self.moves)):
+            raise ReplayError(
+                f"--from-ply {ply}: the game {self.title} has {len(self.moves)} plies: choose 1 to {len(self.moves)}"
+            )
+        board = self.board.copy()
+        for move in self.moves[: ply - 1]:
+            board.push(move)
+        return replace(
+            self, board=board.copy(stack=False), moves=self.moves[ply - 1 :], comments=self.comments[ply - 1 :]
+        )
+
+
+def recorded_games(path: Path, number: int | None = None) -> tuple[RecordedGame, ...]:
+    """Read what is to be played again.
+
+    Args:
+        path: a PGN file, also one with several games; or a folder of a game of ours.
+        number: of one game in the file, from 1; None: all.
+
+    Raises:
+        ReplayError: it cannot be read, holds no game or not so many, or a move in it is not legal.
+    """
+    file = path / PGN_FILE if path.is_dir() else path
+    try:
+        with file.open(encoding="utf-8-sig", errors="replace") as stream:
+            games = tuple(_read(stream, file, number))
+    except OSError as error:
+        raise ReplayError(
+            f"{file} cannot be read ({error.strerror}): give a PGN file or the folder of a game"
+        ) from error
+    if not games:
+        if number is None:
+            raise ReplayError(f"{file} holds no game: give a PGN file or the folder of a game")
+        raise ReplayError(f"{file} has no game {number}: choose another --game")
+    return games
+
+
+def _read(stream: TextIO, file: Path, number: int | None) -> Iterator[RecordedGame]:
+    count = 0
+    while True:
+        if number is not None and count < number - 1:
+            if not chess.pgn.skip_game(stream):
+                return
+            count += 1
+            continue
+        game = chess.pgn.read_game(stream)
+        if game is None:
+            return
+        count += 1
+        yield _recorded(game, file, count)
+        if number is not None:
+            return
+
+
+def _recorded(game: chess.pgn.Game, file: Path, count: int) -> RecordedGame:
+    if game.errors:
+        raise ReplayError(f"{file}, game {count}: {game.errors[0]}: correct the file, or choose another --game")
+    nodes = list(game.mainline())
+    headers = game.headers
+    title = f"{headers.get('White', '?')} - {headers.get('Black', '?')}, {headers.get('Event', '?')}"
+    return RecordedGame(
+        game.board(), tuple(node.move for node in nodes), tuple(node.comment for node in nodes),
+        headers.get("White", "?"), headers.get("Black", "?"), title, _result(headers.get("Result", "*")),
+    )  # fmt: skip
+
+
+def _result(text: str) -> Result:
+    return next((one for one in RESULTS if one == text), "*")

@@ -1,0 +1,48 @@
+"""The hand of a simulated person, told what to do by the one at the keyboard."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from app.game.commands import HandVerb, MoveHand
+from app.hand_moves import hand_transfers
+from app.manipulation import Inventory, Ply
+from hardware.sim.hand_actions import Action, Hover, Knock, Move, Rest, Withdraw
+from hardware.sim.hand_client import SimHand
+
+
+class SimHands:
+    """``Hands`` of the world of a run directory; connects when it is first needed."""
+
+    def __init__(self, run_dir: Path) -> None:
+        self._run_dir = run_dir
+        self._hand: SimHand | None = None
+
+    def play(self, ply: Ply, inventory: Inventory) -> None:
+        """See ``Hands.play``."""
+        self._perform(*hand_transfers(ply.transfers, inventory.table), Withdraw())
+
+    def do(self, command: MoveHand, inventory: Inventory) -> None:
+        """See ``Hands.do``."""
+        table = inventory.table
+        points = [table.xy(place) for place in command.places]
+        actions: dict[HandVerb, type[Knock] | type[Hover] | type[Rest]] = {
+            HandVerb.KNOCK: Knock, HandVerb.HOVER: Hover, HandVerb.REST: Rest,
+        }  # fmt: skip
+        first: Action
+        if command.verb is HandVerb.MOVE:
+            first = Move(start=points[0], to=points[1])
+        else:
+            first = actions[command.verb](at=points[0])
+        self._perform(first, Withdraw())
+
+    def close(self) -> None:
+        """Let the world go."""
+        if self._hand is not None:
+            self._hand.close()
+
+    def _perform(self, *actions: Action) -> None:
+        if self._hand is None:
+            self._hand = SimHand(self._run_dir)
+        self._hand.perform(*actions)
+        self._hand.wait()
