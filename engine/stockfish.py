@@ -135,8 +135,8 @@ class Engine:
             limit: what ``choose`` is expected to be asked with; None takes the settings'.
 
         Returns:
-            False when it does not: by the settings, at the end of a game, or as it just failed. ``choose`` then starts
-            anew and tells of trouble that lasts.
+            False when it does not: by the settings, as the engine offers no option Ponder, at the end of a game, or as
+            it just failed. ``choose`` then starts anew and tells of trouble that lasts.
         """
         limit = limit or self.settings.limit
         if not self.settings.ponders or not any(board.legal_moves):
@@ -146,6 +146,8 @@ class Engine:
         said, ahead = budget.told(limit, board.turn), board.copy()
         try:
             process = self._keeper.running()
+            if "Ponder" not in process.uci.options:
+                return False
             self._settle(process)
             process.call(lambda uci: uci.begin_ponder(ahead, said, self._game), self._patience)
         except Misbehaved:

@@ -6,7 +6,6 @@ looks again. Every round is in the record before the arm moves, so that a progra
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
@@ -22,10 +21,11 @@ from app.manipulation import Inventory
 from app.rearrange import rearrange
 from app.records import GameRecord
 from app.records.events import Purpose
-from app.repair import Ask, Repair, Sighting, mend
+from app.repair import Ask, Repair, mend
+from app.repair.mending import repair_towards
 from hardware.interfaces import Clock
 from hardware.table import square_place
-from vision.verify import TOLERANCE, Fault
+from vision.verify import Fault
 
 MOST_ROUNDS: Final = 6
 """Of mending by the arm; what is not right then, it will not get right."""
@@ -108,10 +108,8 @@ class Mender:
                     "hand, then go on with 'touchmove resume'"
                 )
             if isinstance(step, Repair):
-                after, took = self._carry(recorded, step, faults)
+                stands, took, step = self._carry(recorded, step, faults)
                 duration += took
-                stands = wanted if step.rest is not None else after
-                step = step.rest
             if step is not None:
                 self._ask(step, faults)
                 stands = wanted
@@ -129,28 +127,14 @@ class Mender:
         step = mend(stands, found.sighting, board)
         if isinstance(step, Ask):
             return found.faults, step
-        return found.faults, self._towards(step, found.sighting, stands, wanted)
+        places = {**found.sighting.places, **self.eyes.places(step.believed)}
+        step = repair_towards(step.believed, wanted, replace(found.sighting, places=places))
+        if isinstance(step, Repair) and not step.transfers and step.rest is None:
+            return found.faults, Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
+        return found.faults, step
 
-    def _towards(self, step: Repair, sighting: Sighting, stands: Inventory, wanted: Inventory) -> Repair | Ask:
-        """The repair as it leads to what is wanted, with the fingers where the pieces really stand."""
-        there = {piece.name for piece in step.believed}
-        target = Inventory.of((piece for piece in wanted if piece.name in there), wanted.table)
-        places = {**sighting.places, **self.eyes.places(step.believed)}
-        seen = dict[str, tuple[float, float]]()
-        for square, place in places.items():
-            piece = step.believed.at(square_place(square))
-            if piece is None:
-                continue
-            moves = target.find(piece.name).place != piece.place
-            if moves or math.dist(place, wanted.table.xy(piece.place)) > TOLERANCE:
-                seen[piece.name] = place
-        transfers = rearrange(step.believed, target, seen=seen)
-        if not transfers and step.rest is not None:
-            return step.rest
-        return replace(step, transfers=transfers)
-
-    def _carry(self, recorded: Inventory, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float]:
-        """One round: recorded, carried; what stands where then, and how long it took [s]."""
+    def _carry(self, recorded: Inventory, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float, Ask | None]:
+        """One round: recorded, carried; what stands where then, how long it took [s], what a person has to do."""
         label, now = "put the board right", self._clock.now()
         for fault in faults:
             self._record.trouble(fault.kind.value, (str(square_place(fault.square)),), fault.sentence, "arm", now)
@@ -161,8 +145,12 @@ class Mender:
             carried = self._carrier.carry(Job(label, step.transfers), step.believed)
         except CarryFailed as failure:
             self.note_loss(failure)
-            return failure.inventory, 0.0
-        return moved_all(step.believed, step.transfers), carried.done.duration
+            return failure.inventory, 0.0, None
+        except UserError as error:
+            if not self._carrier.untouched:
+                raise
+            return step.believed, 0.0, Ask(str(error), squares_of(faults))  # the fingers do not get at it
+        return moved_all(step.believed, step.transfers), carried.done.duration, step.rest
 
     def _ask(self, step: Ask, faults: Sequence[Fault]) -> None:
         squares = tuple(str(square_place(square)) for square in step.squares)
@@ -170,6 +158,11 @@ class Mender:
         for fault in faults:
             place = (str(square_place(fault.square)),)
             self._record.trouble(fault.kind.value, place, fault.sentence, "person", self._clock.now())
+
+
+def squares_of(faults: Sequence[Fault]) -> tuple[int, ...]:
+    """That faults are about."""
+    return tuple(fault.square for fault in faults)
 
 
 def _sentence(faults: Sequence[Fault]) -> str:

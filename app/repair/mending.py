@@ -12,13 +12,11 @@ import chess
 from app.manipulation import Inventory, Transfer
 from app.rearrange.order import Point, rearrange
 from app.repair.belief import Belief, believe
-from app.repair.sighting import Sighting
+from app.repair.sighting import KNOWN, Sighting
 from app.repair.twice import doubted
 from hardware.table import Colour, PieceSpec, Place, square_place
 from vision.verify import TOLERANCE
 
-_KNOWN: Final = 0.9
-"""A kind as likely as this is known."""
 _SEEN_WITHIN: Final = 0.75
 """A piece stands no farther than this off the centre of the square where it is seen, along either axis [its sides]."""
 
@@ -181,7 +179,7 @@ def _seen(
 
 def _is_known(piece: PieceSpec, sighting: Sighting) -> bool:
     chances = sighting.kinds.get(piece.place.index, {})
-    return chances.get(piece.kind, 0.0) >= _KNOWN
+    return chances.get(piece.kind, 0.0) >= KNOWN
 
 
 # sentences

@@ -24,6 +24,8 @@ Chances = Mapping[Kind, float]
 
 FLUKE: Final = 1e-3
 """No kind is less likely than this, whatever its height: depth pictures have spots that are wrong."""
+KNOWN: Final = 0.9
+"""A kind as likely as this is known."""
 HEIGHTS: Final[Mapping[Kind, float]] = MappingProxyType({kind: shape.height for kind, shape in PIECE_SHAPES.items()})
 """Of the kinds [m]."""
 _COLOURS: Final[Mapping[int, Colour]] = MappingProxyType({WHITE: Colour.WHITE, BLACK: Colour.BLACK})
@@ -60,7 +62,8 @@ class Sighting:
     ) -> Sighting:
         """From what ``vision`` reports.
 
-        A fault is about the piece that should stand on its square; where another colour stands, it says nothing more.
+        A fault is about the piece that should stand on its square. Where another colour stands, or, by its height,
+        another kind, a fault says nothing.
 
         Args:
             expected: what should stand where.
@@ -74,7 +77,7 @@ class Sighting:
         for fault in faults:
             here, square = looks[fault.square], fault.square
             piece = expected.at(square_place(square))
-            alike = piece is not None and here is piece.colour
+            alike = piece is not None and here is piece.colour and _may_be(piece.kind, kinds.get(square, {}))
             if fault.kind is FaultKind.OFF_CENTRE and alike and fault.place is not None:
                 places[square] = fault.place
             elif fault.kind is FaultKind.FALLEN and (alike or here is None):
@@ -85,16 +88,20 @@ class Sighting:
         return cls(looks, places, frozenset(fallen), frozenset(unclear), dict(kinds))
 
 
+def _may_be(kind: Kind, chances: Chances) -> bool:
+    return all(chance < KNOWN for other, chance in chances.items() if other is not kind)
+
+
 def kinds_by_height(height: float, known: Mapping[Kind, float] = HEIGHTS, spread: float = SPREAD) -> dict[Kind, float]:
     """How likely each kind is by how high a piece looks, all of them being as likely before.
+
+    A height that none has says nothing: a piece that lies is lower than all.
 
     Args:
         height: as seen [m].
         known: of each kind, as the camera sees it [m].
         spread: standard deviation of a height as seen [m].
     """
-    likely = {kind: math.exp(-0.5 * ((height - of) / spread) ** 2) for kind, of in known.items()}
-    most = max(likely.values())
-    likely = {kind: max(chance, FLUKE * most, 1e-300) for kind, chance in likely.items()}
+    likely = {kind: max(math.exp(-0.5 * ((height - of) / spread) ** 2), FLUKE) for kind, of in known.items()}
     whole = math.fsum(likely.values())
     return {kind: chance / whole for kind, chance in likely.items()}

@@ -53,7 +53,10 @@ def _after_two(board: chess.Board, white: int, black: int) -> Iterator[Mapping[i
         now.push(first)
         for own in (False, True):
             after = now if not own else _passed(now)
-            for second in after.legal_moves:
+            mine = white if after.turn else black
+            for second in after.generate_legal_moves(~mine, mine | after.occupied_co[after.turn]):
+                if not (mine >> second.to_square & 1 or after.is_castling(second)):
+                    continue
                 after.push(second)
                 if after.occupied_co[chess.WHITE] == white and after.occupied_co[chess.BLACK] == black:
                     yield after.piece_map()

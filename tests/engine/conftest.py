@@ -45,6 +45,7 @@ say("option name UCI_LimitStrength type check default false")
 say("option name Threads type spin default 1 min 1 max 4")
 say("option name Hash type spin default 16 min 1 max 1024")
 say("option name MultiPV type spin default 1 min 1 max 100")
+say("option name Ponder type check default false")
 say("uciok")
 """
 

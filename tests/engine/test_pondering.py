@@ -156,6 +156,10 @@ def test_who_ponders_not(fake: Callable[..., Any]) -> None:
     with pytest.raises(EngineRefused, match=r"^the engine is not open"):
         engine.ponder(chess.Board(), CLOCK)
     assert not said(made)
+    bare = fake(on_uci='say("uciok")')
+    with pondering(bare) as engine:
+        assert not engine.ponder(chess.Board(), CLOCK)
+        assert engine.choose(chess.Board(), CLOCK).move == chess.Move.from_uci("e2e4")
 
 
 def test_a_hint_ends_pondering_and_does_no_harm(fake: Callable[..., Any]) -> None:

@@ -1,0 +1,106 @@
+"""A person plays in a terminal: on the rig without devices, and against the camera of the simulated one."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import select
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import chess.pgn
+import pytest
+
+TOUCHMOVE = (sys.executable, "-P", "-m", "app.cli")
+
+
+class PseudoTerminal:
+    """A command that believes to be at a terminal."""
+
+    def __init__(self, *arguments: str) -> None:
+        ours, theirs = pty.openpty()
+        self.process = subprocess.Popen(
+            [*TOUCHMOVE, *arguments], stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True
+        )
+        os.close(theirs)
+        self._fd = ours
+        self.shown = ""
+        self._read = 0
+
+    def until(self, pattern: str, timeout: float = 60.0) -> re.Match[str]:
+        """The next that is shown and matches."""
+        deadline = time.monotonic() + timeout
+        while True:
+            if found := re.compile(pattern).search(self.shown, self._read):
+                self._read = found.end()
+                return found
+            if time.monotonic() > deadline:
+                pytest.fail(f"no {pattern!r} within {timeout:.0f} s after {self.shown[self._read :][-800:]!r}")
+            if select.select([self._fd], [], [], 0.1)[0]:
+                try:
+                    self.shown += os.read(self._fd, 65536).decode("utf-8", "replace")
+                except OSError:  # the other end is closed: there is no more
+                    if not re.compile(pattern).search(self.shown, self._read):
+                        pytest.fail(f"it ended before {pattern!r}: {self.shown[self._read :][-800:]!r}")
+
+    def type(self, line: str) -> None:
+        os.write(self._fd, f"{line}\n".encode())
+
+    def end(self) -> int:
+        status = self.process.wait(30.0)
+        os.close(self._fd)
+        return status
+
+
+def test_a_game_in_a_terminal_from_its_start_to_mate(tmp_path: Path) -> None:
+    terminal = PseudoTerminal(
+        "play", "--rig", "board", "--fen", "8/8/8/4k3/8/8/3QK3/8 w - - 0 1", "--nodes", "3000", "--out",
+        str(tmp_path / "game"),
+    )  # fmt: skip
+    for _ in range(40):
+        terminal.until("your move > ")
+        terminal.type("hint")
+        move = terminal.until(r"I would play (\S+?)[\s\r]")[1]
+        terminal.until("your move > ")
+        terminal.type(move)
+        if terminal.until(r"your move|result \S+")[0].startswith("result"):
+            break
+        terminal._read -= len("your move")  # the prompt that was just seen is the next one's
+    assert terminal.end() == 0
+    report = json.loads((tmp_path / "game" / "report.json").read_text())
+    assert (report["result"], report["exit_reason"]) == ("1-0", "checkmate")
+    assert report["plies"] % 2 == 1
+
+
+@pytest.mark.slow
+def test_the_camera_sees_what_a_person_plays_and_the_arm_puts_an_illegal_move_right(tmp_path: Path) -> None:
+    """En passant, castling, promotion and an illegal move, all made by the simulated hand."""
+    script = """
+        exd6                    # en passant
+        hand move b2 c4         # a pawn does not move like that
+        fix
+        O-O
+        a8=Q
+        resign
+    """
+    fen = "4k3/P7/8/3pP3/8/8/1P6/4K2R w K d6 0 1"
+    options = ("--pace", "fast", "--fen", fen, "--nodes", "400", "--out", str(tmp_path / "game"), "--json")
+    done = subprocess.run(
+        [*TOUCHMOVE, "play", *options], input=script, capture_output=True, text=True, timeout=280.0, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    report = json.loads(done.stdout)
+    assert report["physical_ok"] is True
+    kinds = {trouble["kind"] for trouble in report["troubles"]}
+    assert "illegal" in kinds
+    assert all(trouble["mended_by"] in ("arm", None) for trouble in report["troubles"])
+    assert (report["result"], report["exit_reason"], report["plies"]) == ("0-1", "White resigns", 6)
+    with (tmp_path / "game" / "game.pgn").open(encoding="utf-8") as stream:
+        game = chess.pgn.read_game(stream)
+    assert game is not None
+    sans = [node.san() for node in game.mainline()]
+    assert [san.rstrip("+#") for san in sans[::2]] == ["exd6", "O-O", "a8=Q"]
