@@ -104,7 +104,7 @@ def corners_near(frame: Frame, view: BoardView) -> Array | None:
         found = find_board(frame.colour, near=view.project(playing_area(view.table)))
     except BoardNotFound:
         return None  # pieces may hide too much of it: the report says that place and turn are the settings'
-    return found.corners
+    return found.corners if found.doubt is None else None
 
 
 def _summary(

@@ -121,7 +121,7 @@ class Anchor:
         return Check(shift, moved, seen, corners)
 
     def follow(self, colour: Colour) -> Check:
-        """The same, but searches for a board that is not where it was; ``moved`` is None only if none is found.
+        """The same, but searches for a board that is not where it was; ``moved`` is None only if none is sure.
 
         Args:
             colour: RGB, of the shape of the reference.
@@ -135,6 +135,8 @@ class Anchor:
         try:
             found = find_board(colour, near=self._corners)
         except BoardNotFound:
+            return Check(first.shift, None, first.seen, self._corners)
+        if found.doubt is not None:
             return Check(first.shift, None, first.seen, self._corners)
         side = np.linalg.norm(np.roll(self._corners, -1, axis=0) - self._corners, axis=1).min() / 8.0
         shift = np.linalg.norm(found.corners - self._corners, axis=1) / side

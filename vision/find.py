@@ -2,13 +2,14 @@
 
 Saddle points (``vision.saddles``) grow into lattices (``vision.lattice``), the squares that alternate tell which eight
 rows and columns are the board (``vision.window``), all crossings that can be seen give its corners to a fraction of a
-pixel (``vision.refine``), and pieces in the start position tell where a1 is (``vision.orientation``). Where any of this
-but the last leaves a doubt there is no board: a wrong one is worse than none.
+pixel (``vision.refine``) and with the sides of squares say how far off they may be (``vision.joint``), and pieces in
+the start position tell where a1 is (``vision.orientation``). Where it is not certain which squares are the board there
+is none: a wrong one is worse than none. Where only its corners are less exact than they should be, that is said.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import cv2
@@ -16,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.board import BoardNotFound
-from vision.grid import CORNERS, Grid, GridFit, fit_grid
+from vision.grid import CORNERS, Grid, fit_grid
+from vision.joint import JointFit, fit_jointly
 from vision.lattice import Lattice, fit_homography, grow_lattices
 from vision.orientation import orient
 from vision.refine import refine_grid, working_scale
@@ -42,10 +44,10 @@ MOST_SEEDS: Final = 150
 """Beginnings of lattices that are tried in a picture."""
 MOST_LATTICES: Final = 4
 """How many are judged in a picture, the largest first."""
-MOST_ERROR: Final = 0.15
-"""Corners that are less certain than this are not given [sides of a square]."""
-LEAST_ERROR: Final = 0.01
-"""No corner is claimed to be better than this [sides of a square]: boards are made no better."""
+SURE_ERROR: Final = 0.15
+"""Corners that are less certain than this are given with a doubt [sides of a square]."""
+MOST_ERROR: Final = 0.3
+"""And those less certain than this not at all [sides of a square]."""
 MOST_CORRECTION: Final = 0.75
 """Given corners that are off by more belong to another grid [sides of a square]."""
 
@@ -57,12 +59,35 @@ class FoundBoard:
     Attributes:
         corners: outer corners of the playing area a1, h1, h8, a8, counter-clockwise seen from above, shape (4, 2) [px].
         oriented: False where a1 may be the opposite corner: all that is known then is that a1 is dark.
-        error: the worst error of a corner that is to be expected [sides of a square].
+        error: the worst error of a corner that is to be expected, exceeded by one board in twenty [sides of a square].
+        doubt: what is wrong and what to do about it, a sentence, where ``error`` is above ``SURE_ERROR``; else None.
     """
 
     corners: Array
     oriented: bool
     error: float
+    doubt: str | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Measured:
+    """Corners in the picture of full size [px], how exact they are, and the side of the smallest square [px]."""
+
+    corners: Array
+    error: float
+    side: float
+
+    def board(self, corners: Array, oriented: bool) -> FoundBoard:
+        return FoundBoard(corners, oriented, self.error, self._doubt())
+
+    def _doubt(self) -> str | None:
+        if self.error <= SURE_ERROR:
+            return None
+        return (
+            f"the board's corners may be off by {self.error:.2f} squares, {SURE_ERROR:.2f} would be sure, and its "
+            f"smallest squares are {self.side:.0f} pixels wide: move the camera nearer or higher above the board, "
+            "or click its four corners"
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,13 +133,13 @@ def find_board(colour: Colour, *, near: ArrayLike | None = None) -> FoundBoard:
             f"there is no chessboard for certain in this picture: {reason}; show all of it in even light, or click "
             "its corners"
         )
-    corners, error = found
+    corners = found.corners
     if near is not None:
         before = np.asarray(near, dtype=float)
         turns = [np.roll(corners, -turn, axis=0) for turn in range(4)]
-        return FoundBoard(min(turns, key=lambda one: float(np.linalg.norm(one - before))), True, error)
+        return found.board(min(turns, key=lambda one: float(np.linalg.norm(one - before))), True)
     oriented = orient(colour, corners)
-    return FoundBoard(oriented.corners, oriented.sure, error)
+    return found.board(oriented.corners, oriented.sure)
 
 
 def refine_corners(colour: Colour, corners: ArrayLike) -> FoundBoard:
@@ -145,7 +170,7 @@ def refine_corners(colour: Colour, corners: ArrayLike) -> FoundBoard:
     if found is None:
         raise BoardNotFound(f"there is no board at these corners: {doubts[-1]}; point at its outer corners again")
     side = np.linalg.norm(np.roll(rough, -1, axis=0) - rough, axis=1).min() / 8.0
-    turned = [np.roll(found[0], -turn, axis=0) for turn in range(4)]
+    turned = [np.roll(found.corners, -turn, axis=0) for turn in range(4)]
     best = min(turned, key=lambda one: float(np.linalg.norm(one - rough)))
     off = float(np.linalg.norm(best - rough, axis=1).max() / side)
     if off > MOST_CORRECTION:
@@ -153,11 +178,11 @@ def refine_corners(colour: Colour, corners: ArrayLike) -> FoundBoard:
             f"the board's corners are up to {off:.1f} squares from those given, at most {MOST_CORRECTION:.2f} are "
             "accepted: point at its outer corners again"
         )
-    return FoundBoard(best, True, found[1])
+    return found.board(best, True)
 
 
-def _find_at(colour: Colour, factor: float, blur: float, doubts: list[str]) -> tuple[Array, float] | None:
-    """Corners, dark a1 first, and their error; searched in a picture resized by a factor, then blurred [px]."""
+def _find_at(colour: Colour, factor: float, blur: float, doubts: list[str]) -> _Measured | None:
+    """Corners, dark a1 first; searched in a picture resized by a factor, then blurred [px]."""
     picture = levels(_resize(colour, factor))
     if blur > 0.0:
         picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), blur), dtype=np.float32)
@@ -173,7 +198,7 @@ def _find_at(colour: Colour, factor: float, blur: float, doubts: list[str]) -> t
     return None
 
 
-def _find_near(colour: Colour, near: Array, doubts: list[str]) -> tuple[Array, float] | None:
+def _find_near(colour: Colour, near: Array, doubts: list[str]) -> _Measured | None:
     side = float(np.linalg.norm(np.roll(near, -1, axis=0) - near, axis=1).max()) / 8.0
     low = np.maximum(np.floor(near.min(axis=0) - NEAR_MARGIN * side), 0).astype(int)
     high = np.minimum(np.ceil(near.max(axis=0) + NEAR_MARGIN * side) + 1, colour.shape[1::-1]).astype(int)
@@ -183,7 +208,7 @@ def _find_near(colour: Colour, near: Array, doubts: list[str]) -> tuple[Array, f
     part = np.ascontiguousarray(colour[low[1] : high[1], low[0] : high[0]])
     factor = min(2.0, max(NEAR_SIDE / side, 320.0 / max(part.shape[:2])))
     found = _find_at(part, factor, 0.0, doubts)
-    return None if found is None else (found[0] + low, found[1])
+    return None if found is None else replace(found, corners=found.corners + low)
 
 
 def _place(picture: Picture, lattice: Lattice, doubts: list[str]) -> _Candidate | None:
@@ -208,35 +233,36 @@ def _believed(window: Window, doubts: list[str]) -> bool:
     return doubt is None
 
 
-def _measure(colour: Colour, grid: Grid, candidate: _Candidate, doubts: list[str]) -> tuple[Array, float] | None:
-    """Corners from a dark a1 on, in the picture of full size, and their error; None if they are too uncertain."""
+def _measure(colour: Colour, grid: Grid, candidate: _Candidate, doubts: list[str]) -> _Measured | None:
+    """Corners from a dark a1 on, in the picture of full size; None if they are too uncertain."""
     factor = working_scale(grid)
     picture = levels(_resize(colour, factor) if factor != 1.0 else colour)
     look = look_into(_softened(picture), candidate.weights)
     fit = refine_grid(look, grid.scaled(factor, (picture.shape[1], picture.shape[0])), candidate.dark)
-    if fit is None:
+    joint = None if fit is None else fit_jointly(look, fit.grid, candidate.dark)
+    if fit is None or joint is None:
         doubts.append("too few crossings of its lines can be seen")
         return None
-    error = _error(fit)
-    if error > MOST_ERROR:
-        doubts.append(f"its corners are uncertain by {error:.2f} squares, at most {MOST_ERROR:.2f} are accepted")
+    found = _in_full(joint, picture, colour)
+    if found.error > MOST_ERROR:
+        doubts.append(f"its corners are uncertain by {found.error:.2f} squares, at most {MOST_ERROR:.2f} are accepted")
         return None
     window = judge(compare_sides(look, fit.grid, -candidate.dark, (-1, -1), (9, 9)), 1, 1)
     if not _believed(window, doubts):
         return None
-    corners = fit.grid.scaled(1.0 / factor, grid.size).project(CORNERS)
-    return (corners if candidate.dark > 0 else np.roll(corners, -1, axis=0)), error
+    return found if candidate.dark > 0 else replace(found, corners=np.roll(found.corners, -1, axis=0))
 
 
-def _error(fit: GridFit) -> float:
-    """Two sigma of the worst corner, and how far the border was seen from where the lines within the board have it."""
-    return float(np.hypot(np.hypot(2.0 * fit.spread.max(), fit.border), LEAST_ERROR))
+def _in_full(fit: JointFit, resized: Picture, colour: Colour) -> _Measured:
+    """From a resized picture; its size is in whole pixels, so its factor is not quite the one that was asked for."""
+    factor = np.array(resized.shape[1::-1]) / np.array(colour.shape[1::-1])
+    scale = float(factor.mean())
+    return _Measured((fit.corners + 0.5) / factor - 0.5, fit.error(scale), float(fit.sides.min()) / scale)
 
 
-def _snap(colour: Colour, rough: Array, doubts: list[str]) -> tuple[Array, float] | None:
-    """Corners around rough ones that are right to a fifth of a square, and their error."""
-    size = (colour.shape[1], colour.shape[0])
-    grid = Grid(fit_homography(CORNERS, rough), 0.0, size)
+def _snap(colour: Colour, rough: Array, doubts: list[str]) -> _Measured | None:
+    """Corners around rough ones that are right to a fifth of a square."""
+    grid = Grid(fit_homography(CORNERS, rough), 0.0, (colour.shape[1], colour.shape[0]))
     factor = working_scale(grid)
     picture = levels(_resize(colour, factor))
     grid = grid.scaled(factor, (picture.shape[1], picture.shape[0]))
@@ -245,15 +271,18 @@ def _snap(colour: Colour, rough: Array, doubts: list[str]) -> tuple[Array, float
     look = look_into(_softened(picture), weights)
     # the weights are signed so that a1 comes out dark; whether it is, is for the person who clicks
     fit = refine_grid(look, grid, 1)
-    if fit is None:
+    joint = None if fit is None else fit_jointly(look, fit.grid, 1)
+    if fit is None or joint is None:
         doubts.append("too few crossings of its lines can be seen")
         return None
     window = judge(compare_sides(look, fit.grid, -1, (-1, -1), (9, 9)), 1, 1)
-    error = _error(fit)
-    if window.mean < LEAST_MEAN or window.margin < 0.0 or error > MOST_ERROR:
-        doubts.append(f"its squares alternate by {window.mean:.2f} of 1 and its corners are uncertain by {error:.2f}")
+    found = _in_full(joint, picture, colour)
+    if window.mean < LEAST_MEAN or window.margin < 0.0 or found.error > MOST_ERROR:
+        doubts.append(
+            f"its squares alternate by {window.mean:.2f} of 1 and its corners are uncertain by {found.error:.2f}"
+        )
         return None
-    return fit.grid.scaled(1.0 / factor, size).project(CORNERS), error
+    return found
 
 
 def _resize(colour: Colour, factor: float) -> Colour:

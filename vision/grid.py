@@ -76,15 +76,12 @@ class GridFit:
         off: how far each crossing lies off it, shape (n, 2) [sides of a square].
         scatter: of good crossings in one direction, one sigma, from the middle of all [sides of a square].
         spread: standard deviation of where the outer corners are, from that scatter, shape (4,) [sides of a square].
-        border: how far a side of the board was seen from where the grid has it, the worst of those that were seen
-            [sides of a square].
     """
 
     grid: Grid
     off: Array
     scatter: float
     spread: Array
-    border: float
 
 
 def fit_grid(
@@ -129,14 +126,4 @@ def fit_grid(
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     variance = np.einsum("cik,kl,cil->c", slopes, inverse, slopes) * middle**2
     back = np.array([[1.0, 0.0, -centre[0]], [0.0, 1.0, -centre[1]], [0.0, 0.0, 1.0]])
-    return GridFit(grid.moved(back), off, middle, np.sqrt(variance) / sides, _border(places, off))
-
-
-def _border(places: Array, off: Array) -> float:
-    """Largest median distance across a side of the board of crossings on it, where at least three were seen."""
-    medians = [0.0]
-    for axis, line in ((0, 0.0), (0, 8.0), (1, 0.0), (1, 8.0)):
-        on = places[:, axis] == line
-        if np.count_nonzero(on) >= 3:
-            medians.append(float(np.abs(np.median(off[on, axis]))))
-    return max(medians)
+    return GridFit(grid.moved(back), off, middle, np.sqrt(variance) / sides)

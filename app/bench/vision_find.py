@@ -67,43 +67,56 @@ def find_rows(photos: Path, progress: Callable[[str], None] = lambda _: None) ->
     """Find the board in all photographs below a folder.
 
     Returns:
-        ``found``: 1 where every corner is within ``TOLERANCE``; ``wrong``: 1 where a board was given and a corner is
-        not; ``astray``: 1 where one is off by ``ASTRAY``; ``turned``: 1 where a1 was said to be sure and is not the
-        labelled one; ``corner``: worst corner of each board given; ``underrated``: 1 where that is beyond both the
-        error that was given and the tolerance; ``find``: time a picture.
+        ``found``: 1 where every corner is within ``TOLERANCE``; ``wrong``: 1 where a board was given without a doubt
+        and a corner is not; ``doubtful``: 1 where one was given with a doubt; ``astray``: 1 where a corner is off by
+        ``ASTRAY``, doubt or not; ``turned``: 1 where a1 was said to be sure and is not the labelled one; ``corner``:
+        worst corner of each board given; ``underrated``: 1 where that is beyond both the error that was given and the
+        tolerance; ``find``: time a picture.
     """
-    errors, claims, times, turned = list[float](), list[float](), list[float](), list[float]()
-    for picture in photographs(photos):
-        start = time.perf_counter()
-        try:
-            board = find_board(picture.colour)
-        except BoardNotFound as reason:
-            errors.append(np.nan)
-            claims.append(np.nan)
-            progress(f"{picture.name}: {reason}")
-        else:
-            error, turn = _corner_error(board.corners, picture.corners)
-            errors.append(error)
-            claims.append(board.error)
-            if picture.oriented and board.oriented:
-                turned.append(float(turn != 0))
-            if error > TOLERANCE:
-                progress(f"{picture.name}: a corner is off by {error:.2f} squares")
-        times.append(time.perf_counter() - start)
-    off, claimed = np.array(errors), np.array(claims)
+    tries = [_try(picture, progress) for picture in photographs(photos)]
+    off, claimed = np.array([one.off for one in tries]), np.array([one.claimed for one in tries])
+    doubtful = np.array([one.doubtful for one in tries])
     share = row(off <= TOLERANCE, "1")
     rows = {
         "found": share.model_copy(update={"limit": LEAST_FOUND, "holds": share.mean >= LEAST_FOUND}),
-        "wrong": row(off > TOLERANCE, "1"),
+        "wrong": row((off > TOLERANCE) & ~doubtful, "1"),
+        "doubtful": row(doubtful, "1"),
         "astray": row(off > ASTRAY, "1", 0.0, "max"),
         "underrated": row(off > np.maximum(claimed, TOLERANCE), "1"),
-        "find": row(times, "s", 1.5, "p50"),
+        "find": row([one.duration for one in tries], "s", 1.5, "p50"),
     }
     if np.isfinite(off).any():
         rows["corner"] = row(off[np.isfinite(off)], "squares")
+    turned = [float(one.turned) for one in tries if one.turned is not None]
     if turned:
         rows["turned"] = row(turned, "1", 0.0, "max")
     return rows
+
+
+@dataclass(frozen=True, slots=True)
+class _Try:
+    """What came of one picture: not a number where there was no board; ``turned`` None where nobody says."""
+
+    duration: float
+    off: float = float("nan")
+    claimed: float = float("nan")
+    doubtful: bool = False
+    turned: bool | None = None
+
+
+def _try(picture: Photograph, progress: Callable[[str], None]) -> _Try:
+    start = time.perf_counter()
+    try:
+        board = find_board(picture.colour)
+    except BoardNotFound as reason:
+        progress(f"{picture.name}: {reason}")
+        return _Try(time.perf_counter() - start)
+    duration = time.perf_counter() - start
+    off, turn = _corner_error(board.corners, picture.corners)
+    if off > TOLERANCE:
+        progress(f"{picture.name}: a corner is off by {off:.2f} squares; {board.doubt or 'no doubt was said'}")
+    turned = turn != 0 if picture.oriented and board.oriented else None
+    return _Try(duration, off, board.error, board.doubt is not None, turned)
 
 
 def _of_folder(folder: Path, labels: dict[str, Any]) -> Iterator[Photograph]:

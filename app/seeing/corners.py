@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
 from typing import Protocol
 
@@ -58,10 +59,12 @@ class FoundCorners:
 
     Args:
         start: what stands in the first picture; it tells how the board is turned.
+        progress: told where the corners are less exact than they should be, and what to do.
     """
 
-    def __init__(self, start: chess.Board) -> None:
+    def __init__(self, start: chess.Board, progress: Callable[[str], None] = lambda _: None) -> None:
         self._start = start
+        self._progress = progress
         self._anchor: Anchor | None = None
         self._shape: tuple[int, ...] = ()
 
@@ -81,11 +84,14 @@ class FoundCorners:
         return check.corners
 
     def _begin(self, picture: Picture) -> Array:
-        found = orient(picture.colour, find_board(picture.colour).corners, self._start)
+        board = find_board(picture.colour)
+        found = orient(picture.colour, board.corners, self._start)
         if not found.sure:
             raise BoardNotFound(
                 "the board is there, but which side is White's is not clear: does this picture show the position that "
                 "the game starts with?"
             )
+        if board.doubt is not None:
+            self._progress(f"{picture.name}: {board.doubt}")
         self._anchor, self._shape = Anchor(picture.colour, found.corners), picture.colour.shape
         return found.corners

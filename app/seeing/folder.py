@@ -40,7 +40,7 @@ def follow_folder(folder: Path, corners_from: CornersFrom, progress: Callable[[s
         raise UserError(f"{folder} has no labels.json that says where the board is: use '--corners find'")
     start = chess.Board(labels.initial_fen) if labels is not None else chess.Board()
     marked = labels if corners_from is CornersFrom.LABELS else None
-    source = LabelledCorners(marked) if marked is not None else FoundCorners(start)
+    source = LabelledCorners(marked) if marked is not None else FoundCorners(start, progress)
     video = _video(folder, labels)
     if video is not None:
         views = _settled(video, labels.fps if labels is not None else None, source)

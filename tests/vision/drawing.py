@@ -26,6 +26,10 @@ class Drawing:
     squares: int = 8
     border: float = 0.7
     noise: float = 3.0
+    line: tuple[float, float] | None = None
+    """A dark line around the playing area: how far outside of it, and how wide [sides of a square]."""
+    bow: tuple[float, float] = (0.0, 0.0)
+    """How far the middles of the left and right, and of the lower and upper border are moved [sides of a square]."""
 
 
 def pose(
@@ -67,6 +71,11 @@ def draw(homography: NDArray[np.float64], placement: str | None, drawing: Drawin
     rim = round(drawing.border * unit)
     flat = np.empty((count * unit + 2 * rim, count * unit + 2 * rim, 3), np.uint8)
     flat[:] = drawing.frame
+    if drawing.line is not None:
+        gap, width = (round(one * unit) for one in drawing.line)
+        outer, inner = rim - gap - width, rim - gap
+        flat[outer : len(flat) - outer, outer : len(flat) - outer] = (25, 25, 25)
+        flat[inner : len(flat) - inner, inner : len(flat) - inner] = drawing.frame
     for i in range(count):
         for j in range(count):
             y, x = rim + (count - 1 - j) * unit, rim + i * unit
@@ -85,6 +94,8 @@ def draw(homography: NDArray[np.float64], placement: str | None, drawing: Drawin
             cv2.circle(flat, middle, 13, tuple(int(0.7 * one) for one in colour), -1, cv2.LINE_AA)
             cv2.circle(flat, middle, 10, colour, -1, cv2.LINE_AA)
             column += 1
+    if any(drawing.bow):
+        flat = _bent(flat, drawing.bow, unit, rim)
     place_of_pixel = np.array([
         [1.0 / unit, 0.0, (0.5 - rim) / unit], [0.0, -1.0 / unit, count + (rim - 0.5) / unit], [0.0, 0.0, 1.0]
     ])  # fmt: skip
@@ -104,3 +115,12 @@ def draw(homography: NDArray[np.float64], placement: str | None, drawing: Drawin
     picture = cv2.resize(warped, drawing.size, interpolation=cv2.INTER_AREA).astype(float)
     picture += rng.normal(0.0, drawing.noise, picture.shape)
     return np.clip(picture + 0.5, 0, 255).astype(np.uint8)
+
+
+def _bent(flat: NDArray[np.uint8], bow: tuple[float, float], unit: int, rim: int) -> NDArray[np.uint8]:
+    """The flat picture with its lines bent as parabolas; the corners stay where they are."""
+    y, x = (one.astype(np.float32) for one in np.indices(flat.shape[:2]))
+    a, b = ((one - rim) / (4.0 * unit) - 1.0 for one in (x, y))
+    across = (x - unit * bow[0] * (1.0 - b * b)).astype(np.float32)
+    down = (y - unit * bow[1] * (1.0 - a * a)).astype(np.float32)
+    return np.asarray(cv2.remap(flat, across, down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
