@@ -23,7 +23,7 @@ from app.calibration import CalibratedBoard, Calibration, Pinhole, as_rows, resi
 from app.config import RigFile
 from app.devices import Rig
 from app.motion import MotionSettings
-from app.processes import GAMES
+from app.records.files import GAMES
 from app.rig import choose_rig, open_rig
 from app.showing import Setup, Sighting, fresh_frame, show
 from app.sim_settings import SimRigSettings

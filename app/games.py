@@ -21,8 +21,8 @@ from app.manipulation import Inventory
 from app.match import Fixture, Match, Start, last_round
 from app.player_choice import engine_players, line_players, start_clock
 from app.players import Players
-from app.processes import GAMES
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
+from app.records.files import GAMES
 from app.replay import RecordedGame, recorded_games
 from app.session import Filming, SessionResult, run_session
 from app.settings import PlayerKind, Settings

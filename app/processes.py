@@ -15,6 +15,7 @@ from typing import Final
 
 from app import UserError
 from app.config import SIMULATED, ConfigError, ControllerSection, RigFile, load_rig
+from app.records.files import GAMES
 from controller.protocol.key import KEY_FILE, KeyFileError, create_key
 from controller.settings import ControllerSettings
 from hardware.interfaces import ServoBus
@@ -25,8 +26,6 @@ from hardware.sim.wire import world_pid
 
 CONTROLLER_SETTINGS_FILE = "controller_settings.json"
 RIG_FILE: Final = "rig.toml"
-GAMES: Final = Path("games")
-"""Where records of games lie unless another folder is named."""
 DRIVERS: Final = "touchmove.drives"
 """Group of entry points under which a lab's package names its driver: a function of the robot's parameters that opens
 the drives and returns a ``ServoBus``."""

@@ -28,7 +28,8 @@ from hardware.sim.grip_faults import GripFaults
 from hardware.sim.imperfections import Flaws, Imperfections
 from hardware.sim.looks import Looks
 from hardware.sim.plant import Plant
-from hardware.sim.scene import StandingPiece, build_model
+from hardware.sim.scene import build_model
+from hardware.sim.standing import StandingPiece
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.board import BoardView

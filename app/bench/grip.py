@@ -22,7 +22,8 @@ from app.motion.path import Vector
 from app.motion.reference import Bounds, join, line, to_samples
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.plant import Plant
-from hardware.sim.scene import StandingPiece, build_model
+from hardware.sim.scene import build_model
+from hardware.sim.standing import StandingPiece
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 
 SEED: Final = 7

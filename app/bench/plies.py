@@ -25,7 +25,8 @@ from controller.model.constants import DeltaModel
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters
 from hardware.sim.plant import Plant
-from hardware.sim.scene import StandingPiece, build_model
+from hardware.sim.scene import build_model
+from hardware.sim.standing import StandingPiece
 from hardware.table import Kind, PieceSpec, TableSettings
 
 PLIES_A_WORLD = 6

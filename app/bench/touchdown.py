@@ -14,7 +14,7 @@ from app.motion import Motion, MotionSettings, plan_ply
 from controller.protocol import Guard
 from hardware.parameters import RobotParameters
 from hardware.sim.plant import Plant
-from hardware.sim.scene import StandingPiece
+from hardware.sim.standing import StandingPiece
 from hardware.sim.touchdown_world import FELT_STIFFNESS, WOOD_STIFFNESS, board_force, build_touchdown_world
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat
 from hardware.parameters import RobotParameters
 from hardware.sim.imperfections import PERFECT, Imperfections
 from hardware.sim.looks import CameraSettings, LightSettings
-from hardware.sim.scene import BoardOffset, StandingPiece
+from hardware.sim.standing import BoardOffset, StandingPiece
 from hardware.table import PieceSpec, TableSettings
 
 Share = Annotated[float, Field(ge=0.0, lt=1.0)]

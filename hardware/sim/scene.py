@@ -16,10 +16,11 @@ from hardware.sim.contact import Contact
 from hardware.sim.d435 import COLOUR_FIELD_OF_VIEW
 from hardware.sim.lamps import lamps, set_ambient
 from hardware.sim.looks import LightSettings
+from hardware.sim.standing import AS_BELIEVED, BoardOffset, StandingPiece
 from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, LINED, WALL, WOOD_FRICTION, give_stiffness
 from hardware.sim.turning import turned_mesh
 from hardware.sim.wood import board_png
-from hardware.table import FELT_HEIGHT, FELT_RADIUS, PIECE_SHAPES, Colour, Kind, PieceShape, PieceSpec, TableSettings
+from hardware.table import FELT_HEIGHT, FELT_RADIUS, PIECE_SHAPES, Colour, Kind, PieceShape, TableSettings
 
 FOOT_SIDE = 0.85
 """Half a side of the square that stands for a foot, in radii of the foot: it tips over as late as the round one on
@@ -51,53 +52,6 @@ CAMERAS = {
     "film": CameraPose((0.44, -0.60, 0.36), (0.0, 0.0, 0.12), math.radians(46.0)),
 }
 """Views: the board's camera, beside the base; and one that films the whole arm."""
-
-
-@dataclass(frozen=True, slots=True)
-class StandingPiece:
-    """One piece as it is put down before the start: its spec and exact pose in the board frame [m, rad].
-
-    Attributes:
-        spec: name, kind, colour, place.
-        x: of its centre.
-        y: of its centre.
-        yaw: about its axis.
-        height: of what it stands on, above the board.
-        mass: in masses of its kind.
-        friction: in frictions of its felt and its stem.
-        tip: by how much it leans, about its own x axis, before it is turned; at π/2 it lies [rad].
-    """
-
-    spec: PieceSpec
-    x: float
-    y: float
-    yaw: float = 0.0
-    height: float = 0.0
-    mass: float = 1.0
-    friction: float = 1.0
-    tip: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class BoardOffset:
-    """Where the table really stands: the true board's pose in the frame of the board as the robot believes it to be.
-
-    Attributes:
-        shift: of its centre [m].
-        turn: about the vertical [rad].
-    """
-
-    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    turn: float = 0.0
-
-    def in_true(self, point: tuple[float, float, float]) -> tuple[float, float, float]:
-        """A point of the believed board frame in the true one [m]."""
-        x, y, z = (a - b for a, b in zip(point, self.shift, strict=True))
-        cos, sin = math.cos(self.turn), math.sin(self.turn)
-        return cos * x + sin * y, cos * y - sin * x, z
-
-
-AS_BELIEVED = BoardOffset()
 
 
 def deck_half_size(table: TableSettings) -> tuple[float, float]:

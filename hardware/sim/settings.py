@@ -21,7 +21,7 @@ from hardware.parameters import DEFAULT_FILE
 from hardware.sim.hand_actions import HandSettings
 from hardware.sim.looks import CameraSettings, LightSettings
 from hardware.sim.randomisation import Randomisation, stand
-from hardware.sim.scene import StandingPiece
+from hardware.sim.standing import StandingPiece
 from hardware.table import PieceSpec, TableSettings
 
 FILE_NAME = "world.json"

@@ -27,7 +27,8 @@ from hardware.sim.hand_motion import Pose as HandPose
 from hardware.sim.looks import CameraSettings, Looks, MountSettings
 from hardware.sim.mount import Mount
 from hardware.sim.renderer import MODEL_FILE, Renderer, Sensor, Shot, frame_path, load_pictures
-from hardware.sim.scene import StandingPiece, build_model
+from hardware.sim.scene import build_model
+from hardware.sim.standing import StandingPiece
 from hardware.software_device import DepthStream, SoftwareCamera
 from hardware.table import Colour, PieceSpec, TableSettings
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from hardware.parameters import RobotParameters
 from hardware.sim.arm import SCENE_BITS, TOOL_BITS
 from hardware.sim.contact import Contact
-from hardware.sim.scene import StandingPiece, build_model
+from hardware.sim.scene import build_model
+from hardware.sim.standing import StandingPiece
 from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD
 from hardware.table import TableSettings
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -145,3 +147,11 @@ def test_nobody_at_the_keyboard_leaves_a_game_that_goes_on(tmp_path: Path) -> No
     again = resume_games(tmp_path / "game", Quiet(), io.StringIO("d4\nresign\n"))
     assert again.report.result == "0-1"
     assert moves_of(tmp_path / "game")[::2] == ["e4", "d4"]
+
+
+def test_what_only_devices_need_is_not_loaded_for_a_prompt() -> None:
+    """So that the rig without devices asks for the first move within three seconds on a slow machine, too."""
+    heavy = ("numba", "mujoco", "scipy", "cv2", "pyrealsense2", "av", "matplotlib")
+    script = f"import sys, app.games; print([name for name in {heavy} if name in sys.modules])"
+    loaded = subprocess.run([sys.executable, "-P", "-c", script], capture_output=True, text=True, check=True)
+    assert loaded.stdout.strip() == "[]"

@@ -17,7 +17,8 @@ from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
 from hardware.parameters import load_parameters
 from hardware.sim.plant import Plant
-from hardware.sim.scene import StandingPiece, build_model
+from hardware.sim.scene import build_model
+from hardware.sim.standing import StandingPiece
 from hardware.table import PIECE_SHAPES, TableSettings, square_place
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()

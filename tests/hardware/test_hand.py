@@ -35,9 +35,10 @@ from hardware.sim.hand_actions import (
 from hardware.sim.hand_body import JOINTS, SKIN_MASS, STRENGTH, add_hand, parked
 from hardware.sim.hand_routines import HandFailed, Routines, View
 from hardware.sim.plant import Plant
-from hardware.sim.scene import StandingPiece, build_model
+from hardware.sim.scene import build_model
 from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.sim.snapshot import load_snapshot, save_snapshot
+from hardware.sim.standing import StandingPiece
 from hardware.sim.truth import PiecePose
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings
 

@@ -13,7 +13,8 @@ from controller.model.constants import DeltaModel
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.plant import REST_SPEED, REST_TICKS, Plant
-from hardware.sim.scene import StandingPiece, build_model
+from hardware.sim.scene import build_model
+from hardware.sim.standing import StandingPiece
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, TableSettings, square_place
 
 TABLE = TableSettings()

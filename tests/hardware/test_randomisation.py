@@ -18,8 +18,8 @@ from hardware.sim.construction import Construction
 from hardware.sim.imperfections import Imperfections
 from hardware.sim.looks import CameraSettings, LightSettings
 from hardware.sim.randomisation import Draw, Randomisation, draw
-from hardware.sim.scene import BoardOffset
 from hardware.sim.settings import WorldSettings
+from hardware.sim.standing import BoardOffset
 from hardware.table import PIECE_SHAPES, TableSettings
 
 TABLE, PARAMETERS = TableSettings(), load_parameters()

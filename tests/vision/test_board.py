@@ -22,8 +22,9 @@ from hardware.interfaces import Frame, Intrinsics
 from hardware.parameters import load_parameters
 from hardware.sim.drawing import draw_rods
 from hardware.sim.renderer import HEIGHT, WIDTH, intrinsics_for
-from hardware.sim.scene import CAMERAS, StandingPiece, build_model
+from hardware.sim.scene import CAMERAS, build_model
 from hardware.sim.settings import WorldSettings, stand_pieces
+from hardware.sim.standing import StandingPiece
 from hardware.table import PieceSpec, TableSettings, square_place
 from tests.vision.views import looking_at
 from vision.board import BoardNotFound, BoardView, playing_area

@@ -1,0 +1,55 @@
+"""Where pieces and board of a simulated world really stand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hardware.table import PieceSpec
+
+
+@dataclass(frozen=True, slots=True)
+class StandingPiece:
+    """One piece as it is put down before the start: its spec and exact pose in the board frame [m, rad].
+
+    Attributes:
+        spec: name, kind, colour, place.
+        x: of its centre.
+        y: of its centre.
+        yaw: about its axis.
+        height: of what it stands on, above the board.
+        mass: in masses of its kind.
+        friction: in frictions of its felt and its stem.
+        tip: by how much it leans, about its own x axis, before it is turned; at π/2 it lies [rad].
+    """
+
+    spec: PieceSpec
+    x: float
+    y: float
+    yaw: float = 0.0
+    height: float = 0.0
+    mass: float = 1.0
+    friction: float = 1.0
+    tip: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class BoardOffset:
+    """Where the table really stands: the true board's pose in the frame of the board as the robot believes it to be.
+
+    Attributes:
+        shift: of its centre [m].
+        turn: about the vertical [rad].
+    """
+
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: float = 0.0
+
+    def in_true(self, point: tuple[float, float, float]) -> tuple[float, float, float]:
+        """A point of the believed board frame in the true one [m]."""
+        x, y, z = (a - b for a, b in zip(point, self.shift, strict=True))
+        cos, sin = math.cos(self.turn), math.sin(self.turn)
+        return cos * x + sin * y, cos * y - sin * x, z
+
+
+AS_BELIEVED = BoardOffset()
