@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ from hardware.table import Kind
 
 if TYPE_CHECKING:
     from app.motion import Motion, MotionSettings
+    from app.righting import Strayed
 
 MOST_PAUSES = 20
 """Within one job; a computer that is late so often will not get better by itself."""
@@ -138,6 +139,54 @@ class Carrier:
                 self._face.phase(f"going on after a pause: {pause}")
             state = self._devices.arm.settle()
             resumed = resumed or self._step is not None
+
+    def stand_up(self, one: Strayed, strays: Sequence[Strayed], stands: Inventory) -> float | None:
+        """Stand a piece up where it lies; home at its end.
+
+        Args:
+            one: the piece.
+            strays: all that lie or stand elsewhere.
+            stands: what should stand where.
+
+        Returns:
+            How long it took [s]; None: the arm had to stop on the way, and is home.
+
+        Raises:
+            PlanRefused: something is in the way; ``InTheWay`` says which piece.
+        """
+        from app.righting import plan_righting
+
+        arm, state = self._devices.arm, self._devices.arm.state()
+        plan = plan_righting(
+            one, strays, stands, state.reference, state.finger, self._motion, self._parameters, arm.lead_ticks
+        )
+        self._step = None
+        try:
+            self._interlock()
+            return arm.execute(plan).duration
+        except (ArmPaused, GraspFailed, NothingTouched) as stop:
+            self._face.phase(str(stop))
+            self._go_home(stands, None)
+            return None
+
+    def way_for(self, blocks: str, strays: Sequence[Strayed], stands: Inventory) -> Transfer:
+        """Where a piece may go that is in the way of the fingers.
+
+        Args:
+            blocks: its name.
+            strays: all that lie or stand elsewhere.
+            stands: what should stand where.
+
+        Raises:
+            PlanRefused: nowhere.
+        """
+        from app.righting import plan_making_way
+
+        arm, state = self._devices.arm, self._devices.arm.state()
+        transfer, _ = plan_making_way(
+            blocks, strays, stands, state.reference, state.finger, self._motion, self._parameters, arm.lead_ticks
+        )
+        return transfer
 
     def _rest(
         self,

@@ -19,6 +19,7 @@ from app.game.state import FRAME_AGE, CannotSee, Devices
 from app.manipulation import Inventory
 from app.repair import Sighting, kinds_by_height
 from app.repair.sighting import Chances
+from app.righting import Strayed
 from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
 from hardware.table import Colour, PieceSpec, TableSettings
 from vision.anchor import Anchor
@@ -26,6 +27,7 @@ from vision.appearance import BLACK, EMPTY, WHITE
 from vision.board import BoardNotFound, BoardView, playing_area
 from vision.centres import piece_centres
 from vision.evidence import codes_of
+from vision.fallen import find_strays
 from vision.find import find_board
 from vision.moves import Decision
 from vision.observer import Look, Observer
@@ -149,6 +151,16 @@ class Eyes:
         """
         centres = piece_centres(self.last, self.view, on_board(believed))
         return {square: (one.x, one.y) for square, one in centres.items() if one.upright}
+
+    def strays(self, stands: Inventory) -> list[Strayed]:
+        """Pieces that lie, or stand elsewhere, in the newest frame.
+
+        Args:
+            stands: what should stand where.
+        """
+        expected = on_board(stands)
+        found = find_strays(self.last, self.view, expected)
+        return [Strayed.of(one, expected[one.square].place) for one in found if one.square is not None]
 
     def read(self) -> Reading:
         """What was played since the known position, in a new frame.

@@ -17,17 +17,20 @@ from app.faces import Face
 from app.game.carrier import Carrier, CarryFailed
 from app.game.eyes import Eyes
 from app.game.state import Job, changed, moved_all
-from app.manipulation import Inventory
+from app.manipulation import Inventory, Transfer
+from app.motion.plan import PlanRefused
+from app.motion.upright import InTheWay
 from app.rearrange import rearrange
 from app.records import GameRecord
 from app.records.events import Purpose
 from app.repair import Ask, Repair, mend
 from app.repair.mending import repair_towards
+from app.righting import Strayed, next_to_right
 from hardware.interfaces import Clock
 from hardware.table import square_place
-from vision.verify import Fault
+from vision.verify import Fault, FaultKind
 
-MOST_ROUNDS: Final = 6
+MOST_ROUNDS: Final = 8
 """Of mending by the arm; what is not right then, it will not get right."""
 
 
@@ -55,6 +58,13 @@ class Mended:
     inventory: Inventory
     jobs: int
     duration: float
+
+
+@dataclass(frozen=True, slots=True)
+class Fallen:
+    """Pieces lie on the board; with all that are out of place."""
+
+    strays: tuple[Strayed, ...]
 
 
 class Mender:
@@ -104,6 +114,9 @@ class Mender:
                     f"the board is still not right after {MOST_ROUNDS} attempts ({_sentence(faults)}): put it right by "
                     "hand, then go on with 'touchmove resume'"
                 )
+            if isinstance(step, Fallen):
+                stands, took, step = self._stand_up(step, stands, faults)
+                duration += took
             if isinstance(step, Repair):
                 if step.transfers:
                     stands, took, step = self._carry(step, faults)
@@ -116,7 +129,7 @@ class Mender:
 
     def _decide(
         self, stands: Inventory, wanted: Inventory, board: chess.Board | None
-    ) -> tuple[tuple[Fault, ...], Repair | Ask | None]:
+    ) -> tuple[tuple[Fault, ...], Repair | Ask | Fallen | None]:
         """What is wrong, and what to do about it; None: nothing, the board shows what is wanted."""
         found = self.eyes.verify(stands)
         if found.faults:  # one frame may be wrong
@@ -126,12 +139,60 @@ class Mender:
             return (), Repair(stands, rest, "the arm goes on") if rest else None
         step = mend(stands, found.sighting, board)
         if isinstance(step, Ask):
-            return found.faults, step
+            return found.faults, self._unaided(found.faults, stands, people=board is not None) or step
         places = {**found.sighting.places, **self.eyes.places(step.believed)}
         step = repair_towards(step.believed, wanted, replace(found.sighting, places=places))
         if isinstance(step, Repair) and not step.transfers and step.rest is None and not changed(stands, step.believed):
             return found.faults, Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
         return found.faults, step
+
+    def _unaided(self, faults: Sequence[Fault], stands: Inventory, *, people: bool) -> Repair | Fallen | None:
+        """What would have to be asked for, done by the arm: where all that is missing lies or stands in sight.
+
+        Args:
+            faults: what is wrong.
+            stands: what should stand where.
+            people: somebody may have moved pieces; then only ones that lie are known to be what they look like.
+        """
+        strays = self.eyes.strays(stands)
+        found = {one.target.index for one in strays}
+        missing = {fault.square for fault in faults if fault.kind in (FaultKind.MISSING, FaultKind.FALLEN)}
+        if not strays or not missing <= found:
+            return None
+        if any(one.lies for one in strays):
+            return Fallen(tuple(strays))
+        if people:
+            return None
+        transfers = tuple(Transfer.of(one.piece, one.target, (one.pose.x, one.pose.y)) for one in strays)
+        return Repair(stands, transfers, "the arm carries what it has found to where it belongs")
+
+    def _stand_up(
+        self, step: Fallen, stands: Inventory, faults: Sequence[Fault]
+    ) -> tuple[Inventory, float, Repair | Ask | None]:
+        """One piece that lies is stood up; then what is next: nothing but to look, making way, or to ask."""
+        one = next_to_right(step.strays)
+        assert one is not None
+        now, squares = self._clock.now(), (str(one.target),)
+        sentence = f"the {one.piece.colour} {one.piece.kind} of {one.target} lies on the board"
+        self._face.say(f"{sentence}: the arm stands it up")
+        self._record.found(stands, sentence, now)
+        try:
+            took = self._carrier.stand_up(one, step.strays, stands)
+        except InTheWay as blocked:
+            return stands, 0.0, self._make_way(blocked, step, stands, faults)
+        except PlanRefused as refused:
+            return stands, 0.0, Ask(f"{sentence}, and {refused}: stand it on {one.target}", squares_of(faults))
+        if took is not None:
+            self._record.trouble(FaultKind.FALLEN.value, squares, sentence, "arm", now)
+        return stands, took or 0.0, None
+
+    def _make_way(self, blocked: InTheWay, step: Fallen, stands: Inventory, faults: Sequence[Fault]) -> Repair | Ask:
+        """The piece that is in the way goes aside; it is brought back at the end, as it is wanted where it stood."""
+        try:
+            transfer = self._carrier.way_for(blocked.piece.name, step.strays, stands)
+        except PlanRefused as refused:
+            return Ask(f"{blocked}; {refused}", squares_of(faults))
+        return Repair(stands, (transfer,), f"the {transfer.kind} on {transfer.source} makes way")
 
     def _carry(self, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float, Ask | None]:
         """One round: recorded, carried; what stands where then, how long it took [s], what a person has to do."""

@@ -24,14 +24,19 @@ from app.game.person import NeedsHand, UnattendedAsker
 from app.game.state import Devices, Job, Position
 from app.game.table import Table
 from app.layout import start_layout
-from app.manipulation import Inventory
+from app.manipulation import Inventory, Transfer
 from app.motion import MotionSettings
+from app.motion.lying import Lying
+from app.motion.obstacles import Standing
+from app.motion.upright import InTheWay
 from app.records import EVENTS_FILE, GameRecord, GameSetup, read_history
 from app.records.events import TroubleEvent
 from app.repair import Sighting
+from app.righting import Strayed
 from hardware.parameters import load_parameters
 from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.appearance import BLACK, EMPTY, WHITE
+from vision.lying import Pose
 from vision.verify import Fault, FaultKind
 
 TABLE = TableSettings()
@@ -44,6 +49,11 @@ class Paper:
         self.truth = inventory
         self.losses: dict[int, Place | None] = {}
         """By number of the transfer, from 0: where its piece ends up; None: gone."""
+        self.falls: dict[int, Place] = {}
+        """The same, of pieces that lie near such a square."""
+        self.lying: dict[str, tuple[PieceSpec, Place]] = {}
+        self.in_the_way: str | None = None
+        self.stood_up = 0
         self.carried = 0
         self.asked: list[str] = []
 
@@ -59,6 +69,11 @@ class Paper:
                 self.carried += 1
                 self.put(transfer.name, where)
                 raise CarryFailed(Loss.LOST, transfer, number, done, f"the {transfer.kind} was lost")
+            if self.carried in self.falls:
+                self.lying[transfer.name] = self.truth.find(transfer.name), self.falls.pop(self.carried)
+                self.carried += 1
+                self.put(transfer.name, None)
+                raise CarryFailed(Loss.LOST, transfer, number, done, f"the {transfer.kind} was lost")
             self.carried += 1
             self.put(transfer.name, transfer.target)
             done = done.moved(transfer)
@@ -73,7 +88,30 @@ class Paper:
             rest.append(PieceSpec(piece.name, piece.kind, piece.colour, place))
         self.truth = Inventory.of(rest, TABLE)
 
+    def stand_up(self, one: Strayed, strays: Any, stands: Inventory) -> float | None:
+        if self.in_the_way is not None and self.truth.find(self.in_the_way).place == stands.find(self.in_the_way).place:
+            name, self.in_the_way = self.in_the_way, None
+            piece = stands.find(name)
+            raise InTheWay(
+                Lying(one.piece.kind, (0.0, 0.0), 0.0, one.piece.name),
+                Standing.at(name, piece.place, piece.kind, TABLE),
+            )
+        piece, place = self.lying.pop(one.piece.name)
+        self.truth = Inventory.of([*self.truth, PieceSpec(piece.name, piece.kind, piece.colour, place)], TABLE)
+        self.stood_up += 1
+        return 2.0
+
+    def way_for(self, blocks: str, strays: Any, stands: Inventory) -> Transfer:
+        free = next(place for place in map(square_place, range(63, -1, -1)) if stands.at(place) is None)
+        return Transfer.of(stands.find(blocks), free)
+
     # eyes
+
+    def strays(self, stands: Inventory) -> list[Strayed]:
+        return [
+            Strayed(stands.find(name), stands.find(name).place, Pose(*TABLE.xy(place), yaw=1.0))
+            for name, (_, place) in self.lying.items()
+        ]
 
     last = None
 
@@ -147,6 +185,23 @@ def test_lost_pieces_are_found_and_carried_again_and_the_record_is_right(tmp_pat
     assert sum(trouble.kind == Loss.LOST for trouble in troubles) == lost
 
 
+@pytest.mark.parametrize("blocked", [False, True])
+def test_a_piece_that_fell_is_stood_up_and_carried_to_where_it_belongs(tmp_path: Path, blocked: bool) -> None:
+    """Where another piece is in the way of the fingers, that one makes way and comes back."""
+    table, paper, record = table_of(tmp_path / "game")
+    paper.falls[0] = Place.parse("d5")
+    paper.in_the_way = "white-pawn-d" if blocked else None
+    with record:
+        assert table.arm_ply(chess.Move.from_uci("e2e4"))
+    assert (paper.stood_up, paper.asked) == (1, [])
+    assert same(paper.truth, table.inventory)
+    history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
+    assert same(history.inventory, paper.truth)
+    kinds = [event.kind for event in history.events if isinstance(event, TroubleEvent)]
+    assert kinds[0] == "lost"
+    assert "fallen" in kinds
+
+
 def test_a_piece_that_is_gone_is_asked_for_and_no_ply_is_recorded(tmp_path: Path) -> None:
     table, paper, record = table_of(tmp_path / "game")
     paper.losses[0] = None
@@ -173,7 +228,7 @@ def test_what_cannot_be_mended_ends_with_a_sentence(tmp_path: Path) -> None:
     table, paper, record = table_of(tmp_path / "game")
     for number in range(50):
         paper.losses[number] = Place.parse("e3") if number % 2 == 0 else Place.parse("d3")
-    with record, pytest.raises(UserError, match="still not right after 6 attempts"):
+    with record, pytest.raises(UserError, match="still not right after 8 attempts"):
         table.arm_ply(chess.Move.from_uci("e2e4"))
     assert read_history(tmp_path / "game" / EVENTS_FILE, TABLE).board.fen() == chess.STARTING_FEN
 
