@@ -35,6 +35,8 @@ KINDS: Mapping[chess.PieceType, Kind] = MappingProxyType(
 )
 """python-chess's piece types in the words of the table."""
 
+PIECE_TYPES: Mapping[Kind, chess.PieceType] = MappingProxyType({kind: number for number, kind in KINDS.items()})
+"""The other way round."""
 _BACK_RANK = (Kind.ROOK, Kind.KNIGHT, Kind.BISHOP, Kind.QUEEN, Kind.KING, Kind.BISHOP, Kind.KNIGHT, Kind.ROOK)
 
 

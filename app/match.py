@@ -209,7 +209,7 @@ class Match:
 
 
 def _set_up(table: Table, goal: chess.Board) -> GameEnd:
-    if not table.finish():
+    if not table.begin():
         return WRONG
     return SET_UP if table.set_up(goal) else WRONG
 

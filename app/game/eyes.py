@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from app.arm import Arm
 from app.game.state import FRAME_AGE, CannotSee, Devices
+from app.layout import PIECE_TYPES
 from app.manipulation import Inventory
 from app.repair import Sighting, kinds_by_height
 from app.repair.sighting import Chances
@@ -74,36 +75,45 @@ class Verification:
 
 
 class Eyes:
-    """Follows one game by one camera.
+    """Follows one game by one camera, from ``begin`` on.
 
     Args:
         devices: of the rig; it has a camera.
         table: board and trays.
-        board: the position that stands there now; it is how the set is learnt.
         view: where the board should be in the pictures of a camera, by calibration; None: nobody knows, so it is
             searched for.
-
-    Raises:
-        CannotSee: there is no board in the picture.
-        HardwareError: the camera failed.
     """
 
-    def __init__(
-        self,
-        devices: Devices,
-        table: TableSettings,
-        board: chess.Board,
-        view: Callable[[Intrinsics], BoardView | None],
-    ) -> None:
+    def __init__(self, devices: Devices, table: TableSettings, view: Callable[[Intrinsics], BoardView | None]) -> None:
         assert devices.camera is not None
         self._camera: Camera = devices.camera
         self._clock: Clock = devices.clock
         self._arm: Arm = devices.arm
-        self._table = table
-        self.last = self.frame()
-        """The newest frame that was looked at."""
-        self._hold(self.last, _find(self.last, board, table, view(self.last.intrinsics)))
-        self._observer = Observer(board, sight_of_frame(self.last, self.view))
+        self._table, self._believed = table, view
+        self._observer: Observer | None = None
+        self._last: Frame | None = None
+
+    def begin(self, board: chess.Board) -> None:
+        """Find the board, and learn the set from a position that stands there, with the arm at home.
+
+        Raises:
+            CannotSee: there is no board in the picture.
+            HardwareError: the camera failed.
+        """
+        frame = self.frame()
+        self._hold(frame, _find(frame, board, self._table, self._believed(frame.intrinsics)))
+        self._observer = Observer(board, sight_of_frame(frame, self.view))
+
+    @property
+    def last(self) -> Frame:
+        """The newest frame."""
+        assert self._last is not None, "nothing was looked at"
+        return self._last
+
+    @property
+    def _known(self) -> Observer:
+        assert self._observer is not None, "begin first"
+        return self._observer
 
     def frame(self) -> Frame:
         """A frame exposed from now on, the arm being at rest.
@@ -116,7 +126,7 @@ class Eyes:
         while True:
             frame = self._camera.read(FRAME_AGE)
             if frame.stamp >= since:
-                self.last = frame
+                self._last = frame
                 return frame
             if self._clock.now() > since + PATIENCE:
                 raise HardwareError(f"the camera gave no new picture within {PATIENCE:.0f} s: see to its cable")
@@ -132,13 +142,15 @@ class Eyes:
             CannotSee: the board is not in the picture.
             HardwareError: the camera failed.
         """
+        if self._observer is None:
+            self.begin(_shown(stands))
         frame = self.frame()
         self._follow(frame)
         faults = verify_board(frame, self.view, on_board(stands))
         if not faults:
             return Verification(faults, Sighting({}))
-        look = self._observer.look(sight_of_frame(frame, self.view))
-        states = look.evidence.read(codes_of(self._observer.board))
+        look = self._known.look(sight_of_frame(frame, self.view))
+        states = look.evidence.read(codes_of(self._known.board))
         top = None if look.solids is None else look.solids.top
         sighting = Sighting.of(stands, states, faults, kinds=_kinds(stands, states, top))
         return Verification(faults, sighting)
@@ -171,11 +183,11 @@ class Eyes:
         """
         frame = self.frame()
         self._follow(frame)
-        look = self._observer.look(sight_of_frame(frame, self.view))
-        decision = self._observer.decide(look)
-        known = codes_of(self._observer.board)
+        look = self._known.look(sight_of_frame(frame, self.view))
+        decision = self._known.decide(look)
+        known = codes_of(self._known.board)
         states, altered = look.evidence.read(known), look.evidence.altered(known)
-        return Reading(decision, explain(states, self._observer.board, altered), states, look)
+        return Reading(decision, explain(states, self._known.board, altered), states, look)
 
     def confirm(self, board: chess.Board, look: Look | None = None) -> None:
         """The position is known: by the rules, a person, or since the arm has made it.
@@ -185,8 +197,8 @@ class Eyes:
             look: that shows it; None: the newest frame does.
         """
         if look is None:
-            look = self._observer.look(sight_of_frame(self.last, self.view))
-        self._observer.confirm(look, board)
+            look = self._known.look(sight_of_frame(self.last, self.view))
+        self._known.confirm(look, board)
 
     def _follow(self, frame: Frame) -> None:
         check = self._anchor.follow(frame.colour)
@@ -206,6 +218,14 @@ class Eyes:
 def on_board(inventory: Inventory) -> dict[int, PieceSpec]:
     """The pieces that stand on squares, by square."""
     return {piece.place.index: piece for piece in inventory if piece.place.on_board}
+
+
+def _shown(stands: Inventory) -> chess.Board:
+    """The position that an inventory has on the board; whose move it is, nobody can see."""
+    board = chess.Board(None)
+    for square, piece in on_board(stands).items():
+        board.set_piece_at(square, chess.Piece(PIECE_TYPES[piece.kind], piece.colour is Colour.WHITE))
+    return board
 
 
 def _kinds(stands: Inventory, states: States, top: Heights | None) -> dict[int, Chances]:

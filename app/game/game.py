@@ -60,7 +60,7 @@ class Game:
         board = self._table.board
         self._face.position(board)
         self._most = plies
-        if not self._table.finish():
+        if not self._table.begin():
             return WRONG
         while True:
             end = self._over(plies)

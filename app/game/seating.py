@@ -47,9 +47,6 @@ class Seating:
             face: shown what happens.
             human: who can be asked to put something right; None: nobody.
 
-        Raises:
-            CannotSee: the camera shall follow the game, and sees no board.
-            HardwareError: the camera failed.
         """
         carrier = Carrier(devices, record, face, self.motion, self.parameters)
         mender = None
@@ -57,7 +54,7 @@ class Seating:
             from app.game.eyes import Eyes  # loads what sees: not where nobody looks
             from app.game.mending import Mender
 
-            eyes = Eyes(devices, position.inventory.table, position.board, self.view)
+            eyes = Eyes(devices, position.inventory.table, self.view)
             asker = UnattendedAsker() if human is None else PersonAsker(human.lines, face)
             mender = Mender(eyes, carrier, asker, record, face, devices.clock)
         return Table(position, devices, carrier, mender, record, face)

@@ -73,7 +73,7 @@ class Table:
         face: Face,
     ) -> None:
         self.board, self.inventory = position.board, position.inventory
-        self._unfinished = position.unfinished
+        self._unfinished, self._begun = position.unfinished, position.begun
         self._devices, self._carrier, self._mender = devices, carrier, mender
         self._record, self._face = record, face
 
@@ -150,8 +150,20 @@ class Table:
         squares = [chess.square_name(square) for square in finding.squares]
         self._record.trouble(finding.situation.value, squares, finding.sentence, None, self.now())
 
-    def finish(self) -> bool:
-        """What another program has begun and not finished; False as of ``arm_ply``."""
+    def begin(self) -> bool:
+        """First of all: what another program has begun and not finished is finished, and whether the board is as its
+        record says is looked at; False as of ``arm_ply``.
+        """
+        if not self._begun:
+            if self.eyes is not None:
+                self.eyes.begin(self.board)
+            return True
+        well = self._finish() and self.repair()
+        if self.eyes is not None:
+            self.eyes.confirm(self.board)
+        return well
+
+    def _finish(self) -> bool:
         unfinished, self._unfinished = self._unfinished, None
         if unfinished is None:
             return True

@@ -130,6 +130,9 @@ class Paper:
     def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
         return {piece.place.index: TABLE.xy(piece.place) for piece in believed if piece.place.on_board}
 
+    def begin(self, board: chess.Board) -> None:
+        pass
+
     def confirm(self, board: chess.Board, look: Any = None) -> None:
         self.confirmed = board.fen()
 
