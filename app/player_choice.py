@@ -63,7 +63,7 @@ def engine_players(
     """
     sides = [settings.side(colour) for colour in chess.COLORS]
     if settings.engine.nodes is not None and any(side.elo is not None or side.skill is not None for side in sides):
-        raise UserError("--nodes is for repeatable games at full strength: leave Elo and skill out")
+        raise UserError("--nodes is for repeatable games at full strength: leave --white-elo and --black-elo out")
     face.phase("starting Stockfish")
     human = any(side.player is PlayerKind.HUMAN for side in sides)
     books = any(_book_of(settings, colour) is not None for colour in chess.COLORS)

@@ -30,8 +30,15 @@ def settings_of(changes: Mapping[str, Any]) -> Settings:
         return Settings().with_changes(changes)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        name = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"{name}: {first['msg'].removeprefix('Value error, ')}, not '{first['input']}'") from error
+        choices = str(first.get("ctx", {}).get("expected", "")).replace("'", "")
+        wrong = f"choose {choices}" if choices else first["msg"].removeprefix("Value error, ")
+        raise ConfigError(f"{_option(first['loc'])} is '{first['input']}': {wrong}") from error
+
+
+def _option(where: tuple[int | str, ...]) -> str:
+    """The option of the command line that sets a field; those of a side begin with its colour."""
+    section, name = str(where[0]), str(where[-1]).replace("_", "-")
+    return f"--{section}-{name}" if section in ("white", "black") else f"--{name}"
 
 
 def keep_settings(folder: Path, settings: Settings) -> None:

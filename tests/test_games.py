@@ -68,7 +68,7 @@ def test_captured_pieces_and_promoted_pawns_are_dropped_into_the_boxes(demo):
 
 @pytest.mark.slow
 def test_a_seeded_game_repeats_exactly_and_is_recorded(demo):
-    options = (*FAST, "--seed", "4", "--nodes", "2000", "--plies", "4")
+    options = (*FAST, "--seed", "4", "--nodes", "2000", "--plies", "3")
     first, second = demo(*options, name="first"), demo(*options, name="second")
     one, two = finished(first), finished(second)
     for field in ("world_state", "sim_s", "kinds", "placement_mm", "peak_torque_Nm", "peak_force_N"):

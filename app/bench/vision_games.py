@@ -240,7 +240,7 @@ def _relight(scene: Scene, light: LightSettings) -> None:
 
 def _exposure_step(scene: Scene) -> None:
     exposure = scene.looks.exposure
-    factor = float(scene.rng.uniform(0.5, 1.7))
+    factor = float(scene.rng.choice([scene.rng.uniform(0.5, 0.75), scene.rng.uniform(1.35, 1.7)]))
     scene.looks = scene.looks.model_copy(
         update={"exposure": exposure.model_copy(update={"time": exposure.time * factor})}
     )

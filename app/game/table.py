@@ -243,7 +243,7 @@ class Table:
             except CarryFailed as failure:
                 if self._mender is None:
                     raise UserError(str(failure)) from failure
-                stands = failure.inventory
+                stands, outcome = failure.inventory, replace(outcome, resumed=True)
                 self._mender.note_loss(failure)
         if self._mender is None:
             return _Done(wanted, outcome)

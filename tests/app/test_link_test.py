@@ -121,7 +121,7 @@ def test_an_interrupted_test_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_an_unknown_rig_is_refused_with_the_choice() -> None:
-    with pytest.raises(UserError, match=r"^--rig board has no arm yet: choose sim, or the TOML file of a lab's rig$"):
+    with pytest.raises(UserError, match=r"^rig board has no devices: choose sim, or the TOML file of a lab's rig$"):
         link_test("board", 2.0, print)
     done = CliRunner().invoke(command_line, ["link-test", "--rig", "board"])
     assert done.exit_code == 2
