@@ -42,6 +42,7 @@ def _root() -> None:
 
 @app.command()
 def demo(
+    context: typer.Context,
     plies: Annotated[int, typer.Option(min=1, help="End after so many plies.")] = 300,
     games: Annotated[int, typer.Option(min=1, help="So many games; the arm sets the pieces up in between.")] = 1,
     rig: Annotated[str, typer.Option(help="sim, board, or the TOML file of a lab's rig.")] = "sim",
@@ -89,12 +90,17 @@ def demo(
     ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="UDP port of the controller; 0: any free one.")] = 0,
     headless: Annotated[bool, typer.Option("--headless", help="Show nothing while playing.")] = False,
+    config: Annotated[
+        Path | None,
+        typer.Option(help="TOML file with settings, as 'touchmove config' prints it; options count for more."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
     """Two engines play a game that the arm executes."""
     from app.games import run_games
 
-    settings = _settings(
+    settings = _chosen(
+        context,
         {
             "rig.name": rig, "rig.pace": pace, "rig.profile": profile, "rig.seed": seed, "rig.square": square,
             "rig.pads": pads, "rig.captured": captured, "rig.randomise": randomise, "rig.linger": linger,
@@ -103,13 +109,15 @@ def demo(
             "engine.move_time": movetime, "engine.nodes": nodes, "engine.path": engine,
             "engine.book": book, "clock.time": clock,
             "white.elo": white_elo, "black.elo": black_elo, "vision.verify": verify, "out": out,
-        }
+        },
+        config,
     )  # fmt: skip
     _show_game(lambda face: run_games(settings, face), headless=headless, as_json=as_json)
 
 
 @app.command()
 def play(
+    context: typer.Context,
     color: Annotated[str, typer.Option(help="Your pieces: white or black.")] = "white",
     elo: Annotated[int | None, typer.Option(help="Strength of the robot; full strength if not given.")] = None,
     rig: Annotated[str, typer.Option(help="sim, board, or the TOML file of a lab's rig.")] = "sim",
@@ -131,6 +139,10 @@ def play(
     ] = "default",
     seed: Annotated[int, typer.Option(min=0, help="Chooses all randomness of a simulated world.")] = 1,
     out: Annotated[Path | None, typer.Option(help="Folder of the record; games/<time> by default.")] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(help="TOML file with settings, as 'touchmove config' prints it; options count for more."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
     """Play against the robot: type a move, or just make it where there is a real board. 'help' says what else."""
@@ -140,12 +152,14 @@ def play(
     from app.games import run_games
 
     other = "black" if color == "white" else "white"
-    settings = _settings(
+    settings = _chosen(
+        context,
         {
             "rig.name": rig, "rig.pace": pace, "rig.profile": profile, "rig.seed": seed, "rig.video": False,
             "game.fen": fen, "engine.move_time": movetime, "engine.nodes": nodes, "engine.path": engine,
             "engine.book": book, "clock.time": clock, f"{color}.player": "human", f"{other}.elo": elo, "out": out,
-        }
+        },
+        config,
     )  # fmt: skip
     _show_game(lambda face: run_games(settings, face, sys.stdin), headless=False, as_json=as_json, talks=True)
 
@@ -214,12 +228,48 @@ def setup(
     _show_game(lambda face: run_games(settings, face), headless=headless, as_json=as_json)
 
 
-def _settings(changes: dict[str, object]) -> Settings:
+@app.command("config")
+def show_config(
+    file: Annotated[Path | None, typer.Argument(help="TOML file with settings; the defaults if left out.")] = None,
+) -> None:
+    """Print the settings that are in force, as a TOML file that says what each of them means."""
+    from app.settings_file import as_toml
+
+    print(as_toml(_settings({}, file)), end="")
+
+
+def _chosen(context: typer.Context, changes: dict[str, object], file: Path | None) -> Settings:
+    """The settings of a file, if there is one, with the options that were given; without a file, with all of them.
+
+    Args:
+        context: of the command.
+        changes: by dotted name; those that an option sets are left out where nobody gave it.
+        file: TOML; None: none.
+    """
+    if file is not None:
+        changes = {name: value for name, value in changes.items() if _given(context, name)}
+    return _settings(changes, file)
+
+
+_PARAMETERS = {
+    "rig.name": "rig", "engine.move_time": "movetime", "engine.path": "engine", "white.elo": "white_elo",
+    "black.elo": "black_elo", "clock.time": "clock",
+}  # fmt: skip
+"""Parameters of commands that are not named like the last part of the setting."""
+
+
+def _given(context: typer.Context, name: str) -> bool:
+    """Whether somebody has given the option of a setting; what no option sets counts as given."""
+    source = context.get_parameter_source(_PARAMETERS.get(name, name.rsplit(".", 1)[-1]))
+    return source is None or source.name != "DEFAULT"
+
+
+def _settings(changes: dict[str, object], file: Path | None = None) -> Settings:
     from app import UserError
     from app.settings_file import settings_of
 
     try:
-        return settings_of(changes)
+        return settings_of(changes, file)
     except UserError as error:
         _fail(str(error))
 

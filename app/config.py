@@ -149,7 +149,7 @@ def load_rig(path: Path) -> RigFile:
     Raises:
         ConfigError: it cannot be read, or something in it is wrong.
     """
-    rig = _load(path, RigFile, "rig", "give sim, or the TOML file of a lab's rig")
+    rig = load_toml(path, RigFile, "rig", "give sim, or the TOML file of a lab's rig")
     folder = path.absolute().parent
     key = rig.controller.model_copy(update={"key": folder / rig.controller.key})
     paths = {"run_dir": folder / rig.run_dir, "parameters": folder / rig.parameters}
@@ -163,10 +163,21 @@ def load_randomisation(path: Path) -> Randomisation:
     Raises:
         ConfigError: it cannot be read, or something in it is wrong.
     """
-    return _load(path, Randomisation, "randomisation", "give a TOML file with fields of Randomisation")
+    return load_toml(path, Randomisation, "randomisation", "give a TOML file with fields of Randomisation")
 
 
-def _load(path: Path, model: type[_M], what: str, instead: str) -> _M:
+def load_toml(path: Path, model: type[_M], what: str, instead: str) -> _M:
+    """Read a TOML file strictly.
+
+    Args:
+        path: of the file.
+        model: what it holds.
+        what: the same for people.
+        instead: what to do where it cannot be read.
+
+    Raises:
+        ConfigError: it cannot be read, or something in it is wrong.
+    """
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
+import json
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from app import UserError
-from app.config import ConfigError
+from app.config import ConfigError, load_toml
 from app.records.files import write_atomically
 from app.settings import Settings
 
@@ -17,17 +20,19 @@ SETTINGS_FILE: Final = "settings.json"
 """In the folder of a match: what it was started with."""
 
 
-def settings_of(changes: Mapping[str, Any]) -> Settings:
-    """The settings with what the command line says.
+def settings_of(changes: Mapping[str, Any], file: Path | None = None) -> Settings:
+    """The settings with what a file and the command line say; the latter counts for more.
 
     Args:
         changes: by dotted name such as ``rig.pace``; None changes nothing.
+        file: TOML; None: none.
 
     Raises:
-        ConfigError: a value is impossible.
+        ConfigError: the file cannot be read, a field does not exist, or a value is impossible.
     """
+    base = Settings() if file is None else load_settings(file)
     try:
-        return Settings().with_changes(changes)
+        return base.with_changes(changes)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         choices = str(first.get("ctx", {}).get("expected", "")).replace("'", "")
@@ -39,6 +44,47 @@ def _option(where: tuple[int | str, ...]) -> str:
     """The option of the command line that sets a field; those of a side begin with its colour."""
     section, name = str(where[0]), str(where[-1]).replace("_", "-")
     return f"--{section}-{name}" if section in ("white", "black") else f"--{name}"
+
+
+def load_settings(path: Path) -> Settings:
+    """Read a person's TOML.
+
+    Raises:
+        ConfigError: it cannot be read, or something in it is wrong.
+    """
+    return load_toml(path, Settings, "settings", "'touchmove config' prints one to begin with")
+
+
+def as_toml(settings: Settings) -> str:
+    """The tree as a TOML file: every field with what it means; one without a value is a comment."""
+    lines = ["# Settings of Touchmove, as 'touchmove config' prints them.", *_fields(settings)]
+    for name, section in settings:
+        if isinstance(section, BaseModel):
+            doc = inspect.cleandoc(type(section).__doc__ or "").split(":", 1)[-1].strip().rstrip(".")
+            lines += ["", f"[{name}]  # {doc}", *_fields(section)]
+    return "\n".join(lines) + "\n"
+
+
+def _fields(section: BaseModel) -> list[str]:
+    lines = []
+    for name, field in type(section).model_fields.items():
+        value = getattr(section, name)
+        if isinstance(value, BaseModel):
+            continue
+        comment = " ".join((field.description or "").split())
+        lines += [f"# {line}" for line in textwrap.wrap(comment, 110)]
+        lines.append(f"# {name} =" if value is None else f"{name} = {_value(value)}")
+    return lines
+
+
+def _value(value: object) -> str:
+    """As TOML has it; strings, numbers, truth and tables of them are written as in JSON, but for tables."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_value(key)} = {_value(one)}" for key, one in value.items()) + " }"
+    if isinstance(value, Path):
+        value = str(value)
+    # JSON's strings are TOML's, but for this one character
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def keep_settings(folder: Path, settings: Settings) -> None:
