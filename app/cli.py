@@ -228,6 +228,29 @@ def setup(
     _show_game(lambda face: run_games(settings, face), headless=headless, as_json=as_json)
 
 
+@app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(help="Folder of a game's record.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+) -> None:
+    """Compute the report of a recorded game again, from its events alone, also of one that broke off."""
+    from rich.console import Console
+
+    from app import UserError
+    from app.records import EVENTS_FILE, read_events, summarise
+    from app.report_table import report_table
+
+    try:
+        found = summarise(read_events(folder / EVENTS_FILE))
+    except UserError as error:
+        _fail(str(error))
+    if as_json:
+        print(found.model_dump_json(indent=2))
+    else:
+        Console().print(report_table(found))
+    raise typer.Exit(0 if found.physical_ok is not False and not found.failures else 1)
+
+
 @app.command("config")
 def show_config(
     file: Annotated[Path | None, typer.Argument(help="TOML file with settings; the defaults if left out.")] = None,

@@ -123,7 +123,7 @@ class Conversation:
     """A game with a person at the keyboard: line by line, so that what they type stays in order."""
 
     def __init__(self, console: Console) -> None:
-        self._console = console
+        self._console, self._plain = console, console.color_system is None
         self._said = ""
 
     def __enter__(self) -> Self:
@@ -142,11 +142,11 @@ class Conversation:
 
     def position(self, board: chess.Board) -> None:
         """See ``Face.position``."""
-        self._console.print(board_text(board))
+        self._console.print(board_text(board, plain=self._plain))
 
     def ply(self, event: PlyEvent, board: chess.Board) -> None:
         """See ``Face.ply``."""
-        self._console.print(board_text(board, chess.Move.from_uci(event.uci)))
+        self._console.print(board_text(board, chess.Move.from_uci(event.uci), plain=self._plain))
         who = "you played" if event.by == "hand" else "I played"
         self._console.print(f"{_number(event)} {event.san}  ({who})", style="bold", highlight=False)
 
@@ -162,8 +162,14 @@ class Conversation:
 _LIGHT, _DARK, _MOVED = "#e8d8b8", "#b58863", "#aab84a"
 
 
-def board_text(board: chess.Board, last: chess.Move | None = None) -> Text:
-    """The board in colours, White below, with coordinates; the squares of the last move stand out."""
+def board_text(board: chess.Board, last: chess.Move | None = None, *, plain: bool = False) -> Text:
+    """The board, White below, with coordinates; the squares of the last move stand out.
+
+    Args:
+        board: the position.
+        last: move that led to it.
+        plain: nothing is shown in colours, so that the pieces themselves have to differ.
+    """
     text = Text()
     touched = set() if last is None else {last.from_square, last.to_square}
     for rank in range(7, -1, -1):
@@ -172,7 +178,9 @@ def board_text(board: chess.Board, last: chess.Move | None = None) -> Text:
             square = chess.square(file, rank)
             ground = _MOVED if square in touched else _LIGHT if (file + rank) % 2 else _DARK
             piece = board.piece_at(square)
-            glyph = " " if piece is None else chess.Piece(piece.piece_type, chess.BLACK).unicode_symbol()
+            empty = "·" if plain else " "
+            filled = None if piece is None else piece if plain else chess.Piece(piece.piece_type, chess.BLACK)
+            glyph = empty if filled is None else filled.unicode_symbol()
             ink = "#ffffff" if piece is not None and piece.color else "#000000"
             text.append(f" {glyph} ", style=f"bold {ink} on {ground}")
         text.append("\n")

@@ -9,7 +9,7 @@ import chess
 import pytest
 from rich.console import Console
 
-from app.faces import Quiet, Terminal
+from app.faces import Quiet, Terminal, board_text
 from app.records import PlyEvent
 
 
@@ -69,3 +69,10 @@ def test_quiet_shows_nothing(capsys):
     face.position(chess.Board())
     face.ply(event(), chess.Board())
     assert capsys.readouterr() == ("", "")
+
+
+def test_without_colours_white_and_black_pieces_still_differ() -> None:
+    board = chess.Board()
+    plain, coloured = board_text(board, plain=True).plain, board_text(board).plain
+    assert plain.count("♙") == plain.count("♟") == 8
+    assert coloured.count("♟") == 16, "in colours both are filled, and their ink differs"

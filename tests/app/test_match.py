@@ -12,8 +12,10 @@ from typing import Any
 import chess
 import chess.pgn
 import pytest
+from typer.testing import CliRunner
 
 from app import UserError
+from app.cli import app
 from app.faces import Quiet
 from app.games import resume_games, run_games
 from app.records import EVENTS_FILE, read_events, read_history
@@ -155,3 +157,13 @@ def test_what_only_devices_need_is_not_loaded_for_a_prompt() -> None:
     script = f"import sys, app.games; print([name for name in {heavy} if name in sys.modules])"
     loaded = subprocess.run([sys.executable, "-P", "-c", script], capture_output=True, text=True, check=True)
     assert loaded.stdout.strip() == "[]"
+
+
+def test_a_report_is_computed_again_from_the_events(tmp_path: Path) -> None:
+    done = play(tmp_path / "game", game__moves="e4 d5 exd5")
+    run = CliRunner().invoke(app, ["report", str(tmp_path / "game"), "--json"])
+    assert run.exit_code == 0, run.output
+    again, first = json.loads(run.output), json.loads(done.report.model_dump_json())
+    assert {**again, "details": None} == {**first, "details": None}
+    assert "capture" in CliRunner().invoke(app, ["report", str(tmp_path / "game")]).output
+    assert CliRunner().invoke(app, ["report", str(tmp_path)]).exit_code == 2
