@@ -68,7 +68,7 @@ def test_captured_pieces_and_promoted_pawns_are_dropped_into_the_boxes(demo):
 
 @pytest.mark.slow
 def test_a_seeded_game_repeats_exactly_and_is_recorded(demo):
-    options = (*FAST, "--seed", "4", "--nodes", "2000", "--plies", "3")
+    options = (*FAST, "--seed", "4", "--nodes", "2000", "--plies", "2")
     first, second = demo(*options, name="first"), demo(*options, name="second")
     one, two = finished(first), finished(second)
     for field in ("world_state", "sim_s", "kinds", "placement_mm", "peak_torque_Nm", "peak_force_N"):
@@ -85,7 +85,7 @@ def test_a_seeded_game_repeats_exactly_and_is_recorded(demo):
         assert 2.0 < ply.peak_force_N < 15.0
         assert max(ply.placement_mm.values()) < 1.0
     assert json.loads((first.folder / "report.json").read_text()) == one
-    other = finished(demo(*FAST, "--seed", "5", "--nodes", "2000", "--plies", "3", name="other"))
+    other = finished(demo(*FAST, "--seed", "5", "--nodes", "2000", "--plies", "1", name="other"))
     assert other["world_state"] != one["world_state"]
 
 

@@ -15,14 +15,14 @@ from controller.client import ControllerClient
 from controller.contact import find_controller
 from hardware.sim.settings import Pace
 
-LINE = "e4 d5 exd5"
+LINE = "e4 d5"
 
 
 def play(folder: Path) -> dict[str, Any]:
     """The line, as ``touchmove demo`` plays it; its report."""
     settings = settings_of(
         {
-            "rig.pace": Pace.FAST, "rig.seed": 3, "rig.video": False, "rig.linger": 5.0, "game.plies": 3,
+            "rig.pace": Pace.FAST, "rig.seed": 3, "rig.video": False, "rig.linger": 5.0, "game.plies": 2,
             "game.moves": LINE, "out": folder,
         }
     )  # fmt: skip
