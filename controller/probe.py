@@ -153,7 +153,8 @@ class Probe:
         self._send(Kind.HEARTBEAT, HEARTBEAT.struct.pack(self._ping))
         while (opened := self._receive(began + PATIENCE)) is not None:
             if opened.kind == Kind.TELEMETRY and self._telemetry and self._telemetry[-1][1].echo == self._ping:
-                return self._telemetry[-1][0] - began
+                trip = self._telemetry[-1][0] - began
+                return trip if trip <= PATIENCE else None  # this process may have slept after the echo was there
         return None
 
     def _figures(self, pings: int, trips: tuple[float, ...]) -> ProbeFigures:

@@ -37,7 +37,6 @@ ALLOWED = {
 """The arrows: a room and the modules, with all below them, that it may import."""
 
 KNOW_THE_SIMULATION = {
-    "app.cli": "names the paces among its options",
     "app.sim_settings": "names the settings of the world",
     "app.venue": "composes the settings of the world",
     "app.settings": "names the paces among its settings",
@@ -263,7 +262,11 @@ def test_no_cycles() -> None:
 
 
 LOAD_LATE = {
-    "app.cli": "the help must be quick",
+    "app.cli.devices": "the help must be quick",
+    "app.cli.ending": "the same",
+    "app.cli.games": "the same",
+    "app.cli.measuring": "the same",
+    "app.cli.options": "the same",
     "app.processes": "each process loads only what it needs",
     "app.motion": "planning takes seconds to load, and is not needed before something moves",
     "app.game.carrier": "plans",

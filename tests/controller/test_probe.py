@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from controller.errors import ControllerBusy, ControllerLost, ControllerUnavailable
-from controller.probe import Probe
+from controller.probe import PATIENCE, Probe
 
 Launch = Callable[..., Any]
 
@@ -19,11 +19,11 @@ def test_a_good_link(launch: Launch, fake_bus: Callable[..., Any]) -> None:
     running = launch(fake_bus(lockstep=False))
     with Probe("127.0.0.1", running.port, running.key) as probe:
         probe.greet()
-        figures = probe.measure(0.5)
-    assert figures.pings > 5
+        figures = probe.measure(1.5)
+    assert figures.pings > 5, "even if the machine is so busy that hardly one comes back in time"
     assert len(figures.round_trips) <= figures.pings
     assert figures.lost == 1.0 - len(figures.round_trips) / figures.pings
-    assert all(0.0 < trip <= 0.1 for trip in figures.round_trips)
+    assert all(0.0 < trip <= PATIENCE for trip in figures.round_trips)
     assert (figures.overtaken, figures.repeated, figures.lockstep) == (0, 0, False)
     assert figures.telemetry >= len(figures.round_trips)
     assert figures.ticks > 0

@@ -1,0 +1,100 @@
+"""Commands about a rig's devices: its controller, its world, its camera and its link."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+
+from app.cli.ending import fail, run_process, say, show_report
+
+_Rig = Annotated[str, typer.Option(help="sim, which is started for it, or the TOML file of a lab's rig.")]
+
+
+def controller(
+    action: Annotated[
+        str, typer.Argument(help="run, status, enable, hold, resume, stop, clear-fault or shutdown.")
+    ] = "run",
+    rig: Annotated[str, typer.Option(help="sim, or the TOML file of a lab's rig.")] = "sim",
+    run_dir: Annotated[Path | None, typer.Option("--run-dir", hidden=True)] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the telemetry as JSON.")] = False,
+) -> None:
+    """Run a rig's controller until Ctrl-C; or look at one that runs, or command it."""
+    from app.processes import run_controller, run_controller_of_rig
+
+    if run_dir is not None:
+        run_process(lambda: run_controller(run_dir))
+    if action == "run":
+        run_process(lambda: run_controller_of_rig(rig, say))
+    _operate(action, rig, as_json)
+
+
+def _operate(action: str, rig: str, as_json: bool) -> NoReturn:
+    import json
+
+    from rich.console import Console
+
+    from app import UserError
+    from app.operate import operate, status_json, status_table
+
+    try:
+        telemetry = operate(action, rig)
+    except UserError as error:
+        fail(str(error))
+    if as_json:
+        print(json.dumps(status_json(telemetry), indent=2))
+    else:
+        Console().print(status_table(telemetry))
+    raise typer.Exit(0)
+
+
+def world(
+    view: Annotated[
+        bool, typer.Option("--view", help="Show the world of a game that runs in MuJoCo's viewer.")
+    ] = False,
+    game: Annotated[Path | None, typer.Argument(help="Folder of the game; the newest one if left out.")] = None,
+    run_dir: Annotated[Path | None, typer.Option("--run-dir", hidden=True)] = None,
+) -> None:
+    """Look at a simulated world that runs; games start theirs by themselves."""
+    from app.processes import run_world, view_world
+
+    if view:
+        run_process(lambda: view_world(game, say))
+    if run_dir is None:
+        fail("games start their worlds by themselves: say 'touchmove world --view' to look at one that runs")
+    run_process(lambda: run_world(run_dir))
+
+
+def check(
+    rig: _Rig = "sim",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+) -> None:
+    """Try each device of a rig alone, and say what is wrong and what to do; the arm stays on its brakes."""
+    from app.check import check_rig
+
+    show_report(lambda: check_rig(rig, say), as_json)
+
+
+def calibrate(
+    rig: _Rig = "sim",
+    out: Annotated[
+        Path | None, typer.Option(help="File to write; the rig file's, or games/calibration.json, if left out.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the calibration as JSON.")] = False,
+) -> None:
+    """Find where the camera hangs: the arm moves over the board and shows its marker. Keep hands away."""
+    from app.calibrate import run_calibrate
+
+    show_report(lambda: run_calibrate(rig, out, say), as_json)
+
+
+def link_test(
+    rig: _Rig = "sim",
+    duration: Annotated[float, typer.Option(min=2.0, help="How long to measure [s].")] = 10.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
+) -> None:
+    """Say whether this PC and network are good enough for the controller, and what to change."""
+    from app.link_test import link_test as run_link_test
+
+    show_report(lambda: run_link_test(rig, duration, say), as_json)

@@ -1,0 +1,79 @@
+"""How commands end: with a sentence, a report or a process's status; and what Ctrl-C does meanwhile."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from types import FrameType
+from typing import TYPE_CHECKING, NoReturn
+
+import typer
+
+if TYPE_CHECKING:
+    from app.calibrate_report import CalibrateReport
+    from app.check import CheckReport
+    from app.link_test import LinkReport
+    from app.seeing import VisionReport
+
+
+def fail(sentence: str, status: int = 2) -> NoReturn:
+    """Say what is wrong, and end the program with this status."""
+    print(f"touchmove: {sentence}", file=sys.stderr)
+    raise typer.Exit(status)
+
+
+def say(step: str) -> None:
+    """Tell a person what goes on."""
+    print(f"touchmove: {step}", file=sys.stderr, flush=True)
+
+
+def interrupt(_number: int, _frame: FrameType | None) -> None:
+    """Handler of signals that ask for the end."""
+    raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def interruptible() -> Iterator[None]:
+    """Ctrl-C and SIGTERM end what runs within in good order, then the program with status 130."""
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    except KeyboardInterrupt:
+        fail("interrupted; nothing is left running", 130)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def run_process(process: Callable[[], int]) -> NoReturn:
+    """Be a process of a rig, and end with its status."""
+    from app import UserError
+    from hardware.interfaces import HardwareError
+
+    try:
+        status = process()
+    except (UserError, HardwareError, OSError) as error:
+        fail(str(error))
+    raise typer.Exit(status)
+
+
+def show_report(
+    find: Callable[[], CheckReport | LinkReport | CalibrateReport | VisionReport], as_json: bool
+) -> NoReturn:
+    """Find out, show it, and end the program with what it says."""
+    from rich.console import Console
+
+    from app import UserError
+
+    try:
+        with interruptible():
+            report = find()
+    except UserError as error:
+        fail(str(error))
+    if as_json:
+        print(report.model_dump_json(indent=2))
+    else:
+        Console().print(report.table())
+    raise typer.Exit(0 if report.holds else 1)
