@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from app.arm import Arm, ArmState, Outcome
-from app.devices import EndState
+from app.devices import EndState, Watched
 from controller.protocol import Result
 from hardware.interfaces import Clock
 from hardware.parameters import RobotParameters
@@ -105,6 +105,10 @@ class BoardRig:
         self.arm: Arm = BoardArm(home, parameters, clock)
         self.camera: None = None
         self.referee: None = None
+
+    def watched(self) -> Watched | None:
+        """See ``Rig.watched``."""
+        return None
 
     def failure(self) -> str | None:
         """Never."""

@@ -15,11 +15,11 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from app import UserError
 from app.records.files import recording, write_atomically
-from hardware.interfaces import Frame, Intrinsics
-from hardware.table import TableSettings
+from hardware.interfaces import Intrinsics
+from hardware.table import MOST_YAW, TableSettings
 from vision.board import BoardView
 from vision.calibration import CameraPose
-from vision.table_plane import BASE_FROM_BOARD_AXES, BoardPlace
+from vision.table_plane import BoardPlace
 
 Array = NDArray[np.float64]
 Row = tuple[float, float, float, float]
@@ -80,11 +80,7 @@ class CalibratedBoard(_Frozen):
 
     def base_from_board(self) -> Array:
         """Takes points of the board frame into the base frame, shape (4, 4)."""
-        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
-        pose = np.eye(4)
-        pose[:3, :3] = BASE_FROM_BOARD_AXES @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        pose[:3, 3] = self.centre
-        return pose
+        return TableSettings(centre_in_base=self.centre).model_copy(update={"yaw_in_base": self.yaw}).pose_in_base()
 
 
 class Calibration(_Frozen):
@@ -136,25 +132,39 @@ class Calibration(_Frozen):
 
     def base_from_board(self, table: TableSettings) -> Array:
         """Takes points of the board frame into the base frame, shape (4, 4): as found, else as the settings say."""
-        if self.board is not None:
-            return self.board.base_from_board()
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = BASE_FROM_BOARD_AXES, table.centre_in_base
-        return pose
+        return table.pose_in_base() if self.board is None else self.board.base_from_board()
+
+    def table(self, believed: TableSettings) -> TableSettings:
+        """Where the board was found; where nothing was found of it, as it is believed to lie.
+
+        Raises:
+            CalibrationUnusable: it is turned too far to play on.
+        """
+        if self.board is None:
+            return believed
+        if abs(self.board.yaw) > MOST_YAW:
+            raise CalibrationUnusable(
+                f"the board is turned by {math.degrees(self.board.yaw):.1f}° against the robot, at most "
+                f"{math.degrees(MOST_YAW):.1f}° can be played on: turn it, then {AGAIN}"
+            )
+        return believed.model_copy(update={"centre_in_base": self.board.centre, "yaw_in_base": self.board.yaw})
 
     def board_view(self, table: TableSettings) -> BoardView:
         """The board as this camera sees it."""
         return BoardView(self.pinhole.intrinsics, self.pose() @ self.base_from_board(table), table)
 
-    def require_camera(self, frame: Frame) -> None:
-        """Make sure that a frame is by the camera that was calibrated.
+    def require_camera(self, intrinsics: Intrinsics) -> None:
+        """Make sure that frames are by the camera that was calibrated.
+
+        Args:
+            intrinsics: of the frames.
 
         Raises:
             CalibrationUnusable: its pinhole is another.
         """
-        if frame.intrinsics != self.pinhole.intrinsics:
+        if intrinsics != self.pinhole.intrinsics:
             raise CalibrationUnusable(
-                f"the calibration is of a camera with {self.pinhole.intrinsics}, the frames have {frame.intrinsics}: "
+                f"the calibration is of a camera with {self.pinhole.intrinsics}, the frames have {intrinsics}: "
                 f"use that camera at that size, or {AGAIN}"
             )
 

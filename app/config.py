@@ -35,7 +35,7 @@ from hardware.parameters import DEFAULT_FILE
 from hardware.sim.looks import CameraSettings, LightSettings
 from hardware.sim.randomisation import Randomisation
 from hardware.sim.settings import Pace
-from hardware.table import TableSettings
+from hardware.table import Colour, TableSettings
 
 SIMULATED: Final = "sim"
 """Name of the rig that is simulated and started by whoever uses it; also of its bus."""
@@ -89,6 +89,9 @@ class WorldSection(_Frozen):
     """Decides how the pieces stand."""
     fen: str | None = None
     """The position that is set up; the usual one if not given."""
+    person: Colour | None = None
+    """The side at which a simulated person sits; nobody if left out. Their hand does what a program of its own has it
+    do: a game knows as little of that as in a lab."""
     cameras: bool = True
     camera: CameraSettings = CameraSettings()
     """Size of its pictures, noise, exposure, and how the camera hangs off its nominal pose."""

@@ -24,7 +24,7 @@ from app.players import Players
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
 from app.records.files import GAMES
 from app.replay import RecordedGame, recorded_games
-from app.session import Filming, SessionResult, run_session
+from app.session import Filming, SessionResult, Sight, run_session
 from app.settings import PlayerKind, Settings
 from app.settings_file import keep_settings, kept_settings
 from app.sim_hands import SimHands
@@ -52,7 +52,7 @@ def run_games(settings: Settings, face: Face, typed: TextIO | None = None) -> Se
         UserError: bad settings, something missing on this machine, or no space for the record.
         EngineProblem: Stockfish is missing or fails for good.
     """
-    venue = venue_of(settings.rig)
+    venue = venue_of(settings.rig, settings.vision.calibration)
     settings = _completed(settings, venue)
     folder = settings.out if settings.out is not None else new_folder(GAMES, utc_now())
     with ExitStack() as stack:
@@ -66,6 +66,7 @@ def run_games(settings: Settings, face: Face, typed: TextIO | None = None) -> Se
             folder,
             lambda listener: venue.open(folder, world, face.phase, listener),
             match, venue.parameters.drive.tick, _filming(venue, folder), face,
+            _sight(settings, venue, games.human, face),
         )  # fmt: skip
 
 
@@ -77,7 +78,7 @@ def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> Sessi
         EngineProblem: as ``run_games``.
     """
     settings = kept_settings(folder)
-    venue = venue_of(settings.rig)
+    venue = venue_of(settings.rig, settings.vision.calibration)
     path, number, sets_up = last_round(folder)
     history = read_history(path / EVENTS_FILE, venue.table)
     if any(event.physical_ok is False for event in history.plies):
@@ -96,7 +97,7 @@ def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> Sessi
         return run_session(
             folder,
             lambda listener: venue.open(folder, None, face.phase, listener),
-            match, venue.parameters.drive.tick, None, face,
+            match, venue.parameters.drive.tick, None, face, _sight(settings, venue, human, face),
         )  # fmt: skip
 
 
@@ -178,17 +179,61 @@ def _over(history: History, most: int) -> bool:
 
 
 def _match(settings: Settings, venue: Venue, games: _Games, folder: Path, face: Face) -> Match:
-    looks = settings.vision.verify
-    if looks is None:
-        looks = games.human is not None or not venue.simulated
-
-    def view(intrinsics: Intrinsics) -> BoardView | None:
-        from app.watch_view import nominal_view
-
-        return nominal_view(intrinsics, venue.table) if venue.simulated else None
-
-    seating = Seating(venue.motion, venue.parameters, looks, view)
+    looks = _looks(settings, venue, games.human)
+    seating = Seating(venue.motion, venue.parameters, looks, lambda intrinsics: _believed_view(venue, intrinsics))
     return Match(folder, games, seating, face, settings.rig.seed, venue.pace)
+
+
+def _looks(settings: Settings, venue: Venue, human: Human | None) -> bool:
+    """Whether the camera follows the games."""
+    if settings.vision.verify is not None:
+        return settings.vision.verify
+    return human is not None or not venue.simulated
+
+
+def _believed_view(venue: Venue, intrinsics: Intrinsics) -> BoardView | None:
+    """Where the board should be in the pictures of a camera: by its calibration; in a simulation also as it is meant.
+
+    Raises:
+        UserError: the calibration is of another camera.
+    """
+    if venue.calibration is not None:
+        venue.calibration.require_camera(intrinsics)
+        return venue.calibration.board_view(venue.table)
+    if not venue.simulated:
+        return None
+    from app.watch_view import nominal_view
+
+    return nominal_view(intrinsics, venue.table)
+
+
+def _sight(settings: Settings, venue: Venue, human: Human | None, face: Face) -> Sight:
+    """What sees for the games: the camera, corrected by its calibration, and the guard where there is one.
+
+    Raises:
+        UserError: a guard is wanted that would not know where the board is.
+    """
+    factor = 1.0 if venue.calibration is None else venue.calibration.depth_factor
+    wanted = settings.vision.guard
+    guarding = None
+    if wanted or (wanted is None and not venue.simulated):
+        from app.guarding import Guarding  # what sees takes a second to load
+
+        knows = venue.calibration is not None or venue.simulated or _looks(settings, venue, human)
+        if not knows:
+            raise UserError(
+                "a guard against hands has to know where the board is: run 'touchmove calibrate', let the camera "
+                "follow the game with --verify, or leave it out with --no-guard"
+            )
+        guarding = Guarding(
+            venue.parameters, venue.table, lambda intrinsics: _believed_view(venue, intrinsics), factor,
+            1.0 / settings.vision.guard_rate, face.phase, required=bool(wanted),
+        )  # fmt: skip
+    if factor == 1.0:
+        return Sight(guarding=guarding)
+    from app.depth_scale import scaled_camera
+
+    return Sight(lambda camera: scaled_camera(camera, factor), guarding)
 
 
 def _completed(settings: Settings, venue: Venue) -> Settings:
@@ -197,6 +242,8 @@ def _completed(settings: Settings, venue: Venue) -> Settings:
         settings = settings.with_changes({"game.fen": venue.fen})
     if settings.game.replay is not None:
         settings = settings.with_changes({"game.replay": settings.game.replay.absolute()})
+    if settings.vision.calibration is not None:
+        settings = settings.with_changes({"vision.calibration": settings.vision.calibration.absolute()})
     if venue.file is not None:
         settings = settings.with_changes({"rig.name": str(Path(settings.rig.name).absolute())})
     return settings

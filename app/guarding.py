@@ -1,77 +1,153 @@
-"""A guard against hands for a game: put together from what a rig has, whatever kind of camera watches."""
+"""The guard against hands in a game: put together from what a rig has, and following the board where eyes find it."""
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Callable
-from typing import Final
+from types import TracebackType
+from typing import Final, Self
 
 from app.arm_view import ArmHistory
-from app.hand_guard import ArmMasks, HandGuard, Holder, WatchedFrames
-from hardware.interfaces import Camera, CameraClosed, Frame
+from app.depth_scale import scaled_frames
+from app.devices import Holder, Rig, RigFailed, WatchedFrames
+from app.hand_guard import ArmMasks, GuardStop, HandGuard
+from controller.protocol.messages import Telemetry
+from hardware.interfaces import Intrinsics
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 from vision.board import BoardView
+from vision.watch import Seen
 
-_AGAIN: Final = 0.004
-"""How soon a camera that had no newer frame is asked again [s]."""
-
-
-class SteadyFrames:
-    """``WatchedFrames`` of a camera that also others read: each frame once, as it comes.
-
-    Plant time runs by itself where there is such a camera, so that nobody has to be woken up.
-
-    Args:
-        camera: stays open when this is closed.
-    """
-
-    def __init__(self, camera: Camera) -> None:
-        self._camera, self._stamp = camera, float("-inf")
-        self._closed = threading.Event()
-
-    def read(self, max_age: float) -> Frame:
-        """See ``WatchedFrames.read``; waits for a frame that was not read before.
-
-        Raises:
-            StaleFrame: the camera has no frame that young any more.
-            CameraClosed: ``close`` was called, or the camera is closed.
-            HardwareError: the camera does not answer.
-        """
-        while not self._closed.is_set():
-            frame = self._camera.read(max_age)
-            if frame.stamp > self._stamp:
-                self._stamp = frame.stamp
-                return frame
-            time.sleep(_AGAIN)
-        raise CameraClosed
-
-    def wake(self, awake: bool) -> None:
-        """See ``WatchedFrames.wake``."""
-
-    def release(self) -> None:
-        """See ``WatchedFrames.release``."""
-
-    def close(self) -> None:
-        """A reader in another thread ends with ``CameraClosed``."""
-        self._closed.set()
+FIRST_FRAME_AGE: Final = 60.0
+"""Of a frame that is asked for its camera alone [s]."""
 
 
-def guard_arm(
-    frames: WatchedFrames,
-    view: BoardView,
-    arm: tuple[RobotParameters, TableSettings, ArmHistory],
-    holder: Holder,
-    progress: Callable[[str], None] | None = None,
-) -> HandGuard:
-    """A guard that is not started yet: use it as a context manager, and call ``clear`` before each motion.
+class GameGuard:
+    """Watches for hands from when it is known where the board is. A context manager.
+
+    Until then nothing but the controller's own protection looks after people: whoever knows beforehand where the board
+    is, by calibration, says so at once.
 
     Args:
-        frames: of the board's camera: ``SteadyFrames`` of a lab's, or the watching camera of a simulated world.
-        view: where the board is in them, as calibrated or found.
-        arm: the robot, where the table is below it, and the history that hears the telemetry of its controller.
+        frames: begins to read the board's camera.
         holder: the controller's client.
+        arm: the robot, where the table is below it, and the history that hears the telemetry of its controller.
         progress: told when a hand comes and goes.
     """
-    return HandGuard(frames, view, ArmMasks(view, *arm), holder, progress=progress)
+
+    def __init__(
+        self,
+        frames: Callable[[], WatchedFrames],
+        holder: Holder,
+        arm: tuple[RobotParameters, TableSettings, ArmHistory],
+        progress: Callable[[str], None] | None = None,
+    ) -> None:
+        self._frames, self._holder, self._arm, self._progress = frames, holder, arm, progress
+        self._guard: HandGuard | None = None
+        self.stops: list[GuardStop] = []
+        """Each time the arm was asked to hold, until the board was looked for last."""
+
+    def look(self, view: BoardView) -> None:
+        """From now on the board is there.
+
+        Args:
+            view: of the board's camera.
+
+        Raises:
+            HardwareError: the camera cannot be read.
+        """
+        holding = self._guard is not None and self._guard.holding
+        self.close()
+        masks = ArmMasks(view, *self._arm)
+        self._guard = HandGuard(self._frames(), view, masks, self._holder, progress=self._progress, holding=holding)
+        self._guard.start()
+
+    @property
+    def watching(self) -> bool:
+        """Whether it is known where the board is."""
+        return self._guard is not None
+
+    def clear(self) -> None:
+        """Wait until no hand is over the board, then admit motions; see ``HandGuard.clear``."""
+        if self._guard is not None:
+            self._guard.clear()
+
+    def glance(self) -> Seen | None:
+        """What the newest frame showed; see ``HandGuard.seen``. None before the first one."""
+        return None if self._guard is None else self._guard.seen
+
+    def wake(self, awake: bool) -> None:
+        """Whether plant time shall run for the camera while nothing moves; see ``WatchedFrames.wake``."""
+        if self._guard is not None:
+            self._guard.wake(awake)
+
+    def close(self) -> None:
+        """End watching; a hold stays in force."""
+        if self._guard is not None:
+            self._guard.close()
+            self.stops += self._guard.stops
+            self._guard = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class Guarding:
+    """How a session is guarded, before its rig is open.
+
+    Args:
+        parameters: of the robot.
+        table: where it is below the robot.
+        view: where the board should be in the pictures of a camera; None: nobody knows.
+        depth_factor: by which the camera's depth is to be multiplied.
+        interval: from frame to frame of a simulated camera [s].
+        required: somebody has asked for it: a rig without a camera is refused.
+        progress: told when a hand comes and goes.
+    """
+
+    def __init__(
+        self,
+        parameters: RobotParameters,
+        table: TableSettings,
+        view: Callable[[Intrinsics], BoardView | None],
+        depth_factor: float,
+        interval: float,
+        progress: Callable[[str], None],
+        *,
+        required: bool,
+    ) -> None:
+        self._parameters, self._table, self._view, self._factor = parameters, table, view, depth_factor
+        self._interval, self._required, self._progress = interval, required, progress
+        self._history = ArmHistory(parameters.drive.tick)
+
+    def take(self, telemetry: Telemetry) -> None:
+        """A listener of the controller's client."""
+        self._history.take(telemetry)
+
+    def open(self, rig: Rig) -> GameGuard | None:
+        """The guard of an open rig; it watches already where it is known where the board is.
+
+        Returns:
+            None where there is no camera and nobody insists.
+
+        Raises:
+            RigFailed: there is no camera, and somebody insists.
+            HardwareError: it cannot be read.
+        """
+        watched = rig.watched()
+        if watched is None or rig.camera is None:
+            if self._required:
+                raise RigFailed("this rig has no camera that could watch for hands: leave --guard out")
+            return None
+
+        def frames() -> WatchedFrames:
+            return scaled_frames(watched.frames(self._interval), self._factor)
+
+        guard = GameGuard(frames, watched.holder, (self._parameters, self._table, self._history), self._progress)
+        if (view := self._view(rig.camera.read(FIRST_FRAME_AGE).intrinsics)) is not None:
+            guard.look(view)
+        return guard

@@ -16,10 +16,11 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Final, Protocol, Self
+from typing import Final, Self
 
 from app import UserError
 from app.arm_view import ArmHistory, Pose, arm_capsules
+from app.devices import Holder, WatchedFrames
 from controller.errors import ControllerError
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError
 from hardware.parameters import RobotParameters
@@ -47,32 +48,6 @@ class Blind(UserError):
 
     def __init__(self, reason: str) -> None:
         super().__init__(f"hands over the board cannot be seen any more: {reason}; the arm holds")
-
-
-class WatchedFrames(Protocol):
-    """A camera whose frames come one after the other at a steady rate."""
-
-    def read(self, max_age: float) -> Frame | DepthFrame:
-        """The next frame, as ``Camera.read``; depth alone where nobody needs colour: while the camera is not awake."""
-
-    def close(self) -> None:
-        """Release the device; a reader in another thread ends with ``CameraClosed``."""
-
-    def wake(self, awake: bool) -> None:
-        """Whether plant time shall run for it, also while nothing moves; where time runs anyway, nothing happens."""
-
-    def release(self) -> None:
-        """The last frame is done with."""
-
-
-class Holder(Protocol):
-    """What the guard asks of a controller's client."""
-
-    def ask_to_hold(self) -> None:
-        """Stop the present motion and refuse others."""
-
-    def resume(self) -> None:
-        """Admit motions again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +94,7 @@ class HandGuard:
         watch: what it sees with; None: a new one of the usual settings.
         progress: told when a hand comes and goes.
         listener: called with each frame and what was seen in it, in the guard's thread.
+        holding: whether a guard before this one has asked to hold, and that is in force.
     """
 
     def __init__(
@@ -130,6 +106,8 @@ class HandGuard:
         watch: Watch | None = None,
         progress: Callable[[str], None] | None = None,
         listener: Listener | None = None,
+        *,
+        holding: bool = False,
     ) -> None:
         self.stops: list[GuardStop] = []
         """Each time the arm was asked to hold."""
@@ -139,7 +117,7 @@ class HandGuard:
         self._news = threading.Condition()
         self._newest: tuple[Frame | DepthFrame, Seen] | None = None
         self._count = 0
-        self._holding = False
+        self._holding = holding
         self._trouble: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="hand guard", daemon=True)
 
@@ -163,6 +141,12 @@ class HandGuard:
         self.close()
 
     @property
+    def holding(self) -> bool:
+        """Whether a hold that this guard has asked for is in force."""
+        with self._news:
+            return self._holding
+
+    @property
     def seen(self) -> Seen | None:
         """What the newest frame showed; None before the first one.
 
@@ -172,6 +156,10 @@ class HandGuard:
         with self._news:
             self._check()
             return None if self._newest is None else self._newest[1]
+
+    def wake(self, awake: bool) -> None:
+        """Whether plant time shall run for the camera while nothing moves; see ``WatchedFrames.wake``."""
+        self._frames.wake(awake)
 
     @property
     def hand_present(self) -> bool:

@@ -20,6 +20,7 @@ from controller.protocol.key import KEY_FILE, KeyFileError, create_key
 from controller.settings import ControllerSettings
 from hardware.interfaces import ServoBus
 from hardware.parameters import RobotParameters, load_parameters
+from hardware.sim.hand_actions import HandSettings
 from hardware.sim.settings import FILE_NAME, WorldSettings, load_settings
 from hardware.sim.snapshot import STATE_FILE
 from hardware.sim.wire import world_pid
@@ -251,6 +252,7 @@ def _start_world(rig: RigFile) -> None:
         pieces=start_layout(board, rig.table), home=MotionSettings().at(rig.table).home, table=rig.table,
         pace=world.pace, parameters_file=rig.parameters, seed=world.seed, first_controller=_ALONE,
         cameras=world.cameras, randomisation=world.randomisation, camera=world.camera, light=world.light,
+        hand=None if world.person is None else HandSettings(side=world.person),
     )  # fmt: skip
     (rig.run_dir / STATE_FILE).unlink(missing_ok=True)  # of a world before: nobody resumes a game from it here
     (rig.run_dir / FILE_NAME).write_text(settings.model_dump_json(), encoding="utf-8")

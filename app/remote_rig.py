@@ -14,7 +14,8 @@ from typing import Final, Self
 from app.arm import Arm, ControllerArm
 from app.attach import attach
 from app.config import RigFile
-from app.devices import EndState, RigFailed
+from app.devices import EndState, RigFailed, Watched
+from app.steady_frames import SteadyFrames
 from controller.client import ControllerClient
 from controller.errors import ControllerError
 from controller.link import Listener
@@ -24,6 +25,7 @@ from hardware.cameras import open_camera
 from hardware.interfaces import Camera, Clock, HardwareError
 from hardware.sim.clients import SimCamera, SimClock
 from hardware.sim.referee import Referee
+from hardware.sim.watching import SimWatchCamera
 
 RESTING: Final = 0.005
 """A tool slower than this is at rest [m/s]: the noise of the encoders makes less than a tenth of it."""
@@ -68,6 +70,7 @@ class RemoteRig:
         self.clock: Clock = RemoteClock(self._client)
         self.camera: Camera | None = None
         self.referee: Referee | None = None
+        self._world = rig.run_dir if rig.simulated else None
         try:
             attach(self._client, progress, forgive=False)
             self.arm = ControllerArm(self._client, progress)
@@ -90,6 +93,16 @@ class RemoteRig:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def watched(self) -> Watched | None:
+        """See ``Rig.watched``."""
+        camera = self.camera
+        if camera is None:
+            return None
+        if self._world is not None:
+            world = self._world
+            return Watched(lambda interval: SimWatchCamera(world, interval, colour_asleep=False), self._client)
+        return Watched(lambda _: SteadyFrames(camera), self._client)
 
     def failure(self) -> str | None:
         """A sentence on a controller that does not answer any more."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from pydantic import JsonValue
 
@@ -16,8 +16,13 @@ from app.game import EXPECTED_FAILURES, Devices, GameEnd
 from app.records import GameRecord, RecordError, Report
 from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
 from controller.link import Listener
+from controller.protocol.messages import Telemetry
 from engine.errors import EngineProblem
+from hardware.interfaces import Camera
 from hardware.sim.settings import Pace
+
+if TYPE_CHECKING:
+    from app.guarding import GameGuard, Guarding
 
 FAILED = GameEnd("*", "failed", complete=False)
 
@@ -30,6 +35,19 @@ class Filming:
     path: Path
     longest: float
     pace: Pace
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What sees for a session.
+
+    Attributes:
+        camera: makes of the rig's camera the one that the games look through.
+        guarding: against hands; None: nobody watches.
+    """
+
+    camera: Callable[[Camera], Camera] = lambda camera: camera
+    guarding: Guarding | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +112,7 @@ def run_session(
     tick: float,
     filming: Filming | None,
     face: Face,
+    sight: Sight = Sight(),
 ) -> SessionResult:
     """Play what is to be played on a rig.
 
@@ -104,6 +123,7 @@ def run_session(
         tick: length of a tick [s].
         filming: None: no film.
         face: shown what happens.
+        sight: what sees.
 
     Raises:
         UserError: the rig did not start, or a record cannot be written.
@@ -111,9 +131,19 @@ def run_session(
     """
     telemetry = TelemetryRecorder(_free(folder, TELEMETRY_FILE), tick)
     done: list[SessionResult] = []
-    with telemetry, open_rig(telemetry.take) as rig:
-        with _filming(filming, tick):
-            course = _play_all(rig, programme, done)
+    guarding = sight.guarding
+
+    def listen(told: Telemetry) -> None:
+        telemetry.take(told)
+        if guarding is not None:
+            guarding.take(told)
+
+    with telemetry, open_rig(listen) as rig:
+        with _filming(filming, tick), ExitStack() as stack:
+            guard = None if guarding is None else guarding.open(rig)
+            if guard is not None:
+                stack.enter_context(guard)
+            course = _play_all(rig, _devices(rig, sight, guard), programme, done)
         face.phase("the arm goes to rest")
         last = rig.close()
     if last is None or not last.at_rest:
@@ -125,9 +155,13 @@ def run_session(
     return SessionResult(result.report, result.folder, holds, result.resumable, tuple(done))
 
 
-def _play_all(rig: Rig, programme: Programme, done: list[SessionResult]) -> _Course:
+def _devices(rig: Rig, sight: Sight, guard: GameGuard | None) -> Devices:
+    camera = None if rig.camera is None else sight.camera(rig.camera)
+    return Devices(rig.arm, rig.clock, camera, rig.referee, guard)
+
+
+def _play_all(rig: Rig, devices: Devices, programme: Programme, done: list[SessionResult]) -> _Course:
     """Round after round; the results of all but the last, whose report waits for the arm's rest, go to ``done``."""
-    devices = Devices(rig.arm, rig.clock, rig.camera, rig.referee)
     first = programme.next(devices, None)
     assert first is not None, "a programme has at least one round"
     course = _Course(first)

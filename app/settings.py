@@ -159,6 +159,11 @@ class VisionSection(_Section):
     guard: bool | None = None
     """Watch for hands all the time, and hold the arm while one is over the board. Left out: in a lab; a simulation
     draws every frame that is watched, which is slow."""
+    guard_rate: PositiveFloat = 30.0
+    """Frames a second that a simulated camera draws for that; a lab's camera has a rate of its own [1/s]."""
+    calibration: Path | None = None
+    """How the camera hangs and the board lies, as 'touchmove calibrate' wrote it. Left out: the file that a lab's rig
+    file names, where there is one; a simulation of our own is believed to be as it is meant."""
 
 
 class Settings(_Section):

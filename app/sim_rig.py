@@ -18,7 +18,7 @@ from pathlib import Path
 from app.adopted import Adopted, Process, adopt
 from app.arm import ControllerArm
 from app.attach import attach
-from app.devices import EndState, RigFailed
+from app.devices import EndState, RigFailed, Watched
 from app.processes import CONTROLLER_SETTINGS_FILE, last_words, log_of, spawn
 from app.records import recording
 from app.sim_settings import SimRigSettings
@@ -36,6 +36,7 @@ from hardware.sim.referee import Referee
 from hardware.sim.server import END_FILE
 from hardware.sim.settings import FILE_NAME, WorldSettings, load_settings
 from hardware.sim.snapshot import STATE_FILE
+from hardware.sim.watching import SimWatchCamera
 from hardware.sim.wire import world_pid
 from hardware.table import PIECE_SHAPES
 
@@ -204,6 +205,13 @@ class SimRig:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def watched(self) -> Watched | None:
+        """See ``Rig.watched``."""
+        return None if self.camera is None else Watched(self._watching, self.client)
+
+    def _watching(self, interval: float) -> SimWatchCamera:
+        return SimWatchCamera(self._run_dir, interval, colour_asleep=False)
 
     def failure(self) -> str | None:
         """A sentence on a process that has ended unexpectedly, None while all run."""

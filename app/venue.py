@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import chess
 
@@ -25,6 +25,9 @@ from hardware.sim.randomisation import Randomisation
 from hardware.sim.settings import Pace, WorldSettings
 from hardware.table import PIECE_SHAPES, Captured, Colour, TableSettings
 
+if TYPE_CHECKING:
+    from app.calibration import Calibration
+
 _ROBOTS: Final = {PadKind.GROOVED: DEFAULT_FILE, PadKind.FLAT: FLAT_PADS_FILE}
 
 
@@ -35,10 +38,12 @@ class Venue:
     Attributes:
         section: the settings it follows from.
         file: the rig file; None for a simulation of our own and for the rig ``board``.
-        table: board and trays.
+        table: board and trays, where they were found.
         parameters: of the robot.
         motion: how the arm moves there.
         pace: how plant time goes.
+        calibration: of the camera; None: there is none.
+        meant: where the table is meant to stand: that of a simulation of our own.
     """
 
     section: RigSection
@@ -47,6 +52,8 @@ class Venue:
     parameters: RobotParameters
     motion: MotionSettings
     pace: Pace
+    calibration: Calibration | None
+    meant: TableSettings
 
     @property
     def own(self) -> bool:
@@ -81,7 +88,7 @@ class Venue:
         randomisation = Randomisation() if section.randomise is None else load_randomisation(section.randomise)
         return SimRigSettings(
             world=WorldSettings(
-                pieces=tuple(inventory), home=self.motion.home, table=self.table, pace=self.pace, seed=section.seed,
+                pieces=tuple(inventory), home=self.motion.home, table=self.meant, pace=self.pace, seed=section.seed,
                 randomisation=randomisation, parameters_file=_ROBOTS[section.pads], linger=section.linger,
                 journal=section.journal, hand=None if person is None else HandSettings(side=person),
             ),
@@ -109,17 +116,37 @@ class Venue:
         return open_rig(self.file, self.run_dir(folder), world, progress, listener)
 
 
-def venue_of(section: RigSection) -> Venue:
+def venue_of(section: RigSection, calibration_file: Path | None = None) -> Venue:
     """Find out what a rig is made of.
 
+    Args:
+        section: of the settings.
+        calibration_file: how the camera hangs; None: as the rig file says, where it has been calibrated.
+
     Raises:
-        UserError: there is no such rig, something in its file is wrong, it contradicts the other settings, or the arm
-            does not reach a board of such squares anywhere.
+        UserError: there is no such rig, something in its file or its calibration is wrong, it contradicts the other
+            settings, or the arm does not reach a board of such squares anywhere.
     """
     if section.name in (SIMULATED, BOARD):
+        file = None
+        meant, parameters = _own_table(section), load_parameters(_ROBOTS[section.pads])
         pace = section.pace or (Pace.FAST if section.name == BOARD else Pace.REAL)
-        table, parameters = _own_table(section), load_parameters(_ROBOTS[section.pads])
-        return Venue(section, None, table, parameters, PROFILES[section.profile].at(table), pace)
+    else:
+        file = _rig_file(section)
+        meant, parameters, pace = file.table, load_parameters(file.parameters), file.pace
+        if calibration_file is None and file.calibration.exists():
+            calibration_file = file.calibration
+    calibration, table = None, meant
+    if calibration_file is not None:
+        from app.calibration import load_calibration  # what sees takes a second to load
+
+        calibration = load_calibration(calibration_file)
+        table = calibration.table(meant)
+    # home stays where it is meant to be: a simulation of our own begins there
+    return Venue(section, file, table, parameters, PROFILES[section.profile].at(meant), pace, calibration, meant)
+
+
+def _rig_file(section: RigSection) -> RigFile:
     rig = load_rig(Path(section.name))
     if section.pace not in (None, rig.pace):
         raise UserError(f"rig {section.name} runs in pace {rig.pace}: leave --pace out, or change its file")
@@ -128,8 +155,7 @@ def venue_of(section: RigSection) -> Venue:
             f"on the table of rig {section.name} captured pieces go to a {rig.table.captured}: leave --captured out, "
             "or change its file"
         )
-    motion = PROFILES[section.profile].at(rig.table)
-    return Venue(section, rig, rig.table, load_parameters(rig.parameters), motion, rig.pace)
+    return rig
 
 
 def start_board(fen: str | None, *, chess960: bool = False) -> chess.Board:

@@ -5,17 +5,20 @@ Board frame: origin at the centre of the playing surface, x along the files a→
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Final, NamedTuple, Self
+from typing import Annotated, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, model_validator
 
 _AXES = np.array([1.0, -1.0, -1.0])
+MOST_YAW: Final = 0.04
+"""A board may be turned by so much [rad]: fingers do not turn with it, and neighbours come 1.6 mm nearer to them."""
 """The base frame's axes in the board frame: x = z₁, y = −z₂, z = −z₃."""
 
 
@@ -226,6 +229,8 @@ class TableSettings(_Frozen):
     """Side of a square [m]."""
     centre_in_base: tuple[float, float, float] = (0.0, 0.0, 0.47)
     """Centre of the playing surface in the robot's base frame [m]."""
+    yaw_in_base: Annotated[float, Field(ge=-MOST_YAW, le=MOST_YAW)] = 0.0
+    """Turn of the board about its own z axis, against one that lies along the base's axes [rad]."""
     tray_rows: PositiveInt = 12
     tray_columns: PositiveInt = 2
     """With boxes, each takes the place of the outermost column of its tray."""
@@ -354,14 +359,27 @@ class TableSettings(_Frozen):
         return f"{trays}, boxes BL1 to BL{last} and BR1 to BR{last}"
 
     def base_from_board(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Map points (..., 3) from the board frame into the base frame [m]: x = z₁, y = −z₂, z = −z₃."""
-        base: NDArray[np.float64] = np.asarray(self.centre_in_base) + np.asarray(point) * _AXES
+        """Map points (..., 3) from the board frame into the base frame [m]; not turned: x = z₁, y = −z₂, z = −z₃."""
+        turned = np.asarray(point) if self.yaw_in_base == 0.0 else np.asarray(point) @ _about_z(self.yaw_in_base).T
+        base: NDArray[np.float64] = np.asarray(self.centre_in_base) + turned * _AXES
         return base
 
     def board_from_base(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map points (..., 3) from the base frame into the board frame [m]."""
         board: NDArray[np.float64] = (np.asarray(point) - np.asarray(self.centre_in_base)) * _AXES
-        return board
+        return board if self.yaw_in_base == 0.0 else board @ _about_z(self.yaw_in_base)
+
+    def pose_in_base(self) -> NDArray[np.float64]:
+        """Takes points of the board frame into the base frame, shape (4, 4)."""
+        pose = np.eye(4)
+        pose[:3, :3] = _AXES[:, None] * _about_z(self.yaw_in_base)
+        pose[:3, 3] = self.centre_in_base
+        return pose
+
+
+def _about_z(angle: float) -> NDArray[np.float64]:
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True, slots=True)

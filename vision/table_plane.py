@@ -19,8 +19,6 @@ from vision.calibration import CameraPose
 
 Array = NDArray[np.float64]
 
-BASE_FROM_BOARD_AXES: Final = np.diag([1.0, -1.0, -1.0])
-"""Axes of a board that is not turned, in the base frame."""
 _STEP: Final = 3
 """Every so many pixels one is taken."""
 _REACH: Final = 0.06
@@ -65,9 +63,7 @@ class BoardPlace:
 
 def nominal_view(pose: CameraPose, table: TableSettings) -> BoardView:
     """The board as the calibrated camera would see it where the settings say that it lies."""
-    base_from_board = np.eye(4)
-    base_from_board[:3, :3], base_from_board[:3, 3] = BASE_FROM_BOARD_AXES, table.centre_in_base
-    return BoardView(pose.intrinsics, pose.camera_from_base @ base_from_board, table)
+    return BoardView(pose.intrinsics, pose.camera_from_base @ table.pose_in_base(), table)
 
 
 def find_plane(frame: Frame, pose: CameraPose, table: TableSettings, factor: float = 1.0) -> Plane | None:
@@ -126,7 +122,7 @@ def board_place(
         if plane is None:
             return None
         x, y, _ = table.centre_in_base
-        return BoardPlace((x, y, plane.height), 0.0, math.atan(math.hypot(*plane.slope)), True)
+        return BoardPlace((x, y, plane.height), table.yaw_in_base, math.atan(math.hypot(*plane.slope)), True)
     seen = BoardView.from_corners(pose.intrinsics, corners, table)
     if plane is None:
         base_from_board = pose.base_from_camera @ seen.camera_from_board

@@ -35,7 +35,6 @@ from hardware.sim.table_studio import Pose, TableStudio, true_camera
 from hardware.table import PieceSpec, TableSettings, square_place
 from vision.board import BoardView
 from vision.centres import piece_centres
-from vision.table_plane import BASE_FROM_BOARD_AXES
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -198,6 +197,6 @@ def square_errors(base_from_camera: Array, camera_from_board: Array, table: Tabl
     """
     squares = np.array([[*table.xy(square_place(square)), 0.0, 1.0] for square in range(64)])
     found = squares @ (base_from_camera @ camera_from_board).T
-    true = squares[:, :3] @ BASE_FROM_BOARD_AXES + np.asarray(table.centre_in_base)
+    true = table.base_from_board(squares[:, :3])
     distance: list[float] = np.linalg.norm(found[:, :3] - true, axis=1).tolist()
     return distance

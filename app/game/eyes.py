@@ -89,6 +89,7 @@ class Eyes:
         self._camera: Camera = devices.camera
         self._clock: Clock = devices.clock
         self._arm: Arm = devices.arm
+        self._guard = devices.guard
         self._table, self._believed = table, view
         self._observer: Observer | None = None
         self._last: Frame | None = None
@@ -212,6 +213,8 @@ class Eyes:
     def _hold(self, frame: Frame, view: BoardView) -> None:
         self.view = view
         """Where the board is in the pictures."""
+        if self._guard is not None:
+            self._guard.look(view)
         self._anchor = Anchor(frame.colour, view.project(playing_area(self._table)))
 
 

@@ -7,6 +7,7 @@ arm puts it right when asked to, or the person does.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
@@ -16,6 +17,7 @@ from app import UserError
 from app.arm import ArmPaused
 from app.faces import Face
 from app.game.commands import Command, MoveHand, PlayMove, Word, help_text, parse_command
+from app.game.hand_notice import HandNotice
 from app.game.human import Human, PersonGone
 from app.game.person import NeedsHand
 from app.game.state import WRONG, GameEnd
@@ -32,11 +34,15 @@ from vision.verdict import Situation, Verdict
 
 if TYPE_CHECKING:
     from app.game.eyes import Reading
+    from vision.situations import Finding
 
 POLL: Final = 0.2
 """So often it is looked whether the person has done something by themselves [s, wall]."""
 LOOKS: Final = 3
 """So many looks before anybody is asked: noise differs from frame to frame."""
+FORBEARANCE: Final = 2.0
+"""So long after a hand has gone nobody complains of what it left: it may come again, as for the rook of a castling
+[s, wall]."""
 _PROMOTIONS: Final = {"q": chess.QUEEN, "r": chess.ROOK, "b": chess.BISHOP, "n": chess.KNIGHT}
 
 
@@ -47,6 +53,9 @@ class HumanTurn:
         self._human, self._table, self._players, self._face = human, table, players, face
         self._timing = timing
         self._colour = human.colour
+        self._notice = HandNotice(None)
+        self._unsaid: tuple[Finding, float] | None = None
+        """What was seen when a hand had gone, and since when it has not been said [s, wall]."""
 
     def plays(self, colour: chess.Color) -> bool:
         """Whether the person plays this colour now."""
@@ -55,17 +64,19 @@ class HumanTurn:
     def take(self) -> GameEnd | None:
         """Until a ply was made or taken back, sides were changed, or the game has ended."""
         done = len(self._table.board.move_stack)
+        # a simulated hand is only there when it was told to be, and is looked after then
+        self._notice = HandNotice(self._table.guard if self._human.hands is None else None)
+        self._unsaid = None
         self._prompt()
         self._timing.start(self._colour)
         while len(self._table.board.move_stack) == done and self.plays(self._table.board.turn):
+            self._notice.wake(True)
             line = self._human.lines.next(POLL)
+            self._notice.wake(False)
             if (fallen := self._timing.fallen(self._table.board)) is not None:
                 return GameEnd(fallen.result, fallen.reason, True)
-            if line is None:
-                continue
             try:
-                command = parse_command(line, self._table.board)
-                end = self._obey(command)
+                end = self._glance() if line is None else self._obey(parse_command(line, self._table.board))
             except (PersonGone, RecordError, ArmPaused, NeedsHand):
                 raise
             except (
@@ -77,7 +88,7 @@ class HumanTurn:
                 continue
             if end is not None:
                 return end
-            if len(self._table.board.move_stack) == done:
+            if line is not None and len(self._table.board.move_stack) == done:
                 self._prompt()
         return None
 
@@ -134,6 +145,23 @@ class HumanTurn:
 
     # moves
 
+    def _glance(self) -> GameEnd | None:
+        """Nothing was said: perhaps something was done. A hand that went may come again: what is wrong can wait."""
+        if not self._notice.gone():
+            if self._notice.there:
+                self._unsaid = None
+            elif self._unsaid is not None and time.monotonic() > self._unsaid[1] + FORBEARANCE:
+                finding, self._unsaid = self._unsaid[0], None
+                self._complain(finding)
+            return None
+        then, reading = self._timing.now(), self._look()
+        if reading is None or reading.decision.verdict is Verdict.NOTHING:
+            return None
+        if reading.decision.verdict is Verdict.MOVE or reading.finding.situation is Situation.LEGAL:
+            return self._judge(reading, None, then)
+        self._unsaid = reading.finding, time.monotonic()
+        return None
+
     def _play(self, move: chess.Move) -> GameEnd | None:
         """A legal move was typed: the hand of a simulated world makes it; else the person has made it, or will."""
         if self._human.hands is not None:
@@ -160,12 +188,16 @@ class HumanTurn:
         if reading is None:
             self._face.say("this rig has no camera: type the move")
             return None
-        decision, finding = reading.decision, reading.finding
-        if decision.verdict is Verdict.NOTHING:
+        if reading.decision.verdict is Verdict.NOTHING:
             self._face.say(
                 "I see no change on the board" if said is None else f"I do not see {said.uci()} on the board"
             )
             return None
+        return self._judge(reading, said, then)
+
+    def _judge(self, reading: Reading, said: chess.Move | None, then: float) -> GameEnd | None:
+        """Something has changed on the board; ``said`` and ``then`` as for ``_read``."""
+        decision, finding = reading.decision, reading.finding
         if decision.verdict is Verdict.MOVE:
             (move,) = decision.moves
             if decision.promotion_unsure:
@@ -173,9 +205,13 @@ class HumanTurn:
             return self._accept(move, then, reading)
         if finding.situation is Situation.LEGAL:
             return self._ask_move(decision.moves[0], said, then, reading)
-        self._table.note(finding)
-        self._face.say(f"{finding.sentence}. Put it right by hand and say 'look', or say 'fix' and the arm does it")
+        self._complain(finding)
         return None
+
+    def _complain(self, finding: Finding) -> None:
+        self._table.note(finding)
+        look = "" if self._notice.watches else " and say 'look'"
+        self._face.say(f"{finding.sentence}. Put it right by hand{look}, or say 'fix' and the arm does it")
 
     def _look(self) -> Reading | None:
         """Again while in doubt."""

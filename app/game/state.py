@@ -20,7 +20,7 @@ from hardware.sim.referee import Referee
 from hardware.table import Place
 
 if TYPE_CHECKING:
-    from app.hand_guard import HandGuard
+    from app.guarding import GameGuard
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Devices:
     clock: Clock
     camera: Camera | None
     referee: Referee | None
-    guard: HandGuard | None = None
+    guard: GameGuard | None = None
 
 
 @dataclass(frozen=True, slots=True)

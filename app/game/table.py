@@ -30,6 +30,7 @@ from hardware.table import Place
 if TYPE_CHECKING:
     from app.game.eyes import Eyes
     from app.game.mending import Mender
+    from app.guarding import GameGuard
     from vision.situations import Finding
 
 
@@ -81,6 +82,11 @@ class Table:
     def eyes(self) -> Eyes | None:
         """That follow the game; None: nobody looks."""
         return None if self._mender is None else self._mender.eyes
+
+    @property
+    def guard(self) -> GameGuard | None:
+        """Against hands; None: nobody watches."""
+        return self._devices.guard
 
     def now(self) -> float:
         """Plant time [s]."""

@@ -294,8 +294,8 @@ def build_model(
     _add_deck(spec, table)
     _add_boxes(spec, table)
     _add_surroundings(spec, table, offset)
-    x, y, z = table.centre_in_base
-    add_arm(spec, parameters, offset.in_true((-x, y, z)), offset.turn)
+    x, y, z = table.board_from_base(np.zeros(3)).tolist()
+    add_arm(spec, parameters, offset.in_true((x, y, z)), offset.turn + table.yaw_in_base)
     for piece in pieces:
         _add_piece(spec, piece)
         if looks:

@@ -27,7 +27,7 @@ from app.motion import MotionSettings
 from app.showing import Setup
 from app.sim_rig import SimRig
 from app.sim_settings import SimRigSettings
-from hardware.interfaces import Frame, Intrinsics
+from hardware.interfaces import Intrinsics
 from hardware.parameters import load_parameters
 from hardware.sim.looks import CameraSettings, MountSettings
 from hardware.sim.scene import build_model
@@ -89,10 +89,10 @@ def test_a_file_that_cannot_be_used_is_refused(tmp_path: Path, change: dict[str,
 
 
 def test_frames_of_another_camera_are_refused() -> None:
-    calibration().require_camera(Frame(np.zeros((480, 640, 3), np.uint8), None, PINHOLE, 0.0))
+    calibration().require_camera(PINHOLE)
     other = Intrinsics(1280, 720, 925.0, 925.0, 639.5, 359.5)
     with pytest.raises(CalibrationUnusable, match="use that camera at that size, or run 'touchmove calibrate' again"):
-        calibration().require_camera(Frame(np.zeros((720, 1280, 3), np.uint8), None, other, 0.0))
+        calibration().require_camera(other)
 
 
 def test_without_a_marker_nothing_starts() -> None:

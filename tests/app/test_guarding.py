@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from app.arm_view import ArmHistory
-from app.guarding import SteadyFrames, guard_arm
+from app.guarding import GameGuard
 from app.hand_guard import Blind
+from app.steady_frames import SteadyFrames
 from app.watch_view import nominal_view
 from hardware.interfaces import CameraClosed, Frame, Intrinsics, StaleFrame
 from hardware.parameters import load_parameters
@@ -73,9 +74,10 @@ def test_a_guard_whose_camera_falls_silent_holds_the_arm() -> None:
     table = TableSettings()
     arm = load_parameters(), table, ArmHistory(0.001)
     camera = Camera([])
-    with (
-        guard_arm(SteadyFrames(camera), nominal_view(PINHOLE, table), arm, Client()) as guard,
-        pytest.raises(Blind, match="cannot be seen any more"),
-    ):
+    with GameGuard(lambda: SteadyFrames(camera), Client(), arm) as guard:
         guard.clear()
+        assert guard.glance() is None, "nobody knows where the board is: nothing to wait for"
+        guard.look(nominal_view(PINHOLE, table))
+        with pytest.raises(Blind, match="cannot be seen any more"):
+            guard.clear()
     assert asked == ["hold"]

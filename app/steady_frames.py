@@ -1,0 +1,52 @@
+"""Frames of a camera that several read, each once as it comes: for whoever watches."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Final
+
+from hardware.interfaces import Camera, CameraClosed, Frame
+
+_AGAIN: Final = 0.004
+"""How soon a camera that had no newer frame is asked again [s]."""
+
+
+class SteadyFrames:
+    """``WatchedFrames`` of a camera that also others read: each frame once, as it comes.
+
+    Plant time runs by itself where there is such a camera, so that nobody has to be woken up.
+
+    Args:
+        camera: stays open when this is closed.
+    """
+
+    def __init__(self, camera: Camera) -> None:
+        self._camera, self._stamp = camera, float("-inf")
+        self._closed = threading.Event()
+
+    def read(self, max_age: float) -> Frame:
+        """See ``WatchedFrames.read``; waits for a frame that was not read before.
+
+        Raises:
+            StaleFrame: the camera has no frame that young any more.
+            CameraClosed: ``close`` was called, or the camera is closed.
+            HardwareError: the camera does not answer.
+        """
+        while not self._closed.is_set():
+            frame = self._camera.read(max_age)
+            if frame.stamp > self._stamp:
+                self._stamp = frame.stamp
+                return frame
+            time.sleep(_AGAIN)
+        raise CameraClosed
+
+    def wake(self, awake: bool) -> None:
+        """See ``WatchedFrames.wake``."""
+
+    def release(self) -> None:
+        """See ``WatchedFrames.release``."""
+
+    def close(self) -> None:
+        """A reader in another thread ends with ``CameraClosed``."""
+        self._closed.set()

@@ -1,0 +1,118 @@
+"""A person who just moves, on the rig of a lab whose camera watches for hands: nothing is typed but the last word."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import chess
+import pytest
+
+from hardware.sim.hand_actions import Hover, Move, Withdraw
+from hardware.sim.hand_client import SimHand
+from hardware.table import TableSettings, square_place
+
+TOUCHMOVE = [sys.executable, "-P", "-m", "app.cli"]
+FEN = "4k3/8/8/8/7r/8/4P3/4K3 w - - 0 1"
+PATIENCE = 90.0
+TABLE = TableSettings()
+
+
+class Program:
+    """One of ours, and what it says."""
+
+    def __init__(self, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [*TOUCHMOVE, *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+        )
+        self.said = ""
+        self._read = 0
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+
+    def _listen(self) -> None:
+        assert self.process.stdout is not None
+        while chunk := os.read(self.process.stdout.fileno(), 4096):
+            self.said += chunk.decode("utf-8", "replace")
+
+    def until(self, words: str) -> None:
+        """Until it says this, after what was waited for before."""
+        deadline = time.monotonic() + PATIENCE
+        while (found := self.said.find(words, self._read)) < 0:
+            assert self.process.poll() is None, self.said[-2000:]
+            assert time.monotonic() < deadline, f"no {words!r} after {self.said[self._read :][-2000:]}"
+            time.sleep(0.02)
+        self._read = found + len(words)
+
+    def say(self, line: str) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(f"{line}\n".encode())
+        self.process.stdin.flush()
+
+    def end(self) -> None:
+        self.process.terminate()
+        self.process.wait(30.0)
+        self._listener.join()
+        for pipe in (self.process.stdin, self.process.stdout):
+            assert pipe is not None
+            pipe.close()
+
+
+@pytest.fixture
+def program() -> Iterator[Callable[..., Program]]:
+    started: list[Program] = []
+
+    def start(*arguments: str) -> Program:
+        started.append(Program(*arguments))
+        return started[-1]
+
+    yield start
+    for one in reversed(started):
+        one.end()
+
+
+def xy(square: str) -> tuple[float, float]:
+    return TABLE.xy(square_place(chess.parse_square(square)))
+
+
+@pytest.mark.slow
+def test_a_move_is_seen_when_the_hand_has_gone_and_the_arm_waits_while_one_is_there(
+    program: Callable[..., Program], tmp_path: Path
+) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        port = one.getsockname()[1]
+    rig = tmp_path / "rig.toml"
+    rig.write_text(
+        f'[controller]\nport = {port}\n[drives]\nbus = "sim"\n[world]\npace = "fast"\nperson = "white"\nfen = "{FEN}"\n'
+    )
+    program("controller", "--rig", str(rig)).until("ready: clients find it at")
+    folder = tmp_path / "game"
+    settings = tmp_path / "settings.toml"
+    settings.write_text("[vision]\nguard = true\nguard_rate = 6.0\n[engine]\nnodes = 200\n")
+    game = program("play", "--rig", str(rig), "--config", str(settings), "--out", str(folder), "--json")
+    game.until("White to move")
+    hand = SimHand(tmp_path / "run")
+    try:
+        hand.perform(Move(start=xy("e2"), to=xy("e4")), Withdraw())
+        hand.wait()
+        game.until("the board is clear: the arm may go on")  # and takes the pawn: long enough for another hand
+        hand.perform(Hover(at=xy("d5"), height=0.10, duration=0.6), Withdraw())
+        hand.wait()
+        game.until("a hand is over the board: the arm holds")
+        game.until("the board is clear: the arm may go on")
+        game.until("I played")
+        game.until("White to move")
+    finally:
+        hand.close()
+    game.say("resign")
+    assert game.process.wait(PATIENCE) == 0, game.said[-2000:]
+    report = json.loads((folder / "report.json").read_text())
+    assert (report["plies"], report["physical_ok"], report["failures"]) == (2, True, [])
