@@ -33,8 +33,7 @@ from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.clients import SimCamera, SimClock
 from hardware.sim.referee import Referee
-from hardware.sim.server import END_FILE
-from hardware.sim.settings import FILE_NAME, WorldSettings, load_settings
+from hardware.sim.settings import END_FILE, FILE_NAME, WorldSettings, load_settings
 from hardware.sim.snapshot import STATE_FILE
 from hardware.sim.watching import SimWatchCamera
 from hardware.sim.wire import world_pid

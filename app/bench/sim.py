@@ -27,8 +27,7 @@ from app.settings_file import settings_of
 from controller.settings import ControllerSettings
 from hardware.sim.construction import Construction
 from hardware.sim.journal import Replay
-from hardware.sim.server import END_FILE
-from hardware.sim.settings import Pace, load_settings
+from hardware.sim.settings import END_FILE, Pace, load_settings
 
 SEED: Final = 1
 PLIES: Final = 24

@@ -12,7 +12,6 @@ from typing import Final
 import numpy as np
 
 from hardware.interfaces import Intrinsics
-from hardware.sim.optics import ColourSensor, StereoSensor
 
 COLOUR_FIELD_OF_VIEW: Final = math.radians(42.5)
 """Vertical, of both colour modes: 1280×720 has 69.4° × 42.5°, and 640×480 is cut out of its middle."""
@@ -38,7 +37,3 @@ def _pinhole(width: int, height: int, focal: float) -> Intrinsics:
     """With the focal length in single precision, as librealsense keeps it."""
     single = float(np.float32(focal))
     return Intrinsics(width, height, single, single, 0.5 * (width - 1), 0.5 * (height - 1))
-
-
-STEREO: Final = StereoSensor(depth_intrinsics())
-COLOUR: Final = ColourSensor()

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.d435 import COLOUR, DEPTH_HEIGHT, DEPTH_WIDTH, LEFT_IMAGER, STEREO, colour_intrinsics
+from hardware.sim.d435 import DEPTH_HEIGHT, DEPTH_WIDTH, LEFT_IMAGER, colour_intrinsics
 from hardware.sim.lamps import set_lamps
 from hardware.sim.looks import Looks
 from hardware.sim.mount import Mount
@@ -30,6 +30,7 @@ from hardware.sim.renderer import (
     frame_path,
     unpack_request,
 )
+from hardware.sim.sensors import COLOUR, STEREO
 
 ROD_HALF_DISTANCE = 0.024
 """Between the rods of a pair, each from the middle [m]; they are drawn, the physics lumps them."""

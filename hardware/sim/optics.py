@@ -18,12 +18,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from hardware.interfaces import Intrinsics
 
@@ -158,7 +158,7 @@ def correlated(rng: np.random.Generator, shape: tuple[int, ...], length: float) 
     return field
 
 
-_NORMAL: Final = ndtri((np.arange(65536) + 0.5) / 65536.0).astype(np.float32)
+_NORMAL: Final = np.array([NormalDist().inv_cdf((k + 0.5) / 65536.0) for k in range(65536)], dtype=np.float32)
 """The normal distribution in 65536 equally likely values, up to 4.3 standard deviations."""
 
 

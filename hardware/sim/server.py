@@ -33,7 +33,7 @@ from hardware.sim.pacing import Metronome, SpeedMeter
 from hardware.sim.pictures import CameraService
 from hardware.sim.renderer import MODEL_FILE, Renderer
 from hardware.sim.services import NEVER, ClockService, Drives, RefereeService
-from hardware.sim.settings import Pace, WorldSettings, load_settings
+from hardware.sim.settings import END_FILE, Pace, WorldSettings, load_settings
 from hardware.sim.snapshot import STATE_FILE, load_snapshot, save_snapshot
 from hardware.sim.stage import StageService
 from hardware.sim.visitors import Service, Visitors
@@ -50,7 +50,6 @@ LONGEST_REST = 20.0
 """Plant time in which everything must have come to rest at the end [s]."""
 REALTIME_PRIORITY = 90
 """Above the controller's."""
-END_FILE = "world_end.json"
 
 
 class World:

@@ -25,6 +25,8 @@ from hardware.sim.standing import StandingPiece
 from hardware.table import PieceSpec, TableSettings
 
 FILE_NAME = "world.json"
+END_FILE = "world_end.json"
+"""How a world ended."""
 
 
 class Pace(StrEnum):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hardware.interfaces import Intrinsics
-from hardware.sim.d435 import COLOUR, LEFT_IMAGER, STEREO, colour_intrinsics, depth_intrinsics
+from hardware.sim.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.optics import (
     ColourSensor,
     colour_picture,
@@ -18,6 +18,7 @@ from hardware.sim.optics import (
     seen_from_left,
     whole_units,
 )
+from hardware.sim.sensors import COLOUR, STEREO
 
 UNIT = 1e-4
 SHAPE = (480, 848)

@@ -28,8 +28,8 @@ from hardware.sim.plant import Plant
 from hardware.sim.referee import Referee
 from hardware.sim.renderer import HEIGHT, WIDTH
 from hardware.sim.scene import build_model
-from hardware.sim.server import END_FILE, serve
-from hardware.sim.settings import FILE_NAME, WorldSettings, load_settings, stand_pieces
+from hardware.sim.server import serve
+from hardware.sim.settings import END_FILE, FILE_NAME, WorldSettings, load_settings, stand_pieces
 from hardware.sim.snapshot import STATE_FILE
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
 
