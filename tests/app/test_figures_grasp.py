@@ -118,7 +118,8 @@ def test_mujoco_repeats_to_the_bit(grasps: Grasps) -> None:
 
 
 @pytest.mark.slow
-def test_figure_7_shows_start_and_ends() -> None:
+def test_figure_7_shows_start_and_ends(grasps: Grasps, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.figures.grasp_pictures.both_grasps", lambda _progress: grasps)
     result = figure_7(print)
     assert result.holds
     assert len(result.pictures[""].axes) == 6
