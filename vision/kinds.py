@@ -54,8 +54,8 @@ class Kinds:
         return replace(decision, moves=(chess.Move(move.from_square, move.to_square, kind),))
 
     def _kind(self, height: float) -> int | None:
-        """The kind so high, if it is clear; a pawn that still stands there is none."""
-        known = {kind: float(np.median(seen)) for kind, seen in self._seen.items() if seen}
+        """The kind so high, if it is clear; a pawn that still stands there is none. A third king it cannot be."""
+        known = {kind: float(np.median(seen)) for kind, seen in self._seen.items() if seen and kind != chess.KING}
         if not set(CHOICES) <= set(known):
             return None
         off = sorted((abs(height - known[kind]) / SPREAD, kind) for kind in known)

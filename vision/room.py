@@ -3,7 +3,7 @@
 That no point of a square stands up says little where a queen in front hides most of it, or where one of the two
 imagers of a depth camera is blinded by it. What tells an empty square is that lines of sight have passed where a piece
 would have stopped them. So pieces are tried all over each square: the lowest there are, since what is higher is seen
-the more. A place is free if enough points of a piece's axis there have been seen through.
+the more. A place is free if enough points within a piece there have been seen through.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.table import PIECE_SHAPES
+from hardware.table import PIECE_SHAPES, Kind, piece_profile
 from vision.board import BoardView
 
 Array = NDArray[np.float64]
@@ -27,11 +27,14 @@ REACH: Final = 0.42
 USUAL: Final = 0.15
 """Standard deviation of how far off the middle people put pieces [sides of a square]."""
 LEVELS: Final = (0.10, 0.15, 0.47, 0.80, 0.91)
-"""Heights at which a piece's axis is tried: foot, stem and head, where it is wide [heights of the lowest piece]."""
+"""Heights at which a piece is tried: foot, stem and head, where it is wide [heights of the lowest piece]."""
+ASIDE: Final = (-0.6, 0.0, 0.6)
+"""So far from its axis it is tried at each height, across the view [radii there]. Beside a piece a stereo camera is
+blind in a strip that is narrower than a piece: axes alone would lie in it too often."""
 BEHIND: Final = 0.002
-"""What is seen further behind a point than this has been seen through it [m]; a piece is seen before its axis, by its
-radius and more."""
-ENOUGH: Final = 2
+"""What is seen further behind a point than this has been seen through it [m]; a piece is seen before these points, by
+most of its radius and more."""
+ENOUGH: Final = 3
 """With so many of a place's points seen through, nothing stands there: a ray or two may err."""
 CELLS: Final = 6
 """Along each axis of a square's middle, in which it is told what hides the square."""
@@ -55,22 +58,34 @@ def room_of(depth: Field, view: BoardView) -> Array:
 
 @lru_cache(maxsize=4)
 def _trials(view: BoardView) -> tuple[NDArray[np.intp], Field, Array]:
-    """Pixels in which axes of pieces are looked for and the depth behind them, (levels, 64, places); then weights of
-    the places, (places,).
+    """Pixels in which pieces are looked for and the depth behind them, (points, 64, places); then weights of the
+    places, (places,).
     """
     steps = np.linspace(-REACH, REACH, PLACES)
     places = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     usual = np.exp(-0.5 * (places**2).sum(axis=1) / USUAL**2)
-    lowest = min(shape.height for shape in PIECE_SHAPES.values())
-    points = np.empty((len(LEVELS), 64, len(places), 3))
-    points[..., :2] = (_middles()[:, None] + places) * view.table.square
-    points[..., 2] = lowest * np.array(LEVELS)[:, None, None]
+    middles = (_middles()[:, None] + places) * view.table.square
+    within = _points_within(min(PIECE_SHAPES, key=lambda kind: PIECE_SHAPES[kind].height), view)
+    points = np.empty((len(within), 64, len(places), 3))
+    points[..., :2] = middles + within[:, None, None, :2]
+    points[..., 2] = within[:, None, None, 2]
     size = view.intrinsics.width, view.intrinsics.height
     column, row = np.moveaxis(np.rint(view.project(points)), -1, 0).astype(np.intp)
     away = (view.depth(points) + BEHIND).astype(np.float32)
     # what lies outside of the picture is never seen through
     away[(column < 0) | (column >= size[0]) | (row < 0) | (row >= size[1])] = np.inf
     return column.clip(0, size[0] - 1) + size[0] * row.clip(0, size[1] - 1), away, usual / usual.sum()
+
+
+def _points_within(kind: Kind, view: BoardView) -> Array:
+    """Points within a piece, from the middle of its foot, across the view: (points, 3) [m]."""
+    radius, height = np.array(piece_profile(kind)).T
+    levels = PIECE_SHAPES[kind].height * np.array(LEVELS)
+    across = view.camera_from_board[0, :2] / np.linalg.norm(view.camera_from_board[0, :2])
+    aside = np.interp(levels, height, radius)[:, None, None] * np.array(ASIDE)[:, None] * across
+    points = np.empty((len(LEVELS), len(ASIDE), 3))
+    points[..., :2], points[..., 2] = aside, levels[:, None]
+    return points.reshape(-1, 3)
 
 
 def hidden_by(label: NDArray[np.uint8], view: BoardView) -> NDArray[np.bool_]:
