@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Final
+
+LOOKS: Final = 3
+"""So many looks before anybody is asked: noise differs from frame to frame."""
 
 
 class Verdict(StrEnum):

@@ -32,7 +32,7 @@ from vision.moves import Decision
 from vision.observer import Look, Observer
 from vision.orientation import orient
 from vision.sight import Sight, sight_of_frame
-from vision.verdict import Verdict
+from vision.verdict import LOOKS, Verdict
 from vision.watch import Watch
 
 Progress = Callable[[str], None]
@@ -279,6 +279,10 @@ def _follow(
         start = scene.looks
         change(scene)
         look, decision = eye.read(scene.picture(board), tally)
+        for _ in range(LOOKS - 1):  # as in a game
+            if decision.verdict is not Verdict.DOUBT:
+                break
+            look, decision = eye.read(scene.picture(), tally)
         scene.looks, scene.hand = replace_mount(start, scene.looks.mount), None
         tally.plies += 1
         asked = decision.verdict is Verdict.DOUBT or (decision.promotion_unsure and bool(move.promotion))

@@ -30,7 +30,7 @@ from app.records.events import Result
 from app.time_control import clock_text
 from engine.errors import EngineProblem
 from hardware.interfaces import HardwareError
-from vision.verdict import Situation, Verdict
+from vision.verdict import LOOKS, Situation, Verdict
 
 if TYPE_CHECKING:
     from app.game.eyes import Reading
@@ -38,8 +38,6 @@ if TYPE_CHECKING:
 
 POLL: Final = 0.2
 """So often it is looked whether the person has done something by themselves [s, wall]."""
-LOOKS: Final = 3
-"""So many looks before anybody is asked: noise differs from frame to frame."""
 FORBEARANCE: Final = 2.0
 """So long after a hand has gone nobody complains of what it left: it may come again, as for the rook of a castling
 [s, wall]."""
