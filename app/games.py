@@ -61,7 +61,7 @@ def run_games(settings: Settings, face: Face, typed: TextIO | None = None) -> Se
         standing = None if settings.game.standing is None else start_board(settings.game.standing)
         inventory = match.start(lambda board: Inventory.of(start_layout(board, venue.table), venue.table), standing)
         keep_settings(folder, settings)
-        world = venue.world(inventory, _person(settings)) if venue.own else None
+        world = venue.world(inventory, _person(settings) or settings.rig.person) if venue.own else None
         return run_session(
             folder,
             lambda listener: venue.open(folder, world, face.phase, listener),

@@ -18,7 +18,7 @@ from app.config import SIMULATED
 from app.motion import Profile
 from engine.settings import OptionValue
 from hardware.sim.settings import Pace
-from hardware.table import Captured
+from hardware.table import Captured, Colour
 
 
 class PadKind(StrEnum):
@@ -63,6 +63,9 @@ class RigSection(_Section):
     box, dropped. A rig file says its own."""
     randomise: Path | None = None
     """TOML file that says how a simulation of our own differs from what the game believes of it."""
+    person: Colour | None = None
+    """A simulated person sits at this side of a simulation of our own, though nobody plays by hand: their hand does
+    what a program of its own has it do."""
     linger: NonNegativeFloat = 30.0
     """If the game's program is killed: how long the arm waits for another one, before it is put on its brakes [s]."""
     port: Annotated[int, Field(ge=0, le=65535)] = 0

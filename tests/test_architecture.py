@@ -60,6 +60,7 @@ KNOW_THE_SIMULATION = {
     "app.bench.finger": "puts a finger into the world",
     "app.bench.touchdown": "sets pieces down in a world in the same process",
     "app.bench.grip": "shakes a king in one process",
+    "app.bench.recovery": "has a simulated hand do harm, and grips lost",
     "app.bench.fallen": "has pieces fall, and rendered as they lie",
     "app.bench.vision_calibration": "hangs the simulated camera, and knows how",
     "app.bench.vision_games": "has positions drawn",

@@ -15,6 +15,7 @@ from app.bench.kills import kills_bench
 from app.bench.law import law_bench
 from app.bench.loop import loop_bench
 from app.bench.motion import motion_bench
+from app.bench.recovery import recovery_bench
 from app.bench.report import BenchReport
 from app.bench.sim import sim_bench
 from app.bench.vision import vision_bench
@@ -32,6 +33,7 @@ BENCHES: Mapping[str, Bench] = MappingProxyType(
         "sim": sim_bench,
         "grip": grip_bench,
         "fallen": fallen_bench,
+        "recovery": recovery_bench,
         "vision": vision_bench,
         "clock": clock_bench,
     }

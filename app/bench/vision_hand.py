@@ -42,8 +42,8 @@ ENTRIES: Final = {True: 3, False: 200}
 PLIES: Final = {True: 1, False: 500}
 REST_LIMIT: Final = 0.4
 """From the hand's crossing of the board's edge until the arm rests, plant time [s]."""
-FORCE_LIMIT: Final = 140.0
-"""On a hand that is clamped, ISO/TS 15066 [N]."""
+FORCE_LIMIT: Final = 280.0
+"""On a hand that comes into the arm's way and is free to give way, ISO/TS 15066: twice what a clamped one bears [N]."""
 OWN_STOP: Final = 0.12
 """The controller's own stop takes no longer [s]; an arm that a hand reaches meanwhile gives way and rests later."""
 TOUCH: Final = 0.5

@@ -37,7 +37,10 @@ def figures(
 
 def bench(
     name: Annotated[
-        str, typer.Argument(help="What to measure: law, loop, finger, kills, motion, sim, grip or vision.")
+        str,
+        typer.Argument(
+            help="What to measure: law, loop, finger, kills, motion, sim, grip, fallen, recovery, vision or clock."
+        ),
     ],
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions: ends within a minute.")] = False,
     photos: Annotated[

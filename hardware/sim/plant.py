@@ -304,7 +304,7 @@ class Plant:
         poses = tuple(self._pose(name, start) for name, start in self._piece_q.items())
         return Truth(
             self.tick, poses, peak, self.closure_gap(), self.arm_speed(), self.digest(), self._tool(), hand,
-            self._hand(),
+            self._hand(), self._flaws.grip.lost,
         )  # fmt: skip
 
     def closure_gap(self) -> float:

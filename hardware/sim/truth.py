@@ -36,3 +36,5 @@ class Truth:
     """Largest force of the robot on a person's hand since the last reset of the peak [N]; 0 in a world without one."""
     hand: tuple[float, float, float] | None = None
     """Where a person's fingertips are, board frame [m]; None in a world without a person."""
+    grips_lost: int = 0
+    """So often the gripper has let go by itself, since the world was begun or continued."""
