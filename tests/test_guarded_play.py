@@ -96,7 +96,7 @@ def test_a_move_is_seen_when_the_hand_has_gone_and_the_arm_waits_while_one_is_th
     program("controller", "--rig", str(rig)).until("ready: clients find it at")
     folder = tmp_path / "game"
     settings = tmp_path / "settings.toml"
-    settings.write_text("[vision]\nguard = true\nguard_rate = 6.0\n[engine]\nnodes = 200\n")
+    settings.write_text("[vision]\nguard = true\nguard_rate = 5.0\n[engine]\nnodes = 200\n")
     game = program("play", "--rig", str(rig), "--config", str(settings), "--out", str(folder), "--json")
     game.until("White to move")
     hand = SimHand(tmp_path / "run")
