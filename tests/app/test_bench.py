@@ -125,14 +125,27 @@ def test_a_start_from_the_cache_compiles_nothing(tmp_path: Path) -> None:
 
 def test_an_unknown_bench_is_refused_with_the_choices() -> None:
     with pytest.raises(
-        UnknownBench, match=r"^there is no bench .speed., choose from: law, loop, .*, grip, fallen, recovery, vision, clock$"
+        UnknownBench,
+        match=r"^there is no bench .speed., choose from: law, loop, .*, grip, fallen, recovery, vision, clock$",
     ):
         run_bench("speed", quick=True, progress=print)
     done = CliRunner().invoke(command_line, ["bench", "speed"])
     assert done.exit_code == 2
     said = "choose from: law, loop, finger, kills, motion, sim, grip, fallen, recovery, vision, clock"
     assert done.stderr == f"touchmove: there is no bench 'speed', {said}\n"
-    assert set(BENCHES) == {"law", "loop", "finger", "kills", "motion", "sim", "grip", "fallen", "recovery", "vision", "clock"}
+    assert set(BENCHES) == {
+        "law",
+        "loop",
+        "finger",
+        "kills",
+        "motion",
+        "sim",
+        "grip",
+        "fallen",
+        "recovery",
+        "vision",
+        "clock",
+    }
 
 
 def fake_report(holds: bool) -> BenchReport:

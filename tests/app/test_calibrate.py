@@ -71,6 +71,19 @@ def _pixel(seen: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
     return np.array([seen[0] / seen[2] * 617.0 + 319.5, seen[1] / seen[2] * 617.0 + 239.5])
 
 
+def test_games_play_on_the_board_where_it_was_found() -> None:
+    found = CalibratedBoard(centre=(0.004, -0.003, 0.476), yaw=-0.02, tilt=0.0, by_depth=True, by_corners=True)
+    lies = calibration(found).table(TABLE)
+    np.testing.assert_allclose(lies.pose_in_base(), found.base_from_board(), atol=1e-12)
+    assert lies.model_copy(update={"centre_in_base": TABLE.centre_in_base, "yaw_in_base": 0.0}) == TABLE
+    assert calibration().table(TABLE) == TABLE, "of a board that was not found nothing is known"
+    askew = found.model_copy(update={"yaw": 0.09})
+    with pytest.raises(
+        CalibrationUnusable, match=r"^the board is turned by 5.2° .*, at most 2.3° can be played on: turn"
+    ):
+        calibration(askew).table(TABLE)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -18,6 +18,7 @@ from hardware.sim.construction import Construction
 from hardware.sim.imperfections import Imperfections
 from hardware.sim.looks import CameraSettings, LightSettings
 from hardware.sim.randomisation import Draw, Randomisation, draw
+from hardware.sim.scene import build_model
 from hardware.sim.settings import WorldSettings
 from hardware.sim.standing import BoardOffset
 from hardware.table import PIECE_SHAPES, TableSettings
@@ -117,6 +118,16 @@ def test_a_board_that_stands_off_is_off_for_robot_and_camera() -> None:
     # the robot's own joints are none the wiser
     assert here.joint("servo1").qpos[0] == there.joint("servo1").qpos[0]
     assert np.linalg.norm(here.site("tool").xpos - tool) > 0.002
+
+
+def test_a_board_that_is_known_to_lie_askew_lies_so_in_the_world() -> None:
+    lies = TABLE.model_copy(update={"centre_in_base": (0.010, -0.005, 0.465), "yaw_in_base": 0.03})
+    model = build_model(PARAMETERS, lies, (), np.array(HOME), looks=False)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_kinematics(model, data)
+    np.testing.assert_allclose(data.site("tool").xpos, lies.board_from_base(np.array(HOME)), atol=1e-6)
+    np.testing.assert_allclose(data.body("base").xpos, lies.board_from_base(np.zeros(3)), atol=1e-12)
 
 
 @pytest.mark.parametrize(

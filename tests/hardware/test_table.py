@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from hardware.parameters import load_parameters
 from hardware.sim.arm import inverse_kinematics
-from hardware.table import PIECE_SHAPES, ContactLimits, Kind, Place, TableSettings, square_place
+from hardware.table import MOST_YAW, PIECE_SHAPES, ContactLimits, Kind, Place, TableSettings, square_place
 
 TABLE = TableSettings()
 SQUARES = [square_place(i) for i in range(64)]
@@ -84,14 +84,19 @@ def test_frames_share_x_and_look_down_on_each_other() -> None:
 
 
 @given(
-    point=st.tuples(*[st.floats(-1.0, 1.0)] * 3), centre=st.tuples(*[st.floats(-0.5, 0.5)] * 3), rows=st.integers(0, 4)
+    point=st.tuples(*[st.floats(-1.0, 1.0)] * 3),
+    centre=st.tuples(*[st.floats(-0.5, 0.5)] * 3),
+    rows=st.integers(0, 4),
+    yaw=st.floats(-MOST_YAW, MOST_YAW),
 )
 def test_frames_map_there_and_back(
-    point: tuple[float, float, float], centre: tuple[float, float, float], rows: int
+    point: tuple[float, float, float], centre: tuple[float, float, float], rows: int, yaw: float
 ) -> None:
-    table = TableSettings(centre_in_base=centre)
+    table = TableSettings(centre_in_base=centre, yaw_in_base=yaw)
     points = np.broadcast_to(np.array(point), (rows, 3))
     np.testing.assert_allclose(table.board_from_base(table.base_from_board(points)), points, atol=1e-12)
+    homogeneous = np.column_stack([points, np.ones(rows)]) @ table.pose_in_base().T
+    np.testing.assert_allclose(table.base_from_board(points), homogeneous[:, :3], atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", Kind)
