@@ -274,7 +274,7 @@ def test_faults_during_writing_are_noted_and_never_wait(
             before = time.monotonic()
             flying.run(1)
             slowest = max(slowest, time.monotonic() - before)
-    assert slowest < 1.0
+    assert slowest < 3.0
     assert flying.files() == []
     gate.set()
     _until(lambda: flying.recorder._spare is not None)

