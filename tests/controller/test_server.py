@@ -279,7 +279,7 @@ def test_a_second_client_is_told_who_holds_the_lease(launch: Launch, line: Line)
     with running.client(name="the first") as first:
         second = running.client(name="the second")
         with pytest.raises(
-            ControllerBusy, match=r"is held by the first \(127.0.0.1:\d+, heard 0.\d\d s ago\): end that"
+            ControllerBusy, match=r"is held by the first \(127.0.0.1:\d+, heard \d.\d\d s ago\): end that"
         ):
             second.connect()
         assert first.execute(line(HOME, AWAY, 400)).result is Result.DONE
@@ -316,17 +316,17 @@ def test_without_a_client_it_lingers_and_ends_on_its_brakes(launch: Launch, line
         client.execute(line(HOME, AWAY, 400))
     began = time.monotonic()
     assert running.join() == 0
-    assert 0.4 < time.monotonic() - began < 2.0
+    assert 0.4 < time.monotonic() - began < 10.0
     assert running.bus.last.brake
     assert not running.bus.rate.any()
 
 
 def test_a_new_client_keeps_it_from_ending(launch: Launch) -> None:
-    running = launch(lease=0.2, linger=0.6)
-    for _ in range(2):
+    running = launch(lease=0.2, linger=1.5)
+    for _ in range(3):
         with running.client():
             time.sleep(0.3)
-        time.sleep(0.4)
+        time.sleep(0.7)
     assert running.status is None
 
 
