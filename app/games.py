@@ -215,8 +215,10 @@ def _sight(settings: Settings, venue: Venue, human: Human | None, face: Face) ->
     """
     factor = 1.0 if venue.calibration is None else venue.calibration.depth_factor
     wanted = settings.vision.guard
+    if wanted is None:
+        wanted = not venue.simulated and venue.file is not None
     guarding = None
-    if wanted or (wanted is None and not venue.simulated):
+    if wanted:
         from app.guarding import Guarding  # what sees takes a second to load
 
         knows = venue.calibration is not None or venue.simulated or _looks(settings, venue, human)
@@ -227,7 +229,7 @@ def _sight(settings: Settings, venue: Venue, human: Human | None, face: Face) ->
             )
         guarding = Guarding(
             venue.parameters, venue.table, lambda intrinsics: _believed_view(venue, intrinsics), factor,
-            1.0 / settings.vision.guard_rate, face.phase, required=bool(wanted),
+            1.0 / settings.vision.guard_rate, face.phase, required=settings.vision.guard is True,
         )  # fmt: skip
     if factor == 1.0:
         return Sight(guarding=guarding)

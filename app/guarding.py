@@ -11,7 +11,7 @@ from app.depth_scale import scaled_frames
 from app.devices import Holder, Rig, RigFailed, WatchedFrames
 from app.hand_guard import ArmMasks, GuardStop, HandGuard
 from controller.protocol.messages import Telemetry
-from hardware.interfaces import Intrinsics
+from hardware.interfaces import HardwareError, Intrinsics
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 from vision.board import BoardView
@@ -135,8 +135,8 @@ class Guarding:
             None where there is no camera and nobody insists.
 
         Raises:
-            RigFailed: there is no camera, and somebody insists.
-            HardwareError: it cannot be read.
+            RigFailed: there is no camera, and somebody insists; or it cannot be read.
+            UserError: the calibration is of another camera.
         """
         watched = rig.watched()
         if watched is None or rig.camera is None:
@@ -148,6 +148,9 @@ class Guarding:
             return scaled_frames(watched.frames(self._interval), self._factor)
 
         guard = GameGuard(frames, watched.holder, (self._parameters, self._table, self._history), self._progress)
-        if (view := self._view(rig.camera.read(FIRST_FRAME_AGE).intrinsics)) is not None:
-            guard.look(view)
+        try:
+            if (view := self._view(rig.camera.read(FIRST_FRAME_AGE).intrinsics)) is not None:
+                guard.look(view)
+        except HardwareError as error:
+            raise RigFailed(f"hands cannot be watched for: {error}") from error
         return guard

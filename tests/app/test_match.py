@@ -55,6 +55,11 @@ def test_a_line_with_every_kind_of_move(tmp_path: Path) -> None:
     assert done.report.kinds.castling.n == 2
 
 
+def test_a_guard_needs_a_camera(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"^this rig has no camera that could watch for hands: leave --guard out$"):
+        play(tmp_path / "game", game__moves="e4", vision__guard=True)
+
+
 def test_several_games_with_the_pieces_set_up_in_between(tmp_path: Path) -> None:
     path = tmp_path / "games.pgn"
     path.write_text(

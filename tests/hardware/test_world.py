@@ -233,7 +233,9 @@ def test_at_rest_time_stands_and_answers_keep_coming(world: WorldProcess) -> Non
     last = bus.exchange(BRAKED)
     started = time.monotonic()
     answers = [bus.exchange(BRAKED) for _ in range(100)]
-    assert (time.monotonic() - started) / 100 < 0.05  # about 1 ms on a machine with time to spare, 100 ms if the world waited for others
+    assert (
+        time.monotonic() - started
+    ) / 100 < 0.05  # about 1 ms on a machine with time to spare, 100 ms if the world waited for others
     assert all(answer == last._replace(status=last.status | STANDING) for answer in answers)
     assert bus.exchange(BUSY) == answers[-1]  # answered first, then advanced
     assert bus.exchange(BRAKED).tick == last.tick + 1
