@@ -185,10 +185,15 @@ def _match(settings: Settings, venue: Venue, games: _Games, folder: Path, face: 
 
 
 def _looks(settings: Settings, venue: Venue, human: Human | None) -> bool:
-    """Whether the camera follows the games."""
-    if settings.vision.verify is not None:
-        return settings.vision.verify
-    return human is not None or not venue.simulated
+    """Whether the camera follows the games.
+
+    Raises:
+        UserError: it should, and there is none.
+    """
+    if settings.vision.verify and not venue.sees:
+        raise UserError("this rig has no camera that could look after each ply: leave --verify out")
+    wanted = human is not None or not venue.simulated
+    return venue.sees and (wanted if settings.vision.verify is None else settings.vision.verify)
 
 
 def _believed_view(venue: Venue, intrinsics: Intrinsics) -> BoardView | None:
@@ -211,14 +216,14 @@ def _sight(settings: Settings, venue: Venue, human: Human | None, face: Face) ->
     """What sees for the games: the camera, corrected by its calibration, and the guard where there is one.
 
     Raises:
-        UserError: a guard is wanted that would not know where the board is.
+        UserError: a guard is wanted where there is no camera, or where it would not know where the board is.
     """
     factor = 1.0 if venue.calibration is None else venue.calibration.depth_factor
     wanted = settings.vision.guard
-    if wanted is None:
-        wanted = not venue.simulated and venue.file is not None
+    if wanted and not venue.sees:
+        raise UserError("this rig has no camera that could watch for hands: leave --guard out")
     guarding = None
-    if wanted:
+    if venue.sees and (not venue.simulated if wanted is None else wanted):
         from app.guarding import Guarding  # what sees takes a second to load
 
         knows = venue.calibration is not None or venue.simulated or _looks(settings, venue, human)
@@ -229,7 +234,7 @@ def _sight(settings: Settings, venue: Venue, human: Human | None, face: Face) ->
             )
         guarding = Guarding(
             venue.parameters, venue.table, lambda intrinsics: _believed_view(venue, intrinsics), factor,
-            1.0 / settings.vision.guard_rate, face.phase, required=settings.vision.guard is True,
+            1.0 / settings.vision.guard_rate, face.phase,
         )  # fmt: skip
     if factor == 1.0:
         return Sight(guarding=guarding)
@@ -273,6 +278,6 @@ def _human(settings: Settings, venue: Venue, folder: Path, typed: TextIO | None,
 
 def _filming(venue: Venue, folder: Path) -> Filming | None:
     section = venue.section
-    if not (section.video and venue.simulated):
+    if not (section.video and section.cameras and venue.simulated):
         return None
     return Filming(venue.run_dir(folder), folder / "game.webm", section.video_length, venue.pace)

@@ -105,7 +105,6 @@ class Guarding:
         view: where the board should be in the pictures of a camera; None: nobody knows.
         depth_factor: by which the camera's depth is to be multiplied.
         interval: from frame to frame of a simulated camera [s].
-        required: somebody has asked for it: a rig without a camera is refused.
         progress: told when a hand comes and goes.
     """
 
@@ -117,11 +116,9 @@ class Guarding:
         depth_factor: float,
         interval: float,
         progress: Callable[[str], None],
-        *,
-        required: bool,
     ) -> None:
         self._parameters, self._table, self._view, self._factor = parameters, table, view, depth_factor
-        self._interval, self._required, self._progress = interval, required, progress
+        self._interval, self._progress = interval, progress
         self._history = ArmHistory(parameters.drive.tick)
 
     def take(self, telemetry: Telemetry) -> None:
@@ -132,16 +129,14 @@ class Guarding:
         """The guard of an open rig; it watches already where it is known where the board is.
 
         Returns:
-            None where there is no camera and nobody insists.
+            None where there is no camera.
 
         Raises:
-            RigFailed: there is no camera, and somebody insists; or it cannot be read.
+            RigFailed: it cannot be read.
             UserError: the calibration is of another camera.
         """
         watched = rig.watched()
         if watched is None or rig.camera is None:
-            if self._required:
-                raise RigFailed("this rig has no camera that could watch for hands: leave --guard out")
             return None
 
         def frames() -> WatchedFrames:

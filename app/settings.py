@@ -72,6 +72,9 @@ class RigSection(_Section):
     """UDP port of our own controller; 0: any that is free."""
     journal: bool = False
     """A simulation of our own keeps every command, so that its ticks can be done again."""
+    cameras: bool = True
+    """A simulation of our own is drawn. False: it needs no OpenGL and is faster, but nothing is seen, filmed or kept as
+    a picture."""
     video: bool = True
     """Film the first part of a game in a simulation."""
     video_length: Annotated[float, Field(ge=1.0)] = 40.0

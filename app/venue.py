@@ -19,6 +19,7 @@ from app.settings import PadKind, RigSection
 from app.sim_settings import SimRigSettings
 from controller.link import Listener
 from controller.settings import ControllerSettings
+from hardware.camera_settings import NoCameraSettings
 from hardware.parameters import DEFAULT_FILE, FLAT_PADS_FILE, RobotParameters, load_parameters
 from hardware.sim.hand_actions import HandSettings
 from hardware.sim.randomisation import Randomisation
@@ -66,6 +67,17 @@ class Venue:
         return self.own or (self.file is not None and self.file.simulated)
 
     @property
+    def sees(self) -> bool:
+        """Whether it has a camera."""
+        if self.file is None:
+            return self.own and self.section.cameras
+        return (
+            self.file.world_section.cameras
+            if self.file.simulated
+            else not isinstance(self.file.lab_camera, NoCameraSettings)
+        )
+
+    @property
     def fen(self) -> str | None:
         """What stands on the board if nobody says otherwise; None: the usual position."""
         return self.file.world_section.fen if self.file is not None and self.file.simulated else None
@@ -90,7 +102,8 @@ class Venue:
             world=WorldSettings(
                 pieces=tuple(inventory), home=self.motion.home, table=self.meant, pace=self.pace, seed=section.seed,
                 randomisation=randomisation, parameters_file=_ROBOTS[section.pads], linger=section.linger,
-                journal=section.journal, hand=None if person is None else HandSettings(side=person),
+                journal=section.journal, cameras=section.cameras,
+                hand=None if person is None else HandSettings(side=person),
             ),
             controller=ControllerSettings(linger=max(section.linger, 1e-3), port=section.port),
         )  # fmt: skip

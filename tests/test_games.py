@@ -10,7 +10,7 @@ import pytest
 
 from app.records import read_events
 
-FAST = ("--pace", "fast", "--no-video")
+FAST = ("--pace", "fast", "--no-cameras")
 PROMOTIONS = "1r6/P1P5/5k2/8/8/5K2/p1p5/1R6 w - - 0 1"
 
 
@@ -61,7 +61,7 @@ def test_captured_pieces_and_promoted_pawns_are_dropped_into_the_boxes(demo):
 
 @pytest.mark.slow
 def test_a_seeded_game_repeats_exactly_and_is_recorded(demo):
-    options = (*FAST, "--seed", "4", "--nodes", "2000", "--plies", "2")
+    options = ("--pace", "fast", "--no-video", "--seed", "4", "--nodes", "2000", "--plies", "2")
     first, second = demo(*options, name="first"), demo(*options, name="second")
     one, two = finished(first), finished(second)
     for field in ("world_state", "sim_s", "kinds", "placement_mm", "peak_torque_Nm", "peak_force_N"):

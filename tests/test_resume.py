@@ -22,7 +22,7 @@ def test_program_and_controller_are_killed_in_mid_move_and_the_game_goes_on() ->
 
 @pytest.mark.slow
 def test_an_interrupted_game_is_resumed_from_the_worlds_last_state(demo) -> None:
-    run = demo("--pace", "fast", "--no-video", "--moves", "e4 d5 exd5")
+    run = demo("--pace", "fast", "--no-cameras", "--moves", "e4 d5 exd5")
     events = run.folder / "events.jsonl"
     run.until(lambda: events.exists() and '"carry"' in events.read_text(), "a carry")
     run.signal(signal.SIGINT)

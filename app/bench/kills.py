@@ -150,7 +150,7 @@ class _Game:
 
     def __init__(self, folder: Path, line: str, pace: str, figures: Figures) -> None:
         self._folder, self._run_dir = folder, folder / "run"
-        self._start = ["demo", "--out", str(folder), "--pace", pace, "--moves", line, "--no-video", "--linger", "60"]
+        self._start = ["demo", "--out", str(folder), "--pace", pace, "--moves", line, "--no-cameras", "--linger", "60"]
         self._figures = figures
         self._app: subprocess.Popen[bytes] | None = None
         parameters = load_parameters()

@@ -49,6 +49,7 @@ def demo(
     out: options.Out = None,
     verify: options.Verify = None,
     guard: options.Guard = None,
+    cameras: options.Cameras = True,
     video: options.Video = True,
     video_length: options.VideoLength = 40.0,
     linger: options.Linger = 30.0,

@@ -37,6 +37,9 @@ Linger = Annotated[
     float, typer.Option(min=0.0, help="If this program is killed: how long the arm waits for another [s].")
 ]
 Port = Annotated[int, typer.Option(min=0, max=65535, help="UDP port of the controller; 0: any free one.")]
+Cameras = Annotated[
+    bool, typer.Option(help="The simulation is drawn; without, no OpenGL is needed, and nothing is seen or filmed.")
+]
 Video = Annotated[bool, typer.Option(help="Film the first part of the game.")]
 VideoLength = Annotated[float, typer.Option(min=1.0, help="Longest film, in plant time [s].")]
 
@@ -84,7 +87,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the report as JSON."
 _FIELDS: Final = {
     "rig": "rig.name", "pace": "rig.pace", "profile": "rig.profile", "seed": "rig.seed", "square": "rig.square",
     "pads": "rig.pads", "captured": "rig.captured", "randomise": "rig.randomise", "linger": "rig.linger",
-    "port": "rig.port", "video": "rig.video", "video_length": "rig.video_length",
+    "port": "rig.port", "cameras": "rig.cameras", "video": "rig.video", "video_length": "rig.video_length",
     "fen": "game.fen", "chess960": "game.chess960", "standing": "game.standing", "moves": "game.moves",
     "plies": "game.plies", "games": "game.games", "file": "game.replay", "game": "game.replay_game",
     "from_ply": "game.from_ply",

@@ -39,7 +39,8 @@ DRAW_TIMEOUT = 4.0
 LOST = "the renderer has ended or is stuck; renderer.log in the run directory says why"
 GL_REMEDY = (
     "pictures need OpenGL through EGL, and it does not start here ({}): "
-    "install it with 'sudo apt-get install libegl1 libgl1-mesa-dri'"
+    "install it with 'sudo apt-get install libegl1 libgl1-mesa-dri', or leave the cameras out (--no-cameras; in a rig "
+    "file cameras = false)"
 )
 
 

@@ -55,9 +55,11 @@ def test_a_line_with_every_kind_of_move(tmp_path: Path) -> None:
     assert done.report.kinds.castling.n == 2
 
 
-def test_a_guard_needs_a_camera(tmp_path: Path) -> None:
+def test_a_guard_and_a_look_need_a_camera(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"^this rig has no camera that could watch for hands: leave --guard out$"):
         play(tmp_path / "game", game__moves="e4", vision__guard=True)
+    with pytest.raises(UserError, match=r"^this rig has no camera that could look after each ply: leave --verify out$"):
+        play(tmp_path / "other", game__moves="e4", vision__verify=True)
 
 
 def test_several_games_with_the_pieces_set_up_in_between(tmp_path: Path) -> None:

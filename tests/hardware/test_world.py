@@ -784,5 +784,5 @@ def test_without_opengl_the_world_ends_with_the_remedy(start: Start) -> None:
     assert world.process.wait(60.0) == 2
     (line,) = world.log.splitlines()
     assert line.startswith("touchmove: pictures need OpenGL through EGL, and it does not start here (")
-    assert line.endswith("install it with 'sudo apt-get install libegl1 libgl1-mesa-dri'")
+    assert "install it with 'sudo apt-get install libegl1 libgl1-mesa-dri', or leave the cameras out" in line
     assert not (world.run_dir / wire.SOCKET_NAME).exists()
