@@ -28,6 +28,9 @@ ALL_KINDS = "e4 d5 exd5 c5 dxc6 a6 cxb7 Nf6 bxa8=Q e6 Nf3 Bc5 Bb5+ axb5 O-O O-O"
 """Every kind of move: quiet, capture, en passant, promotion with capture, castling."""
 
 
+MASTERS = Path(__file__).resolve().parents[1] / "data" / "master_games.pgn"
+
+
 def play(folder: Path, typed: str | None = None, **changes: Any) -> SessionResult:
     named = {name.replace("__", "."): value for name, value in changes.items()}
     settings = settings_of({"rig.name": "board", "rig.video": False, "out": folder, **named})
@@ -60,6 +63,17 @@ def test_a_guard_and_a_look_need_a_camera(tmp_path: Path) -> None:
         play(tmp_path / "game", game__moves="e4", vision__guard=True)
     with pytest.raises(UserError, match=r"^this rig has no camera that could look after each ply: leave --verify out$"):
         play(tmp_path / "other", game__moves="e4", vision__verify=True)
+
+
+@pytest.mark.parametrize("number", [1, 4, 7])
+def test_games_of_masters_are_played_again(tmp_path: Path, number: int) -> None:
+    done = play(tmp_path / "game", game__replay=MASTERS, game__replay_game=number, game__plies=1000)
+    with MASTERS.open(encoding="utf-8") as stream:
+        games = [chess.pgn.read_game(stream) for _ in range(number)]
+    assert games[-1] is not None
+    assert done.holds
+    assert done.report.result == games[-1].headers["Result"]
+    assert done.report.plies == len(list(games[-1].mainline_moves()))
 
 
 def test_several_games_with_the_pieces_set_up_in_between(tmp_path: Path) -> None:
