@@ -22,6 +22,7 @@ from app.match import Fixture, Match, Start, last_round
 from app.player_choice import engine_players, line_players, start_clock
 from app.players import Players
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
+from app.records.events import EndEvent
 from app.records.files import GAMES
 from app.replay import RecordedGame, recorded_games
 from app.session import Filming, SessionResult, Sight, run_session
@@ -58,7 +59,7 @@ def run_games(settings: Settings, face: Face, typed: TextIO | None = None) -> Se
     with ExitStack() as stack:
         games = _Games(settings, venue, face, _human(settings, venue, folder, typed, stack))
         match = stack.enter_context(_match(settings, venue, games, folder, face))
-        standing = None if settings.game.standing is None else start_board(settings.game.standing)
+        standing = None if settings.game.standing is None else start_board(settings.game.standing, option="--standing")
         inventory = match.start(lambda board: Inventory.of(start_layout(board, venue.table), venue.table), standing)
         keep_settings(folder, settings)
         world = venue.world(inventory, _person(settings) or settings.rig.person) if venue.own else None
@@ -89,7 +90,7 @@ def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> Sessi
         position = position.from_the_start()
     with ExitStack() as stack:
         human = _human(settings, venue, folder, typed, stack)
-        games = _Games(settings, venue, face, human, opened=bool(history.plies))
+        games = _Games(settings, venue, face, human, begun=number)
         if not sets_up and _over(history, games.most(number)) and games(number + 1, None) is None:
             raise UserError(f"the game in {path} is over, after {len(history.plies)} plies: start a new one")
         match = stack.enter_context(_match(settings, venue, games, folder, face))
@@ -109,13 +110,11 @@ class _Games:
         venue: where it is played.
         face: shown what happens.
         human: who plays one side by hand; None: nobody.
-        opened: the first one was begun before.
+        begun: number of the game that was begun last.
     """
 
-    def __init__(
-        self, settings: Settings, venue: Venue, face: Face, human: Human | None, *, opened: bool = False
-    ) -> None:
-        self._settings, self._venue, self._face, self._opened = settings, venue, face, opened
+    def __init__(self, settings: Settings, venue: Venue, face: Face, human: Human | None, *, begun: int = 1) -> None:
+        self._settings, self._venue, self._face, self._begun = settings, venue, face, begun
         self.human = human
         game = settings.game
         self._replayed: tuple[RecordedGame, ...] = ()
@@ -136,30 +135,28 @@ class _Games:
             most = min(plies, len(one.moves))
             result = one.result if most == len(one.moves) else "*"
             return Fixture(one.board.copy(), _follow(one.board, one.moves, names), most, None, one.comments, result)
-        if number > self._settings.game.games and not (last is not None and last.again):
+        wanted = max(self._settings.game.games, self._begun)  # a person may have asked for more
+        if number > wanted and not (last is not None and last.again):
             return None
         if self._line is not None:
             most = min(plies, len(self._line))
             players = _follow(self._board, self._line, ("line", "line"))
             return Fixture(self._board.copy(), players, most, result="*")
-        opened, self._opened = self._opened, False
         clock = start_clock(self._settings)
-        return Fixture(self._board.copy(), self._engines(number, opened), plies, self.human, clock=clock)
+        return Fixture(self._board.copy(), self._engines(number), plies, self.human, clock=clock)
 
     def most(self, number: int) -> int:
         """Plies of a game after which it is over in any case."""
         fixture = self(number, None)
         return 0 if fixture is None else fixture.plies
 
-    def _engines(self, number: int, opened: bool) -> Callable[[ExitStack], Players]:
+    def _engines(self, number: int) -> Callable[[ExitStack], Players]:
         settings, seed = self._settings, self._settings.rig.seed + number - 1
         if not settings.game.plies:
             return _follow(self._board, (), (NOBODY, NOBODY))
 
         def make(stack: ExitStack) -> Players:
-            return stack.enter_context(
-                engine_players(settings, self._board, seed, stack, self._face, self._venue.pace, opened=opened)
-            )
+            return stack.enter_context(engine_players(settings, self._board, seed, stack, self._face, self._venue.pace))
 
         return make
 
@@ -171,11 +168,10 @@ def _follow(
 
 
 def _over(history: History, most: int) -> bool:
-    return (
-        history.ended
-        and history.unfinished is None
-        and (len(history.plies) >= most or history.board.is_game_over(claim_draw=True))
-    )
+    """Whether a game had its result, or as many plies as it may have."""
+    last = history.events[-1]
+    decided = isinstance(last, EndEvent) and last.result != "*"
+    return history.ended and history.unfinished is None and (decided or len(history.plies) >= most)
 
 
 def _match(settings: Settings, venue: Venue, games: _Games, folder: Path, face: Face) -> Match:
@@ -247,10 +243,20 @@ def _completed(settings: Settings, venue: Venue) -> Settings:
     """With what the rig says, and with paths that hold for any working directory."""
     if settings.game.fen is None and venue.fen is not None:
         settings = settings.with_changes({"game.fen": venue.fen})
-    if settings.game.replay is not None:
-        settings = settings.with_changes({"game.replay": settings.game.replay.absolute()})
-    if settings.vision.calibration is not None:
-        settings = settings.with_changes({"vision.calibration": settings.vision.calibration.absolute()})
+    paths = {
+        "game.replay": settings.game.replay, "vision.calibration": settings.vision.calibration,
+        "rig.randomise": settings.rig.randomise, "engine.book": settings.engine.book,
+        "white.book": settings.white.book, "black.book": settings.black.book,
+    }  # fmt: skip
+    settings = settings.with_changes({name: path.absolute() for name, path in paths.items() if path is not None})
+    engines = {
+        "engine.path": settings.engine.path,
+        "white.path": settings.white.path,
+        "black.path": settings.black.path,
+    }
+    settings = settings.with_changes(
+        {name: str(Path(path).absolute()) for name, path in engines.items() if path is not None and "/" in path}
+    )
     if venue.file is not None:
         settings = settings.with_changes({"rig.name": str(Path(settings.rig.name).absolute())})
     return settings
@@ -268,7 +274,8 @@ def _human(settings: Settings, venue: Venue, folder: Path, typed: TextIO | None,
     colour = _person(settings)
     if colour is None:
         return None
-    assert typed is not None, "a person types"
+    if typed is None:
+        raise UserError("a person plays by 'touchmove play': say that, or let an engine play both sides")
     hands = None
     if venue.own:
         hands = SimHands(venue.run_dir(folder))

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from types import TracebackType
 from typing import Final, Self
 
 from app.arm_view import ArmHistory
 from app.depth_scale import scaled_frames
 from app.devices import Holder, Rig, RigFailed, WatchedFrames
-from app.hand_guard import ArmMasks, GuardStop, HandGuard
+from app.hand_guard import ArmMasks, Blind, GuardStop, HandGuard
+from controller.errors import ControllerError
 from controller.protocol.messages import Telemetry
 from hardware.interfaces import HardwareError, Intrinsics
 from hardware.parameters import RobotParameters
@@ -17,6 +21,8 @@ from hardware.table import TableSettings
 from vision.board import BoardView
 from vision.watch import Seen
 
+AGAIN: Final = 1.0
+"""So often a camera that has fallen silent is asked again [s, wall]."""
 FIRST_FRAME_AGE: Final = 60.0
 """Of a frame that is asked for its camera alone [s]."""
 
@@ -32,6 +38,7 @@ class GameGuard:
         holder: the controller's client.
         arm: the robot, where the table is below it, and the history that hears the telemetry of its controller.
         progress: told when a hand comes and goes.
+        patience: so long a camera that has fallen silent may take to come back [s, wall].
     """
 
     def __init__(
@@ -40,9 +47,14 @@ class GameGuard:
         holder: Holder,
         arm: tuple[RobotParameters, TableSettings, ArmHistory],
         progress: Callable[[str], None] | None = None,
+        patience: float = 15.0,
     ) -> None:
+        self._patience = patience
         self._frames, self._holder, self._arm, self._progress = frames, holder, arm, progress
         self._guard: HandGuard | None = None
+        self._view: BoardView | None = None
+        self._tried = -math.inf
+        self._departures = 0
         self.stops: list[GuardStop] = []
         """Each time the arm was asked to hold, until the board was looked for last."""
 
@@ -55,10 +67,12 @@ class GameGuard:
         Raises:
             HardwareError: the camera cannot be read.
         """
-        holding = self._guard is not None and self._guard.holding
+        self._view = view
+        frames, masks = self._frames(), ArmMasks(view, *self._arm)  # the guard before stays where this fails
+        before = self._guard
         self.close()
-        masks = ArmMasks(view, *self._arm)
-        self._guard = HandGuard(self._frames(), view, masks, self._holder, progress=self._progress, holding=holding)
+        holding = before is not None and before.holding  # once its thread has ended
+        self._guard = HandGuard(frames, view, masks, self._holder, progress=self._progress, holding=holding)
         self._guard.start()
 
     @property
@@ -67,24 +81,68 @@ class GameGuard:
         return self._guard is not None
 
     def clear(self) -> None:
-        """Wait until no hand is over the board, then admit motions; see ``HandGuard.clear``."""
-        if self._guard is not None:
-            self._guard.clear()
+        """Wait until no hand is over the board, then admit motions; see ``HandGuard.clear``.
+
+        A camera that falls silent may come back, as one does that is plugged in again.
+
+        Raises:
+            Blind: it has not.
+            ControllerError: the controller does not answer.
+        """
+        until = time.monotonic() + self._patience
+        while self._guard is not None:
+            try:
+                self._guard.clear()
+                return
+            except Blind:
+                if time.monotonic() > until:
+                    raise
+                time.sleep(AGAIN)
+                self._look_again()
 
     def glance(self) -> Seen | None:
-        """What the newest frame showed; see ``HandGuard.seen``. None before the first one."""
-        return None if self._guard is None else self._guard.seen
+        """What the newest frame showed; see ``HandGuard.seen``. None before the first one.
+
+        Raises:
+            Blind: the camera gives no frames; it is asked again from time to time.
+        """
+        if self._guard is None:
+            return None
+        try:
+            return self._guard.seen
+        except Blind:
+            if time.monotonic() > self._tried + AGAIN:
+                self._look_again()
+            raise
+
+    def _look_again(self) -> None:
+        """Perhaps the camera is there again."""
+        self._tried = time.monotonic()
+        assert self._view is not None
+        with suppress(HardwareError):  # it is not: whoever has asked is told of that already
+            self.look(self._view)
+
+    @property
+    def departures(self) -> int:
+        """So often a hand has gone since the session began; see ``HandGuard.departures``."""
+        return self._departures + (0 if self._guard is None else self._guard.departures)
 
     def wake(self, awake: bool) -> None:
         """Whether plant time shall run for the camera while nothing moves; see ``WatchedFrames.wake``."""
         if self._guard is not None:
             self._guard.wake(awake)
 
+    @property
+    def holding(self) -> bool:
+        """Whether the arm holds because this guard has asked for it."""
+        return self._guard is not None and self._guard.holding
+
     def close(self) -> None:
         """End watching; a hold stays in force."""
         if self._guard is not None:
             self._guard.close()
             self.stops += self._guard.stops
+            self._departures += self._guard.departures
             self._guard = None
 
     def __enter__(self) -> Self:
@@ -93,7 +151,11 @@ class GameGuard:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        before = self._guard
         self.close()
+        if before is not None and before.holding and not before.blind:
+            with suppress(ControllerError):  # one that is gone needs no leave
+                self._holder.resume()  # nothing moves now, and the next game watches for itself
 
 
 class Guarding:

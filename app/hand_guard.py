@@ -117,6 +117,7 @@ class HandGuard:
         self._news = threading.Condition()
         self._newest: tuple[Frame | DepthFrame, Seen] | None = None
         self._count = 0
+        self._came, self._departures = False, 0
         self._holding = holding
         self._trouble: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="hand guard", daemon=True)
@@ -160,6 +161,18 @@ class HandGuard:
     def wake(self, awake: bool) -> None:
         """Whether plant time shall run for the camera while nothing moves; see ``WatchedFrames.wake``."""
         self._frames.wake(awake)
+
+    @property
+    def blind(self) -> bool:
+        """Whether there are no frames any more."""
+        with self._news:
+            return self._trouble is not None
+
+    @property
+    def departures(self) -> int:
+        """So often a hand has come, has gone, and the board lay still."""
+        with self._news:
+            return self._departures
 
     @property
     def hand_present(self) -> bool:
@@ -243,6 +256,9 @@ class HandGuard:
             ask = seen.hand_present and not self._holding
             self._holding = self._holding or ask
             self._newest = frame, seen
+            self._came = self._came or seen.hand_present
+            if self._came and seen.settled and not seen.hand_present:
+                self._came, self._departures = False, self._departures + 1
         if ask:
             self._holder.ask_to_hold()
             self.stops.append(GuardStop(frame.stamp, seen.over))
@@ -261,6 +277,7 @@ class HandGuard:
             except (ControllerError, HardwareError) as worse:
                 error = worse
         with self._news:
+            self._holding = True
             self._trouble = error
             self._news.notify_all()
 

@@ -26,7 +26,7 @@ from app.game.table import Table
 from app.game.timing import Timing, clock_of
 from app.manipulation import Inventory
 from app.players import Players
-from app.records import GameRecord, GameSetup
+from app.records import EVENTS_FILE, GameRecord, GameSetup
 from app.records.events import Result
 from app.records.history import counted_plies
 from app.session import Round
@@ -130,7 +130,8 @@ class Match:
 
     def go_on(self, start: Start) -> None:
         """Begin with what another program has left."""
-        self._take_up(start.number, None)
+        fixture = self._take_up(start.number, None)
+        assert fixture is not None, "what was begun is among the fixtures"
         self._records.enter_context(start.record)
         self._start = start
 
@@ -221,6 +222,8 @@ def last_round(folder: Path) -> tuple[Path, int, bool]:
         name = _NAME.fullmatch(path.name)
         if name is not None:
             rounds.append((int(name[2]), name[1] == "game", path))
+    if (folder / EVENTS_FILE).exists():
+        rounds.append((1, True, folder))  # comes after its own setting up
     if not rounds:
         return folder, 1, False
     number, is_game, path = max(rounds)

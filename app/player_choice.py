@@ -44,7 +44,7 @@ def line_players(
 
 
 def engine_players(
-    settings: Settings, board: chess.Board, seed: int, stack: ExitStack, face: Face, pace: Pace, *, opened: bool
+    settings: Settings, board: chess.Board, seed: int, stack: ExitStack, face: Face, pace: Pace
 ) -> Players:
     """An engine for each side.
 
@@ -55,7 +55,6 @@ def engine_players(
         stack: ends them.
         face: shown that they start.
         pace: of the rig; in pace fast nobody thinks ahead.
-        opened: the opening is not chosen any more.
 
     Raises:
         UserError: the settings contradict each other.
@@ -67,7 +66,7 @@ def engine_players(
     face.phase("starting Stockfish")
     human = any(side.player is PlayerKind.HUMAN for side in sides)
     books = any(_book_of(settings, colour) is not None for colour in chess.COLORS)
-    chosen = opened or human or books or settings.game.fen is not None
+    chosen = human or books or settings.game.fen is not None
     opening = () if chosen else _opening(settings, board, seed)
     players = dict[chess.Color, Player]()
     for colour in chess.COLORS:

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Protocol
 
 from pydantic import JsonValue
 
-from app.devices import Rig
+from app.devices import Rig, RigFailed
 from app.faces import Face
 from app.game import EXPECTED_FAILURES, Devices, GameEnd
 from app.records import GameRecord, RecordError, Report
 from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
+from controller.errors import ControllerError
 from controller.link import Listener
 from controller.protocol.messages import Telemetry
 from engine.errors import EngineProblem
-from hardware.interfaces import Camera
+from hardware.interfaces import Camera, HardwareError
 from hardware.sim.settings import Pace
 
 if TYPE_CHECKING:
@@ -169,11 +170,22 @@ def _play_all(rig: Rig, devices: Devices, programme: Programme, done: list[Sessi
         _play(rig, course)
         if course.failures or course.interrupted or not course.end.complete:
             return course
-        following = programme.next(devices, course.end)
+        following = _following(programme, devices, course)
         if following is None:
             return course
         done.append(_result(course, rested=True))
         course = _Course(following)
+
+
+def _following(programme: Programme, devices: Devices, course: _Course) -> Round | None:
+    """The round after one that was played; that one is ended in any case."""
+    try:
+        return programme.next(devices, course.end)
+    except BaseException as error:
+        _result(course, rested=True)
+        if isinstance(error, ControllerError | HardwareError):
+            raise RigFailed(str(error)) from error
+        raise
 
 
 def _play(rig: Rig, course: _Course) -> None:

@@ -171,12 +171,13 @@ def _rig_file(section: RigSection) -> RigFile:
     return rig
 
 
-def start_board(fen: str | None, *, chess960: bool = False) -> chess.Board:
+def start_board(fen: str | None, *, chess960: bool = False, option: str = "--fen") -> chess.Board:
     """The position a game starts from.
 
     Args:
         fen: None: the usual one.
         chess960: castling from any squares.
+        option: that gives it, for people.
 
     Raises:
         UserError: it is no position, or no legal one.
@@ -184,10 +185,12 @@ def start_board(fen: str | None, *, chess960: bool = False) -> chess.Board:
     try:
         board = chess.Board(fen if fen is not None else chess.STARTING_FEN, chess960=chess960)
     except ValueError as error:
-        raise UserError(f"--fen is no position: {error}") from error
+        raise UserError(f"{option} is no position: {error}") from error
     if not board.is_valid():
         problems = ", ".join(str(flag.name).lower().replace("_", " ") for flag in board.status())
-        raise UserError(f"--fen is no legal position ({problems}): {fen}: set it up in any chess program and copy it")
+        raise UserError(
+            f"{option} is no legal position ({problems}): {fen}: set it up in any chess program and copy it"
+        )
     return board
 
 

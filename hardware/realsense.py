@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from dataclasses import dataclass
 from typing import Any, Final
@@ -54,7 +55,7 @@ class RealSenseCamera:
         self._clock = clock
         self._context = context if context is not None else rs.context()
         self._serial = choose_serial(settings.serial, _serials(self._context))
-        self._maker = FrameMaker()
+        self._maker, self._making = FrameMaker(), threading.Lock()
         self._newest = Newest[_Pair]()
         self._exposed = -math.inf
         self._made: tuple[_Pair, Frame] | None = None
@@ -81,12 +82,13 @@ class RealSenseCamera:
         age = time.time() - newest.exposed
         if age > max_age:
             raise StaleFrame(age, max_age)
-        if self._made is None or self._made[0] is not newest:
-            stamp = self._clock.now() - max(age, 0.0)
-            if self._made is not None:
-                stamp = max(stamp, self._made[1].stamp)
-            self._made = newest, self._maker.make(newest.frameset, stamp)
-        frame = self._made[1]
+        with self._making:  # who plays and who watches for hands read in threads of their own
+            if self._made is None or self._made[0] is not newest:
+                stamp = self._clock.now() - max(age, 0.0)
+                if self._made is not None:
+                    stamp = max(stamp, self._made[1].stamp)
+                self._made = newest, self._maker.make(newest.frameset, stamp)
+            frame = self._made[1]
         depth = None if frame.depth is None else frame.depth.copy()
         return Frame(frame.colour.copy(), depth, frame.intrinsics, frame.stamp)
 

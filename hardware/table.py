@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, model_validator
 
 _AXES = np.array([1.0, -1.0, -1.0])
+"""The base frame's axes in the board frame: x = z₁, y = −z₂, z = −z₃."""
 MOST_YAW: Final = 0.04
 """A board may be turned by so much [rad]: fingers do not turn with it, and neighbours come 1.6 mm nearer to them."""
-"""The base frame's axes in the board frame: x = z₁, y = −z₂, z = −z₃."""
 
 
 class Colour(StrEnum):

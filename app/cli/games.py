@@ -71,7 +71,7 @@ def demo(
 
 def play(
     context: typer.Context,
-    color: Annotated[str, typer.Option(help="Your pieces: white or black.")] = "white",
+    color: Annotated[str | None, typer.Option(help="Your pieces: white, the default, or black.")] = None,
     elo: Annotated[int | None, typer.Option(help="Strength of the robot; full strength if not given.")] = None,
     rig: options.Rig = "sim",
     pace: options.Pace = None,
@@ -90,15 +90,19 @@ def play(
     as_json: options.AsJson = False,
 ) -> None:
     """Play against the robot: type a move, or just make it where there is a real board. 'help' says what else."""
-    if color not in ("white", "black"):
+    if color not in (None, "white", "black"):
         fail(f"--color is '{color}', choose white or black")
 
     from app.games import run_games
+    from app.settings import PlayerKind
 
+    also: dict[str, object] = {"rig.video": False}
+    believed = options.settings_of_command(context, config, also)
+    if color is None:
+        color = "black" if believed.black.player is PlayerKind.HUMAN else "white"
     other = "black" if color == "white" else "white"
-    settings = options.settings_of_command(
-        context, config, {"rig.video": False, f"{color}.player": "human", f"{other}.elo": elo}
-    )
+    also |= {f"{color}.player": "human", f"{other}.player": "engine", f"{other}.elo": elo}
+    settings = options.settings_of_command(context, config, also)
     _show_game(lambda face: run_games(settings, face, sys.stdin), headless=False, as_json=as_json, talks=True)
 
 
@@ -149,6 +153,7 @@ def setup(
     position = {
         f"game.{name}": chess.STARTING_FEN if value == "start" else value
         for name, value in (("fen", fen), ("standing", standing))
+        if config is None or options.given(context, name)
     }
     settings = options.settings_of_command(context, config, {**position, "game.plies": 0, "rig.video": False})
     _show_game(lambda face: run_games(settings, face), headless=headless, as_json=as_json)

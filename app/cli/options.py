@@ -110,12 +110,13 @@ def settings_of_command(context: typer.Context, file: Path | None, also: Mapping
     changes = {
         _FIELDS[name]: value
         for name, value in context.params.items()
-        if name in _FIELDS and (file is None or _given(context, name))
+        if name in _FIELDS and (file is None or given(context, name))
     }
     return settings_or_end({**changes, **(also or {})}, file)
 
 
-def _given(context: typer.Context, name: str) -> bool:
+def given(context: typer.Context, name: str) -> bool:
+    """Whether somebody has given the option of a parameter."""
     source = context.get_parameter_source(name)
     return source is not None and source.name != "DEFAULT"
 

@@ -129,8 +129,7 @@ class Carrier:
             except (GraspFailed, NothingTouched, PieceLost) as failure:
                 raise self._failed(job, inventory, failure) from failure
             except ArmHeld as held:
-                if self._devices.guard is None:
-                    raise
+                self._require_own_hold(held)
                 self._face.phase(f"waiting for the board to be clear: {held}")
             except ArmPaused as pause:
                 pauses += 1
@@ -251,8 +250,18 @@ class Carrier:
                 self._devices.arm.execute(plan)
                 return
             except ArmPaused as pause:
+                self._require_own_hold(pause)
                 self._face.phase(f"going on after a pause: {pause}")
         raise UserError("the arm could not go home: this computer is late again and again; see 'touchmove link-test'")
+
+    def _require_own_hold(self, pause: ArmPaused) -> None:
+        """An arm that somebody else, or its protection, lets admit no motion waits for a person to look after it.
+
+        Raises:
+            ArmHeld: it is so.
+        """
+        if isinstance(pause, ArmHeld) and (self._devices.guard is None or not self._devices.guard.holding):
+            raise pause
 
     def _interlock(self) -> None:
         """No motion over the board while a hand is there."""

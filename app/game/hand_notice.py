@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 class HandNotice:
-    """Of one turn.
+    """Of one game: also of hands that came and went while nobody asked.
 
     Args:
         guard: that watches for hands; None: nothing is noticed.
@@ -17,34 +17,30 @@ class HandNotice:
 
     def __init__(self, guard: GameGuard | None) -> None:
         self._guard = guard
-        self._came = False
+        self._known = 0 if guard is None else guard.departures
 
     @property
     def watches(self) -> bool:
         """Whether anything is noticed at all."""
         return self._guard is not None
 
-    @property
     def there(self) -> bool:
-        """Whether a hand has come and has not gone yet, as far as ``gone`` was told."""
-        return self._came
-
-    def wake(self, awake: bool) -> None:
-        """Whether somebody waits for a hand; see ``GameGuard.wake``."""
-        if self._guard is not None:
-            self._guard.wake(awake)
-
-    def gone(self) -> bool:
-        """Whether a hand that was there has gone, and the board lies still; said once of each.
+        """Whether a hand is over the board.
 
         Raises:
             UserError: hands cannot be seen any more.
         """
         seen = None if self._guard is None else self._guard.glance()
-        if seen is None:
+        return seen is not None and seen.hand_present
+
+    def gone(self) -> bool:
+        """Whether a hand has gone, and the board lies still, since this was last said."""
+        if self._guard is None or self._guard.departures == self._known:
             return False
-        self._came = self._came or seen.hand_present
-        if self._came and seen.settled and not seen.hand_present:
-            self._came = False
-            return True
-        return False
+        self._known = self._guard.departures
+        return True
+
+    def wake(self, awake: bool) -> None:
+        """Whether somebody waits for a hand; see ``GameGuard.wake``."""
+        if self._guard is not None:
+            self._guard.wake(awake)

@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 POLL: Final = 0.2
 """So often it is looked whether the person has done something by themselves [s, wall]."""
 FORBEARANCE: Final = 2.0
-"""So long after a hand has gone nobody complains of what it left: it may come again, as for the rook of a castling
-[s, wall]."""
+"""So long after a hand has gone nobody complains of what it left, or asks: it may come again, as for the rook of a
+castling or for a queen [s, wall]."""
 _PROMOTIONS: Final = {"q": chess.QUEEN, "r": chess.ROOK, "b": chess.BISHOP, "n": chess.KNIGHT}
 
 
@@ -51,9 +51,11 @@ class HumanTurn:
         self._human, self._table, self._players, self._face = human, table, players, face
         self._timing = timing
         self._colour = human.colour
-        self._notice = HandNotice(None)
-        self._unsaid: tuple[Finding, float] | None = None
-        """What was seen when a hand had gone, and since when it has not been said [s, wall]."""
+        # a simulated hand is only there when it was told to be, and is looked after then
+        self._notice = HandNotice(table.guard if human.hands is None else None)
+        self._told = ""
+        self._unsaid: tuple[Reading, float, float] | None = None
+        """What was seen when a hand had gone, when that was, and since when it has not been told [s, wall]."""
 
     def plays(self, colour: chess.Color) -> bool:
         """Whether the person plays this colour now."""
@@ -62,8 +64,6 @@ class HumanTurn:
     def take(self) -> GameEnd | None:
         """Until a ply was made or taken back, sides were changed, or the game has ended."""
         done = len(self._table.board.move_stack)
-        # a simulated hand is only there when it was told to be, and is looked after then
-        self._notice = HandNotice(self._table.guard if self._human.hands is None else None)
         self._unsaid = None
         self._prompt()
         self._timing.start(self._colour)
@@ -82,13 +82,20 @@ class HumanTurn:
                 HardwareError,
                 EngineProblem,
             ) as error:  # it cannot be done: the game stands where it stood
-                self._face.say(str(error))
+                self._tell(str(error))
+                self._timing.start(self._colour)
                 continue
             if end is not None:
                 return end
             if line is not None and len(self._table.board.move_stack) == done:
                 self._prompt()
         return None
+
+    def _tell(self, sentence: str) -> None:
+        """Say what cannot be done; a camera that is lost is not told of five times a second."""
+        if sentence != self._told:
+            self._face.say(sentence)
+        self._told = sentence
 
     def wait(self, sentence: str) -> None:
         """Until the person says 'go'."""
@@ -101,6 +108,7 @@ class HumanTurn:
         self._face.prompt(f"{_name(self._colour)} to move{clocks}: your move")
 
     def _obey(self, command: Command) -> GameEnd | None:
+        self._unsaid, self._told = None, ""
         if isinstance(command, PlayMove):
             return self._play(command.move)
         if isinstance(command, MoveHand):
@@ -145,19 +153,20 @@ class HumanTurn:
 
     def _glance(self) -> GameEnd | None:
         """Nothing was said: perhaps something was done. A hand that went may come again: what is wrong can wait."""
+        there = self._notice.there()
         if not self._notice.gone():
-            if self._notice.there:
+            if there:
                 self._unsaid = None
-            elif self._unsaid is not None and time.monotonic() > self._unsaid[1] + FORBEARANCE:
-                finding, self._unsaid = self._unsaid[0], None
-                self._complain(finding)
+            elif self._unsaid is not None and time.monotonic() > self._unsaid[2] + FORBEARANCE:
+                (reading, then, _), self._unsaid = self._unsaid, None
+                return self._judge(reading, None, then)
             return None
-        then, reading = self._timing.now(), self._look()
-        if reading is None or reading.decision.verdict is Verdict.NOTHING:
+        then, seen = self._timing.now(), self._look()
+        if seen is None or seen.decision.verdict is Verdict.NOTHING:
             return None
-        if reading.decision.verdict is Verdict.MOVE or reading.finding.situation is Situation.LEGAL:
-            return self._judge(reading, None, then)
-        self._unsaid = reading.finding, time.monotonic()
+        if seen.decision.verdict is Verdict.MOVE and not seen.decision.promotion_unsure:
+            return self._judge(seen, None, then)
+        self._unsaid = seen, then, time.monotonic()
         return None
 
     def _play(self, move: chess.Move) -> GameEnd | None:
@@ -252,9 +261,11 @@ class HumanTurn:
         if len(self._table.board.move_stack) < 2:
             self._face.say("there is nothing of yours to take back yet")
             return None
-        self._timing.take_back(2)
+        self._timing.pause()
         with self._timing.motion():
-            return None if self._table.take_back(2) else WRONG
+            well = self._table.take_back(2)
+        self._timing.take_back(2)  # not before: it may be refused
+        return None if well else WRONG
 
     def _hint(self) -> None:
         said = self._players.hint(self._table.board)

@@ -129,9 +129,8 @@ def clock_of(clock: ChessClock | None, plies: Sequence[PlyEvent]) -> ChessClock 
     left = {Colour.WHITE: clock.white_left, Colour.BLACK: clock.black_left}
     moves: list[Move] = []
     for ply in plies:
-        if ply.clock_s is None:
-            return clock
-        before, after = left[ply.side], ply.clock_s[ply.side]
+        before = left[ply.side]
+        after = before if ply.clock_s is None else ply.clock_s[ply.side]  # of a ply that was finished by resuming
         moves.append(
             Move(white=ply.side is Colour.WHITE, before=before, thought=max(0.0, before - after), arm=0.0, after=after)
         )

@@ -74,7 +74,7 @@ def test_a_guard_whose_camera_falls_silent_holds_the_arm() -> None:
     table = TableSettings()
     arm = load_parameters(), table, ArmHistory(0.001)
     camera = Camera([])
-    with GameGuard(lambda: SteadyFrames(camera), Client(), arm) as guard:
+    with GameGuard(lambda: SteadyFrames(camera), Client(), arm, patience=0.0) as guard:
         guard.clear()
         assert guard.glance() is None, "nobody knows where the board is: nothing to wait for"
         guard.look(nominal_view(PINHOLE, table))

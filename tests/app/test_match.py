@@ -18,10 +18,11 @@ from app import UserError
 from app.cli import app
 from app.faces import Quiet
 from app.games import resume_games, run_games
+from app.match import last_round
 from app.records import EVENTS_FILE, read_events, read_history
 from app.session import SessionResult
 from app.settings_file import settings_of
-from hardware.table import TableSettings
+from hardware.table import Captured, TableSettings
 
 TABLE = TableSettings()
 ALL_KINDS = "e4 d5 exd5 c5 dxc6 a6 cxb7 Nf6 bxa8=Q e6 Nf3 Bc5 Bb5+ axb5 O-O O-O"
@@ -56,6 +57,44 @@ def test_a_line_with_every_kind_of_move(tmp_path: Path) -> None:
     history.inventory.check_against(history.board)
     assert done.report.kinds.promotion.n == 1
     assert done.report.kinds.castling.n == 2
+
+
+def test_a_game_begun_by_new_goes_on_after_it_was_left(tmp_path: Path) -> None:
+    folder = tmp_path / "match"
+    left = play(folder, "e4\nnew\nd4\nquit\n", white__player="human", engine__nodes=50)
+    assert (left.folder, left.report.result, left.report.plies) == (folder / "game-2", "*", 2)
+    assert last_round(folder) == (folder / "game-2", 2, False)
+    done = resume_games(folder, Quiet(), io.StringIO("resign\n"))
+    assert (done.folder, done.report.result, done.report.plies) == (folder / "game-2", "0-1", 2)
+    with pytest.raises(UserError, match="is over, after 2 plies"):
+        resume_games(folder, Quiet(), io.StringIO(""))
+
+
+def test_the_last_round_of_a_match_that_began_with_setting_up_is_its_game(tmp_path: Path) -> None:
+    folder = tmp_path / "match"
+    play(folder, game__standing="4k3/8/8/8/8/8/4P3/4K3 w - - 0 1", game__fen=chess.STARTING_FEN, game__moves="e4")
+    assert (folder / "set-up-1").is_dir()
+    assert last_round(folder) == (folder, 1, False)
+
+
+def test_a_refused_takeback_leaves_the_clock_running(tmp_path: Path) -> None:
+    said: list[str] = []
+
+    class Told(Quiet):
+        def say(self, sentence: str) -> None:
+            said.append(sentence)
+
+    named = {
+        "rig.name": "board", "rig.captured": "box", "rig.video": False, "out": tmp_path / "game", "clock.time": "5+0",
+        "game.fen": "4k3/8/8/3p4/4P3/8/8/4K3 w - - 0 1", "white.player": "human", "engine.nodes": 50,
+    }  # fmt: skip
+    done = run_games(settings_of(named), Told(), io.StringIO("exd5\ntakeback\nKd2\nresign\n"))
+    assert any("box" in sentence for sentence in said), said
+    plies = read_history(tmp_path / "game" / EVENTS_FILE, TABLE.model_copy(update={"captured": Captured.BOX})).plies
+    left = [ply.clock_s["white"] for ply in plies if ply.clock_s is not None and ply.side == "white"]
+    assert len(left) == 2
+    assert left[1] <= left[0] < 300.0
+    assert done.report.result == "0-1"
 
 
 def test_a_guard_and_a_look_need_a_camera(tmp_path: Path) -> None:
