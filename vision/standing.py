@@ -33,6 +33,12 @@ little."""
 ABOVE: Final = 0.1
 """Where a larger share of points is above any piece, fingers may be what stands up."""
 
+HARDLY: Final = 0.2
+"""A piece of whose square less than this is hidden shows its colour …"""
+MOSTLY: Final = 0.4
+"""… and where more than this is hidden it shows a rim past another piece. Depth is fat at edges: where it shows a rim,
+the picture shows what lies behind."""
+
 
 class Standing:
     """Learns errors and colours of points, and tells states by them."""
@@ -46,7 +52,7 @@ class Standing:
         free = ~_reached(solids)
         none = np.zeros(64, dtype=np.bool_)
         self._error.learn(_share(solids)[:, None], free & (states == EMPTY), none, memory)
-        solid = free & (solids.standing >= ENOUGH)
+        solid = free & (solids.standing >= ENOUGH) & (_shown(solids) == 1.0)
         self._colour.learn(solids.colour, solid & (states == WHITE), solid & (states == BLACK), memory)
 
     def likelihood(self, solids: Solids) -> Array:
@@ -63,7 +69,7 @@ class Standing:
         unseen = np.where(reached & (solids.standing > 0), 0.0, unseen)
         occupied = np.clip(stands + unseen, -BOUND, BOUND)
         believed = np.where(reached, 0.0, np.minimum(solids.standing / ENOUGH, 1.0))
-        black = believed * self._colour.odds(solids.colour, LEAST_SHADE)
+        black = believed * _shown(solids) * self._colour.odds(solids.colour, LEAST_SHADE)
         likelihood = np.zeros((64, 3))
         likelihood[:, WHITE] = occupied - np.maximum(black, 0.0)
         likelihood[:, BLACK] = occupied + np.minimum(black, 0.0)
@@ -76,6 +82,13 @@ def _share(solids: Solids) -> Array:
     least = max(FEW * float(solids.seen.mean()), 1.0)
     share: Array = solids.standing / np.maximum(solids.seen - solids.above, least)
     return share
+
+
+def _shown(solids: Solids) -> Array:
+    """How much the colour of what stands on each square counts, 0 to 1."""
+    hidden = solids.other.mean(axis=1)
+    shown: Array = np.clip((MOSTLY - hidden) / (MOSTLY - HARDLY), 0.0, 1.0)
+    return shown
 
 
 def _reached(solids: Solids) -> NDArray[np.bool_]:
