@@ -38,6 +38,8 @@ HARDLY: Final = 0.2
 MOSTLY: Final = 0.4
 """… and where more than this is hidden it shows a rim past another piece. Depth is fat at edges: where it shows a rim,
 the picture shows what lies behind."""
+LITTLE: Final = 0.1
+"""So little does its colour count then: it tells only where nothing else does."""
 
 
 class Standing:
@@ -87,7 +89,7 @@ def _share(solids: Solids) -> Array:
 def _shown(solids: Solids) -> Array:
     """How much the colour of what stands on each square counts, 0 to 1."""
     hidden = solids.other.mean(axis=1)
-    shown: Array = np.clip((MOSTLY - hidden) / (MOSTLY - HARDLY), 0.0, 1.0)
+    shown: Array = np.clip((MOSTLY - hidden) / (MOSTLY - HARDLY), LITTLE, 1.0)
     return shown
 
 
