@@ -23,6 +23,8 @@ from vision.watch import Seen
 
 AGAIN: Final = 1.0
 """So often a camera that has fallen silent is asked again [s, wall]."""
+SIGHT_POLL: Final = 0.02
+"""So often it is looked whether a hand that hides the board has gone [s, wall]."""
 FIRST_FRAME_AGE: Final = 60.0
 """Of a frame that is asked for its camera alone [s]."""
 
@@ -55,6 +57,7 @@ class GameGuard:
         self._view: BoardView | None = None
         self._tried = -math.inf
         self._departures = 0
+        self._gone_at: float | None = None
         self.stops: list[GuardStop] = []
         """Each time the arm was asked to hold, until the board was looked for last."""
 
@@ -127,6 +130,30 @@ class GameGuard:
         """So often a hand has gone since the session began; see ``HandGuard.departures``."""
         return self._departures + (0 if self._guard is None else self._guard.departures)
 
+    @property
+    def gone_at(self) -> float | None:
+        """When the last hand had gone [s]; None: there was none; see ``HandGuard.gone_at``."""
+        now = None if self._guard is None else self._guard.gone_at
+        return self._gone_at if now is None else now
+
+    @property
+    def leaving(self) -> bool:
+        """Whether a hand has gone, and the board does not lie still yet."""
+        return self._guard is not None and self._guard.leaving
+
+    def wait_for_sight(self) -> None:
+        """Wait until no hand is over the board, which hides what stands there; admits no motion.
+
+        A camera that gives no frames hinders nobody from asking it for one.
+        """
+        self.wake(True)
+        try:
+            with suppress(Blind):
+                while (seen := self.glance()) is not None and seen.hand_present:
+                    time.sleep(SIGHT_POLL)
+        finally:
+            self.wake(False)
+
     def wake(self, awake: bool) -> None:
         """Whether plant time shall run for the camera while nothing moves; see ``WatchedFrames.wake``."""
         if self._guard is not None:
@@ -142,6 +169,7 @@ class GameGuard:
         if self._guard is not None:
             self._guard.close()
             self.stops += self._guard.stops
+            self._gone_at = self.gone_at
             self._departures += self._guard.departures
             self._guard = None
 

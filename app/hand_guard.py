@@ -118,6 +118,7 @@ class HandGuard:
         self._newest: tuple[Frame | DepthFrame, Seen] | None = None
         self._count = 0
         self._came, self._departures = False, 0
+        self._gone_at: float | None = None
         self._holding = holding
         self._trouble: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="hand guard", daemon=True)
@@ -173,6 +174,18 @@ class HandGuard:
         """So often a hand has come, has gone, and the board lay still."""
         with self._news:
             return self._departures
+
+    @property
+    def leaving(self) -> bool:
+        """Whether a hand has gone, and the board does not lie still yet."""
+        with self._news:
+            return self._came and self._gone_at is not None
+
+    @property
+    def gone_at(self) -> float | None:
+        """Stamp of the first frame without the hand that was seen last [s]; None: there is one, or there was none."""
+        with self._news:
+            return self._gone_at
 
     @property
     def hand_present(self) -> bool:
@@ -256,7 +269,10 @@ class HandGuard:
             ask = seen.hand_present and not self._holding
             self._holding = self._holding or ask
             self._newest = frame, seen
-            self._came = self._came or seen.hand_present
+            if seen.hand_present:
+                self._came, self._gone_at = True, None
+            elif self._came and self._gone_at is None:
+                self._gone_at = frame.stamp
             if self._came and seen.settled and not seen.hand_present:
                 self._came, self._departures = False, self._departures + 1
         if ask:

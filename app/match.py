@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -28,9 +28,10 @@ from app.manipulation import Inventory
 from app.players import Players
 from app.records import EVENTS_FILE, GameRecord, GameSetup
 from app.records.events import Result
-from app.records.history import counted_plies
+from app.records.history import counted_plies, persons_side
 from app.session import Round
 from hardware.sim.settings import Pace
+from hardware.table import Colour
 
 PERSON: Final = "Human"
 """Name of whoever plays by hand."""
@@ -179,7 +180,9 @@ class Match:
         assert self._chosen is not None
         if position.begun:
             record.resumed(devices.clock.now())
-        human = self._fixture.human
+        human, side = self._fixture.human, persons_side(record.events)
+        if human is not None and side is not None:
+            human = replace(human, colour=side is Colour.WHITE)
         table = self._table = self._seating.table(devices, record, position, self._face, human)
         if self._sets_up:
             goal = self._fixture.board

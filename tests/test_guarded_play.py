@@ -15,12 +15,13 @@ from pathlib import Path
 import chess
 import pytest
 
-from hardware.sim.hand_actions import Hover, Move, Withdraw
+from hardware.sim.hand_actions import Move, Withdraw
 from hardware.sim.hand_client import SimHand
 from hardware.table import TableSettings, square_place
 
 TOUCHMOVE = [sys.executable, "-P", "-m", "app.cli"]
-FEN = "4k3/8/8/8/7r/8/4P3/4K3 w - - 0 1"
+FEN = "7k/5Q1p/p6P/8/8/8/4P3/4K3 w - - 0 1"
+"""Black has but moves of the pawn on a6."""
 PATIENCE = 90.0
 TABLE = TableSettings()
 
@@ -104,10 +105,13 @@ def test_a_move_is_seen_when_the_hand_has_gone_and_the_arm_waits_while_one_is_th
         hand.perform(Move(start=xy("e2"), to=xy("e4")), Withdraw())
         hand.wait()
         game.until("the board is clear: the arm may go on")  # and takes the pawn: long enough for another hand
-        hand.perform(Hover(at=xy("d5"), height=0.10, duration=0.6), Withdraw())
+        # not waiting for the arm to finish: the move answers the one that it is making
+        hand.perform(Move(start=xy("e1"), to=xy("f2")), Withdraw())
         hand.wait()
         game.until("a hand is over the board: the arm holds")
         game.until("the board is clear: the arm may go on")
+        game.until("I played")
+        game.until("Kf2")
         game.until("I played")
         game.until("White to move")
     finally:
@@ -115,4 +119,4 @@ def test_a_move_is_seen_when_the_hand_has_gone_and_the_arm_waits_while_one_is_th
     game.say("resign")
     assert game.process.wait(PATIENCE) == 0, game.said[-2000:]
     report = json.loads((folder / "report.json").read_text())
-    assert (report["plies"], report["physical_ok"], report["failures"]) == (2, True, [])
+    assert (report["plies"], report["physical_ok"], report["failures"]) == (4, True, [])

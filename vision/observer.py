@@ -83,6 +83,10 @@ class Observer:
         self.board = board.copy()
         self._learn(look.light, look.solids, codes_of(board))
 
+    def stand(self, board: chess.Board) -> None:
+        """Take a position as known that no look has shown, as the next move may be made already: nothing is learnt."""
+        self.board = board.copy()
+
     def _learn(self, light: Light, solids: Solids | None, codes: Codes) -> None:
         states = states_of(codes)
         self._appearance.learn([describe(light, shift) for shift in SHIFTS], states)

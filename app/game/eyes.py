@@ -35,6 +35,7 @@ from vision.observer import Look, Observer
 from vision.orientation import orient
 from vision.sight import sight_of_frame
 from vision.situations import Finding, explain
+from vision.verdict import Situation, Verdict
 from vision.verify import Fault, verify_board
 
 States = NDArray[np.intp]
@@ -42,6 +43,7 @@ Heights = NDArray[np.float64]
 
 PATIENCE: Final = 3.0
 """So long a fresh frame is waited for [s]."""
+_ANSWERS: Final = frozenset({Situation.LEGAL, Situation.UNFINISHED})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,11 +119,13 @@ class Eyes:
         return self._observer
 
     def frame(self) -> Frame:
-        """A frame exposed from now on, the arm being at rest.
+        """A frame exposed from now on, the arm being at rest, and, where somebody watches, no hand over the board.
 
         Raises:
             HardwareError: the camera gives none.
         """
+        if self._guard is not None:
+            self._guard.wait_for_sight()
         self._arm.state()  # in pace fast: once plant time stands, so that the exposure's tick is decided
         since = self._clock.now()
         while True:
@@ -184,11 +188,24 @@ class Eyes:
         """
         frame = self.frame()
         self._follow(frame)
+        return self._read(frame)
+
+    def _read(self, frame: Frame) -> Reading:
         look = self._known.look(sight_of_frame(frame, self.view))
         decision = self._known.decide(look)
         known = codes_of(self._known.board)
         states, altered = look.evidence.read(known), look.evidence.altered(known)
         return Reading(decision, explain(states, self._known.board, altered), states, look)
+
+    def answered(self, board: chess.Board) -> bool:
+        """Whether the newest frame shows a position after which somebody has moved already, or has begun to.
+
+        Args:
+            board: that position, which is known from now on.
+        """
+        self._known.stand(board)
+        reading = self._read(self.last)
+        return reading.decision.verdict is Verdict.MOVE or reading.finding.situation in _ANSWERS
 
     def confirm(self, board: chess.Board, look: Look | None = None) -> None:
         """The position is known: by the rules, a person, or since the arm has made it.

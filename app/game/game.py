@@ -103,8 +103,10 @@ class Game:
             return self._timing.left()
 
         comment = self._comments[number] if number < len(self._comments) else ""
+        remark = Remark(decision.score, comment, clocks)
+        answers = self._human is not None and self._human.moves_pieces(not colour)
         with self._timing.motion():
-            well = self._table.arm_ply(move, self._thinking_ahead(move), Remark(decision.score, comment, clocks))
+            well = self._table.arm_ply(move, self._thinking_ahead(move), remark, answers)
         if not well:
             return WRONG
         if decision.offers_draw and self._human is not None:

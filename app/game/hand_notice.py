@@ -33,12 +33,16 @@ class HandNotice:
         seen = None if self._guard is None else self._guard.glance()
         return seen is not None and seen.hand_present
 
-    def gone(self) -> bool:
-        """Whether a hand has gone, and the board lies still, since this was last said."""
+    def leaving(self) -> bool:
+        """Whether a hand has gone of which ``gone`` will tell once the board lies still."""
+        return self._guard is not None and self._guard.leaving
+
+    def gone(self) -> float | None:
+        """When a hand has gone [s, plant], if one has, and the board lies still, since this was last said."""
         if self._guard is None or self._guard.departures == self._known:
-            return False
+            return None
         self._known = self._guard.departures
-        return True
+        return self._guard.gone_at
 
     def wake(self, awake: bool) -> None:
         """Whether somebody waits for a hand; see ``GameGuard.wake``."""

@@ -61,6 +61,10 @@ class HumanTurn:
         """Whether the person plays this colour now."""
         return colour == self._colour
 
+    def moves_pieces(self, colour: chess.Color) -> bool:
+        """Whether the person plays this colour with hands of their own, and so whenever they please."""
+        return self.plays(colour) and self._human.hands is None
+
     def take(self) -> GameEnd | None:
         """Until a ply was made or taken back, sides were changed, or the game has ended."""
         done = len(self._table.board.move_stack)
@@ -71,8 +75,6 @@ class HumanTurn:
             self._notice.wake(True)
             line = self._human.lines.next(POLL)
             self._notice.wake(False)
-            if (fallen := self._timing.fallen(self._table.board)) is not None:
-                return GameEnd(fallen.result, fallen.reason, True)
             try:
                 end = self._glance() if line is None else self._obey(parse_command(line, self._table.board))
             except (PersonGone, RecordError, ArmPaused, NeedsHand):
@@ -84,12 +86,19 @@ class HumanTurn:
             ) as error:  # it cannot be done: the game stands where it stood
                 self._tell(str(error))
                 self._timing.start(self._colour)
-                continue
-            if end is not None:
+                line, end = None, None
+            if (end := end or self._flag()) is not None:
                 return end
             if line is not None and len(self._table.board.move_stack) == done:
                 self._prompt()
         return None
+
+    def _flag(self) -> GameEnd | None:
+        """The game's end by time; not while what a hand has left may be the move: it counts from when the hand went."""
+        if self._unsaid is not None or self._notice.leaving() or not self.plays(self._table.board.turn):
+            return None
+        fallen = self._timing.fallen(self._table.board)
+        return None if fallen is None else GameEnd(fallen.result, fallen.reason, True)
 
     def _tell(self, sentence: str) -> None:
         """Say what cannot be done; a camera that is lost is not told of five times a second."""
@@ -137,6 +146,7 @@ class HumanTurn:
     def _change_sides(self) -> None:
         self._timing.pause()
         self._colour = not self._colour
+        self._table.note_sides(self._colour)
         self._face.say(f"you play {_name(self._colour)} now")
 
     def _draw(self) -> GameEnd | None:
@@ -154,14 +164,15 @@ class HumanTurn:
     def _glance(self) -> GameEnd | None:
         """Nothing was said: perhaps something was done. A hand that went may come again: what is wrong can wait."""
         there = self._notice.there()
-        if not self._notice.gone():
+        gone_at = self._notice.gone()
+        if gone_at is None:
             if there:
                 self._unsaid = None
             elif self._unsaid is not None and time.monotonic() > self._unsaid[2] + FORBEARANCE:
                 (reading, then, _), self._unsaid = self._unsaid, None
                 return self._judge(reading, None, then)
             return None
-        then, seen = self._timing.now(), self._look()
+        then, seen = self._timing.at(gone_at), self._look()
         if seen is None or seen.decision.verdict is Verdict.NOTHING:
             return None
         if seen.decision.verdict is Verdict.MOVE and not seen.decision.promotion_unsure:

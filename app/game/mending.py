@@ -6,7 +6,7 @@ looks again. Every round is in the record before the arm moves, so that a progra
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
@@ -53,11 +53,13 @@ class Mended:
         inventory: what stands where now.
         jobs: rounds in which something had to be moved, by the arm or by a person.
         duration: of what the arm did [s].
+        answered: a person has made the next move already, or has begun to; the newest frame shows it.
     """
 
     inventory: Inventory
     jobs: int
     duration: float
+    answered: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,13 +94,21 @@ class Mender:
         squares = (str(failure.transfer.source), str(failure.transfer.target))
         self._record.trouble(failure.loss.value, squares, str(failure), None, self._clock.now())
 
-    def mend(self, stands: Inventory, wanted: Inventory, board: chess.Board | None = None) -> Mended:
+    def mend(
+        self,
+        stands: Inventory,
+        wanted: Inventory,
+        board: chess.Board | None = None,
+        replied_to: Callable[[], chess.Board | None] = lambda: None,
+    ) -> Mended:
         """Until the board shows what is wanted.
 
         Args:
             stands: what should stand where now, as far as is known.
             wanted: what shall stand where.
             board: the position that ``stands`` shows, where a person may have moved something; None: only the arm has.
+            replied_to: gives the position that is wanted where a person may have made the next move already, which is
+                theirs, and nothing to mend; None: nobody can have.
 
         Raises:
             UserError: a person is needed, and nobody is there; or it cannot be mended.
@@ -106,6 +116,8 @@ class Mender:
         rounds, duration = 0, 0.0
         while True:
             faults, step = self._decide(stands, wanted, board)
+            if faults and not changed(stands, wanted) and self._is_answered(replied_to()):
+                return Mended(stands, rounds, duration, answered=True)
             if step is None:
                 return Mended(stands, rounds, duration)
             rounds += 1
@@ -126,6 +138,9 @@ class Mender:
             if step is not None:
                 self._ask(step, faults)
                 stands = wanted
+
+    def _is_answered(self, position: chess.Board | None) -> bool:
+        return position is not None and self.eyes.answered(position)
 
     def _decide(
         self, stands: Inventory, wanted: Inventory, board: chess.Board | None

@@ -93,7 +93,11 @@ class Table:
         return self._devices.clock.now()
 
     def arm_ply(
-        self, move: chess.Move, letting_go: Callable[[], None] | None = None, remark: Remark = NO_REMARK
+        self,
+        move: chess.Move,
+        letting_go: Callable[[], None] | None = None,
+        remark: Remark = NO_REMARK,
+        answers: bool = False,
     ) -> bool:
         """The arm makes a move, home to home; then a look at the board.
 
@@ -101,6 +105,7 @@ class Table:
             move: a legal one.
             letting_go: called when the arm lets go of the last piece.
             remark: recorded with it.
+            answers: a person moves next, by themselves, and may do so before the arm has gone home.
 
         Returns:
             False when the board came out wrong, by the referee's word.
@@ -109,7 +114,7 @@ class Table:
             UserError: it cannot be done, or not without a person, and there is none.
         """
         ply = transfers(self.board, move, self.inventory)
-        return self._do_ply(ply, None, letting_go, remark)
+        return self._do_ply(ply, None, letting_go, remark, answers=answers)
 
     def hand_ply(self, move: chess.Move, remark: Remark = NO_REMARK) -> bool:
         """A move was made by hand, and seen or told; what stands badly since is mended. False as of ``arm_ply``."""
@@ -156,6 +161,10 @@ class Table:
         squares = [chess.square_name(square) for square in finding.squares]
         self._record.trouble(finding.situation.value, squares, finding.sentence, None, self.now())
 
+    def note_sides(self, person: chess.Color) -> None:
+        """The person at the board plays this colour from now on."""
+        self._record.sides_changed(colour_of(person), self.now())
+
     def begin(self) -> bool:
         """First of all: what another program has begun and not finished is finished, and whether the board is as its
         record says is looked at; False as of ``arm_ply``.
@@ -187,12 +196,29 @@ class Table:
 
     # jobs
 
-    def _do_ply(self, ply: Ply, begun: Begun | None, letting_go: Callable[[], None] | None, remark: Remark) -> bool:
+    def _do_ply(
+        self,
+        ply: Ply,
+        begun: Begun | None,
+        letting_go: Callable[[], None] | None,
+        remark: Remark,
+        *,
+        answers: bool = False,
+    ) -> bool:
         self._reset_peak()
-        wanted = self.inventory.after(ply)
-        carried = self._carry(Job(ply.san, ply.transfers, uci=ply.uci), wanted, begun, letting_go)
+        wanted, hands = self.inventory.after(ply), self._hands()
+
+        def replied_to() -> chess.Board | None:
+            if not answers or (self.guard is not None and self._hands() == hands):
+                return None
+            after = self.board.copy()
+            after.push_uci(ply.uci)
+            return after
+
+        job = Job(ply.san, ply.transfers, uci=ply.uci)
+        carried = self._carry(job, wanted, begun, letting_go, replied_to)
         outcome = replace(carried.outcome, score=remark.score, clocks=remark.clocks(), comment=remark.comment)
-        return self._conclude_ply(ply, carried.inventory, outcome)
+        return self._conclude_ply(ply, carried.inventory, outcome, answered=carried.answered)
 
     def _do_task(self, job: Job, begun: Begun | None, board: chess.Board) -> bool:
         """Carry out a task that is in the record already, after which a position stands on the board."""
@@ -240,8 +266,19 @@ class Table:
                 goal = chess.Board(unfinished.task.fen, chess960=goal.chess960)
         return goal
 
-    def _carry(self, job: Job, wanted: Inventory, begun: Begun | None, letting_go: Callable[[], None] | None) -> _Done:
-        """Do a job, and mend what came of it, until the board shows what it should."""
+    def _hands(self) -> int:
+        """So many hands were seen to come and go."""
+        return 0 if self.guard is None else self.guard.departures + self.guard.leaving
+
+    def _carry(
+        self,
+        job: Job,
+        wanted: Inventory,
+        begun: Begun | None,
+        letting_go: Callable[[], None] | None,
+        replied_to: Callable[[], chess.Board | None] = lambda: None,
+    ) -> _Done:
+        """Do a job, and mend what came of it, until the board shows what it should, or a person's answer to it."""
         outcome, stands = PlyOutcome(real=0.0), wanted
         if job.transfers:
             try:
@@ -253,21 +290,21 @@ class Table:
                 self._mender.note_loss(failure)
         if self._mender is None:
             return _Done(wanted, outcome)
-        mended = self._mender.mend(stands, wanted)
+        mended = self._mender.mend(stands, wanted, replied_to=replied_to)
         if mended.jobs:
             outcome = replace(outcome, real=(outcome.real or 0.0) + mended.duration, resumed=True)
-        return _Done(mended.inventory, outcome)
+        return _Done(mended.inventory, outcome, mended.answered)
 
     # after a job
 
-    def _conclude_ply(self, ply: Ply, inventory: Inventory, outcome: PlyOutcome) -> bool:
-        """The pieces were moved: judge, record, show."""
+    def _conclude_ply(self, ply: Ply, inventory: Inventory, outcome: PlyOutcome, *, answered: bool = False) -> bool:
+        """The pieces were moved: judge, record, show. Where the next move is made already, the board shows that."""
         places = changed(self.inventory, inventory)
         self.board.push_uci(ply.uci)
         self.inventory = inventory
         self.inventory.check_against(self.board)
-        frame = self._look()
-        outcome, verdict = self._judged(outcome, places)
+        frame = self._look(learns=not answered)
+        outcome, verdict = (outcome, None) if answered else self._judged(outcome, places)
         outcome = replace(outcome, frame=self._keep(frame))
         event = self._record.ply(ply, outcome, self.now(), inventory)
         self._face.ply(event, self.board)
@@ -283,10 +320,11 @@ class Table:
         self._face.position(self.board)
         return verdict is None or verdict.ok
 
-    def _look(self) -> Frame | None:
+    def _look(self, *, learns: bool = True) -> Frame | None:
         """The picture of the position; eyes that follow the game have looked already, and learn from it."""
         if self.eyes is not None:
-            self.eyes.confirm(self.board)
+            if learns:
+                self.eyes.confirm(self.board)
             return self.eyes.last
         if self._devices.camera is None:
             return None
@@ -322,10 +360,11 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class _Done:
-    """What stands where after a job, and what is known of it."""
+    """What stands where after a job, what is known of it, and whether a person has made the next move already."""
 
     inventory: Inventory
     outcome: PlyOutcome
+    answered: bool = False
 
 
 def _arranged(inventory: Inventory, board: chess.Board) -> tuple[Transfer, ...]:

@@ -53,6 +53,10 @@ class Timing:
             return then + self._plant_time() - plant
         return self._wall_time() + self._shift
 
+    def at(self, plant: float) -> float:
+        """The game's time at an instant of plant time that is past [s]."""
+        return self.now() - max(0.0, self._plant_time() - plant)
+
     def start(self, colour: chess.Color) -> None:
         """The side's time runs."""
         if self._clock is not None and self._clock.since is None:

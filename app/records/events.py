@@ -198,6 +198,13 @@ class ResumeEvent(_Stamped):
     event: Literal["resume"] = "resume"
 
 
+class SideEvent(_Stamped):
+    """The person at the board plays this side from now on, and the engine theirs."""
+
+    event: Literal["side"] = "side"
+    person: Colour
+
+
 class EndEvent(_Stamped):
     """The game is over or was left."""
 
@@ -216,6 +223,7 @@ AnyEvent = (
     | FoundEvent
     | TroubleEvent
     | ResumeEvent
+    | SideEvent
     | EndEvent
 )
 Event = Annotated[AnyEvent, Field(discriminator="event")]

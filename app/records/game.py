@@ -25,6 +25,7 @@ from app.records.events import (
     Purpose,
     Result,
     ResumeEvent,
+    SideEvent,
     StartEvent,
     StepEvent,
     TaskDoneEvent,
@@ -38,6 +39,7 @@ from app.records.files import LineLog, recording, write_atomically
 from app.records.history import History, counted_plies, open_task, places_of
 from app.records.pgn import PgnFile, PgnMove
 from app.records.report import Report, summarise
+from hardware.table import Colour
 
 EVENTS_FILE = "events.jsonl"
 PGN_FILE = "game.pgn"
@@ -184,6 +186,10 @@ class GameRecord:
     def resumed(self, plant_time: float) -> None:
         """Record that another program goes on with the game."""
         self._append(ResumeEvent(wall_time=self._now(), plant_time=plant_time, ply=self._plies()))
+
+    def sides_changed(self, person: Colour, plant_time: float) -> None:
+        """Record that the person at the board plays another side from now on."""
+        self._append(SideEvent(wall_time=self._now(), plant_time=plant_time, ply=self._plies(), person=person))
 
     def step(self, uci: str | None, transfer: int, stage: Stage, plant_time: float) -> None:
         """Record a part of a ply or task before the arm begins it; returns at once, without waiting for the disk.

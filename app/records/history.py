@@ -16,6 +16,7 @@ from app.records.events import (
     PieceRecord,
     PlyEvent,
     Purpose,
+    SideEvent,
     StartEvent,
     StepEvent,
     TaskDoneEvent,
@@ -25,7 +26,7 @@ from app.records.events import (
     read_events,
 )
 from app.records.files import RecordError
-from hardware.table import PieceSpec, Place, TableSettings
+from hardware.table import Colour, PieceSpec, Place, TableSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +122,11 @@ class _Reading:
                 self.plies.pop()
             if task.fen is not None:
                 self.board = chess.Board(task.fen, chess960=self.board.chess960)
+
+
+def persons_side(events: Iterable[AnyEvent]) -> Colour | None:
+    """The side that the person at the board has changed to last; None: to none."""
+    return next((event.person for event in reversed([*events]) if isinstance(event, SideEvent)), None)
 
 
 def read_history(path: Path, table: TableSettings) -> History:

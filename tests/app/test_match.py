@@ -193,6 +193,13 @@ def test_a_person_plays_takes_back_changes_sides_and_resigns(tmp_path: Path) -> 
     assert [event["by"] for event in events if event["event"] == "ply"][:2] == ["hand", "arm"]
 
 
+def test_sides_that_were_changed_stay_so_after_a_resume(tmp_path: Path) -> None:
+    play(tmp_path / "game", "e4\nside\nquit\n", white__player="human", engine__nodes=50)
+    done = resume_games(tmp_path / "game", Quiet(), io.StringIO("resign\n"))
+    assert (done.report.result, done.report.exit_reason) == ("1-0", "Black resigns")
+    assert len(moves_of(tmp_path / "game")) == 3
+
+
 def test_a_take_back_brings_captured_and_promoted_pieces_back(tmp_path: Path) -> None:
     start = "1n2k3/P7/8/8/8/8/8/4K2R w K - 0 1"
     typed = "axb8=Q\ntakeback\nO-O\ntakeback\na8=R\nresign\n"

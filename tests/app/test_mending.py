@@ -56,6 +56,8 @@ class Paper:
         self.stood_up = 0
         self.carried = 0
         self.asked: list[str] = []
+        self.answer: chess.Move | None = None
+        """A person makes it while the arm goes home."""
 
     # an arm
 
@@ -77,6 +79,11 @@ class Paper:
             self.carried += 1
             self.put(transfer.name, transfer.target)
             done = done.moved(transfer)
+        if self.answer is not None:
+            answer, self.answer = self.answer, None
+            moved = self.truth.at(square_place(answer.from_square))
+            assert moved is not None
+            self.put(moved.name, square_place(answer.to_square))
         return Carried(1.0, Outcome(1.0, 1.0, 1.0, 100), False)
 
     def put(self, name: str, place: Place | None) -> None:
@@ -135,6 +142,13 @@ class Paper:
 
     def confirm(self, board: chess.Board, look: Any = None) -> None:
         self.confirmed = board.fen()
+
+    def answered(self, board: chess.Board) -> bool:
+        after = [board.copy(), *(board.copy() for _ in board.legal_moves)]
+        for one, move in zip(after[1:], board.legal_moves, strict=True):
+            one.push(move)
+        shown = {piece.place.index for piece in self.truth if piece.place.on_board}
+        return any(shown == set(one.piece_map()) for one in after[1:])
 
 
 class Unattended(UnattendedAsker):
@@ -225,6 +239,28 @@ def test_a_piece_moved_by_nobody_is_put_back(tmp_path: Path) -> None:
         history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
         assert history.unfinished is None
         assert same(history.inventory, paper.truth)
+
+
+def test_an_answer_that_comes_before_the_arm_is_home_is_no_fault(tmp_path: Path) -> None:
+    table, paper, record = table_of(tmp_path / "game")
+    paper.answer = chess.Move.from_uci("g8f6")
+    with record:
+        assert table.arm_ply(chess.Move.from_uci("e2e4"), answers=True)
+    assert paper.carried == 1, "the knight stays where the person has put it"
+    assert not hasattr(paper, "confirmed"), "the eyes do not take the picture for the position before the answer"
+    history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
+    assert [ply.uci for ply in history.plies] == ["e2e4"]
+    assert not any(isinstance(event, TroubleEvent) for event in history.events)
+
+
+@pytest.mark.parametrize(("answer", "answers"), [("g8f6", False), ("g8g5", True)])
+def test_what_nobody_may_have_played_is_put_back(tmp_path: Path, answer: str, answers: bool) -> None:
+    """A piece that the arm may have taken along, and one that went where it must not."""
+    table, paper, record = table_of(tmp_path / "game")
+    paper.answer = chess.Move.from_uci(answer)
+    with record:
+        assert table.arm_ply(chess.Move.from_uci("e2e4"), answers=answers)
+    assert same(paper.truth, table.inventory)
 
 
 def test_what_cannot_be_mended_ends_with_a_sentence(tmp_path: Path) -> None:

@@ -107,3 +107,15 @@ def test_an_engine_that_failed_gets_its_time_back() -> None:
     timing.start(chess.WHITE)
     times.wall += 10.0
     assert timing.left() == pytest.approx({chess.WHITE: 290.0, chess.BLACK: 300.0})
+
+
+def test_a_hand_that_went_a_while_ago_pressed_the_clock_then() -> None:
+    times = Times()
+    timing = times.timing("5+0")
+    timing.start(chess.WHITE)
+    times.wall, times.plant = times.wall + 10.0, times.plant + 10.0
+    gone = times.plant
+    times.wall, times.plant = times.wall + 0.7, times.plant + 0.7
+    timing.press(timing.at(gone))
+    assert timing.left() == pytest.approx({chess.WHITE: 290.0, chess.BLACK: 300.0})
+    assert timing.at(times.plant + 1.0) == timing.now(), "an instant to come is now"
