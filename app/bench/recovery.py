@@ -19,6 +19,7 @@ from typing import Final
 import chess
 import numpy as np
 
+from app import UserError
 from app.bench.report import BenchReport, machine, row
 from app.bench.vision_games import random_game
 from app.faces import Quiet
@@ -39,7 +40,7 @@ MISHAPS: Final = {True: 1, False: 50}
 """Pieces that were knocked over or shifted."""
 A_GAME: Final = {True: 6, False: 20}
 """Plies of a game."""
-EVERY_HOLD: Final = 3
+EVERY_HOLD: Final = 2
 """Each so manieth grip is lost."""
 EVERY_PLY: Final = 4
 """After each so manieth ply a hand does something."""
@@ -138,10 +139,18 @@ def recovery_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
 
 
 def measure(losses: int, mishaps: int, plies: int, progress: Callable[[str], None], seed: int = SEED) -> Tally:
-    """Play games of so many plies until so many grips were lost and so many pieces were moved by hand."""
+    """Play games of so many plies until so many grips were lost and so many pieces were moved by hand.
+
+    Raises:
+        UserError: in a game nothing of the kind has happened, so that there would be no end of games.
+    """
     tally = Tally()
     while tally.losses < losses or tally.mishaps < mishaps:
-        play_one(seed + tally.games, plies, tally, progress)
+        before = tally.losses + tally.mishaps
+        result = play_one(seed + tally.games, plies, tally, progress)
+        if tally.losses + tally.mishaps == before:
+            reasons = "; ".join(failure.reason for failure in result.report.failures)
+            raise UserError(f"in game {tally.games} no grip was lost and no piece moved: {reasons or 'see its record'}")
         progress(
             f"game {tally.games}: {tally.losses} grips lost, {tally.mishaps} pieces knocked or shifted, "
             f"{tally.unmended} unmended, {tally.wrong} unnoticed"
