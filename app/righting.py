@@ -60,9 +60,9 @@ class Strayed:
         return self.pose.yaw is not None
 
 
-def next_to_right(strays: Sequence[Strayed]) -> Strayed | None:
-    """The one to begin with: of those that lie the first, else the first; None: there is none."""
-    return next((one for one in strays if one.lies), strays[0] if strays else None)
+def in_order(strays: Sequence[Strayed]) -> list[Strayed]:
+    """As they are to be righted: those that lie before those that stand."""
+    return sorted(strays, key=lambda one: not one.lies)
 
 
 def plan_righting(
@@ -107,6 +107,8 @@ def plan_making_way(
 ) -> tuple[Transfer, Plan]:  # fmt: skip
     """Carry a piece that stands in the way to a free place; once all is right it has to be carried back.
 
+    One that itself is where it should not be goes where it belongs, if that is clear of what lies about.
+
     Args:
         blocks: name of the piece, as ``InTheWay`` has it.
         strays: all strays; the piece goes where it is clear of them.
@@ -121,9 +123,14 @@ def plan_making_way(
         Where it goes, for the inventory, and the plan.
 
     Raises:
-        PlanRefused: the fingers cannot take it either, or no place is free.
+        PlanRefused: it lies, the fingers cannot take it either, or no place is free.
     """
     table, piece = inventory.table, inventory.find(blocks)
+    itself = next((stray for stray in strays if stray.piece.name == blocks), None)
+    if itself is not None and itself.lies:
+        raise PlanRefused(f"{blocks}, which is in the way, lies itself: take it off the board")
+    seen = None if itself is None else (itself.pose.x, itself.pose.y)
+    strays = [stray for stray in strays if stray is not itself]
     gone = {stray.piece.name for stray in strays}
     targets = {stray.target for stray in strays}
     rest = Inventory.of([one for one in inventory if one.name not in gone], table)
@@ -132,9 +139,12 @@ def plan_making_way(
         place for place in places
         if inventory.at(place) is None and place not in targets and _clear_of(table.xy(place), strays)
     ]  # fmt: skip
+    free.sort(key=lambda place: (inventory.travel(piece.place, place), place))
+    if itself is not None and itself.target not in targets and _clear_of(table.xy(itself.target), strays):
+        free.insert(0, itself.target)
     refused: PlanRefused | None = None
-    for place in sorted(free, key=lambda place: (inventory.travel(piece.place, place), place))[:_PLACES_TRIED]:
-        transfer = Transfer.of(piece, place)
+    for place in free[:_PLACES_TRIED]:
+        transfer = Transfer.of(piece, place, seen)
         try:
             label = f"{piece.name} out of the way to {place}"
             return transfer, plan_ply(label, [transfer], rest, start, finger, settings, parameters, lead_ticks)

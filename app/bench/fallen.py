@@ -21,7 +21,7 @@ from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from app.motion.path import Vector
 from app.motion.planner import plan_return
 from app.motion.upright import InTheWay
-from app.righting import Strayed, next_to_right, plan_making_way, plan_righting
+from app.righting import Strayed, in_order, plan_making_way, plan_righting
 from controller.protocol import CommandCode
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.grip_faults import GripFaults
@@ -137,7 +137,7 @@ class Trial:
         self._wait(_SETTLE)
         for _ in range(LOOKS):
             strays = self._strays()
-            one = next_to_right(strays)
+            one = next(iter(in_order(strays)), None)
             if one is None:
                 break
             try:

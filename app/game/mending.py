@@ -25,7 +25,7 @@ from app.records import GameRecord
 from app.records.events import Purpose
 from app.repair import Ask, Repair, mend
 from app.repair.mending import repair_towards
-from app.righting import Strayed, next_to_right
+from app.righting import Strayed, in_order
 from hardware.interfaces import Clock
 from hardware.table import square_place
 from vision.verify import Fault, FaultKind
@@ -184,30 +184,39 @@ class Mender:
     def _stand_up(
         self, step: Fallen, stands: Inventory, faults: Sequence[Fault]
     ) -> tuple[Inventory, float, Repair | Ask | None]:
-        """One piece that lies is stood up; then what is next: nothing but to look, making way, or to ask."""
-        one = next_to_right(step.strays)
-        assert one is not None
-        now, squares = self._clock.now(), (str(one.target),)
-        sentence = f"the {one.piece.colour} {one.piece.kind} of {one.target} lies on the board"
-        self._face.say(f"{sentence}: the arm stands it up")
-        self._record.found(stands, sentence, now)
-        try:
-            took = self._carrier.stand_up(one, step.strays, stands)
-        except InTheWay as blocked:
-            return stands, 0.0, self._make_way(blocked, step, stands, faults)
-        except PlanRefused as refused:
-            return stands, 0.0, Ask(f"{sentence}, and {refused}: stand it on {one.target}", squares_of(faults))
-        if took is not None:
-            self._record.trouble(FaultKind.FALLEN.value, squares, sentence, "arm", now)
-        return stands, took or 0.0, None
+        """The first of the pieces that lie at which the fingers get is stood up; then what is next: nothing but to
+        look, making way, or to ask.
+        """
+        now, refusals = self._clock.now(), list[tuple[str, PlanRefused]]()
+        for one in (stray for stray in in_order(step.strays) if stray.lies):
+            sentence = f"the {one.piece.colour} {one.piece.kind} of {one.target} lies on the board"
+            self._face.say(f"{sentence}: the arm stands it up")
+            self._record.found(stands, sentence, now)
+            try:
+                took = self._carrier.stand_up(one, step.strays, stands)
+            except PlanRefused as refused:
+                refusals.append((f"{sentence}, and {refused}: stand it on {one.target}", refused))
+                continue
+            if took is not None:
+                self._record.trouble(FaultKind.FALLEN.value, (str(one.target),), sentence, "arm", now)
+            return stands, took or 0.0, None
+        return stands, 0.0, self._make_way(refusals, step, stands, faults)
 
-    def _make_way(self, blocked: InTheWay, step: Fallen, stands: Inventory, faults: Sequence[Fault]) -> Repair | Ask:
-        """The piece that is in the way goes aside; it is brought back at the end, as it is wanted where it stood."""
-        try:
-            transfer = self._carrier.way_for(blocked.piece.name, step.strays, stands)
-        except PlanRefused as refused:
-            return Ask(f"{blocked}; {refused}", squares_of(faults))
-        return Repair(stands, (transfer,), f"the {transfer.kind} on {transfer.source} makes way")
+    def _make_way(
+        self, refusals: Sequence[tuple[str, PlanRefused]], step: Fallen, stands: Inventory, faults: Sequence[Fault]
+    ) -> Repair | Ask:
+        """A piece that is in the way goes aside; it is brought back at the end, as it is wanted where it stood."""
+        sentence = refusals[0][0]
+        for _, blocked in refusals:
+            if not isinstance(blocked, InTheWay):
+                continue
+            try:
+                transfer = self._carrier.way_for(blocked.piece.name, step.strays, stands)
+            except PlanRefused as refused:
+                sentence = f"{blocked}; {refused}"
+                continue
+            return Repair(stands, (transfer,), f"the {transfer.kind} of {transfer.source} makes way")
+        return Ask(sentence, squares_of(faults))
 
     def _carry(self, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float, Ask | None]:
         """One round: recorded, carried; what stands where then, how long it took [s], what a person has to do."""
