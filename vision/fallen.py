@@ -203,6 +203,9 @@ class _Search:
         lying, standing = list[_Trial](), list[_Trial]()
         reach = 0.5 * PIECE_SHAPES[piece.kind].height
         grid = [_COARSE_STEP * i for i in range(-_COARSE, _COARSE + 1)]
+        # what stands before it may have left but its foot or its head in sight: any part of it may be at the spot
+        parts = math.ceil(reach / _COARSE_STEP)
+        along = [_COARSE_STEP * i for i in range(-parts, parts + 1)]
         for x, y in spots:
             standing += [self._try(piece, Pose(x + dx, y + dy)) for dx, dy in itertools.product(grid, grid)]
             for number in range(_COARSE_YAWS):
@@ -212,7 +215,7 @@ class _Search:
                     self._try(
                         piece, Pose(x + a * cos - b * sin - reach * cos, y + a * sin + b * cos - reach * sin, yaw)
                     )
-                    for a, b in itertools.product(grid, grid[1:-1])
+                    for a, b in itertools.product(along, grid[1:-1])
                 ]
         ways = [self._climbed(piece, some) for some in (lying, standing) if some]
         return sorted(ways, key=lambda one: -one.score)

@@ -6,6 +6,7 @@ exposed after the asking, with the arm at home.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -112,6 +113,11 @@ class Eyes:
         """The newest frame."""
         assert self._last is not None, "nothing was looked at"
         return self._last
+
+    @property
+    def looked_at(self) -> float:
+        """When the newest frame was exposed [s]; long ago, if nothing was looked at."""
+        return -math.inf if self._last is None else self._last.stamp
 
     @property
     def _known(self) -> Observer:

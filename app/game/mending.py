@@ -18,8 +18,7 @@ from app.game.carrier import Carrier, CarryFailed
 from app.game.eyes import Eyes
 from app.game.state import Job, changed, moved_all
 from app.manipulation import Inventory, Transfer
-from app.motion.plan import PlanRefused
-from app.motion.upright import InTheWay
+from app.motion.plan import InTheWay, PlanRefused
 from app.rearrange import rearrange
 from app.records import GameRecord
 from app.records.events import Purpose
@@ -32,6 +31,10 @@ from vision.verify import Fault, FaultKind
 
 MOST_ROUNDS: Final = 8
 """Of mending by the arm; what is not right then, it will not get right."""
+
+
+FRESH: Final = 0.5
+"""The arm relies for so long on what the camera has seen [s]."""
 
 
 class Asker(Protocol):
@@ -88,6 +91,11 @@ class Mender:
         self._carrier, self._asker = carrier, asker
         self._record, self._face, self._clock = record, face, clock
 
+    @property
+    def stale(self) -> bool:
+        """Whether the board was looked at too long ago for the arm to rely on it: somebody may have touched it."""
+        return self._clock.now() - self.eyes.looked_at > FRESH
+
     def note_loss(self, failure: CarryFailed) -> None:
         """The arm has lost a piece, or not got it: that is in the record, whatever comes of it."""
         self._face.phase(str(failure))
@@ -129,7 +137,7 @@ class Mender:
             if isinstance(step, Fallen):
                 stands, took, step = self._stand_up(step, stands, faults)
                 duration += took
-            if isinstance(step, Repair):
+            while isinstance(step, Repair):
                 if step.transfers:
                     stands, took, step = self._carry(step, faults)
                     duration += took
@@ -153,8 +161,9 @@ class Mender:
             rest = rearrange(stands, wanted)
             return (), Repair(stands, rest, "the arm goes on") if rest else None
         step = mend(stands, found.sighting, board)
-        if isinstance(step, Ask):
-            return found.faults, self._unaided(found.faults, stands, people=board is not None) or step
+        unaided = self._unaided(found.faults, stands, people=board is not None)
+        if isinstance(unaided, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
+            return found.faults, unaided or step
         places = {**found.sighting.places, **self.eyes.places(step.believed)}
         step = repair_towards(step.believed, wanted, replace(found.sighting, places=places))
         if isinstance(step, Repair) and not step.transfers and step.rest is None and not changed(stands, step.believed):
@@ -162,21 +171,20 @@ class Mender:
         return found.faults, step
 
     def _unaided(self, faults: Sequence[Fault], stands: Inventory, *, people: bool) -> Repair | Fallen | None:
-        """What would have to be asked for, done by the arm: where all that is missing lies or stands in sight.
+        """What the arm does where something lies; or where all that is missing stands in sight.
 
         Args:
             faults: what is wrong.
             stands: what should stand where.
             people: somebody may have moved pieces; then only ones that lie are known to be what they look like.
         """
-        strays = self.eyes.strays(stands)
-        found = {one.target.index for one in strays}
         missing = {fault.square for fault in faults if fault.kind in (FaultKind.MISSING, FaultKind.FALLEN)}
-        if not strays or not missing <= found:
+        if not missing:
             return None
+        strays = self.eyes.strays(stands)
         if any(one.lies for one in strays):
             return Fallen(tuple(strays))
-        if people:
+        if people or not strays or not missing <= {one.target.index for one in strays}:
             return None
         transfers = tuple(Transfer.of(one.piece, one.target, (one.pose.x, one.pose.y)) for one in strays)
         return Repair(stands, transfers, "the arm carries what it has found to where it belongs")
@@ -218,8 +226,10 @@ class Mender:
             return Repair(stands, (transfer,), f"the {transfer.kind} of {transfer.source} makes way")
         return Ask(sentence, squares_of(faults))
 
-    def _carry(self, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float, Ask | None]:
-        """One round: recorded, carried; what stands where then, how long it took [s], what a person has to do."""
+    def _carry(self, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float, Repair | Ask | None]:
+        """One round: recorded, carried; what stands where then, how long it took [s], and what has to be done
+        before it could be, or, by a person, afterwards.
+        """
         label, now = "put the board right", self._clock.now()
         for fault in faults:
             self._record.trouble(fault.kind.value, (str(square_place(fault.square)),), fault.sentence, "arm", now)
@@ -234,8 +244,22 @@ class Mender:
         except UserError as error:
             if not self._carrier.untouched:
                 raise
-            return step.believed, 0.0, Ask(str(error), squares_of(faults))  # the fingers do not get at it
+            return step.believed, 0.0, self._around(error, step, faults)  # the fingers do not get at it
         return moved_all(step.believed, step.transfers), carried.done.duration, step.rest
+
+    def _around(self, refused: UserError, step: Repair, faults: Sequence[Fault]) -> Repair | Ask:
+        """A piece that is in the way goes first where it has to go anyway, or else aside."""
+        asked = Ask(str(refused), squares_of(faults))
+        if not isinstance(refused, InTheWay):
+            return asked
+        own = next((one for one in step.transfers if one.name == refused.piece.name), None)
+        if own is not None and len(step.transfers) > 1 and _is_free(own, step.believed):
+            return Repair(step.believed, (own,), f"the {own.kind} of {own.source} goes first")
+        try:
+            transfer = self._carrier.way_for(refused.piece.name, self.eyes.strays(step.believed), step.believed)
+        except PlanRefused:
+            return asked
+        return Repair(step.believed, (transfer,), f"the {transfer.kind} of {transfer.source} makes way")
 
     def _ask(self, step: Ask, faults: Sequence[Fault]) -> None:
         squares = tuple(str(square_place(square)) for square in step.squares)
@@ -243,6 +267,11 @@ class Mender:
         for fault in faults:
             place = (str(square_place(fault.square)),)
             self._record.trouble(fault.kind.value, place, fault.sentence, "person", self._clock.now())
+
+
+def _is_free(transfer: Transfer, stands: Inventory) -> bool:
+    there = stands.at(transfer.target)
+    return there is None or there.name == transfer.name
 
 
 def squares_of(faults: Sequence[Fault]) -> tuple[int, ...]:

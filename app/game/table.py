@@ -99,7 +99,7 @@ class Table:
         remark: Remark = NO_REMARK,
         answers: bool = False,
     ) -> bool:
-        """The arm makes a move, home to home; then a look at the board.
+        """The arm makes a move, home to home; then a look at the board; and one before, if the last one was long ago.
 
         Args:
             move: a legal one.
@@ -113,6 +113,8 @@ class Table:
         Raises:
             UserError: it cannot be done, or not without a person, and there is none.
         """
+        if not self._look_again():
+            return False
         ply = transfers(self.board, move, self.inventory)
         return self._do_ply(ply, None, letting_go, remark, answers=answers)
 
@@ -129,6 +131,8 @@ class Table:
         Raises:
             UserError: it cannot be done, for instance as a piece lies in a box.
         """
+        if not self._look_again():
+            return False
         before = self.board.copy()
         moves = [before.pop() for _ in range(plies)]
         label = "take back " + before.variation_san(reversed(moves))
@@ -142,6 +146,8 @@ class Table:
         Raises:
             UserError: the pieces there cannot show it; or as ``arm_ply``.
         """
+        if not self._look_again():
+            return False
         moved = _arranged(self.inventory, board)
         label = "set the pieces up"
         self._record.task(Purpose.SET_UP, label, moved, self.now(), fen=board.fen())
@@ -155,6 +161,10 @@ class Table:
         if not mended.jobs:
             return True
         return self._conclude_task(mended.inventory, PlyOutcome(real=mended.duration), self.board)
+
+    def _look_again(self) -> bool:
+        """Before the arm moves, if the last look was long ago; False as of ``arm_ply``."""
+        return self._mender is None or not self._mender.stale or self.repair()
 
     def note(self, finding: Finding) -> None:
         """Something that is no legal move was seen: that is in the record, whatever comes of it."""

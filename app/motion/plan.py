@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,24 @@ from app.motion.settings import MotionSettings
 from controller.protocol import Result
 from hardware.table import TableSettings
 
+if TYPE_CHECKING:
+    from app.motion.obstacles import Standing
+
 
 class PlanRefused(UserError):
     """A plan would collide, leave the workspace or break a limit; nothing was sent."""
+
+
+class InTheWay(PlanRefused):
+    """A piece is where the fingers have to go.
+
+    Attributes:
+        piece: which; once it is moved away, they may.
+    """
+
+    def __init__(self, sentence: str, piece: Standing) -> None:
+        super().__init__(sentence)
+        self.piece = piece
 
 
 @dataclass(frozen=True, slots=True)

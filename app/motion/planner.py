@@ -17,7 +17,7 @@ from app.motion.gains import Softness
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd, Standing, blocking_neighbour, box_in_the_way, closed_position
 from app.motion.path import Vector
-from app.motion.plan import Motion, Plan, PlanRefused, Style
+from app.motion.plan import InTheWay, Motion, Plan, PlanRefused, Style
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
 from app.motion.ways import Hop, Workcell, over, polygon
@@ -161,9 +161,10 @@ def _opening(cell: Workcell, kind: Kind, place: Place, point: tuple[float, float
         raise PlanRefused(
             f"at {place} the fingers, {least * 1e3:.1f} mm open, would touch a box: enlarge box_gap of the table"
         )
-    raise PlanRefused(
+    raise InTheWay(
         f"at {place} the fingers, {least * 1e3:.1f} mm open, would touch the {neighbour.kind} on "
-        f"{neighbour.place}: move that piece first or use larger squares"
+        f"{neighbour.place}: move that piece first or use larger squares",
+        neighbour,
     )
 
 

@@ -23,7 +23,7 @@ from app.motion.lying import Lying, Strip, in_the_strip, standing_near
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd, Standing
 from app.motion.path import Vector
-from app.motion.plan import Motion, Plan, PlanRefused, Style
+from app.motion.plan import InTheWay, Motion, Plan, Style
 from app.motion.reference import Segment, dwell, join, to_samples
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
@@ -34,21 +34,6 @@ from hardware.table import PIECE_SHAPES, TableSettings
 _USUAL: Final = Heeling()
 _UPRIGHT: Final = 0.025
 """So far above the heel the fingers come straight down [m]."""
-
-
-class InTheWay(PlanRefused):
-    """A piece is where the fingers have to go.
-
-    Attributes:
-        piece: which; move it away first.
-    """
-
-    def __init__(self, lying: Lying, piece: Standing) -> None:
-        super().__init__(
-            f"the {lying.called} cannot be stood up: the {piece.kind} near {piece.place} is where the fingers have to "
-            "go; move that piece away first"
-        )
-        self.piece = piece
 
 
 class Uprighted(NamedTuple):
@@ -127,7 +112,11 @@ def _check_free(cell: Workcell, lying: Lying, heel: Heel, others: Crowd, how: He
     strips = Strip((x, y), out, outer - inner, aside), Strip((bx, by), out, 2.0 * foot, foot)
     blocking = in_the_strip(strips, others, how.margin)
     if blocking is not None:
-        raise InTheWay(lying, blocking)
+        raise InTheWay(
+            f"the {lying.called} cannot be stood up: the {blocking.kind} near {blocking.place} is where the fingers "
+            "have to go; move that piece away first",
+            blocking,
+        )
 
 
 def _approach(cell: Workcell, lying: Lying, begin: Vector, start: Vector, finger: float, others: Crowd) -> Route:

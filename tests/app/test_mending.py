@@ -5,6 +5,7 @@ The table here is paper: an arm that moves inventories and loses pieces where it
 
 from __future__ import annotations
 
+import math
 import random
 from pathlib import Path
 from typing import Any
@@ -26,9 +27,8 @@ from app.game.table import Table
 from app.layout import start_layout
 from app.manipulation import Inventory, Transfer
 from app.motion import MotionSettings
-from app.motion.lying import Lying
 from app.motion.obstacles import Standing
-from app.motion.upright import InTheWay
+from app.motion.plan import InTheWay
 from app.records import EVENTS_FILE, GameRecord, GameSetup, read_history
 from app.records.events import TroubleEvent
 from app.repair import Sighting
@@ -53,6 +53,8 @@ class Paper:
         """The same, of pieces that lie near such a square."""
         self.lying: dict[str, tuple[PieceSpec, Place]] = {}
         self.in_the_way: str | None = None
+        self.crowded: str | None = None
+        """This piece is in the way of the fingers, unless it is carried itself."""
         self.stood_up = 0
         self.carried = 0
         self.asked: list[str] = []
@@ -61,10 +63,13 @@ class Paper:
 
     # an arm
 
-    untouched = False
+    untouched = True
 
     def carry(self, job: Job, inventory: Inventory, begun: Any = None, letting_go: Any = None) -> Carried:
         done = inventory
+        if self.crowded is not None and job.transfers[0].name != self.crowded:
+            piece, self.crowded = inventory.find(self.crowded), None
+            raise InTheWay("the fingers would touch it", Standing.at(piece.name, piece.place, piece.kind, TABLE))
         for number, transfer in enumerate(job.transfers):
             if self.carried in self.losses:
                 where = self.losses.pop(self.carried)
@@ -99,10 +104,7 @@ class Paper:
         if self.in_the_way is not None and self.truth.find(self.in_the_way).place == stands.find(self.in_the_way).place:
             name, self.in_the_way = self.in_the_way, None
             piece = stands.find(name)
-            raise InTheWay(
-                Lying(one.piece.kind, (0.0, 0.0), 0.0, one.piece.name),
-                Standing.at(name, piece.place, piece.kind, TABLE),
-            )
+            raise InTheWay("the rook is in the way", Standing.at(name, piece.place, piece.kind, TABLE))
         piece, place = self.lying.pop(one.piece.name)
         self.truth = Inventory.of([*self.truth, PieceSpec(piece.name, piece.kind, piece.colour, place)], TABLE)
         self.stood_up += 1
@@ -121,6 +123,7 @@ class Paper:
         ]
 
     last = None
+    looked_at = math.inf
 
     def verify(self, stands: Inventory) -> Verification:
         faults, states = [], np.full(64, EMPTY)
@@ -261,6 +264,32 @@ def test_what_nobody_may_have_played_is_put_back(tmp_path: Path, answer: str, an
     with record:
         assert table.arm_ply(chess.Move.from_uci("e2e4"), answers=answers)
     assert same(paper.truth, table.inventory)
+
+
+@pytest.mark.parametrize("moves_itself", [False, True])
+def test_a_piece_that_is_in_the_way_of_the_fingers_goes_first(tmp_path: Path, moves_itself: bool) -> None:
+    """To where it has to go, or aside and back."""
+    table, paper, record = table_of(tmp_path / "game")
+    with record:
+        paper.put("black-knight-b", Place.parse("c4"))
+        paper.crowded = "white-bishop-c"
+        if moves_itself:
+            paper.put("white-bishop-c", Place.parse("d4"))
+        assert table.repair()
+        assert same(paper.truth, table.inventory)
+    assert (paper.carried, paper.asked, paper.crowded) == (2 if moves_itself else 3, [], None)
+
+
+def test_the_board_is_looked_at_again_before_the_arm_moves_after_a_while(tmp_path: Path) -> None:
+    """What somebody has knocked aside while a player thought is put back before, and not after it was run into."""
+    table, paper, record = table_of(tmp_path / "game")
+    paper.looked_at = -1.0
+    with record:
+        paper.put("black-knight-b", Place.parse("c4"))
+        assert table.arm_ply(chess.Move.from_uci("e2e4"))
+    history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
+    order = [event.event for event in history.events if event.event in ("task_done", "ply")]
+    assert order == ["task_done", "ply"]
 
 
 def test_what_cannot_be_mended_ends_with_a_sentence(tmp_path: Path) -> None:

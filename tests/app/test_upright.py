@@ -14,8 +14,8 @@ from app.motion import MotionSettings
 from app.motion.heel import Heeling, circle, eased, heel_of, reach
 from app.motion.lying import Lying, Strip
 from app.motion.obstacles import Standing
-from app.motion.plan import Motion, Plan, Style
-from app.motion.upright import InTheWay, Uprighted, plan_upright
+from app.motion.plan import InTheWay, Motion, Plan, Style
+from app.motion.upright import Uprighted, plan_upright
 from controller.protocol import SAMPLE
 from controller.safety import default_limits
 from hardware.parameters import load_parameters
