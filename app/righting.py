@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from app.manipulation import Inventory, Transfer
-from app.motion.lying import Lying
+from app.motion.lying import Lying, Strewn
 from app.motion.obstacles import Standing
 from app.motion.path import Vector
 from app.motion.plan import Plan, PlanRefused
@@ -65,6 +65,18 @@ def in_order(strays: Sequence[Strayed]) -> list[Strayed]:
     return sorted(strays, key=lambda one: not one.lies)
 
 
+def strewn_of(strays: Sequence[Strayed]) -> Strewn:
+    """For whoever plans around them."""
+    return Strewn(
+        tuple(
+            Standing(one.piece.name, one.target, one.pose.x, one.pose.y, one.piece.kind)
+            for one in strays
+            if not one.lies
+        ),
+        tuple(_lying(one) for one in strays if one.lies),
+    )
+
+
 def plan_righting(
     one: Strayed, others: Sequence[Strayed], inventory: Inventory, start: Vector, finger: float,
     settings: MotionSettings, parameters: RobotParameters, lead_ticks: int = 0,
@@ -93,11 +105,11 @@ def plan_righting(
             label, [carried], Inventory.of(rest, inventory.table), start, finger, settings, parameters, lead_ticks
         )
     table = inventory.table
+    strewn = strewn_of([stray for stray in others if stray.piece.name in gone])
     near = [Standing.at(piece.name, piece.place, piece.kind, table) for piece in rest
             if piece.name != one.piece.name and not piece.place.in_box]  # fmt: skip
-    near += [Standing(stray.piece.name, stray.target, stray.pose.x, stray.pose.y, stray.piece.kind) for stray in others
-             if not stray.lies and stray.piece.name in gone]  # fmt: skip
-    lying = [_lying(stray) for stray in others if stray.lies and stray.piece.name in gone]
+    near += strewn.standing
+    lying = strewn.lying
     return plan_upright(_lying(one), near, lying, start, finger, settings, parameters, table, lead_ticks).plan
 
 
@@ -147,7 +159,10 @@ def plan_making_way(
         transfer = Transfer.of(piece, place, seen)
         try:
             label = f"{piece.name} out of the way to {place}"
-            return transfer, plan_ply(label, [transfer], rest, start, finger, settings, parameters, lead_ticks)
+            plan = plan_ply(
+                label, [transfer], rest, start, finger, settings, parameters, lead_ticks, strewn=strewn_of(strays)
+            )
+            return transfer, plan
         except PlanRefused as error:
             refused = error
     raise refused or PlanRefused(f"no place is free for {blocks}, which is in the way: take a piece off the board")

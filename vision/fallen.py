@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -103,7 +103,7 @@ class _Trial(NamedTuple):
 
 def find_strays(
     frame: Frame, view: BoardView, expected: Mapping[int, PieceLike], lost: Sequence[PieceLike] = (), *,
-    use_depth: bool = True, tolerance: float = TOLERANCE,
+    use_depth: bool = True, tolerance: float = TOLERANCE, doubted: Collection[int] = (),
 ) -> tuple[Stray, ...]:  # fmt: skip
     """Find the pieces on the board that do not stand where they should.
 
@@ -114,6 +114,7 @@ def find_strays(
         lost: pieces that should be nowhere on the board, but may: what fell out of the fingers.
         use_depth: False: by colour alone, also where there is depth.
         tolerance: a piece that stands further from its square's centre is a stray [m].
+        doubted: squares whose piece may lie, although it looks as if it stood.
 
     Returns:
         Those found, the surest first. A missing piece that is not among them is hidden or off the board.
@@ -127,7 +128,8 @@ def find_strays(
     off = {square: math.dist((one.x, one.y), view.table.xy(square_place(square))) for square, one in centres.items()}
     # by colour alone, what lies looks much like what stands off its centre: which it is, the search decides
     stands = {
-        square: one.upright and (off[square] <= tolerance or fit.rises is not None) for square, one in centres.items()
+        square: one.upright and square not in doubted and (off[square] <= tolerance or fit.rises is not None)
+        for square, one in centres.items()
     }
     missing: list[tuple[int | None, PieceLike]] = [
         (square, expected[square]) for square in fit.squares if not (stands[square] or centres[square].hidden)

@@ -196,14 +196,18 @@ class Carrier:
         letting_go: Callable[[], None] | None,
     ) -> tuple[float, Outcome]:
         from app.motion import plan_ply, plan_return  # takes seconds to load: not before something moves
+        from app.righting import strewn_of
 
         arm, parameters = self._devices.arm, self._parameters
         done = 0 if progress is None else progress.done
         now = _after(inventory, job, done)
         if rest := job.transfers[done:]:
+            strays = [one for one in job.strays if one.piece.name not in {transfer.name for transfer in rest}]
+            strayed = {one.piece.name for one in strays}
+            now = Inventory.of((piece for piece in now if piece.name not in strayed), now.table)
             plan = plan_ply(
                 job.label, rest, now, state.reference, state.finger, self._motion, parameters, arm.lead_ticks,
-                holding=progress is not None and progress.holding, low=progress is not None,
+                holding=progress is not None and progress.holding, low=progress is not None, strewn=strewn_of(strays),
             )  # fmt: skip
         else:
             kind = job.transfers[-1].kind

@@ -37,7 +37,7 @@ from vision.orientation import orient
 from vision.sight import sight_of_frame
 from vision.situations import Finding, explain
 from vision.verdict import Situation, Verdict
-from vision.verify import Fault, verify_board
+from vision.verify import Fault, FaultKind, examine_board
 
 States = NDArray[np.intp]
 Heights = NDArray[np.float64]
@@ -96,6 +96,9 @@ class Eyes:
         self._table, self._believed = table, view
         self._observer: Observer | None = None
         self._last: Frame | None = None
+        self._likeness: dict[int, tuple[str, float]] = {}
+        """Of pieces when the board was last as it should be, by square: name, and how well it looked like itself."""
+        self._doubted: frozenset[int] = frozenset()
 
     def begin(self, board: chess.Board) -> None:
         """Find the board, and learn the set from a position that stands there, with the arm at home.
@@ -157,8 +160,17 @@ class Eyes:
             self.begin(_shown(stands))
         frame = self.frame()
         self._follow(frame)
-        faults = verify_board(frame, self.view, on_board(stands))
+        expected = on_board(stands)
+        before = {
+            square: likeness
+            for square, (name, likeness) in self._likeness.items()
+            if square in expected and expected[square].name == name
+        }
+        examined = examine_board(frame, self.view, expected, before)
+        faults = examined.faults
+        self._doubted = frozenset(fault.square for fault in faults if fault.kind is FaultKind.FALLEN)
         if not faults:
+            self._likeness = {square: (expected[square].name, one) for square, one in examined.likeness.items()}
             return Verification(faults, Sighting({}))
         look = self._known.look(sight_of_frame(frame, self.view))
         states = look.evidence.read(codes_of(self._known.board))
@@ -182,7 +194,7 @@ class Eyes:
             stands: what should stand where.
         """
         expected = on_board(stands)
-        found = find_strays(self.last, self.view, expected)
+        found = find_strays(self.last, self.view, expected, doubted=self._doubted)
         return [Strayed.of(one, expected[one.square].place) for one in found if one.square is not None]
 
     def read(self) -> Reading:
@@ -236,6 +248,7 @@ class Eyes:
     def _hold(self, frame: Frame, view: BoardView) -> None:
         self.view = view
         """Where the board is in the pictures."""
+        self._likeness = {}
         if self._guard is not None:
             self._guard.look(view)
         self._anchor = Anchor(frame.colour, view.project(playing_area(self._table)))

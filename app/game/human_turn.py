@@ -34,6 +34,7 @@ from vision.verdict import LOOKS, Situation, Verdict
 
 if TYPE_CHECKING:
     from app.game.eyes import Reading
+    from app.righting import Strayed
     from vision.situations import Finding
 
 POLL: Final = 0.2
@@ -229,7 +230,8 @@ class HumanTurn:
     def _complain(self, finding: Finding) -> None:
         self._table.note(finding)
         look = "" if self._notice.watches else " and say 'look'"
-        self._face.say(f"{finding.sentence}. Put it right by hand{look}, or say 'fix' and the arm does it")
+        what = " and ".join(_lies(one) for one in self._table.fallen()) or finding.sentence
+        self._face.say(f"{what}. Put it right by hand{look}, or say 'fix' and the arm does it")
 
     def _look(self) -> Reading | None:
         """Again while in doubt."""
@@ -301,6 +303,10 @@ class HumanTurn:
 
 def _name(colour: chess.Color) -> str:
     return "White" if colour else "Black"
+
+
+def _lies(one: Strayed) -> str:
+    return f"the {one.piece.colour} {one.piece.kind} of {one.target} has fallen over"
 
 
 def _lost(colour: chess.Color) -> Result:

@@ -134,12 +134,13 @@ class Mender:
                     f"the board is still not right after {MOST_ROUNDS} attempts ({_sentence(faults)}): put it right by "
                     "hand, then go on with 'touchmove resume'"
                 )
+            strays = step.strays if isinstance(step, Fallen) else ()
             if isinstance(step, Fallen):
                 stands, took, step = self._stand_up(step, stands, faults)
                 duration += took
             while isinstance(step, Repair):
                 if step.transfers:
-                    stands, took, step = self._carry(step, faults)
+                    stands, took, step = self._carry(step, faults, strays)
                     duration += took
                 else:  # it has come to stand where it shall
                     stands, step = step.believed, step.rest
@@ -226,7 +227,9 @@ class Mender:
             return Repair(stands, (transfer,), f"the {transfer.kind} of {transfer.source} makes way")
         return Ask(sentence, squares_of(faults))
 
-    def _carry(self, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float, Repair | Ask | None]:
+    def _carry(
+        self, step: Repair, faults: Sequence[Fault], strays: tuple[Strayed, ...]
+    ) -> tuple[Inventory, float, Repair | Ask | None]:
         """One round: recorded, carried; what stands where then, how long it took [s], and what has to be done
         before it could be, or, by a person, afterwards.
         """
@@ -237,7 +240,7 @@ class Mender:
         self._record.found(step.believed, _sentence(faults) or "a piece was not carried", now)
         self._record.task(Purpose.REPAIR, label, step.transfers, now)
         try:
-            carried = self._carrier.carry(Job(label, step.transfers), step.believed)
+            carried = self._carrier.carry(Job(label, step.transfers, strays=strays), step.believed)
         except CarryFailed as failure:
             self.note_loss(failure)
             return failure.inventory, 0.0, None

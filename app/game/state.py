@@ -21,6 +21,7 @@ from hardware.table import Place
 
 if TYPE_CHECKING:
     from app.guarding import GameGuard
+    from app.righting import Strayed
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +81,13 @@ class Job:
         label: what it is, for people.
         transfers: in order of execution.
         uci: the move, where it is one; None for a task.
+        strays: pieces that lie or stand elsewhere than the inventory says, and that the arm has to keep clear of.
     """
 
     label: str
     transfers: tuple[Transfer, ...]
     uci: str | None = None
+    strays: tuple[Strayed, ...] = ()
 
 
 class CannotSee(UserError):

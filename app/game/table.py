@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from app.game.eyes import Eyes
     from app.game.mending import Mender
     from app.guarding import GameGuard
+    from app.righting import Strayed
     from vision.situations import Finding
 
 
@@ -161,6 +162,12 @@ class Table:
         if not mended.jobs:
             return True
         return self._conclude_task(mended.inventory, PlyOutcome(real=mended.duration), self.board)
+
+    def fallen(self) -> list[Strayed]:
+        """Pieces that lie on the board, in the newest frame, as far as depth shows them."""
+        if self.eyes is None or self.eyes.last.depth is None:
+            return []
+        return [one for one in self.eyes.strays(self.inventory) if one.lies]
 
     def _look_again(self) -> bool:
         """Before the arm moves, if the last look was long ago; False as of ``arm_ply``."""

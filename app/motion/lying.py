@@ -57,6 +57,16 @@ class Lying:
         return x, y
 
 
+class Strewn(NamedTuple):
+    """Pieces that are not where an inventory has them: those that stand, and those that lie."""
+
+    standing: tuple[Standing, ...] = ()
+    lying: tuple[Lying, ...] = ()
+
+
+NOTHING_STREWN: Final = Strewn()
+
+
 def standing_near(crowd: Iterable[Standing], lying: Iterable[Lying], table: TableSettings) -> Crowd:
     """What is in the way: pieces that stand and pieces that lie; the latter count as rows of low discs.
 

@@ -14,6 +14,7 @@ import numpy as np
 from app.manipulation import Inventory, PieceBoxed, Stage, Transfer
 from app.motion.drop import fall_time
 from app.motion.gains import Softness
+from app.motion.lying import NOTHING_STREWN, Strewn, standing_near
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd, Standing, blocking_neighbour, box_in_the_way, closed_position
 from app.motion.path import Vector
@@ -40,6 +41,7 @@ def plan_ply(
     *,
     holding: bool = False,
     low: bool = False,
+    strewn: Strewn = NOTHING_STREWN,
 ) -> Plan:
     """Plan all transfers of a ply, or what is left of them, from where the arm rests to home.
 
@@ -55,9 +57,11 @@ def plan_ply(
         lead_ticks: pause between motions, for announcing the next one.
         holding: the first transfer's piece is in the fingers already.
         low: the fingers may still be around a piece that stands: they open before the arm moves.
+        strewn: what is on the board besides.
 
     Raises:
-        PlanRefused: open fingers would touch a neighbour or a box, or a way leads out of the workspace.
+        InTheWay: open fingers would touch a neighbour.
+        PlanRefused: open fingers would touch a box, or a way leads out of the workspace.
         PieceBoxed: a piece would be taken out of a box.
     """
     table = inventory.table
@@ -68,6 +72,8 @@ def plan_ply(
     motions: list[Motion] = []
     point = np.asarray(start, dtype=float)
     stands = Crowd.before(transfers, inventory)
+    if strewn != NOTHING_STREWN:
+        stands = standing_near([*stands.pieces, *strewn.standing], strewn.lying, table)
     for index, transfer in enumerate(transfers):
         others = stands.without(transfer.name)
         if index == 0 and not holding:

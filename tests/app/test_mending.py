@@ -54,7 +54,7 @@ class Paper:
         self.lying: dict[str, tuple[PieceSpec, Place]] = {}
         self.in_the_way: str | None = None
         self.crowded: str | None = None
-        """This piece is in the way of the fingers, unless it is carried itself."""
+        """This piece is in the way of the fingers, unless it alone is carried."""
         self.stood_up = 0
         self.carried = 0
         self.asked: list[str] = []
@@ -67,7 +67,7 @@ class Paper:
 
     def carry(self, job: Job, inventory: Inventory, begun: Any = None, letting_go: Any = None) -> Carried:
         done = inventory
-        if self.crowded is not None and job.transfers[0].name != self.crowded:
+        if self.crowded is not None and [one.name for one in job.transfers] != [self.crowded]:
             piece, self.crowded = inventory.find(self.crowded), None
             raise InTheWay("the fingers would touch it", Standing.at(piece.name, piece.place, piece.kind, TABLE))
         for number, transfer in enumerate(job.transfers):
