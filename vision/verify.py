@@ -126,11 +126,7 @@ def examine_board(
     faults = [
         fault
         for square, piece in expected.items()
-        if (
-            fault := _judge(square, piece, centres[square], spots, view, tolerance)
-            or _changed(square, piece, drops.get(square, 0.0) - usual)
-        )
-        is not None
+        if (fault := _judge(square, piece, centres[square], spots, view, tolerance)) is not None
     ]
     taken = {fault.square for fault in faults} | set(expected)
     faults += [
@@ -138,6 +134,9 @@ def examine_board(
         for square, place in spots.items()
         if square not in taken
     ]
+    if not faults:  # what stands where nothing should may well hide what stands behind it
+        changed = (_changed(square, expected[square], drop - usual) for square, drop in drops.items())
+        faults = [fault for fault in changed if fault is not None]
     return Examination(tuple(sorted(faults, key=lambda fault: fault.square)), likeness)
 
 

@@ -174,6 +174,9 @@ class Eyes:
             return Verification(faults, Sighting({}))
         look = self._known.look(sight_of_frame(frame, self.view))
         states = look.evidence.read(codes_of(self._known.board))
+        wrong = {fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE}
+        for square in examined.likeness.keys() - wrong:  # the outline of a piece says more than its square's colours
+            states[square] = WHITE if expected[square].colour is Colour.WHITE else BLACK
         top = None if look.solids is None else look.solids.top
         sighting = Sighting.of(stands, states, faults, kinds=_kinds(stands, states, top))
         return Verification(faults, sighting)

@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from app.motion.obstacles import Crowd, Standing
 from app.motion.path import Vector
-from hardware.table import PIECE_SHAPES, Kind, TableSettings, square_place
+from hardware.table import PIECE_SHAPES, Kind, TableSettings, piece_profile, square_place
 
 _DISCS: Final = 6
 """A piece that lies is kept clear of as so many discs along its axis."""
@@ -78,14 +79,29 @@ def standing_near(crowd: Iterable[Standing], lying: Iterable[Lying], table: Tabl
     stands = Crowd.of(crowd, table)
     rows, pieces = [stands.table], list(stands.pieces)
     for piece in lying:
-        shape = PIECE_SHAPES[piece.kind]
-        for share in np.linspace(0.0, 1.0, _DISCS).tolist():
-            x, y = piece.along(share * shape.height)
-            radius = shape.foot_radius + share * (shape.stem_radius - shape.foot_radius)
-            top = 2.0 * shape.foot_radius
+        for way, radius, top in discs_of(piece.kind):
+            x, y = piece.along(way)
             rows.append(np.array([[x, y, top, radius, radius, top]]))
             pieces.append(Standing(piece.called, square_place(_square(x, y, table)), x, y, piece.kind))
     return Crowd(tuple(pieces), np.concatenate(rows), stands.boxes)
+
+
+@lru_cache(maxsize=16)
+def discs_of(kind: Kind) -> tuple[tuple[float, float, float], ...]:
+    """A piece that rests on the rim of its foot and on its head: of parts along it the middle's distance from the base,
+    the largest radius, and how high it reaches [m].
+    """
+    shape, profile = PIECE_SHAPES[kind], np.array(piece_profile(kind))
+    fine = np.linspace(0.0, shape.height, 10 * _DISCS + 1)
+    radius = np.interp(fine, profile[:, 1], profile[:, 0])
+    if kind is Kind.KNIGHT:  # its head is no part of the profile
+        radius = np.maximum(radius, shape.stem_radius)
+    axis = np.interp(fine, (0.0, shape.height), (shape.foot_radius, shape.stem_radius))
+    discs = []
+    for part in np.array_split(np.arange(fine.size), _DISCS):
+        largest, top = float(radius[part].max()), float((axis[part] + radius[part]).max())
+        discs.append((float(fine[part].mean()), largest, top))
+    return tuple(discs)
 
 
 def _square(x: float, y: float, table: TableSettings) -> int:
