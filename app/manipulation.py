@@ -23,7 +23,17 @@ import chess
 
 from app import UserError
 from app.layout import KINDS, colour_of, kind_of
-from hardware.table import Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from hardware.table import (
+    PIECE_SHAPES,
+    Captured,
+    Colour,
+    Kind,
+    PieceShape,
+    PieceSpec,
+    Place,
+    TableSettings,
+    square_place,
+)
 
 _PROMOTED = (Kind.QUEEN, Kind.ROOK, Kind.BISHOP, Kind.KNIGHT)
 _TIE = 6
@@ -98,6 +108,7 @@ class Transfer:
         source: its place.
         target: where it goes; its source again only if it was seen off the centre.
         seen: where it really stands, board frame (x, y) [m]; None: at the centre of its source.
+        raised: the fingers take it so much higher than usual, over something that lies beside it [m].
     """
 
     name: str
@@ -106,11 +117,20 @@ class Transfer:
     source: Place
     target: Place
     seen: tuple[float, float] | None = None
+    raised: float = 0.0
 
     @classmethod
-    def of(cls, piece: PieceSpec, target: Place, seen: tuple[float, float] | None = None) -> Transfer:
+    def of(
+        cls, piece: PieceSpec, target: Place, seen: tuple[float, float] | None = None, raised: float = 0.0
+    ) -> Transfer:
         """Of a piece from where it stands."""
-        return cls(piece.name, piece.kind, piece.colour, piece.place, target, seen)
+        return cls(piece.name, piece.kind, piece.colour, piece.place, target, seen, raised)
+
+    @property
+    def shape(self) -> PieceShape:
+        """Of its piece, gripped where the fingers take it."""
+        shape = PIECE_SHAPES[self.kind]
+        return replace(shape, grip_height=shape.grip_height + self.raised) if self.raised else shape
 
     def grasped_at(self, table: TableSettings) -> tuple[float, float]:
         """Where the fingers take it, board frame (x, y) [m]."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from app import UserError
 from app.arm import ArmState
 from app.manipulation import Stage, Transfer
-from hardware.table import PIECE_SHAPES, TableSettings
+from hardware.table import TableSettings
 
 FELT = 0.5
 """Both pads feel more than this where something is between them; what they are commanded to press with is 4 N [N]."""
@@ -76,5 +76,5 @@ def _over(transfer: Transfer, arm: ArmState, table: TableSettings) -> bool:
     if transfer.target.in_box:
         return table.box_of(transfer.target).holds(x, y)
     there_x, there_y = table.xy(transfer.target)
-    height = PIECE_SHAPES[transfer.kind].grip_height
+    height = transfer.shape.grip_height
     return math.hypot(x - there_x, y - there_y) < ABOVE and z < height + ABOVE

@@ -7,7 +7,7 @@ Then look again. Pieces that lie come first, so that none is in the way of a car
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,13 +20,17 @@ from app.motion.planner import plan_ply
 from app.motion.settings import MotionSettings
 from app.motion.upright import plan_upright
 from hardware.parameters import RobotParameters
-from hardware.table import PieceSpec, Place, square_place
+from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, square_place
 from vision.fallen import Stray
 from vision.lying import Pose
 
 _CLEAR: Final = 0.11
 """What makes way goes so far from where pieces lie [m]: they are up to 60 mm long, and the fingers need as much."""
 _PLACES_TRIED: Final = 6
+_RAISES: Final = 2
+"""So many higher grips are tried, up to …"""
+_ON_THE_PIECE: Final = 0.001
+"""… one at which the pads end so far below the top of the piece [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,17 +159,27 @@ def plan_making_way(
     if itself is not None and itself.target not in targets and _clear_of(table.xy(itself.target), strays):
         free.insert(0, itself.target)
     refused: PlanRefused | None = None
-    for place in free[:_PLACES_TRIED]:
-        transfer = Transfer.of(piece, place, seen)
-        try:
-            label = f"{piece.name} out of the way to {place}"
-            plan = plan_ply(
-                label, [transfer], rest, start, finger, settings, parameters, lead_ticks, strewn=strewn_of(strays)
-            )
-            return transfer, plan
-        except PlanRefused as error:
-            refused = error
+    for raised in _raised(piece.kind, parameters):
+        for place in free[:_PLACES_TRIED]:
+            transfer = Transfer.of(piece, place, seen, raised)
+            try:
+                label = f"{piece.name} out of the way to {place}"
+                plan = plan_ply(
+                    label, [transfer], rest, start, finger, settings, parameters, lead_ticks, strewn=strewn_of(strays)
+                )
+                return transfer, plan
+            except PlanRefused as error:
+                refused = refused or error
     raise refused or PlanRefused(f"no place is free for {blocks}, which is in the way: take a piece off the board")
+
+
+def _raised(kind: Kind, parameters: RobotParameters) -> Iterator[float]:
+    """By how much the fingers may take a piece higher than usual, so that they pass over what lies beside it [m]."""
+    shape = PIECE_SHAPES[kind]
+    most = shape.height - shape.grip_height - parameters.pads.half_height - _ON_THE_PIECE
+    yield 0.0
+    for part in range(1, _RAISES + 1):
+        yield max(0.0, most) * part / _RAISES
 
 
 def _clear_of(point: tuple[float, float], strays: Sequence[Strayed]) -> bool:

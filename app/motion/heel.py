@@ -22,6 +22,8 @@ _BAR: Final = 0.006
 """Half the width of a finger's bar, across the finger axis [m]; its other sides are the pad's."""
 _SLIDES: Final = 0.0055
 """So far does the foot slide back towards the head while it is pressed and drawn over (measured in the world) [m]."""
+_SAMPLES: Final = 16
+"""Of a way that is checked."""
 _MASS_HEIGHT: Final = 0.38
 """Of a piece's centre of mass, in heights of the piece: it is weighted low."""
 
@@ -100,6 +102,15 @@ def reach(pads: Pads, direction: Vector) -> float:
         np.array([0.0, pads.half_width]) + behind, np.array([depth, 0.0]) + behind, [depth + pads.back, _BAR],
     ])  # fmt: skip
     return float((corners @ np.abs(direction)).max())
+
+
+def sweep(heel: Heel, how: Heeling) -> list[tuple[float, float]]:
+    """Where the fingers' inner lower edge comes by, frame ``over``: outwards and up [m]."""
+    across, up = heel.contact[0] - heel.rim, heel.contact[1]
+    radius, begin = math.hypot(across, up), math.atan2(up, across)
+    angles = begin - heel.turn * np.linspace(0.0, 1.0, _SAMPLES)
+    way = [(heel.rim + radius * math.cos(a), max(how.lowest, radius * math.sin(a))) for a in angles.tolist()]
+    return [*way, (way[-1][0] + how.away, way[-1][1])]
 
 
 def circle(heel: Heel, how: Heeling, stiffness: float, ticks: int, tick: float) -> Vector:

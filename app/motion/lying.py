@@ -111,28 +111,39 @@ def _square(x: float, y: float, table: TableSettings) -> int:
 
 
 class Strip(NamedTuple):
-    """A rectangle on the table: the middle of one short side, board frame [m]; unit vector along; length, half width
-    [m].
+    """A rectangle over the table: the middle of one short side, board frame [m]; unit vector along; length, half
+    width, the height from which on the room over it is needed, and by how much more on all sides, rounded [m].
     """
 
     start: tuple[float, float]
     along: Vector
     length: float
     half_width: float
+    above: float = 0.0
+    around: float = 0.0
 
     def distance(self, x: float, y: float) -> float:
         """From a point [m]; 0 inside."""
         dx, dy = x - self.start[0], y - self.start[1]
         forward = dx * self.along[0] + dy * self.along[1]
         aside = abs(dy * self.along[0] - dx * self.along[1])
-        return float(math.hypot(max(-forward, forward - self.length, 0.0), max(aside - self.half_width, 0.0)))
+        off = math.hypot(max(-forward, forward - self.length, 0.0), max(aside - self.half_width, 0.0))
+        return float(max(0.0, off - self.around))
+
+
+def _room(strip: Strip, row: Sequence[float]) -> float:
+    """Between a strip and one of a crowd [m]; above its foot, a piece is slim."""
+    x, y, height, foot, stem, foot_height = row
+    if strip.above >= height:
+        return math.inf
+    return strip.distance(x, y) - (foot if strip.above < foot_height else stem)
 
 
 def in_the_strip(strips: Sequence[Strip], others: Crowd, margin: float) -> Standing | None:
     """The piece that is nearest to these strips, if it is nearer than a margin [m]; None: they are free."""
     found, nearest = None, margin
     for piece, row in zip(others.pieces, others.table.tolist(), strict=True):
-        distance = min(strip.distance(row[0], row[1]) for strip in strips) - row[3]
+        distance = min(_room(strip, row) for strip in strips)
         if distance < nearest:
             found, nearest = piece, distance
     return found

@@ -89,7 +89,7 @@ def plan_ply(
         carried = f"{transfer.kind} {transfer.source} to {transfer.target}"
         motion, _ = motion_of(cell, carried, route, index, Stage.CARRY)
         motions.append(motion)
-        point = cell.base([(*table.xy(transfer.target), cell.height(transfer.kind, transfer.target))])[0]
+        point = cell.base([(*table.xy(transfer.target), _height(cell, transfer, transfer.target))])[0]
         moved = Standing.at(transfer.name, transfer.target, transfer.kind, table)
         stands = others if transfer.target.in_box else stands.with_moved(moved)
         following = transfers[index + 1] if index + 1 < len(transfers) else None
@@ -147,7 +147,12 @@ def _least_opening(cell: Workcell, kind: Kind) -> float:
     return position
 
 
-def _opening(cell: Workcell, kind: Kind, place: Place, point: tuple[float, float], others: Crowd) -> float:
+def _height(cell: Workcell, transfer: Transfer, place: Place) -> float:
+    """Of the tool over the board where it takes the piece from a place or lets go of it there [m]."""
+    return cell.height(transfer.kind, place) + transfer.raised
+
+
+def _opening(cell: Workcell, transfer: Transfer, place: Place, point: tuple[float, float], others: Crowd) -> float:
     """As wide as is useful and as neighbours and boxes leave room for, at a point (x, y) of a place [m].
 
     Raises:
@@ -155,9 +160,9 @@ def _opening(cell: Workcell, kind: Kind, place: Place, point: tuple[float, float
     """
     grip, pads = cell.settings.grip, cell.parameters.pads
     x, y = point
-    tip = cell.height(kind, place) - pads.half_height
-    least = _least_opening(cell, kind)
-    widest = min(closed_position(kind, pads) + grip.widest_margin, cell.parameters.gripper.stroke)
+    tip = _height(cell, transfer, place) - pads.half_height
+    least = _least_opening(cell, transfer.kind)
+    widest = min(closed_position(transfer.kind, pads) + grip.widest_margin, cell.parameters.gripper.stroke)
     for part in range(_OPENINGS):
         opening = widest + part / (_OPENINGS - 1) * (least - widest)
         neighbour = blocking_neighbour(x, y, opening, tip, others, pads)
@@ -193,9 +198,9 @@ def _grip_time(cell: Workcell, transfer: Transfer, finger: float) -> float:
 
 def _approach(cell: Workcell, transfer: Transfer, stands: Crowd, point: Vector, finger: float, *, low: bool) -> Route:
     """Over to the piece with the fingers opening, then straight down to the grip height."""
-    shape = PIECE_SHAPES[transfer.kind]
+    shape = transfer.shape
     there = transfer.grasped_at(cell.table)
-    opening = _opening(cell, transfer.kind, transfer.source, there, stands.without(transfer.name))
+    opening = _opening(cell, transfer, transfer.source, there, stands.without(transfer.name))
     x, y, height = cell.board(point)
     wait = max(0.0, opening - finger) / cell.settings.grip.opening_speed if low else 0.0
     hop = Hop((x, y, height), (*there, shape.grip_height), 0.0, None, max(opening, finger))
@@ -208,7 +213,7 @@ def _approach(cell: Workcell, transfer: Transfer, stands: Crowd, point: Vector, 
 
 def _grasp(cell: Workcell, transfer: Transfer, point: Vector, finger: float) -> Route:
     """Close until both pads feel the piece."""
-    height = PIECE_SHAPES[transfer.kind].grip_height
+    height = transfer.shape.grip_height
     patience = _grip_time(cell, transfer, finger) + cell.settings.grip.patience
     return Route(
         np.array([point]), np.zeros(0), (), contact=(height, height), finger=finger, wait=patience,
@@ -218,13 +223,13 @@ def _grasp(cell: Workcell, transfer: Transfer, point: Vector, finger: float) -> 
 
 def _carry(cell: Workcell, transfer: Transfer, others: Crowd, point: Vector, *, fresh: bool) -> Route:
     """Up from where it is, over, down, and slowly on until it stands; or to where it is dropped into a box."""
-    settings, shape = cell.settings, PIECE_SHAPES[transfer.kind]
+    settings, shape = cell.settings, transfer.shape
     x, y, height = cell.board(point)
     closed = closed_position(transfer.kind, cell.parameters.pads)
     there = cell.table.xy(transfer.target)
-    _opening(cell, transfer.kind, transfer.target, there, others)
+    _opening(cell, transfer, transfer.target, there, others)
     low, drops = shape.grip_height, transfer.target.in_box
-    end = cell.height(transfer.kind, transfer.target) + (0.0 if drops else settings.touch_height)
+    end = _height(cell, transfer, transfer.target) + (0.0 if drops else settings.touch_height)
     hop = Hop((x, y, height), (*there, end), low + settings.clearance, shape, closed, drops)
     return Route(
         *over(cell, hop, others), contact=(low, low), finger=closed, wait=settings.grip.settle,
@@ -234,12 +239,12 @@ def _carry(cell: Workcell, transfer: Transfer, others: Crowd, point: Vector, *, 
 
 def _release(cell: Workcell, transfer: Transfer, following: Transfer | None, stands: Crowd, point: Vector) -> Route:
     """Open, up from the piece, and over to the next one, or home; over a box, once the piece has fallen."""
-    settings, table, shape = cell.settings, cell.table, PIECE_SHAPES[transfer.kind]
+    settings, table, shape = cell.settings, cell.table, transfer.shape
     pads = cell.parameters.pads
     beside, drops = stands.without(transfer.name), transfer.target.in_box
     place = table.xy(transfer.target)
     opening, closed = (
-        _opening(cell, transfer.kind, transfer.target, place, beside),
+        _opening(cell, transfer, transfer.target, place, beside),
         closed_position(transfer.kind, pads),
     )
     wait = settings.release_wait + settings.grip.freed / settings.grip.opening_speed
@@ -249,9 +254,9 @@ def _release(cell: Workcell, transfer: Transfer, following: Transfer | None, sta
     if following is None:
         end, low, then = cell.board(np.asarray(settings.home)), 0.0, None
     else:
-        low = PIECE_SHAPES[following.kind].grip_height
+        low = following.shape.grip_height
         there = following.grasped_at(table)
-        then = _opening(cell, following.kind, following.source, there, stands.without(following.name))
+        then = _opening(cell, following, following.source, there, stands.without(following.name))
         end = (*there, low)
     hop = Hop(here, end, 0.0, None, max(opening, then or 0.0))
     return Route(

@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from app.motion.heel import Heel, Heeling, circle, eased, heel_of, reach
+from app.motion.heel import Heel, Heeling, circle, eased, heel_of, reach, sweep
 from app.motion.lying import Lying, Strip, in_the_strip, standing_near
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd, Standing
@@ -104,12 +104,11 @@ def _tool_point(cell: Workcell, lying: Lying, edge: tuple[float, float]) -> Vect
 def _check_free(cell: Workcell, lying: Lying, heel: Heel, others: Crowd, how: Heeling) -> None:
     pads, out = cell.parameters.pads, lying.outwards
     block, aside = 2.0 * reach(pads, out), reach(pads, np.array([-out[1], out[0]]))
-    inner = heel.contact[0]
-    outer = heel.rim + math.hypot(heel.contact[0] - heel.rim, heel.contact[1]) + how.away + block
-    x, y = (np.array(lying.base) + inner * out).tolist()
-    foot = PIECE_SHAPES[lying.kind].foot_radius
-    bx, by = (np.array(lying.base) + (heel.stands - foot) * out).tolist()
-    strips = Strip((x, y), out, outer - inner, aside), Strip((bx, by), out, 2.0 * foot, foot)
+    base, foot = np.array(lying.base), PIECE_SHAPES[lying.kind].foot_radius
+    strips = [
+        Strip(_xy(base + edge * out), out, block, aside, max(0.0, up - how.margin)) for edge, up in sweep(heel, how)
+    ]
+    strips.append(Strip(_xy(base + heel.stands * out), out, 0.0, 0.0, around=foot))
     blocking = in_the_strip(strips, others, how.margin)
     if blocking is not None:
         raise InTheWay(
@@ -117,6 +116,11 @@ def _check_free(cell: Workcell, lying: Lying, heel: Heel, others: Crowd, how: He
             "have to go; move that piece away first",
             blocking,
         )
+
+
+def _xy(point: Vector) -> tuple[float, float]:
+    x, y = point.tolist()
+    return x, y
 
 
 def _approach(cell: Workcell, lying: Lying, begin: Vector, start: Vector, finger: float, others: Crowd) -> Route:

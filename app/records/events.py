@@ -55,6 +55,8 @@ class TransferRecord(Record):
     target: str
     seen: tuple[FiniteFloat, FiniteFloat] | None = None
     """Where it stood, if not at the centre of its source: board frame (x, y) [m]."""
+    raised: FiniteFloat = 0.0
+    """So much higher than usual the fingers take it [m]."""
 
 
 class _Stamped(Record):
@@ -240,7 +242,13 @@ def transfer_records(transfers: Iterable[Transfer]) -> tuple[TransferRecord, ...
     """Transfers in the order of execution."""
     return tuple(
         TransferRecord(
-            piece=t.name, kind=t.kind, colour=t.colour, source=str(t.source), target=str(t.target), seen=t.seen
+            piece=t.name,
+            kind=t.kind,
+            colour=t.colour,
+            source=str(t.source),
+            target=str(t.target),
+            seen=t.seen,
+            raised=t.raised,
         )
         for t in transfers
     )

@@ -213,5 +213,11 @@ def _piece(record: PieceRecord, place: str) -> PieceSpec:
 def transfer_of(record: TransferRecord) -> Transfer:
     """As it was recorded."""
     return Transfer(
-        record.piece, record.kind, record.colour, Place.parse(record.source), Place.parse(record.target), record.seen
+        record.piece,
+        record.kind,
+        record.colour,
+        Place.parse(record.source),
+        Place.parse(record.target),
+        record.seen,
+        record.raised,
     )

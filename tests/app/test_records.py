@@ -164,6 +164,7 @@ def test_a_ply_event_holds_the_move_and_what_was_measured(tmp_path: Path) -> Non
                 "source": "d5",
                 "target": str(taken.target),
                 "seen": None,
+                "raised": 0.0,
             },
             {
                 "piece": "white-pawn-e",
@@ -172,6 +173,7 @@ def test_a_ply_event_holds_the_move_and_what_was_measured(tmp_path: Path) -> Non
                 "source": "e4",
                 "target": "d5",
                 "seen": None,
+                "raised": 0.0,
             },
         ],
         "inventory": {"black-pawn-d": str(taken.target), "white-pawn-e": "d5"},

@@ -10,11 +10,11 @@ import pytest
 
 from app.layout import start_layout
 from app.manipulation import Inventory, Transfer
-from app.motion import MotionSettings
+from app.motion import MotionSettings, plan_ply
 from app.motion.plan import Plan, PlanRefused
 from app.righting import Strayed, in_order, plan_making_way
 from hardware.parameters import load_parameters
-from hardware.table import Place, TableSettings
+from hardware.table import PIECE_SHAPES, Place, TableSettings
 from vision.lying import Pose
 
 TABLE = TableSettings()
@@ -68,3 +68,22 @@ def test_where_something_lies_near_its_square_it_goes_elsewhere() -> None:
 def test_a_piece_that_lies_makes_no_way() -> None:
     with pytest.raises(PlanRefused, match=f"^{KNIGHT}, which is in the way, lies itself: take it off the board$"):
         way(KNIGHT, LIES, stray("e3", "c6", 0.0))
+
+
+def test_over_something_that_lies_beside_it_a_piece_is_taken_higher() -> None:
+    """The king's foot is lower than the fingers get there on the bishop beside it, if they take that by its head."""
+    board = chess.Board("4k3/8/8/8/8/8/8/2B1K3 w - - 0 1")
+    inventory = Inventory.of(start_layout(board, TABLE), TABLE)
+    king, bishop = (inventory.at(Place.parse(square)) for square in ("e1", "c1"))
+    assert king is not None
+    assert bishop is not None
+    x, y = TABLE.xy(bishop.place)
+    lies = Strayed(king, king.place, Pose(x + 0.022, y, 0.0))
+    home = np.array(MotionSettings().home)
+    transfer, plan = plan_making_way(bishop.name, [lies], inventory, home, 0.02, MotionSettings(), load_parameters())
+    shape = PIECE_SHAPES[bishop.kind]
+    assert 0.0 < transfer.raised < shape.height - shape.grip_height
+    grasp = plan.motions[1].samples["position"][-1]
+    usual = Transfer.of(bishop, transfer.target)
+    lower = plan_ply("", [usual], inventory, home, 0.02, MotionSettings(), load_parameters())
+    assert lower.motions[1].samples["position"][-1][2] - grasp[2] == pytest.approx(transfer.raised, abs=1e-6)
