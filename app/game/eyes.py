@@ -44,6 +44,8 @@ Heights = NDArray[np.float64]
 
 PATIENCE: Final = 3.0
 """So long a fresh frame is waited for [s]."""
+_LIKELY: Final = 0.5
+"""Of a piece's height: it is what it should be."""
 _ANSWERS: Final = frozenset({Situation.LEGAL, Situation.UNFINISHED})
 
 
@@ -271,14 +273,22 @@ def _shown(stands: Inventory) -> chess.Board:
 
 
 def _kinds(stands: Inventory, states: States, top: Heights | None) -> dict[int, Chances]:
-    """Of what stands where it should not, how likely it is of each kind by its height."""
+    """How likely what stands on a square is of each kind by its height: of what stands where it should not, and of
+    what is as high as it should be, so that it is not taken for something else.
+    """
     if top is None:
         return {}
     expected = np.full(64, EMPTY)
     for square, piece in on_board(stands).items():
         expected[square] = WHITE if piece.colour is Colour.WHITE else BLACK
     strange = np.flatnonzero((states != expected) & (states != EMPTY) & (top > 0.0))
-    return {int(square): kinds_by_height(float(top[square])) for square in strange}
+    kinds: dict[int, Chances] = {int(square): kinds_by_height(float(top[square])) for square in strange}
+    for square, piece in on_board(stands).items():
+        if square not in kinds and states[square] != EMPTY and top[square] > 0.0:
+            chances = kinds_by_height(float(top[square]))
+            if chances[piece.kind] >= _LIKELY:
+                kinds[square] = chances
+    return kinds
 
 
 def _find(frame: Frame, board: chess.Board, table: TableSettings, view: BoardView | None) -> BoardView:
