@@ -29,8 +29,8 @@ from hardware.interfaces import Clock
 from hardware.table import square_place
 from vision.verify import Fault, FaultKind
 
-MOST_ROUNDS: Final = 8
-"""Of mending by the arm; what is not right then, it will not get right."""
+MOST_ROUNDS: Final = 16
+"""Of mending by the arm, two or three for a piece that has fallen; what is not right then, it will not get right."""
 
 
 FRESH: Final = 0.5
@@ -90,6 +90,8 @@ class Mender:
         self.eyes = eyes
         self._carrier, self._asker = carrier, asker
         self._record, self._face, self._clock = record, face, clock
+        self._stood_up: set[str] = set()
+        """Pieces that the arm has stood up since the mending began."""
 
     @property
     def stale(self) -> bool:
@@ -122,6 +124,7 @@ class Mender:
             UserError: a person is needed, and nobody is there; or it cannot be mended.
         """
         rounds, duration = 0, 0.0
+        self._stood_up.clear()
         while True:
             faults, step = self._decide(stands, wanted, board)
             if faults and not changed(stands, wanted) and self._is_answered(replied_to()):
@@ -177,7 +180,8 @@ class Mender:
         Args:
             faults: what is wrong.
             stands: what should stand where.
-            people: somebody may have moved pieces; then only ones that lie are known to be what they look like.
+            people: somebody may have moved pieces; then only ones that lie, or that the arm has stood up, are known to
+                be what they look like.
         """
         missing = {fault.square for fault in faults if fault.kind in (FaultKind.MISSING, FaultKind.FALLEN)}
         if not missing:
@@ -185,7 +189,9 @@ class Mender:
         strays = self.eyes.strays(stands)
         if any(one.lies for one in strays):
             return Fallen(tuple(strays))
-        if people or not strays or not missing <= {one.target.index for one in strays}:
+        if not strays or not missing <= {one.target.index for one in strays}:
+            return None
+        if people and not {one.piece.name for one in strays if one.target.index in missing} <= self._stood_up:
             return None
         transfers = tuple(Transfer.of(one.piece, one.target, (one.pose.x, one.pose.y)) for one in strays)
         return Repair(stands, transfers, "the arm carries what it has found to where it belongs")
@@ -207,6 +213,7 @@ class Mender:
                 refusals.append((f"{sentence}, and {refused}: stand it on {one.target}", refused))
                 continue
             if took is not None:
+                self._stood_up.add(one.piece.name)
                 self._record.trouble(FaultKind.FALLEN.value, (str(one.target),), sentence, "arm", now)
             return stands, took or 0.0, None
         return stands, 0.0, self._make_way(refusals, step, stands, faults)
