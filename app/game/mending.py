@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import chess
+import numpy as np
 
 from app import UserError
 from app.faces import Face
@@ -23,7 +24,7 @@ from app.rearrange import rearrange
 from app.records import GameRecord
 from app.records.events import Purpose
 from app.repair import Ask, Repair, mend
-from app.repair.mending import repair_towards
+from app.repair.mending import SEEN_WITHIN, repair_towards
 from app.righting import Strayed, in_order
 from hardware.interfaces import Clock
 from hardware.table import square_place
@@ -168,11 +169,31 @@ class Mender:
         unaided = self._unaided(found.faults, stands, people=board is not None)
         if isinstance(unaided, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
             return found.faults, unaided or step
-        places = {**found.sighting.places, **self.eyes.places(step.believed)}
+        places = {**found.sighting.places, **self._places(stands, step.believed)}
+        lost = [name for name, place in changed(stands, step.believed).items() if place.index not in places]
+        if lost:  # the fingers would run into it
+            return found.faults, Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
         step = repair_towards(step.believed, wanted, replace(found.sighting, places=places))
         if isinstance(step, Repair) and not step.transfers and step.rest is None and not changed(stands, step.believed):
             return found.faults, Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
         return found.faults, step
+
+    def _places(self, stands: Inventory, believed: Inventory) -> dict[int, tuple[float, float]]:
+        """Where pieces stand, board frame (x, y) [m], by the square where they are believed to; also of those that are
+        far from the centre of any.
+        """
+        places = self.eyes.places(believed)
+        moved = {name: place for name, place in changed(stands, believed).items() if place.index not in places}
+        if moved:
+            most = SEEN_WITHIN * stands.table.square
+            for one in self.eyes.strays(stands):
+                place = moved.get(one.piece.name)
+                if place is None or one.lies:
+                    continue
+                off = np.subtract((one.pose.x, one.pose.y), stands.table.xy(place))
+                if np.abs(off).max() <= most:
+                    places[place.index] = one.pose.x, one.pose.y
+        return places
 
     def _unaided(self, faults: Sequence[Fault], stands: Inventory, *, people: bool) -> Repair | Fallen | None:
         """What the arm does where something lies; or where all that is missing stands in sight.

@@ -17,7 +17,7 @@ from app.repair.twice import doubted
 from hardware.table import Colour, PieceSpec, Place, square_place
 from vision.verify import TOLERANCE
 
-_SEEN_WITHIN: Final = 0.75
+SEEN_WITHIN: Final = 0.75
 """A piece stands no farther than this off the centre of the square where it is seen, along either axis [its sides]."""
 
 
@@ -158,7 +158,7 @@ def _seen(
     believed: Inventory, target: Inventory, sighting: Sighting, tolerance: float, lacking: Set[Colour]
 ) -> dict[str, Point]:
     """Where pieces stand that the arm takes, by name."""
-    seen, most = dict[str, Point](), _SEEN_WITHIN * believed.table.square
+    seen, most = dict[str, Point](), SEEN_WITHIN * believed.table.square
     for square, (x, y) in sighting.places.items():
         piece = believed.at(square_place(square))
         if piece is None:
