@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 import numpy as np
 
 from app import UserError
+from app.manipulation import Stage
 from controller.causes import Cause
 from controller.client import ControllerClient, MotionOutcome
 from controller.errors import MotionRefused, MotionStopped
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from app.motion.plan import Motion, Plan
     from app.motion.reference import Vector
 
+FELT: Final = 0.5
+"""Both pads feel more than this where something is between them; what they are commanded to press with is 4 N [N]."""
 _LATE: Final = (Cause.UNDERRUN, Cause.LATE)
 _HELD: Final = (Cause.HOLD_COMMAND, Cause.NOT_ADMITTED)
 
@@ -29,6 +32,13 @@ class GraspFailed(UserError):
             f"could not {motion.label}: the fingers closed to {finger_position * 1e3:.1f} mm and felt nothing; "
             "is the piece where the game says?"
         )
+
+
+class PieceSlipped(UserError):
+    """A piece was carried, and was no longer in the fingers when they came to its place."""
+
+    def __init__(self, motion: Motion) -> None:
+        super().__init__(f"{motion.label}: the fingers came there empty; where has the piece gone?")
 
 
 class NothingTouched(UserError):
@@ -125,6 +135,7 @@ class ControllerArm:
         Raises:
             GraspFailed: a motion that had to grip ended without.
             NothingTouched: a motion that had to touch ended without.
+            PieceSlipped: a piece was lost on its way.
             ArmPaused: samples came too late.
             ArmHeld: a hand is over the board.
             ControllerError: refused, stopped or lost; the arm rests.
@@ -148,6 +159,9 @@ class ControllerArm:
                 self._client.stop()
                 assert plan.style is not None
                 raise NothingTouched(motion, plan.style.settings.touch_depth)
+            if motion.stage is Stage.CARRY and min(done.tactile) < FELT:  # what held it up is something else
+                self._client.stop()
+                raise PieceSlipped(motion)
         assert first_tick is not None
         return Outcome((end_tick - first_tick) * self._client.period, torque, force, end_tick)
 

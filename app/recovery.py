@@ -12,12 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app import UserError
-from app.arm import ArmState
+from app.arm import FELT, ArmState
 from app.manipulation import Stage, Transfer
 from hardware.table import TableSettings
 
-FELT = 0.5
-"""Both pads feel more than this where something is between them; what they are commanded to press with is 4 N [N]."""
 ABOVE = 0.003
 """A tool this close to where it sets a piece down, in height and in the plane, is there [m]."""
 

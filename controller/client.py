@@ -63,6 +63,8 @@ class MotionOutcome(NamedTuple):
     """Largest torque commanded [N m]."""
     peak_tactile: float
     """Largest tactile force [N]."""
+    tactile: tuple[float, float]
+    """What the pads felt when the end was told: right, left [N]."""
 
     @property
     def gripped(self) -> bool:
@@ -295,6 +297,7 @@ class ControllerClient:
             telemetry.ended_finger,
             telemetry.peak_torque,
             telemetry.peak_tactile,
+            telemetry.tactile,
         )
 
     def _command(self, code: CommandCode, done: Callable[[Telemetry], bool]) -> None:

@@ -24,9 +24,9 @@ from typing import Final
 import chess
 
 from app import UserError
+from app.arm import FELT
 from app.bench.report import BenchReport, Row, machine, row
 from app.processes import last_words
-from app.recovery import FELT
 from app.remote_rig import RESTING
 from controller.contact import find_controller
 from controller.errors import ControllerError

@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from app import UserError
-from app.arm import ArmHeld, ArmPaused, ArmState, GraspFailed, NothingTouched, Outcome
+from app.arm import ArmHeld, ArmPaused, ArmState, GraspFailed, NothingTouched, Outcome, PieceSlipped
 from app.faces import Face
 from app.game.state import Devices, Job, moved_all
 from app.manipulation import Inventory, Stage, Transfer
@@ -126,7 +126,7 @@ class Carrier:
                 self._interlock()
                 planned, done = self._rest(job, state, inventory, progress, letting_go)
                 return Carried(planned, done, resumed)
-            except (GraspFailed, NothingTouched, PieceLost) as failure:
+            except (GraspFailed, NothingTouched, PieceLost, PieceSlipped) as failure:
                 raise self._failed(job, inventory, failure) from failure
             except ArmHeld as held:
                 self._require_own_hold(held)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import chess
 
 from app import UserError
+from app.arm import FELT
 from app.faces import Face
 from app.game.human import Human
 from app.game.human_turn import HumanTurn
@@ -16,7 +17,6 @@ from app.game.table import Remark, Table
 from app.game.timing import Timing
 from app.players import Decision, Players
 from app.records.events import Result
-from app.recovery import FELT
 from engine.errors import EngineProblem
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app import UserError
-from app.arm import ArmState
+from app.arm import FELT, ArmState
 from app.config import load_rig
 from app.faces import Quiet
 from app.games import run_games
@@ -21,7 +21,7 @@ from app.layout import BoxesTooSmall, TraysTooSmall, physical_set, start_layout
 from app.manipulation import Inventory, InventoryError, NoSpare, PieceBoxed, Ply, Stage, Transfer, transfers
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from app.motion.drop import fall_time, tool_height
-from app.recovery import FELT, PieceLost, Progress, progress_of
+from app.recovery import PieceLost, Progress, progress_of
 from app.settings import Settings
 from app.settings_file import settings_of
 from app.venue import venue_of
