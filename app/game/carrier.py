@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from app import UserError
-from app.arm import ArmHeld, ArmPaused, ArmState, GraspFailed, NothingTouched, Outcome, PieceSlipped
+from app.arm import FELT, ArmHeld, ArmPaused, ArmState, GraspFailed, NothingTouched, Outcome, PieceSlipped
 from app.faces import Face
 from app.game.state import Devices, Job, moved_all
 from app.manipulation import Inventory, Stage, Transfer
@@ -237,7 +237,8 @@ class Carrier:
         index = self._step.transfer
         transfer = job.transfers[index]
         missed = isinstance(failure, GraspFailed)
-        self._go_home(inventory, transfer.kind if missed else None)
+        felt = self._devices.arm.settle().felt >= FELT  # perhaps it is, or something else, between the fingers yet
+        self._go_home(inventory, transfer.kind if missed or felt else None)
         return CarryFailed(
             Loss.NOT_GRIPPED if missed else Loss.LOST, transfer, index, _after(inventory, job, index), str(failure)
         )

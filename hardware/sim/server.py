@@ -46,6 +46,9 @@ PATIENCE = 0.1
 """Pace fast: how long the world listens at a time while the controller does not ask for a tick [s]."""
 OTHERS_EVERY = 8
 """Pace fast, while the controller is busy: others are heard in each so manieth tick; none of them is in a hurry."""
+LONGEST_UNREST = 5.0
+"""Pace fast: time stands after so long even if something does not come to rest, as a piece that trembles under the
+fingers, while nobody needs time for anything else [s, plant]."""
 LONGEST_REST = 20.0
 """Plant time in which everything must have come to rest at the end [s]."""
 REALTIME_PRIORITY = 90
@@ -102,6 +105,7 @@ class World:
         self._reported = -1
         self._missed = 0
         self._turns = 0
+        self._idle, self._longest_idle = 0, round(LONGEST_UNREST / drive.tick)
         self._ending = False
 
     def run(self) -> None:
@@ -175,7 +179,10 @@ class World:
             self._answer()
 
     def _needs_time(self, command: Command) -> bool:
-        return command.busy or self._others_wait() or not self.plant.resting or self._differs(command)
+        if command.busy or self._others_wait():
+            self._idle = 0
+            return True
+        return self._idle < self._longest_idle and (not self.plant.resting or self._differs(command))
 
     def _differs(self, command: Command) -> bool:
         """Compared without torques: at rest those only repeat what holds the arm."""
@@ -219,6 +226,7 @@ class World:
     def _exchange(self, command: Command) -> None:
         """Answer with the present measurement, then advance: the command acts from this tick on."""
         self._missed = 0
+        self._idle += 1
         self._answer()
         self.plant.apply(command)
         self._applied = command
