@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 FELT: Final = 0.5
 """Both pads feel more than this where something is between them; what they are commanded to press with is 4 N [N]."""
+TOUCH_ERROR: Final = 0.0025
+"""What the fingers come down on is so near to where it should be, in height [m]: places are known to a millimetre or
+two, and felt gives way by less."""
 _LATE: Final = (Cause.UNDERRUN, Cause.LATE)
 _HELD: Final = (Cause.HOLD_COMMAND, Cause.NOT_ADMITTED)
 
@@ -39,6 +42,16 @@ class PieceSlipped(UserError):
 
     def __init__(self, motion: Motion) -> None:
         super().__init__(f"{motion.label}: the fingers came there empty; where has the piece gone?")
+
+
+class TouchedElsewhere(UserError):
+    """Something else was in the way of the fingers than what they had to come down on, or that lies otherwise."""
+
+    def __init__(self, motion: Motion, off: float) -> None:
+        super().__init__(
+            f"{motion.label}: touched {abs(off) * 1e3:.1f} mm {'below' if off > 0.0 else 'above'} where it should be; "
+            "something else is there, or it is propped up"
+        )
 
 
 class NothingTouched(UserError):
@@ -135,6 +148,7 @@ class ControllerArm:
         Raises:
             GraspFailed: a motion that had to grip ended without.
             NothingTouched: a motion that had to touch ended without.
+            TouchedElsewhere: a motion touched at another height than it should.
             PieceSlipped: a piece was lost on its way.
             ArmPaused: samples came too late.
             ArmHeld: a hand is over the board.
@@ -159,6 +173,9 @@ class ControllerArm:
                 self._client.stop()
                 assert plan.style is not None
                 raise NothingTouched(motion, plan.style.settings.touch_depth)
+            if motion.touches_at is not None and abs(off := done.position[2] - motion.touches_at) > TOUCH_ERROR:
+                self._client.stop()
+                raise TouchedElsewhere(motion, off)
             if motion.stage is Stage.CARRY and min(done.tactile) < FELT:  # what held it up is something else
                 self._client.stop()
                 raise PieceSlipped(motion)

@@ -8,7 +8,17 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from app import UserError
-from app.arm import FELT, ArmHeld, ArmPaused, ArmState, GraspFailed, NothingTouched, Outcome, PieceSlipped
+from app.arm import (
+    FELT,
+    ArmHeld,
+    ArmPaused,
+    ArmState,
+    GraspFailed,
+    NothingTouched,
+    Outcome,
+    PieceSlipped,
+    TouchedElsewhere,
+)
 from app.faces import Face
 from app.game.state import Devices, Job, moved_all
 from app.manipulation import Inventory, Stage, Transfer
@@ -163,7 +173,7 @@ class Carrier:
         try:
             self._interlock()
             return arm.execute(plan).duration
-        except (ArmPaused, GraspFailed, NothingTouched) as stop:
+        except (ArmPaused, GraspFailed, NothingTouched, TouchedElsewhere) as stop:
             self._face.phase(str(stop))
             self._go_home(stands, None)
             return None

@@ -6,6 +6,7 @@ looks again. Every round is in the record before the arm moves, so that a progra
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
@@ -34,6 +35,8 @@ MOST_ROUNDS: Final = 16
 """Of mending by the arm, two or three for a piece that has fallen; what is not right then, it will not get right."""
 
 
+MOST_TRIES: Final = 3
+"""To stand one piece up."""
 FRESH: Final = 0.5
 """The arm relies for so long on what the camera has seen [s]."""
 
@@ -91,6 +94,8 @@ class Mender:
         self.eyes = eyes
         self._carrier, self._asker = carrier, asker
         self._record, self._face, self._clock = record, face, clock
+        self._tried = Counter[str]()
+        """How often a piece could not be stood up."""
         self._stood_up: set[str] = set()
         """Pieces that the arm has stood up since the mending began."""
 
@@ -126,6 +131,7 @@ class Mender:
         """
         rounds, duration = 0, 0.0
         self._stood_up.clear()
+        self._tried.clear()
         while True:
             faults, step = self._decide(stands, wanted, board)
             if faults and not changed(stands, wanted) and self._is_answered(replied_to()):
@@ -226,6 +232,10 @@ class Mender:
         now, refusals = self._clock.now(), list[tuple[str, PlanRefused]]()
         for one in (stray for stray in in_order(step.strays) if stray.lies):
             sentence = f"the {one.piece.colour} {one.piece.kind} of {one.target} lies on the board"
+            if self._tried[one.piece.name] >= MOST_TRIES:
+                unable = PlanRefused(f"it could not be stood up in {MOST_TRIES} attempts")
+                refusals.append((f"{sentence}, and {unable}: stand it on {one.target}", unable))
+                continue
             self._face.say(f"{sentence}: the arm stands it up")
             self._record.found(stands, sentence, now)
             try:
@@ -233,10 +243,12 @@ class Mender:
             except PlanRefused as refused:
                 refusals.append((f"{sentence}, and {refused}: stand it on {one.target}", refused))
                 continue
-            if took is not None:
-                self._stood_up.add(one.piece.name)
-                self._record.trouble(FaultKind.FALLEN.value, (str(one.target),), sentence, "arm", now)
-            return stands, took or 0.0, None
+            if took is None:
+                self._tried[one.piece.name] += 1
+                return stands, 0.0, None
+            self._stood_up.add(one.piece.name)
+            self._record.trouble(FaultKind.FALLEN.value, (str(one.target),), sentence, "arm", now)
+            return stands, took, None
         return stands, 0.0, self._make_way(refusals, step, stands, faults)
 
     def _make_way(

@@ -50,6 +50,7 @@ class Motion:
         paths: where the tool goes, between stops.
         transfer: of the plan's transfers it belongs to: which, from 0; None where it belongs to none.
         stage: of that transfer.
+        touches_at: how low the tool should be when it touches, base frame z₃ [m]; None: that is what it finds out.
     """
 
     label: str
@@ -61,6 +62,7 @@ class Motion:
     paths: tuple[Path, ...] = ()
     transfer: int | None = None
     stage: Stage | None = None
+    touches_at: float | None = None
 
     @property
     def wanted(self) -> Result:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -79,6 +80,7 @@ def plan_upright(
     begin = _tool_point(cell, lying, heel.contact)
     route = _approach(cell, lying, begin, np.asarray(start, dtype=float), finger, others)
     first, finger = motion_of(cell, f"onto the heel of the {lying.called}", route, None, None)
+    first = replace(first, touches_at=float(begin[2]))
     second = _draw_over(cell, lying, heel, begin, how)
     end = second.samples["position"][-1].astype(float)
     home = np.asarray(cell.settings.home, dtype=float)
