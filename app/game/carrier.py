@@ -175,7 +175,7 @@ class Carrier:
             return arm.execute(plan).duration
         except (ArmPaused, GraspFailed, NothingTouched, TouchedElsewhere) as stop:
             self._face.phase(str(stop))
-            self._go_home(stands, None)
+            self._go_home(stands, None, touching=isinstance(stop, TouchedElsewhere))
             return None
 
     def way_for(self, blocks: str, strays: Sequence[Strayed], stands: Inventory) -> Transfer:
@@ -248,18 +248,22 @@ class Carrier:
         transfer = job.transfers[index]
         missed = isinstance(failure, GraspFailed)
         felt = self._devices.arm.settle().felt >= FELT  # perhaps it is, or something else, between the fingers yet
-        self._go_home(inventory, transfer.kind if missed or felt else None)
+        touching = isinstance(failure, PieceSlipped)
+        self._go_home(inventory, transfer.kind if missed or felt else None, touching=touching)
         return CarryFailed(
             Loss.NOT_GRIPPED if missed else Loss.LOST, transfer, index, _after(inventory, job, index), str(failure)
         )
 
-    def _go_home(self, inventory: Inventory, release: Kind | None) -> None:
+    def _go_home(self, inventory: Inventory, release: Kind | None, *, touching: bool = False) -> None:
         """Straight up and home, whatever holds it up on the way; the fingers open first from what they are around."""
         from app.motion import plan_return
 
         for _ in range(MOST_PAUSES):
             state = self._devices.arm.settle()
-            plan = plan_return(state.reference, state.finger, self._motion, self._parameters, inventory.table, release)
+            plan = plan_return(
+                state.reference, state.finger, self._motion, self._parameters, inventory.table, release,
+                touching=touching,
+            )  # fmt: skip
             try:
                 self._interlock()
                 self._devices.arm.execute(plan)
