@@ -262,7 +262,7 @@ class Carrier:
             state = self._devices.arm.settle()
             plan = plan_return(
                 state.reference, state.finger, self._motion, self._parameters, inventory.table, release,
-                touching=touching,
+                held_up_at=state.position if touching else None,
             )  # fmt: skip
             try:
                 self._interlock()

@@ -109,7 +109,7 @@ def plan_return(
     table: TableSettings,
     release: Kind | None = None,
     *,
-    touching: bool = False,
+    held_up_at: Vector | None = None,
 ) -> Plan:
     """From anywhere to home: straight up to a safe height first, then over.
 
@@ -120,16 +120,18 @@ def plan_return(
         parameters: robot.
         table: board and trays.
         release: the fingers open from a piece of this kind, which stands, before the arm moves; None: they stay.
-        touching: something holds the tool up, above its reference: it stays as soft as it was until it is free.
+        held_up_at: something holds the tool up there, above its reference, base frame (3,) [m]: it stays as soft as it
+            is until it is free. None: nothing does.
     """
     cell = Workcell.of(settings, parameters, table)
     point, home = np.asarray(start, dtype=float), np.asarray(settings.home, dtype=float)
     above = np.array([point[0], point[1], min(point[2], home[2])])
     opens = finger if release is None else max(finger, _least_opening(cell, release))
     wait = (opens - finger) / settings.grip.opening_speed
-    low = cell.board(point)[2] if touching else 0.0
-    low = low if release is None else PIECE_SHAPES[release].grip_height
-    stiff = release is None and not touching
+    low = 0.0 if release is None else PIECE_SHAPES[release].grip_height
+    if held_up_at is not None:
+        low = max(low, cell.board(held_up_at)[2])
+    stiff = release is None and held_up_at is None
     route = Route(
         *polygon(cell, np.array([point, above, home]), [0.0], None), contact=(low, 0.0), finger=finger, wait=wait,
         opens=opens, soft_start=Softness.STIFF if stiff else Softness.LASTS,
