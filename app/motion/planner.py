@@ -14,6 +14,7 @@ import numpy as np
 from app.manipulation import Inventory, PieceBoxed, Stage, Transfer
 from app.motion.drop import fall_time
 from app.motion.gains import Softness
+from app.motion.loosened import loosened
 from app.motion.lying import NOTHING_STREWN, Strewn, standing_near
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd, Standing, blocking_neighbour, box_in_the_way, closed_position
@@ -120,24 +121,25 @@ def plan_return(
         parameters: robot.
         table: board and trays.
         release: the fingers open from a piece of this kind, which stands, before the arm moves; None: they stay.
-        held_up_at: something holds the tool up there, above its reference, base frame (3,) [m]: it stays as soft as it
-            is until it is free. None: nothing does.
+        held_up_at: something holds the tool up there, above its reference, base frame (3,) [m]: that comes there first.
+            None: nothing does.
     """
     cell = Workcell.of(settings, parameters, table)
     point, home = np.asarray(start, dtype=float), np.asarray(settings.home, dtype=float)
+    before: tuple[Motion, ...] = ()
+    if held_up_at is not None:
+        before = (loosened(cell, point, np.asarray(held_up_at, dtype=float)),)
+        point = before[0].samples["position"][-1].astype(float)
     above = np.array([point[0], point[1], min(point[2], home[2])])
     opens = finger if release is None else max(finger, _least_opening(cell, release))
     wait = (opens - finger) / settings.grip.opening_speed
     low = 0.0 if release is None else PIECE_SHAPES[release].grip_height
-    if held_up_at is not None:
-        low = max(low, cell.board(held_up_at)[2])
-    stiff = release is None and held_up_at is None
     route = Route(
         *polygon(cell, np.array([point, above, home]), [0.0], None), contact=(low, 0.0), finger=finger, wait=wait,
-        opens=opens, soft_start=Softness.STIFF if stiff else Softness.LASTS,
+        opens=opens, soft_start=Softness.STIFF if release is None else Softness.LASTS,
     )  # fmt: skip
     motion, _ = motion_of(cell, "home", route, 0, Stage.RETURN)
-    return Plan("home", (motion,), style=Style(settings, table, cell.tick))
+    return Plan("home", (*before, motion), style=Style(settings, table, cell.tick))
 
 
 # fingers

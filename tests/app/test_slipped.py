@@ -11,7 +11,7 @@ import pytest
 from app.arm import ControllerArm, PieceSlipped
 from app.layout import start_layout
 from app.manipulation import Inventory, Stage, transfers
-from app.motion import MotionSettings, Plan, plan_ply
+from app.motion import MotionSettings, Plan, plan_ply, plan_return
 from controller.client import MotionOutcome
 from controller.protocol.layout import Result
 from hardware.parameters import load_parameters
@@ -67,3 +67,19 @@ def test_empty_fingers_have_lost_it(felt: tuple[float, float]) -> None:
         PieceSlipped, match=r"^pawn e2 to e4: the fingers came there empty; where has the piece gone\?$"
     ):
         carried_out(felt)
+
+
+def test_the_way_home_from_what_holds_the_tool_up_begins_softly_and_straight_up() -> None:
+    parameters, stroke = load_parameters(), 0.009
+    held = TABLE.base_from_board(np.array([(0.02, -0.08, 0.028)]))[0]
+    reference = held + np.array([0.0, 0.0, stroke])
+    plan = plan_return(reference, 0.0, MOTION, parameters, TABLE, held_up_at=held)
+    first, second = plan.motions
+    rows = first.samples
+    assert rows["position"][0] == pytest.approx(reference, abs=1e-7)
+    assert rows["position"][-1] == pytest.approx(held, abs=1e-7)
+    assert second.samples["position"][0] == pytest.approx(held, abs=1e-6)
+    assert np.all(np.diff(rows["position"][:, 2]) <= 1e-9), "z3 points down"
+    assert np.abs(rows["velocity"]).max() < 0.06
+    assert rows["stiffness"][:, 2] == pytest.approx(MOTION.gains.frequency_at_contact**2, rel=1e-6)
+    assert plan_return(reference, 0.0, MOTION, parameters, TABLE).motions[0].label == "home"
