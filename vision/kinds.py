@@ -36,6 +36,10 @@ class Kinds:
                 seen.append(float(heights[square]))
                 del seen[:-50]
 
+    def heights(self) -> dict[int, float]:
+        """How high each kind of ``chess.PIECE_TYPES`` looks [m]; kinds that were not seen are left out."""
+        return {kind: float(np.median(seen)) for kind, seen in self._seen.items() if seen}
+
     def promoted(self, decision: Decision, heights: Array | None) -> Decision:
         """The decision with the piece that was promoted to; ``promotion_unsure`` where it is not seen for certain.
 
@@ -55,7 +59,7 @@ class Kinds:
 
     def _kind(self, height: float) -> int | None:
         """The kind so high, if it is clear; a pawn that still stands there is none. A third king it cannot be."""
-        known = {kind: float(np.median(seen)) for kind, seen in self._seen.items() if seen and kind != chess.KING}
+        known = {kind: height for kind, height in self.heights().items() if kind != chess.KING}
         if not set(CHOICES) <= set(known):
             return None
         off = sorted((abs(height - known[kind]) / SPREAD, kind) for kind in known)

@@ -78,6 +78,11 @@ class Observer:
         decision = decide(look.evidence, self.board, plies, self._codes_before)
         return self._kinds.promoted(decision, None if look.solids is None else look.solids.top)
 
+    @property
+    def heights(self) -> dict[int, float]:
+        """How high each kind of ``chess.PIECE_TYPES`` looks to this camera [m], as far as they were seen."""
+        return self._kinds.heights()
+
     def confirm(self, look: Look, board: chess.Board) -> None:
         """Take a position as known: the rules or a person have confirmed that the look shows it."""
         self.board = board.copy()

@@ -7,7 +7,7 @@ exposed after the asking, with the arm at home.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from app.arm import Arm
 from app.game.state import FRAME_AGE, CannotSee, Devices
-from app.layout import PIECE_TYPES
+from app.layout import KINDS, PIECE_TYPES
 from app.manipulation import Inventory
 from app.repair import Sighting, kinds_by_height
-from app.repair.sighting import Chances
+from app.repair.sighting import HEIGHTS, Chances
 from app.righting import Strayed
 from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
-from hardware.table import Colour, PieceSpec, TableSettings
+from hardware.table import Colour, Kind, PieceSpec, TableSettings
 from vision.anchor import Anchor
 from vision.appearance import BLACK, EMPTY, WHITE
 from vision.board import BoardNotFound, BoardView, playing_area
@@ -180,8 +180,13 @@ class Eyes:
         for square in examined.likeness.keys() - wrong:  # the outline of a piece says more than its square's colours
             states[square] = WHITE if expected[square].colour is Colour.WHITE else BLACK
         top = None if look.solids is None else look.solids.top
-        sighting = Sighting.of(stands, states, faults, kinds=_kinds(stands, states, top))
+        sighting = Sighting.of(stands, states, faults, kinds=_kinds(stands, states, top, self._heights()))
         return Verification(faults, sighting)
+
+    def _heights(self) -> dict[Kind, float]:
+        """Of the kinds as this camera sees them [m]; as the settings say, where it has not."""
+        seen = self._known.heights
+        return {kind: seen.get(piece_type, HEIGHTS[kind]) for piece_type, kind in KINDS.items()}
 
     def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
         """Where pieces stand in the newest frame, board frame (x, y) [m], by square; those alone that can be seen.
@@ -272,7 +277,7 @@ def _shown(stands: Inventory) -> chess.Board:
     return board
 
 
-def _kinds(stands: Inventory, states: States, top: Heights | None) -> dict[int, Chances]:
+def _kinds(stands: Inventory, states: States, top: Heights | None, known: Mapping[Kind, float]) -> dict[int, Chances]:
     """How likely what stands on a square is of each kind by its height: of what stands where it should not, and of
     what is as high as it should be, so that it is not taken for something else.
     """
@@ -282,10 +287,10 @@ def _kinds(stands: Inventory, states: States, top: Heights | None) -> dict[int, 
     for square, piece in on_board(stands).items():
         expected[square] = WHITE if piece.colour is Colour.WHITE else BLACK
     strange = np.flatnonzero((states != expected) & (states != EMPTY) & (top > 0.0))
-    kinds: dict[int, Chances] = {int(square): kinds_by_height(float(top[square])) for square in strange}
+    kinds: dict[int, Chances] = {int(square): kinds_by_height(float(top[square]), known) for square in strange}
     for square, piece in on_board(stands).items():
         if square not in kinds and states[square] != EMPTY and top[square] > 0.0:
-            chances = kinds_by_height(float(top[square]))
+            chances = kinds_by_height(float(top[square]), known)
             if chances[piece.kind] >= _LIKELY:
                 kinds[square] = chances
     return kinds
