@@ -155,7 +155,8 @@ def plan_making_way(
         place for place in places
         if inventory.at(place) is None and place not in targets and _clear_of(table.xy(place), strays)
     ]  # fmt: skip
-    free.sort(key=lambda place: (inventory.travel(piece.place, place), place))
+    # squares first: the camera sees whether it has come there
+    free.sort(key=lambda place: (not place.on_board, inventory.travel(piece.place, place), place))
     if itself is not None and itself.target not in targets and _clear_of(table.xy(itself.target), strays):
         free.insert(0, itself.target)
     refused: PlanRefused | None = None
