@@ -35,6 +35,9 @@ _BY_DEPTH: Final = 2.0
 """Evidence of a pixel's height, either way (natural logarithm of the ratio)."""
 _BEYOND: Final = 0.014
 """Pieces are looked for up to so far beyond the playing area [m]."""
+_LEANS: Final = 0.06
+"""… and before the first rank and behind the last, where no trays are, so much further: pieces lie there with their
+heads beyond the edge, and what is high looks further off than it is [m]."""
 _LEAST_AREA: Final = 60
 """Smaller spots are noise [px]."""
 _LIKELY: Final = 0.6
@@ -160,7 +163,7 @@ class _Search:
         self._origin = int(fit.part.columns.start), int(fit.part.rows.start)
         half = 4.0 * view.table.square + _BEYOND
         place = fit.part.place
-        beyond = (np.abs(place[..., 0]) > half) | (np.abs(place[..., 1]) > half + 0.06)
+        beyond = (np.abs(place[..., 0]) > half) | (np.abs(place[..., 1]) > half + _LEANS)
         kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
         hidden = cv2.dilate(taken.astype(np.uint8), kernel) > 0
         self._open = ~(hidden | beyond)
@@ -282,7 +285,7 @@ class _Search:
                 continue
             places = self._part.place[numbers == number].astype(float)
             for x, y in _middles(places):
-                if max(abs(x), abs(y)) < half:
+                if abs(x) < half and abs(y) < half + _LEANS:
                     spots.append((x, y))
         return spots
 
