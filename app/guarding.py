@@ -25,6 +25,8 @@ AGAIN: Final = 1.0
 """So often a camera that has fallen silent is asked again [s, wall]."""
 SIGHT_POLL: Final = 0.02
 """So often it is looked whether a hand that hides the board has gone [s, wall]."""
+SIGHT_PATIENCE: Final = 10.0
+"""Longer than this nobody waits for sight [s, wall]."""
 FIRST_FRAME_AGE: Final = 60.0
 """Of a frame that is asked for its camera alone [s]."""
 
@@ -132,9 +134,10 @@ class GameGuard:
 
     @property
     def gone_at(self) -> float | None:
-        """When the last hand had gone [s]; None: there was none; see ``HandGuard.gone_at``."""
-        now = None if self._guard is None else self._guard.gone_at
-        return self._gone_at if now is None else now
+        """When the last hand had gone [s]; None: there was none, or one is there; see ``HandGuard.gone_at``."""
+        if self._guard is None or not self._guard.visited:
+            return self._gone_at
+        return self._guard.gone_at
 
     @property
     def leaving(self) -> bool:
@@ -144,12 +147,14 @@ class GameGuard:
     def wait_for_sight(self) -> None:
         """Wait until no hand is over the board, which hides what stands there; admits no motion.
 
-        A camera that gives no frames hinders nobody from asking it for one.
+        Not for ever: what looks like a hand may be a board that was moved, and is to be found anew. A camera that gives
+        no frames hinders nobody from asking it for one.
         """
         self.wake(True)
+        until = time.monotonic() + SIGHT_PATIENCE
         try:
             with suppress(Blind):
-                while (seen := self.glance()) is not None and seen.hand_present:
+                while (seen := self.glance()) is not None and seen.hand_present and time.monotonic() < until:
                     time.sleep(SIGHT_POLL)
         finally:
             self.wake(False)
@@ -170,7 +175,7 @@ class GameGuard:
             self._guard.close()
             self.stops += self._guard.stops
             self._gone_at = self.gone_at
-            self._departures += self._guard.departures
+            self._departures += self._guard.departures + self._guard.leaving
             self._guard = None
 
     def __enter__(self) -> Self:

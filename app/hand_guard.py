@@ -176,6 +176,12 @@ class HandGuard:
             return self._departures
 
     @property
+    def visited(self) -> bool:
+        """Whether a hand has come since it watches."""
+        with self._news:
+            return self._came or self._departures > 0
+
+    @property
     def leaving(self) -> bool:
         """Whether a hand has gone, and the board does not lie still yet."""
         with self._news:

@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 MOST_PAUSES = 20
 """Within one job; a computer that is late so often will not get better by itself."""
 
+GIVES = 0.0005
+"""Fingers around a piece may be closed by so much more than its stem says [m]."""
+
 
 class Loss(StrEnum):
     """How a piece came not to be carried."""
@@ -247,12 +250,19 @@ class Carrier:
         index = self._step.transfer
         transfer = job.transfers[index]
         missed = isinstance(failure, GraspFailed)
-        felt = self._devices.arm.settle().felt >= FELT  # perhaps it is, or something else, between the fingers yet
-        touching = isinstance(failure, PieceSlipped)
+        state, touching = self._devices.arm.settle(), isinstance(failure, PieceSlipped)
+        # perhaps it is, or something else, between the fingers yet: then it stands, and is let go of there
+        felt = state.felt >= FELT or (touching and state.finger > self._closed(transfer.kind))
         self._go_home(inventory, transfer.kind if missed or felt else None, touching=touching)
         return CarryFailed(
             Loss.NOT_GRIPPED if missed else Loss.LOST, transfer, index, _after(inventory, job, index), str(failure)
         )
+
+    def _closed(self, kind: Kind) -> float:
+        """Fingers that close further than this have nothing of such a piece between them [m]."""
+        from app.motion.obstacles import closed_position
+
+        return closed_position(kind, self._parameters.pads) - GIVES
 
     def _go_home(self, inventory: Inventory, release: Kind | None, *, touching: bool = False) -> None:
         """Straight up and home, whatever holds it up on the way; the fingers open first from what they are around."""

@@ -188,6 +188,10 @@ class Eyes:
         seen = self._known.heights
         return {kind: seen.get(piece_type, HEIGHTS[kind]) for piece_type, kind in KINDS.items()}
 
+    def forget_likeness(self) -> None:
+        """Pieces were touched: how they looked before says nothing any more."""
+        self._likeness = {}
+
     def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
         """Where pieces stand in the newest frame, board frame (x, y) [m], by square; those alone that can be seen.
 

@@ -39,10 +39,20 @@ class HandNotice:
 
     def gone(self) -> float | None:
         """When a hand has gone [s, plant], if one has, and the board lies still, since this was last said."""
-        if self._guard is None or self._guard.departures == self._known:
+        if self._guard is None or (at := self._guard.gone_at) is None or not self.untold:
             return None
         self._known = self._guard.departures
-        return self._guard.gone_at
+        return at
+
+    @property
+    def untold(self) -> bool:
+        """Whether ``gone`` would tell of a hand."""
+        return self._guard is not None and self._guard.departures != self._known
+
+    @property
+    def last_gone(self) -> float | None:
+        """When the last hand had gone [s, plant], told or not."""
+        return None if self._guard is None else self._guard.gone_at
 
     def wake(self, awake: bool) -> None:
         """Whether somebody waits for a hand; see ``GameGuard.wake``."""

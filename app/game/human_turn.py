@@ -96,7 +96,8 @@ class HumanTurn:
 
     def _flag(self) -> GameEnd | None:
         """The game's end by time; not while what a hand has left may be the move: it counts from when the hand went."""
-        if self._unsaid is not None or self._notice.leaving() or not self.plays(self._table.board.turn):
+        undecided = self._unsaid is not None or self._notice.leaving() or self._notice.untold
+        if undecided or not self.plays(self._table.board.turn):
             return None
         fallen = self._timing.fallen(self._table.board)
         return None if fallen is None else GameEnd(fallen.result, fallen.reason, True)
@@ -173,7 +174,10 @@ class HumanTurn:
                 (reading, then, _), self._unsaid = self._unsaid, None
                 return self._judge(reading, None, then)
             return None
-        then, seen = self._timing.at(gone_at), self._look()
+        seen = self._look()
+        then = self._timing.at(
+            max(gone_at, self._notice.last_gone or gone_at)
+        )  # it may have come again before the look
         if seen is None or seen.decision.verdict is Verdict.NOTHING:
             return None
         if seen.decision.verdict is Verdict.MOVE and not seen.decision.promotion_unsure:
@@ -255,6 +259,8 @@ class HumanTurn:
         return None
 
     def _accept(self, move: chess.Move, then: float, reading: Reading | None = None) -> GameEnd | None:
+        if (fallen := self._timing.fallen(self._table.board, then)) is not None:
+            return GameEnd(fallen.result, fallen.reason, True)
         self._timing.press(then)
         if self._table.eyes is not None and reading is not None:
             after = self._table.board.copy()

@@ -138,17 +138,13 @@ class Mender:
                 return Mended(stands, rounds, duration, answered=True)
             if step is None:
                 return Mended(stands, rounds, duration)
-            rounds += 1
-            if rounds > MOST_ROUNDS:
-                raise UserError(
-                    f"the board is still not right after {MOST_ROUNDS} attempts ({_sentence(faults)}): put it right by "
-                    "hand, then go on with 'touchmove resume'"
-                )
             strays = step.strays if isinstance(step, Fallen) else ()
             if isinstance(step, Fallen):
                 stands, took, step = self._stand_up(step, stands, faults)
                 duration += took
+            rounds = _next_round(rounds, faults)
             while isinstance(step, Repair):
+                rounds = _next_round(rounds, faults) if step.transfers else rounds
                 if step.transfers:
                     stands, took, step = self._carry(step, faults, strays)
                     duration += took
@@ -279,6 +275,7 @@ class Mender:
         self._face.say(f"{_sentence(faults)}: {step.sentence}" if faults else step.sentence)
         self._record.found(step.believed, _sentence(faults) or "a piece was not carried", now)
         self._record.task(Purpose.REPAIR, label, step.transfers, now)
+        self.eyes.forget_likeness()
         try:
             carried = self._carrier.carry(Job(label, step.transfers, strays=strays), step.believed)
         except CarryFailed as failure:
@@ -307,9 +304,20 @@ class Mender:
     def _ask(self, step: Ask, faults: Sequence[Fault]) -> None:
         squares = tuple(str(square_place(square)) for square in step.squares)
         self._asker.mend(step.sentence, squares)
+        self.eyes.forget_likeness()
+        self._tried.clear()
         for fault in faults:
             place = (str(square_place(fault.square)),)
             self._record.trouble(fault.kind.value, place, fault.sentence, "person", self._clock.now())
+
+
+def _next_round(rounds: int, faults: Sequence[Fault]) -> int:
+    if rounds >= MOST_ROUNDS:
+        raise UserError(
+            f"the board is still not right after {MOST_ROUNDS} attempts ({_sentence(faults)}): put it right by hand, "
+            "then go on with 'touchmove resume'"
+        )
+    return rounds + 1
 
 
 def _is_free(transfer: Transfer, stands: Inventory) -> bool:

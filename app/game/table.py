@@ -252,9 +252,9 @@ class Table:
         """First the repair that was under way, then what it was for."""
         assert unfinished.repair is not None
         goal = self._goal(unfinished)
-        carried = self._carry(
-            Job("put the board right", unfinished.repair), moved_all(self.inventory, unfinished.repair), begun, None
-        )
+        # one that was not begun is thought over: what it was planned around, or refused for, only a look can tell
+        repair = unfinished.repair if begun is not None or self._mender is None else ()
+        carried = self._carry(Job("put the board right", repair), moved_all(self.inventory, repair), begun, None)
         rest = _arranged(carried.inventory, goal)
         stands = self.inventory
         self.inventory = carried.inventory
@@ -268,7 +268,7 @@ class Table:
             return self._conclude_task(carried.inventory, outcome, goal)
         move = chess.Move.from_uci(unfinished.uci)
         kind, mover = move_kind(self.board, move), colour_of(self.board.turn)
-        ply = Ply(self.board.san(move), self.board.uci(move), kind, mover, (*unfinished.repair, *rest))
+        ply = Ply(self.board.san(move), self.board.uci(move), kind, mover, (*repair, *rest))
         return self._conclude_ply(ply, carried.inventory, outcome)
 
     def _goal(self, unfinished: Unfinished) -> chess.Board:

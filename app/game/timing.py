@@ -96,9 +96,9 @@ class Timing:
         if self._clock is not None:
             self._clock = self._clock.take_back(min(plies, len(self._clock.moves)))
 
-    def fallen(self, board: chess.Board) -> FlagFall | None:
-        """How the game has ended by time, if it has."""
-        return None if self._clock is None else self._clock.fallen(board, self.now())
+    def fallen(self, board: chess.Board, then: float | None = None) -> FlagFall | None:
+        """How the game has ended by time, if it has, at an instant of the game's time; None: now."""
+        return None if self._clock is None else self._clock.fallen(board, self.now() if then is None else then)
 
     def left(self) -> dict[chess.Color, float] | None:
         """What both sides have [s]."""

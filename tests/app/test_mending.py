@@ -146,6 +146,9 @@ class Paper:
     def confirm(self, board: chess.Board, look: Any = None) -> None:
         self.confirmed = board.fen()
 
+    def forget_likeness(self) -> None:
+        pass
+
     def answered(self, board: chess.Board) -> bool:
         after = [board.copy(), *(board.copy() for _ in board.legal_moves)]
         for one, move in zip(after[1:], board.legal_moves, strict=True):
