@@ -118,4 +118,5 @@ def test_a_move_is_seen_when_the_hand_has_gone_and_the_arm_waits_while_one_is_th
     game.say("resign")
     assert game.process.wait(PATIENCE) == 0, game.said[-2000:]
     report = json.loads((folder / "report.json").read_text())
-    assert (report["plies"], report["physical_ok"], report["failures"]) == (4, True, [])
+    # nobody can judge a ply by where the pieces stand after the next one
+    assert (report["plies"], report["physical_ok"], report["failures"]) == (4, None, [])
