@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Final, Protocol
 
 import chess
@@ -168,10 +169,11 @@ class Mender:
             rest = rearrange(stands, wanted)
             return (), Repair(stands, rest, "the arm goes on") if rest else None
         step = mend(stands, found.sighting, board)
-        unaided = self._unaided(found.faults, stands, people=board is not None)
+        strays = cache(lambda: self.eyes.strays(stands))  # a second's search: once a look, and only where it is needed
+        unaided = self._unaided(found.faults, stands, strays, people=board is not None)
         if isinstance(unaided, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
             return found.faults, unaided or step
-        places = {**found.sighting.places, **self._places(stands, step.believed)}
+        places = {**found.sighting.places, **self._places(stands, step.believed, strays)}
         lost = [name for name, place in changed(stands, step.believed).items() if place.index not in places]
         if lost:  # the fingers would run into it
             return found.faults, Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
@@ -180,7 +182,9 @@ class Mender:
             return found.faults, Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
         return found.faults, step
 
-    def _places(self, stands: Inventory, believed: Inventory) -> dict[int, tuple[float, float]]:
+    def _places(
+        self, stands: Inventory, believed: Inventory, strays: Callable[[], list[Strayed]]
+    ) -> dict[int, tuple[float, float]]:
         """Where pieces stand, board frame (x, y) [m], by the square where they are believed to; also of those that are
         far from the centre of any.
         """
@@ -188,7 +192,7 @@ class Mender:
         moved = {name: place for name, place in changed(stands, believed).items() if place.index not in places}
         if moved:
             most = SEEN_WITHIN * stands.table.square
-            for one in self.eyes.strays(stands):
+            for one in strays():
                 place = moved.get(one.piece.name)
                 if place is None or one.lies:
                     continue
@@ -197,26 +201,29 @@ class Mender:
                     places[place.index] = one.pose.x, one.pose.y
         return places
 
-    def _unaided(self, faults: Sequence[Fault], stands: Inventory, *, people: bool) -> Repair | Fallen | None:
+    def _unaided(
+        self, faults: Sequence[Fault], stands: Inventory, strays: Callable[[], list[Strayed]], *, people: bool
+    ) -> Repair | Fallen | None:
         """What the arm does where something lies; or where all that is missing stands in sight.
 
         Args:
             faults: what is wrong.
             stands: what should stand where.
+            strays: searches for what lies or stands elsewhere.
             people: somebody may have moved pieces; then only ones that lie, or that the arm has stood up, are known to
                 be what they look like.
         """
         missing = {fault.square for fault in faults if fault.kind in (FaultKind.MISSING, FaultKind.FALLEN)}
         if not missing:
             return None
-        strays = self.eyes.strays(stands)
-        if any(one.lies for one in strays):
-            return Fallen(tuple(strays))
-        if not strays or not missing <= {one.target.index for one in strays}:
+        found = strays()
+        if any(one.lies for one in found):
+            return Fallen(tuple(found))
+        if not found or not missing <= {one.target.index for one in found}:
             return None
-        if people and not {one.piece.name for one in strays if one.target.index in missing} <= self._stood_up:
+        if people and not {one.piece.name for one in found if one.target.index in missing} <= self._stood_up:
             return None
-        transfers = tuple(Transfer.of(one.piece, one.target, (one.pose.x, one.pose.y)) for one in strays)
+        transfers = tuple(Transfer.of(one.piece, one.target, (one.pose.x, one.pose.y)) for one in found)
         return Repair(stands, transfers, "the arm carries what it has found to where it belongs")
 
     def _stand_up(
