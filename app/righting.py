@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from app.manipulation import Inventory, Transfer
-from app.motion.lying import Lying, Strewn
+from app.motion.lying import Lying, Strewn, crowd_of
+from app.motion.nudge import Nudge, find_nudge, plan_nudge
 from app.motion.obstacles import Standing
 from app.motion.path import Vector
 from app.motion.plan import Plan, PlanRefused
-from app.motion.planner import plan_ply
+from app.motion.planner import fits_around, plan_ply
 from app.motion.settings import MotionSettings
-from app.motion.upright import plan_upright
+from app.motion.upright import plan_upright, room_to_stand_up
+from app.motion.ways import Workcell
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, square_place
 from vision.fallen import Stray
@@ -62,6 +64,21 @@ class Strayed:
     def lies(self) -> bool:
         """Whether it has fallen."""
         return self.pose.yaw is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Blocked:
+    """A piece that the arm cannot take, or stand up, because of another.
+
+    Attributes:
+        name: of the piece.
+        by: name of the other.
+        around: where the fingers would be around it, if that is not where it stands now.
+    """
+
+    name: str
+    by: str
+    around: Standing | None = None
 
 
 def in_order(strays: Sequence[Strayed]) -> list[Strayed]:
@@ -172,6 +189,59 @@ def plan_making_way(
             except PlanRefused as error:
                 refused = refused or error
     raise refused or PlanRefused(f"no place is free for {blocks}, which is in the way: take a piece off the board")
+
+
+def plan_pushing(
+    blocked: Sequence[Blocked], strays: Sequence[Strayed], inventory: Inventory, start: Vector, finger: float,
+    settings: MotionSettings, parameters: RobotParameters, lead_ticks: int = 0,
+) -> tuple[Nudge, Plan]:  # fmt: skip
+    """Push one of two pieces aside that are in each other's way, so that one of them can be taken or stood up.
+
+    Args:
+        blocked: which cannot be, and by what.
+        strays: all strays.
+        inventory: what should stand where, with all strays at some place.
+        start: the arm's present reference, base frame (3,) [m].
+        finger: present finger position [m].
+        settings: speeds, gains, heights.
+        parameters: robot.
+        lead_ticks: pause between motions, for announcing the next one.
+
+    Returns:
+        The push, and the plan; where the piece comes to rest, a look must tell.
+
+    Raises:
+        PlanRefused: no push helps, or it leads out of the workspace.
+    """
+    table, cell = inventory.table, Workcell.of(settings, parameters, inventory.table)
+    gone = {stray.piece.name for stray in strays}
+    strewn = strewn_of(strays)
+    kept = tuple(
+        Standing.at(piece.name, piece.place, piece.kind, table)
+        for piece in inventory
+        if piece.name not in gone and not piece.place.in_box
+    )
+    scene = Strewn((*kept, *strewn.standing), strewn.lying)
+
+    def free(one: Blocked, scene: Strewn) -> bool:
+        others = crowd_of(scene, table, without=one.name)
+        if (lying := next((piece for piece in scene.lying if piece.name == one.name), None)) is not None:
+            return room_to_stand_up(lying, others, cell)
+        if one.around is not None:
+            return fits_around(one.around, others, cell)
+        return any(piece.name == one.name and fits_around(piece, others, cell) for piece in scene.standing)
+
+    blocked = [replace(one, around=None) if one.around in scene.standing else one for one in blocked]
+    # a piece that blocks counts as blocked itself: once it can be taken, it can make way
+    stuck = [one for pair in blocked for one in (pair, Blocked(pair.by, pair.name)) if not free(one, scene)]
+    names = tuple(dict.fromkeys(one.name for one in stuck))
+    nudge = find_nudge(
+        names, scene, frozenset(piece.name for piece in kept), lambda after: any(free(one, after) for one in stuck),
+        parameters.pads, table,
+    )  # fmt: skip
+    if nudge is None:
+        raise PlanRefused(f"no push of the {' or the '.join(names)} helps: move one of them away")
+    return nudge, plan_nudge(nudge, scene, start, finger, settings, parameters, table, lead_ticks)
 
 
 def _raised(kind: Kind, parameters: RobotParameters) -> Iterator[float]:

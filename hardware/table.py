@@ -146,6 +146,11 @@ class Place:
         return self.zone == "board"
 
     @property
+    def in_tray(self) -> bool:
+        """True for a numbered place of a tray."""
+        return self.zone in TRAY_ZONES
+
+    @property
     def in_box(self) -> bool:
         """True for a box: nothing is ever taken from there."""
         return self.zone in BOX_ZONES

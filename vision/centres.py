@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from hardware.interfaces import Frame
+from hardware.table import Place, square_place
 from vision.board import BoardView
 from vision.fit import LEAST_AGREEMENT, LEAST_SUPPORT, Fit, PieceLike
 
@@ -79,7 +80,13 @@ def piece_centres(
     if not expected:
         return {}
     require_camera(frame, view)
-    return centres_of(Fit(frame, view, expected, use_depth=use_depth))
+    fit = Fit(frame, view, on_squares(expected), use_depth=use_depth)
+    return {place.index: centre for place, centre in centres_of(fit).items()}
+
+
+def on_squares(expected: Mapping[int, PieceLike]) -> dict[Place, PieceLike]:
+    """The same by places."""
+    return {square_place(square): piece for square, piece in expected.items()}
 
 
 def require_camera(frame: Frame, view: BoardView) -> None:
@@ -92,12 +99,12 @@ def require_camera(frame: Frame, view: BoardView) -> None:
         raise ValueError(f"the frame is by a camera with {frame.intrinsics}, this view is of {view.intrinsics}")
 
 
-def centres_of(fit: Fit) -> dict[int, Centre]:
+def centres_of(fit: Fit) -> dict[Place, Centre]:
     """What a fit says of each piece."""
     support, agreement, seen = fit.support().tolist(), fit.agreement().tolist(), fit.in_sight().tolist()
     low = fit.too_low().tolist()
     return {
-        square: Centre(
+        place: Centre(
             x,
             y,
             (FLOOR**2 + (_NEIGHBOURS * spread) ** 2) ** 0.5,
@@ -106,7 +113,7 @@ def centres_of(fit: Fit) -> dict[int, Centre]:
             seen[index],
             low[index],
         )
-        for index, (square, (x, y), spread) in enumerate(
-            zip(fit.squares, fit.places.tolist(), fit.spread.tolist(), strict=True)
+        for index, (place, (x, y), spread) in enumerate(
+            zip(fit.stands, fit.places.tolist(), fit.spread.tolist(), strict=True)
         )
     }

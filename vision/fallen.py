@@ -11,7 +11,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import cv2
@@ -19,11 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
-from hardware.table import PIECE_SHAPES, Colour, square_place
+from hardware.table import PIECE_SHAPES, Colour, Place
 from vision.board import BoardView
-from vision.centres import centres_of, require_camera
+from vision.centres import Centre, centres_of, require_camera
 from vision.fit import FLAT, Fit, PieceLike
-from vision.lying import Pose, drawn
+from vision.lying import Pose, drawn, off_surface
+from vision.surface import raised
 from vision.verify import TOLERANCE
 
 Array = NDArray[np.float64]
@@ -33,6 +35,15 @@ _RISEN: Final = 0.006
 """What rises higher above the board is no board [m]."""
 _BY_DEPTH: Final = 2.0
 """Evidence of a pixel's height, either way (natural logarithm of the ratio)."""
+_FAT: Final = 9
+"""Depth pictures are fat at edges: so wide around pieces that stand, depth may be theirs [px]."""
+_OFF: Final = 0.006
+"""A point so far from a piece's surface speaks neither for it nor against it [m]."""
+_FAR: Final = 1.25
+"""… and one that is far off speaks against it by this share of the evidence of its height, less that evidence: edges of
+depth pictures err by centimetres."""
+_BLUR: Final = 2.5
+"""… or so many times as far where poses are tried that are far apart."""
 _BEYOND: Final = 0.014
 """Pieces are looked for up to so far beyond the playing area [m]."""
 _LEANS: Final = 0.06
@@ -47,8 +58,10 @@ _COARSE_STEP: Final = 0.010
 """Places are tried so far apart around a spot [m] …"""
 _COARSE: Final = 2
 """… so many on either side …"""
-_KEPT: Final = 4
-"""… and so many of the best are looked at more closely."""
+_KEPT, _CLOSER = 6, 2
+"""… and so many of the best are looked at more closely, then so many of those again …"""
+_APART: Final = 0.016, 0.7
+"""… that differ from each other by so much in place [m] or in direction [rad]."""
 _STEPS: Final = ((0.004, 0.20), (0.002, 0.10), (0.001, 0.05), (0.0005, 0.025))
 """Finer and finer steps of place [m] and direction [rad]."""
 _LEAST_SUPPORT: Final = 0.30
@@ -62,6 +75,12 @@ _FEW: Final = 20
 """From fewer points of known height nothing follows."""
 _TOP: Final = 0.9
 """Share of a piece's points below what counts as its top."""
+_STAYED: Final = 150.0
+"""Evidence that a piece is where it was before; …"""
+_STRAYED: Final = 0.06
+"""… less and less of it up to so far from there [m]."""
+_SAME: Final = 0.008
+"""A piece that stands was found twice when both places are no further apart [m]."""
 _FLOOR: Final = 0.0005, 0.02
 """Nothing is known better than this [m, rad]: shapes are not exact."""
 
@@ -72,7 +91,7 @@ class Stray:
 
     Attributes:
         piece: which of the missing ones; of several alike, the first.
-        square: where it should stand, 0 = a1 … 63 = h8; None: it was on its way.
+        place: where it should stand; None: it was on its way.
         pose: how it is there.
         std: expected error of its place, as a standard deviation, each of x and y [m].
         yaw_std: of its direction [rad]; 0 for one that stands.
@@ -83,7 +102,7 @@ class Stray:
     """
 
     piece: PieceLike
-    square: int | None
+    place: Place | None
     pose: Pose
     std: float
     yaw_std: float
@@ -105,19 +124,23 @@ class _Trial(NamedTuple):
 
 
 def find_strays(
-    frame: Frame, view: BoardView, expected: Mapping[int, PieceLike], lost: Sequence[PieceLike] = (), *,
-    use_depth: bool = True, tolerance: float = TOLERANCE, doubted: Collection[int] = (),
+    frame: Frame, view: BoardView, expected: Mapping[Place, PieceLike], lost: Sequence[PieceLike] = (), *,
+    use_depth: bool = True, tolerance: float = TOLERANCE, doubted: Collection[Place] = (), trays: bool = False,
+    before: Mapping[Place, tuple[float, float]] = MappingProxyType({}),
 ) -> tuple[Stray, ...]:  # fmt: skip
-    """Find the pieces on the board that do not stand where they should.
+    """Find the pieces on the board, or beside it, that do not stand where they should.
 
     Args:
         frame: by the camera of the view, without a hand or an arm over the board.
         view: of the board.
-        expected: what should stand where, by square.
+        expected: what should stand where.
         lost: pieces that should be nowhere on the board, but may: what fell out of the fingers.
         use_depth: False: by colour alone, also where there is depth.
-        tolerance: a piece that stands further from its square's centre is a stray [m].
-        doubted: squares whose piece may lie, although it looks as if it stood.
+        tolerance: a piece that stands further from its place's centre is a stray [m].
+        doubted: places whose piece may lie, although it looks as if it stood.
+        trays: pieces are looked for there, too, as far as they are in the picture; then all that should stand there is
+            expected. What boxes hold, nobody can tell.
+        before: where pieces were that did not stand where they should when they were seen last [m].
 
     Returns:
         Those found, the surest first. A missing piece that is not among them is hidden or off the board.
@@ -126,47 +149,53 @@ def find_strays(
         ValueError: the frame is by another camera, or the board is not in the picture.
     """
     require_camera(frame, view)
-    fit = Fit(frame, view, expected, use_depth=use_depth)
+    around = _around(view, trays=trays)
+    fit = Fit(frame, view, expected, use_depth=use_depth, around=around)
     centres = centres_of(fit) if expected else {}
-    off = {square: math.dist((one.x, one.y), view.table.xy(square_place(square))) for square, one in centres.items()}
-    # by colour alone, what lies looks much like what stands off its centre: which it is, the search decides
-    stands = {
-        square: one.upright and square not in doubted and (off[square] <= tolerance or fit.rises is not None)
-        for square, one in centres.items()
-    }
-    missing: list[tuple[int | None, PieceLike]] = [
-        (square, expected[square]) for square in fit.squares if not (stands[square] or centres[square].hidden)
+    off = {place: math.dist((one.x, one.y), view.table.xy(place)) for place, one in centres.items()}
+    # what lies can look much like what stands off its centre: which it is, the search decides
+    stands = {place: one.upright and place not in doubted and off[place] <= tolerance for place, one in centres.items()}
+    missing: list[tuple[Place | None, PieceLike]] = [
+        (place, expected[place]) for place in fit.stands if not (stands[place] or centres[place].hidden)
     ]
     missing += [(None, piece) for piece in lost]
-    search = _Search(fit, view, np.array([False, *(stands[square] for square in fit.squares)])[fit.owner])
-    found = [
-        Stray(expected[square], square, Pose(one.x, one.y), one.std, 0.0, one.support, one.seen, 1.0)
-        for square, one in centres.items()
-        if stands[square] and off[square] > tolerance
-    ]
-    while missing:
-        stray = search.best(missing)
+    search = _Search(fit, view, np.array([False, *(stands[place] for place in fit.stands)])[fit.owner], around)
+    found = list[Stray]()
+    left = missing.copy()
+    while left:
+        stray = search.best(left)
         if stray is None:
             break
         found.append(stray)
-        missing.remove((stray.square, stray.piece))
+        left.remove((stray.place, stray.piece))
         search.take_out(stray)
+    if len(found) > 1:
+        found = search.again().told_apart(found, before)
+    found = [_sharper(stray, centres) for stray in found]
     return tuple(sorted(found, key=lambda one: -one.support * one.seen))
+
+
+def _sharper(stray: Stray, centres: Mapping[Place, Centre]) -> Stray:
+    """Where a standing piece's outline was found as well, its place is known better."""
+    one = None if stray.lies or stray.place is None else centres[stray.place]
+    if one is None or not one.upright or math.dist((one.x, one.y), (stray.pose.x, stray.pose.y)) > _SAME:
+        return stray
+    return replace(stray, pose=Pose(one.x, one.y), std=one.std)
 
 
 class _Search:
     """Explains what one frame shows beside the pieces that stand as expected."""
 
-    def __init__(self, fit: Fit, view: BoardView, taken: NDArray[np.bool_]) -> None:
+    def __init__(self, fit: Fit, view: BoardView, taken: NDArray[np.bool_], around: tuple[float, float]) -> None:
+        self._made_of = fit, view, taken, around
         self._view, self._part = view, fit.part
         self._shape = fit.part.ground.shape[0], fit.part.ground.shape[1]
         self._origin = int(fit.part.columns.start), int(fit.part.rows.start)
-        half = 4.0 * view.table.square + _BEYOND
-        place = fit.part.place
-        beyond = (np.abs(place[..., 0]) > half) | (np.abs(place[..., 1]) > half + _LEANS)
+        self._half = tuple(4.0 * view.table.square + beside for beside in around)
+        beyond = (np.abs(fit.part.place) > self._half).any(axis=-1)
         kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
         hidden = cv2.dilate(taken.astype(np.uint8), kernel) > 0
-        self._open = ~(hidden | beyond)
+        self._open = ~(hidden | beyond | _boxes(view, self._shape, self._origin))
         self._maps: dict[Colour, Field] = {}
         for colour, by_colour in zip((Colour.WHITE, Colour.BLACK), fit.maps, strict=True):
             evidence = by_colour.astype(np.float32)
@@ -176,11 +205,15 @@ class _Search:
                 evidence = 0.5 * evidence + risen + flat
             self._maps[colour] = np.clip(evidence, -_MOST, _MOST) * self._open
         self._rises = fit.rises
+        if fit.rises is not None:
+            self._points = raised(fit.part, fit.rises, view)
+            fat = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_FAT, _FAT))
+            self._solid = self._open & (fit.rises > _RISEN) & (cv2.dilate(taken.astype(np.uint8), fat) == 0)
         self._felt: Field = np.maximum(*self._maps.values())
 
-    def best(self, missing: Sequence[tuple[int | None, PieceLike]]) -> Stray | None:
+    def best(self, missing: Sequence[tuple[Place | None, PieceLike]]) -> Stray | None:
         """The missing piece that explains the most, or None if none explains anything."""
-        alike = {(piece.kind, piece.colour): (square, piece) for square, piece in reversed(missing)}
+        alike = {(piece.kind, piece.colour): (place, piece) for place, piece in reversed(missing)}
         trials = {key: self._of_piece(piece) for key, (_, piece) in alike.items()}
         ranked = sorted((t for t in trials.items() if t[1]), key=lambda t: -t[1][0].score)
         for key, ways in ranked:
@@ -190,10 +223,55 @@ class _Search:
             others = [way.score for other, more in ranked for way in more[: 1 if other != key else 2]
                       if way is not best]  # fmt: skip
             lead = 1.0 - max([0.0, *others]) / best.score
-            square, piece = alike[key]
+            place, piece = alike[key]
             best, std, yaw_std = self._spread(piece, best)
-            return Stray(piece, square, best.pose, std, yaw_std, best.support, best.seen, lead)
+            return Stray(piece, place, best.pose, std, yaw_std, best.support, best.seen, lead)
         return None
+
+    def again(self) -> _Search:
+        """The same with nothing taken out."""
+        return _Search(*self._made_of)
+
+    def told_apart(self, found: list[Stray], before: Mapping[Place, tuple[float, float]]) -> list[Stray]:
+        """Of pieces of one side that were found one after the other, each might as well be the other: both are tried.
+
+        The greedy search takes first whatever explains the most, and a larger piece explains more. Together, two pieces
+        explain the most where each is itself. A piece that was not far from there before is likely to be the one.
+        """
+        found = list(found)
+        for i, j in itertools.combinations(range(len(found)), 2):
+            one, other = found[i], found[j]
+            if one.piece.colour is not other.piece.colour or one.piece.kind is other.piece.kind:
+                continue
+            as_is = self._near(one.piece, one.pose), self._near(other.piece, other.pose)
+            swapped = self._near(one.piece, other.pose), self._near(other.piece, one.pose)
+            gain = swapped[0].score + swapped[1].score - as_is[0].score - as_is[1].score
+            gain += sum(self._likely(stray, other.pose, before) - self._likely(stray, stray.pose, before)
+                        for stray, other in ((one, other), (other, one)))  # fmt: skip
+            lead = abs(gain) / max(1.0, *(trial.score for trial in (*as_is, *swapped)))
+            ways = swapped if gain > 0.0 else as_is
+            for at, stray, trial in ((i, one, ways[0]), (j, other, ways[1])):
+                best, std, yaw_std = (
+                    self._spread(stray.piece, trial) if gain > 0.0 else (trial, stray.std, stray.yaw_std)
+                )
+                pose = best.pose if gain > 0.0 else stray.pose
+                found[at] = replace(
+                    stray, pose=pose, std=std, yaw_std=yaw_std, support=best.support, seen=best.seen,
+                    lead=min(stray.lead, lead),
+                )  # fmt: skip
+        return found
+
+    def _likely(self, stray: Stray, pose: Pose, before: Mapping[Place, tuple[float, float]]) -> float:
+        """Evidence for a pose by where the piece was before, or where it should stand."""
+        if stray.place is None:
+            return 0.0
+        was = before.get(stray.place, self._view.table.xy(stray.place))
+        return _STAYED * max(0.0, 1.0 - math.dist(was, (pose.x, pose.y)) / _STRAYED)
+
+    def _near(self, piece: PieceLike, pose: Pose) -> _Trial:
+        """The best way for a piece to be about there, lying or standing as it was found, either way round."""
+        tried = [self._climb(piece, self._try(piece, pose), _STEPS)]
+        return max(tried, key=lambda one: one.score)
 
     def take_out(self, stray: Stray) -> None:
         """What this one explains is explained."""
@@ -212,13 +290,15 @@ class _Search:
         parts = math.ceil(reach / _COARSE_STEP)
         along = [_COARSE_STEP * i for i in range(-parts, parts + 1)]
         for x, y in spots:
-            standing += [self._try(piece, Pose(x + dx, y + dy)) for dx, dy in itertools.product(grid, grid)]
+            standing += [self._try(piece, Pose(x + dx, y + dy), _BLUR) for dx, dy in itertools.product(grid, grid)]
             for number in range(_COARSE_YAWS):
                 yaw = 2.0 * math.pi * number / _COARSE_YAWS
                 cos, sin = math.cos(yaw), math.sin(yaw)
                 lying += [
                     self._try(
-                        piece, Pose(x + a * cos - b * sin - reach * cos, y + a * sin + b * cos - reach * sin, yaw)
+                        piece,
+                        Pose(x + a * cos - b * sin - reach * cos, y + a * sin + b * cos - reach * sin, yaw),
+                        _BLUR,
                     )
                     for a, b in itertools.product(along, grid[1:-1])
                 ]
@@ -227,9 +307,8 @@ class _Search:
 
     def _climbed(self, piece: PieceLike, trials: list[_Trial]) -> _Trial:
         """From the best of some, step by step to the best near them."""
-        trials.sort(key=lambda one: -one.score)
-        best = [self._climb(piece, one, _STEPS[:2]) for one in trials[:_KEPT]]
-        return self._climb(piece, max(best, key=lambda one: one.score), _STEPS[2:])
+        near = [self._climb(piece, self._try(piece, one.pose), _STEPS[:2]) for one in _apart(trials, _KEPT)]
+        return max((self._climb(piece, one, _STEPS) for one in _apart(near, _CLOSER)), key=lambda one: one.score)
 
     def _climb(self, piece: PieceLike, trial: _Trial, steps: Sequence[tuple[float, float]]) -> _Trial:
         for step, turn in steps:
@@ -241,7 +320,8 @@ class _Search:
                 trial = better
         return trial
 
-    def _try(self, piece: PieceLike, pose: Pose) -> _Trial:
+    def _try(self, piece: PieceLike, pose: Pose, blur: float = 1.0) -> _Trial:
+        """How well a pose explains the picture; ``blur``: points may be so many times further off the surface."""
         rows, columns, mask, felt = drawn(piece.kind, pose, self._view, self._shape, self._origin)
         count = int(np.count_nonzero(mask))
         if not count:
@@ -249,10 +329,14 @@ class _Search:
         evidence = np.where(felt, self._felt[rows, columns], self._maps[piece.colour][rows, columns])
         if self._rises is not None:
             shape, rises = PIECE_SHAPES[piece.kind], self._rises[rows, columns]
-            if pose.yaw is not None:  # nothing of what lies is as high as this
-                evidence = np.where(rises > 2.0 * shape.foot_radius + _RISEN, np.float32(-_MOST), evidence)
-            elif not _as_high(rises[mask & self._open[rows, columns]], 0.5 * shape.height + shape.foot_radius):
+            least = 0.5 * shape.height + shape.foot_radius
+            if pose.yaw is None and not _as_high(rises[mask & self._open[rows, columns]], least):
                 return _Trial(-math.inf, pose, -1.0, 0.0)
+            seen_at = mask & self._solid[rows, columns]
+            off = off_surface(self._points[rows, columns][seen_at], piece.kind, pose)
+            evidence[seen_at] -= _BY_DEPTH * np.minimum((off / (blur * _OFF)) ** 2, _FAR)
+            if pose.yaw is not None:  # nothing of what lies is as high as this
+                evidence[seen_at & (rises > 2.0 * shape.foot_radius + _RISEN)] = -_MOST
         total = float(evidence[mask].sum())
         seen = int(np.count_nonzero(self._open[rows, columns] & mask))
         return _Trial(total, pose, total / (_MOST * max(seen, 1)), seen / count)
@@ -278,16 +362,35 @@ class _Search:
         mean = np.asarray(cv2.boxFilter(self._maps[colour], cv2.CV_32F, (5, 5)))
         likely = ((mean > _LIKELY) & self._open).astype(np.uint8)
         count, numbers, stats, _ = cv2.connectedComponentsWithStats(likely, connectivity=8)
-        half = 4.0 * self._view.table.square + _BEYOND
         spots = []
         for number in range(1, count):
             if stats[number, cv2.CC_STAT_AREA] < _LEAST_AREA:
                 continue
             places = self._part.place[numbers == number].astype(float)
             for x, y in _middles(places):
-                if abs(x) < half and abs(y) < half + _LEANS:
+                if abs(x) < self._half[0] and abs(y) < self._half[1]:
                     spots.append((x, y))
         return spots
+
+
+def _around(view: BoardView, *, trays: bool) -> tuple[float, float]:
+    """How far beyond the board pieces are looked for, along x and along y [m]."""
+    ends = _BEYOND + _LEANS
+    if not trays:
+        return _BEYOND, ends
+    furthest = max(view.table.xy(place)[0] for place in view.table.tray_places())
+    return furthest - 4.0 * view.table.square + ends, ends
+
+
+def _boxes(view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> NDArray[np.bool_]:
+    """Where boxes are in a part of the picture, with all that may lie in them."""
+    seen = np.zeros(shape, dtype=np.uint8)
+    for box in view.table.boxes():
+        half_x, half_y, top = box.half_x + box.wall, box.half_y + box.wall, max(box.height, view.table.box_fill)
+        corners = [(box.x + i * half_x, box.y + j * half_y, h) for i in (-1, 1) for j in (-1, 1) for h in (0.0, top)]
+        pixels = np.rint(view.project(corners) - np.array(origin, dtype=float)).astype(np.int32)
+        cv2.fillConvexPoly(seen, cv2.convexHull(pixels), 1)
+    return seen.astype(bool)
 
 
 def _as_high(rises: Field, least: float) -> bool:
@@ -306,6 +409,22 @@ def _middles(places: Array) -> list[tuple[float, float]]:
     parts = max(1, round((high - low) / 0.045))
     at = [low + (2 * i + 1) * (high - low) / (2 * parts) for i in range(parts)] if parts > 1 else [0.0]
     return [(float(middle[0] + t * long[0]), float(middle[1] + t * long[1])) for t in at]
+
+
+def _apart(trials: list[_Trial], most: int) -> list[_Trial]:
+    """The best ones that differ."""
+    kept = list[_Trial]()
+    for one in sorted(trials, key=lambda one: -one.score):
+        if not any(_alike(one.pose, other.pose) for other in kept):
+            kept.append(one)
+            if len(kept) == most:
+                break
+    return kept
+
+
+def _alike(one: Pose, other: Pose) -> bool:
+    turned = 0.0 if one.yaw is None or other.yaw is None else abs(math.remainder(one.yaw - other.yaw, 2.0 * math.pi))
+    return math.dist((one.x, one.y), (other.x, other.y)) < _APART[0] and turned < _APART[1]
 
 
 def _moved(pose: Pose, dx: float, dy: float, turn: float) -> Pose:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
-from hardware.table import PIECE_SHAPES, Colour, Kind, square_place
+from hardware.table import PIECE_SHAPES, Colour, Kind, Place
 from vision.board import BoardView
 from vision.colours import MOST, colour_bins, evidence, looked_up, shares
 from vision.edges import Edges, along, edges_on_lines, line_samples, slopes
@@ -75,12 +75,13 @@ class Fit:
     Args:
         frame: by the camera of the view.
         view: of the board.
-        expected: pieces by square.
+        expected: pieces by square, or place of a tray.
         use_depth: False: by colour alone.
+        around: the window holds so much beside the board, along x and along y [m].
 
     Attributes:
         part: window of the picture.
-        squares: of the pieces, in the order of all arrays.
+        stands: where the pieces should, in the order of all arrays.
         places: found, (n, 2) [m].
         spread: expected error of either coordinate by the scatter of edges alone, (n,) [m].
         edges: across the outlines as found.
@@ -88,11 +89,19 @@ class Fit:
         maps: how much rather each pixel is a white piece, or a black one, than ground; natural logarithm, two (h, w).
     """
 
-    def __init__(self, frame: Frame, view: BoardView, expected: Mapping[int, PieceLike], *, use_depth: bool) -> None:
-        self.part: Surface = surface(view)
-        self.squares = list(expected)
-        pieces = [expected[square] for square in self.squares]
-        self._nominal = np.array([view.table.xy(square_place(square)) for square in self.squares]).reshape(-1, 2)
+    def __init__(
+        self,
+        frame: Frame,
+        view: BoardView,
+        expected: Mapping[Place, PieceLike],
+        *,
+        use_depth: bool,
+        around: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        self.part: Surface = surface(view, around)
+        self.stands = list(expected)
+        pieces = list(expected.values())
+        self._nominal = np.array([view.table.xy(place) for place in self.stands]).reshape(-1, 2)
         self.places = self._nominal.copy()
         self._kinds = [piece.kind for piece in pieces]
         self._white = np.array([piece.colour is Colour.WHITE for piece in pieces], dtype=bool)
@@ -106,7 +115,7 @@ class Fit:
         self._solve()
 
     def _solve(self) -> None:
-        if not self.squares:
+        if not self.stands:
             self._learn(self.silhouettes(), 0, 0)
             return
         for step, count in _GRIDS:
@@ -121,7 +130,7 @@ class Fit:
         self._refine(_ROUNDS[1])
 
     def _search_again(self, lost: NDArray[np.bool_]) -> None:
-        """Look for these pieces once more, from their squares' centres; the others stay."""
+        """Look for these pieces once more, from their places' centres; the others stay."""
         kept = self.places.copy()
         self.places = np.where(lost[:, None], self._nominal, kept)
         for step, count in _GRIDS:
@@ -205,7 +214,7 @@ class Fit:
         u, v = at[..., 0], at[..., 1]
         within = (u >= 0) & (u < w) & (v >= 0) & (v < h)
         flat = np.where(within, v * w + u, 0)
-        mine = np.arange(1, len(self.squares) + 1, dtype=np.int16).reshape((-1,) + (1,) * (flat.ndim - 1))
+        mine = np.arange(1, len(self.stands) + 1, dtype=np.int16).reshape((-1,) + (1,) * (flat.ndim - 1))
         owner = self.owner.ravel().take(flat)
         return flat, within & ((owner == 0) | (owner == mine))
 
@@ -285,7 +294,7 @@ class Fit:
 
         Half way between what stands and what lies; false where there is no depth, or too little of the piece.
         """
-        low = np.zeros(len(self.squares), dtype=bool)
+        low = np.zeros(len(self.stands), dtype=bool)
         if self.rises is None:
             return low
         for index, kind in enumerate(self._kinds):

@@ -75,6 +75,20 @@ def _axes(kind: Kind, pose: Pose) -> tuple[Array, Array]:
     return np.array([pose.x, pose.y, height]), np.stack([across, cos * up + sin * ahead, cos * ahead - sin * up])
 
 
+def off_surface(points: NDArray[np.float32], kind: Kind, pose: Pose) -> Array:
+    """How far points (n, 3) of the board frame are from the surface of a piece, whether within or without, (n,) [m]."""
+    start, axes = _axes(kind, pose)
+    rings = _rings(kind)
+    from_start = points - start
+    along = from_start @ axes[2]
+    across = np.sqrt(np.maximum((from_start**2).sum(axis=1) - along**2, 0.0))
+    radius = np.interp(along, rings[:, 1], rings[:, 0])
+    outwards, beyond = across - radius, np.maximum(-along, along - rings[-1, 1])
+    without = np.hypot(np.maximum(outwards, 0.0), np.maximum(beyond, 0.0))
+    off: Array = np.maximum(without, np.minimum(-outwards, -beyond))
+    return off
+
+
 class Drawn(NamedTuple):
     """A silhouette in a part of a picture.
 

@@ -49,9 +49,17 @@ class Surface:
 
 
 @lru_cache(maxsize=4)
-def surface(view: BoardView) -> Surface:
-    """Of a view."""
-    rows, columns = _window(view)
+def surface(view: BoardView, around: tuple[float, float] = (0.0, 0.0)) -> Surface:
+    """Of a view.
+
+    Args:
+        view: of the board.
+        around: so far beyond the board things are looked at, along x and along y [m].
+
+    Raises:
+        ValueError: the board is not in the picture.
+    """
+    rows, columns = _window(view, around)
     v, u = np.mgrid[rows, columns].astype(float)
     eye = view.intrinsics
     ray = np.stack([(u - eye.cx) / eye.fx, (v - eye.cy) / eye.fy, np.ones_like(u)], axis=-1)
@@ -81,10 +89,11 @@ def surface(view: BoardView) -> Surface:
     )
 
 
-def _window(view: BoardView) -> tuple[slice, slice]:
+def _window(view: BoardView, around: tuple[float, float]) -> tuple[slice, slice]:
     """Where board and pieces can be seen."""
     tallest = max(shape.height for shape in PIECE_SHAPES.values())
     ground = playing_area(view.table)
+    ground[:, :2] *= 1.0 + np.array(around) / (4.0 * view.table.square)
     pixels = view.project(np.concatenate([ground, ground + np.array([0.0, 0.0, tallest])]))
     low = np.floor(pixels.min(axis=0)).astype(int) - MARGIN
     high = np.ceil(pixels.max(axis=0)).astype(int) + MARGIN
@@ -93,6 +102,15 @@ def _window(view: BoardView) -> tuple[slice, slice]:
     if u1 - u0 < 2 or v1 - v0 < 2:
         raise ValueError("the board lies outside of the picture: turn the camera towards it")
     return slice(v0, v1), slice(u0, u1)
+
+
+def raised(part: Surface, rises: Field, view: BoardView) -> Field:
+    """The points that pixels show, board frame (h, w, 3) [m]: along its ray, what is above the board is as much nearer
+    to the camera. NaN where the height is unknown.
+    """
+    share = 1.0 - rises / np.maximum(part.climb * part.depth, np.float32(1e-6))
+    eye = view.camera_position[:2].astype(np.float32)
+    return np.concatenate([eye + (part.place - eye) * share[..., None], rises[..., None]], axis=-1)
 
 
 def heights(frame_depth: Field, part: Surface) -> Field:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hardware.interfaces import Frame
 from hardware.table import square_place
 from vision.board import BoardView
-from vision.centres import Centre, centres_of, require_camera
+from vision.centres import Centre, centres_of, on_squares, require_camera
 from vision.fit import Fit, PieceLike
 from vision.surface import surface
 
@@ -117,8 +117,8 @@ def examine_board(
         ValueError: the frame is by another camera, or the board is not in the picture.
     """
     require_camera(frame, view)
-    fit = Fit(frame, view, expected, use_depth=True)
-    centres = centres_of(fit) if expected else {}
+    fit = Fit(frame, view, on_squares(expected), use_depth=True)
+    centres = {place.index: centre for place, centre in centres_of(fit).items()} if expected else {}
     spots = _spots(fit, centres, view)
     likeness = {square: one.support + one.agreement for square, one in centres.items() if not one.hidden}
     drops = {square: was - likeness[square] for square, was in before.items() if square in likeness}
@@ -181,7 +181,7 @@ def _direction(dx: float, dy: float) -> str:
 
 def _spots(fit: Fit, centres: Mapping[int, Centre], view: BoardView) -> dict[int, tuple[float, float]]:
     """What is on the board and no piece that was found, by square: its middle in the board frame [m]."""
-    found = np.array([False, *(centres[square].upright for square in fit.squares)])
+    found = np.array([False, *(centres[place.index].upright for place in fit.stands)])
     kept = found[fit.owner].astype(np.uint8)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_AROUND, _AROUND))
     free = cv2.dilate(kept, kernel) == 0

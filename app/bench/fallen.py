@@ -217,9 +217,9 @@ class Trial:
         self._number += 1000
         frame = self._studio.frame(self._poses(), self._looks, self._number)
         view = BoardView(frame.intrinsics, self._view, self._table)
-        expected = {self._place(spec).index: spec for spec in self._inventory}
+        expected = {self._place(spec): spec for spec in self._inventory}
         found = find_strays(frame, view, expected, tolerance=PLACED)
-        return [Strayed.of(stray, self._place(expected[stray.square])) for stray in found if stray.square is not None]
+        return [Strayed.of(stray, self._place(expected[stray.place])) for stray in found if stray.place is not None]
 
     def _place(self, spec: PieceSpec) -> Place:
         return self._target if spec.name == self._victim.name else spec.place

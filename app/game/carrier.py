@@ -29,7 +29,7 @@ from hardware.table import Kind
 
 if TYPE_CHECKING:
     from app.motion import Motion, MotionSettings
-    from app.righting import Strayed
+    from app.righting import Blocked, Strayed
 
 MOST_PAUSES = 20
 """Within one job; a computer that is late so often will not get better by itself."""
@@ -180,6 +180,35 @@ class Carrier:
             self._face.phase(str(stop))
             self._go_home(stands, None, touching=isinstance(stop, TouchedElsewhere))
             return None
+
+    def push_aside(self, blocked: Sequence[Blocked], strays: Sequence[Strayed], stands: Inventory) -> str:
+        """Push one of two pieces that are in each other's way; home at its end.
+
+        Args:
+            blocked: which the arm cannot take or stand up, and because of which.
+            strays: all that lie or stand elsewhere.
+            stands: what should stand where.
+
+        Returns:
+            The name of the piece that was pushed; where it is, only eyes can tell.
+
+        Raises:
+            PlanRefused: no push helps.
+        """
+        from app.righting import plan_pushing
+
+        arm, state = self._devices.arm, self._devices.arm.state()
+        nudge, plan = plan_pushing(
+            blocked, strays, stands, state.reference, state.finger, self._motion, self._parameters, arm.lead_ticks
+        )
+        self._step = None
+        try:
+            self._interlock()
+            arm.execute(plan)
+        except ArmPaused as stop:
+            self._face.phase(str(stop))
+            self._go_home(stands, None)
+        return nudge.name
 
     def way_for(self, blocks: str, strays: Sequence[Strayed], stands: Inventory) -> Transfer:
         """Where a piece may go that is in the way of the fingers.

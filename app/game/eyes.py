@@ -23,7 +23,7 @@ from app.repair import Sighting, kinds_by_height
 from app.repair.sighting import HEIGHTS, Chances
 from app.righting import Strayed
 from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
-from hardware.table import Colour, Kind, PieceSpec, TableSettings
+from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
 from vision.anchor import Anchor
 from vision.appearance import BLACK, EMPTY, WHITE
 from vision.board import BoardNotFound, BoardView, playing_area
@@ -101,6 +101,8 @@ class Eyes:
         self._likeness: dict[int, tuple[str, float]] = {}
         """Of pieces when the board was last as it should be, by square: name, and how well it looked like itself."""
         self._doubted: frozenset[int] = frozenset()
+        self._strayed: dict[str, tuple[float, float]] = {}
+        """Where pieces were that did not stand where they should, by name, since the board was last right [m]."""
 
     def begin(self, board: chess.Board) -> None:
         """Find the board, and learn the set from a position that stands there, with the arm at home.
@@ -172,6 +174,7 @@ class Eyes:
         faults = examined.faults
         self._doubted = frozenset(fault.square for fault in faults if fault.kind is FaultKind.FALLEN)
         if not faults:
+            self._strayed = {}
             self._likeness = {square: (expected[square].name, one) for square, one in examined.likeness.items()}
             return Verification(faults, Sighting({}))
         look = self._known.look(sight_of_frame(frame, self.view))
@@ -202,14 +205,20 @@ class Eyes:
         return {square: (one.x, one.y) for square, one in centres.items() if one.upright}
 
     def strays(self, stands: Inventory) -> list[Strayed]:
-        """Pieces that lie, or stand elsewhere, in the newest frame.
+        """Pieces that lie, or stand elsewhere, in the newest frame; on the board and beside it.
 
         Args:
             stands: what should stand where.
         """
-        expected = on_board(stands)
-        found = find_strays(self.last, self.view, expected, doubted=self._doubted)
-        return [Strayed.of(one, expected[one.square].place) for one in found if one.square is not None]
+        # of several alike, what is found is rather the one that is missing on the board
+        rows = sorted(stands, key=lambda piece: not piece.place.on_board)
+        expected = {piece.place: piece for piece in rows if not piece.place.in_box}
+        doubted = {square_place(square) for square in self._doubted}
+        before = {place: self._strayed[piece.name] for place, piece in expected.items() if piece.name in self._strayed}
+        found = find_strays(self.last, self.view, expected, doubted=doubted, trays=True, before=before)
+        strays = [Strayed.of(one, one.place) for one in found if one.place is not None]
+        self._strayed |= {one.piece.name: (one.pose.x, one.pose.y) for one in strays}
+        return strays
 
     def read(self) -> Reading:
         """What was played since the known position, in a new frame.

@@ -6,8 +6,9 @@ looks again. Every round is in the record before the arm moves, so that a progra
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Final, Protocol
@@ -27,15 +28,18 @@ from app.records import GameRecord
 from app.records.events import Purpose
 from app.repair import Ask, Repair, mend
 from app.repair.mending import SEEN_WITHIN, repair_towards
-from app.righting import Strayed, in_order
+from app.righting import Blocked, Strayed, in_order
 from hardware.interfaces import Clock
-from hardware.table import square_place
-from vision.verify import Fault, FaultKind
+from hardware.table import Place, TableSettings, square_place
+from vision.verify import TOLERANCE, Fault, FaultKind
 
-MOST_ROUNDS: Final = 16
-"""Of mending by the arm, two or three for a piece that has fallen; what is not right then, it will not get right."""
-
-
+MOST_ROUNDS: Final = 40
+"""Of mending by the arm, two or three for a piece that has fallen, and some more for each that is in its way; what is
+not right then, it will not get right."""
+_GONE: Final = frozenset({FaultKind.MISSING, FaultKind.FALLEN, FaultKind.OFF_CENTRE})
+"""Off its centre may be what lies along the view: a closer look tells."""
+MOST_PUSHES: Final = 3
+"""Of one piece."""
 MOST_TRIES: Final = 3
 """To stand one piece up."""
 FRESH: Final = 0.5
@@ -97,8 +101,12 @@ class Mender:
         self._record, self._face, self._clock = record, face, clock
         self._tried = Counter[str]()
         """How often a piece could not be stood up."""
-        self._stood_up: set[str] = set()
-        """Pieces that the arm has stood up since the mending began."""
+        self._handled: set[str] = set()
+        """Pieces that the arm has stood up or pushed since the mending began."""
+        self._pushed = Counter[str]()
+        """How often a piece was."""
+        self._lost: set[str] = set()
+        """Pieces that the arm has lost, or not got, since the board was last right."""
 
     @property
     def stale(self) -> bool:
@@ -107,6 +115,7 @@ class Mender:
 
     def note_loss(self, failure: CarryFailed) -> None:
         """The arm has lost a piece, or not got it: that is in the record, whatever comes of it."""
+        self._lost.add(failure.transfer.name)
         self._face.phase(str(failure))
         squares = (str(failure.transfer.source), str(failure.transfer.target))
         self._record.trouble(failure.loss.value, squares, str(failure), None, self._clock.now())
@@ -131,13 +140,15 @@ class Mender:
             UserError: a person is needed, and nobody is there; or it cannot be mended.
         """
         rounds, duration = 0, 0.0
-        self._stood_up.clear()
+        self._handled.clear()
+        self._pushed.clear()
         self._tried.clear()
         while True:
             faults, step = self._decide(stands, wanted, board)
             if faults and not changed(stands, wanted) and self._is_answered(replied_to()):
                 return Mended(stands, rounds, duration, answered=True)
             if step is None:
+                self._lost.clear()
                 return Mended(stands, rounds, duration)
             strays = step.strays if isinstance(step, Fallen) else ()
             if isinstance(step, Fallen):
@@ -147,8 +158,9 @@ class Mender:
             while isinstance(step, Repair):
                 rounds = _next_round(rounds, faults) if step.transfers else rounds
                 if step.transfers:
+                    before = stands
                     stands, took, step = self._carry(step, faults, strays)
-                    duration += took
+                    stands, duration = _with_missing(stands, before, wanted), duration + took
                 else:  # it has come to stand where it shall
                     stands, step = step.believed, step.rest
             if step is not None:
@@ -165,12 +177,14 @@ class Mender:
         found = self.eyes.verify(stands)
         if found.faults:  # one frame may be wrong
             found = self.eyes.verify(stands)
+        strays = cache(lambda: self.eyes.strays(stands))  # a second's search: once a look, and only where it is needed
+        missing = {square_place(fault.square) for fault in found.faults if fault.kind in _GONE}
+        missing |= {place for name in self._lost if (place := stands.find(name).place).in_tray}
+        unaided = self._unaided(missing, stands, wanted, strays, people=board is not None)
         if not found.faults:
             rest = rearrange(stands, wanted)
-            return (), Repair(stands, rest, "the arm goes on") if rest else None
+            return (), unaided or (Repair(stands, rest, "the arm goes on") if rest else None)
         step = mend(stands, found.sighting, board)
-        strays = cache(lambda: self.eyes.strays(stands))  # a second's search: once a look, and only where it is needed
-        unaided = self._unaided(found.faults, stands, strays, people=board is not None)
         if isinstance(unaided, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
             return found.faults, unaided or step
         places = {**found.sighting.places, **self._places(stands, step.believed, strays)}
@@ -202,29 +216,53 @@ class Mender:
         return places
 
     def _unaided(
-        self, faults: Sequence[Fault], stands: Inventory, strays: Callable[[], list[Strayed]], *, people: bool
+        self,
+        missing: Set[Place],
+        stands: Inventory,
+        wanted: Inventory,
+        strays: Callable[[], list[Strayed]],
+        *,
+        people: bool,
     ) -> Repair | Fallen | None:
         """What the arm does where something lies; or where all that is missing stands in sight.
 
         Args:
-            faults: what is wrong.
+            missing: where pieces should stand and do not, or, in a tray, may not.
             stands: what should stand where.
+            wanted: what shall stand where.
             strays: searches for what lies or stands elsewhere.
-            people: somebody may have moved pieces; then only ones that lie, or that the arm has stood up, are known to
+            people: somebody may have moved pieces; then only ones that lie, or that the arm has handled, are known to
                 be what they look like.
         """
-        missing = {fault.square for fault in faults if fault.kind in (FaultKind.MISSING, FaultKind.FALLEN)}
         if not missing:
             return None
-        found = strays()
+        # where exactly a piece stands in a tray matters once the arm has failed to take it
+        found = [
+            one for one in strays()
+            if one.lies or one.target.on_board or one.target in missing or one.piece.name in self._handled
+        ]  # fmt: skip
         if any(one.lies for one in found):
             return Fallen(tuple(found))
-        if not found or not missing <= {one.target.index for one in found}:
+        # what hides a piece from one look may not from the next
+        right = [one for one in found if _is_there(one, one.target, stands.table)]
+        gone = {place for place in missing if place.on_board} - {one.target for one in right}
+        found = [one for one in found if one not in right]
+        if not found or not gone <= {one.target for one in found}:
             return None
-        if people and not {one.piece.name for one in found if one.target.index in missing} <= self._stood_up:
+        if people and not {one.piece.name for one in found if one.target in gone} <= self._handled:
             return None
-        transfers = tuple(Transfer.of(one.piece, one.target, (one.pose.x, one.pose.y)) for one in found)
-        return Repair(stands, transfers, "the arm carries what it has found to where it belongs")
+        goals = {one.piece.name: _goal(one, stands, wanted) for one in found}
+        there = [one.piece.name for one in found if _is_there(one, goals[one.piece.name], stands.table)]
+        believed = Inventory.of(
+            [replace(piece, place=goals[piece.name]) if piece.name in there else piece for piece in stands],
+            stands.table,
+        )
+        transfers = tuple(
+            Transfer.of(one.piece, goals[one.piece.name], (one.pose.x, one.pose.y))
+            for one in found
+            if one.piece.name not in there
+        )
+        return Repair(believed, transfers, "the arm carries what it has found to where it belongs")
 
     def _stand_up(
         self, step: Fallen, stands: Inventory, faults: Sequence[Fault]
@@ -232,43 +270,66 @@ class Mender:
         """The first of the pieces that lie at which the fingers get is stood up; then what is next: nothing but to
         look, making way, or to ask.
         """
-        now, refusals = self._clock.now(), list[tuple[str, PlanRefused]]()
+        now, refusals = self._clock.now(), list[tuple[str, str, PlanRefused]]()
         for one in (stray for stray in in_order(step.strays) if stray.lies):
             sentence = f"the {one.piece.colour} {one.piece.kind} of {one.target} lies on the board"
             if self._tried[one.piece.name] >= MOST_TRIES:
                 unable = PlanRefused(f"it could not be stood up in {MOST_TRIES} attempts")
-                refusals.append((f"{sentence}, and {unable}: stand it on {one.target}", unable))
+                refusals.append((one.piece.name, f"{sentence}, and {unable}: stand it on {one.target}", unable))
                 continue
             self._face.say(f"{sentence}: the arm stands it up")
             self._record.found(stands, sentence, now)
             try:
                 took = self._carrier.stand_up(one, step.strays, stands)
             except PlanRefused as refused:
-                refusals.append((f"{sentence}, and {refused}: stand it on {one.target}", refused))
+                refusals.append((one.piece.name, f"{sentence}, and {refused}: stand it on {one.target}", refused))
                 continue
             if took is None:
                 self._tried[one.piece.name] += 1
                 return stands, 0.0, None
-            self._stood_up.add(one.piece.name)
+            self._handled.add(one.piece.name)
             self._record.trouble(FaultKind.FALLEN.value, (str(one.target),), sentence, "arm", now)
             return stands, took, None
         return stands, 0.0, self._make_way(refusals, step, stands, faults)
 
     def _make_way(
-        self, refusals: Sequence[tuple[str, PlanRefused]], step: Fallen, stands: Inventory, faults: Sequence[Fault]
-    ) -> Repair | Ask:
-        """A piece that is in the way goes aside; it is brought back at the end, as it is wanted where it stood."""
-        sentence = refusals[0][0]
-        for _, blocked in refusals:
+        self, refusals: Sequence[tuple[str, str, PlanRefused]], step: Fallen, stands: Inventory, faults: Sequence[Fault]
+    ) -> Repair | Ask | None:
+        """A piece that is in the way goes aside; it is brought back at the end, as it is wanted where it stood. If the
+        fingers do not get at it either, one of the two is pushed.
+        """
+        sentence, pairs = refusals[0][1], list[Blocked]()
+        for name, _, blocked in refusals:
             if not isinstance(blocked, InTheWay):
                 continue
             try:
                 transfer = self._carrier.way_for(blocked.piece.name, step.strays, stands)
             except PlanRefused as refused:
                 sentence = f"{blocked}; {refused}"
+                pairs.append(Blocked(name, blocked.piece.name))
                 continue
             return Repair(stands, (transfer,), f"the {transfer.kind} of {transfer.source} makes way")
-        return Ask(sentence, squares_of(faults))
+        return None if self._push(pairs, step.strays, stands) else Ask(sentence, squares_of(faults))
+
+    def _push(self, pairs: Sequence[Blocked], strays: Sequence[Strayed], stands: Inventory) -> bool:
+        """Whether one of two pieces that are in each other's way was pushed aside."""
+        pairs = [pair for pair in pairs if max(self._pushed[pair.name], self._pushed[pair.by]) < MOST_PUSHES]
+        if not pairs:
+            return False
+        sentence = (
+            f"the {pairs[0].by} and the {pairs[0].name} are in each other's way: the arm pushes one of them aside"
+        )
+        self._face.say(sentence)
+        self._record.found(stands, sentence, self._clock.now())
+        self.eyes.forget_likeness()
+        try:
+            pushed = self._carrier.push_aside(pairs, strays, stands)
+        except PlanRefused as refused:
+            self._face.phase(str(refused))
+            return False
+        self._handled.add(pushed)
+        self._pushed[pushed] += 1
+        return True
 
     def _carry(
         self, step: Repair, faults: Sequence[Fault], strays: tuple[Strayed, ...]
@@ -292,9 +353,11 @@ class Mender:
             if not self._carrier.untouched:
                 raise
             return step.believed, 0.0, self._around(error, step, faults)  # the fingers do not get at it
-        return moved_all(step.believed, step.transfers), carried.done.duration, step.rest
+        # what a person would be asked for may be in sight now
+        rest = None if isinstance(step.rest, Ask) else step.rest
+        return moved_all(step.believed, step.transfers), carried.done.duration, rest
 
-    def _around(self, refused: UserError, step: Repair, faults: Sequence[Fault]) -> Repair | Ask:
+    def _around(self, refused: UserError, step: Repair, faults: Sequence[Fault]) -> Repair | Ask | None:
         """A piece that is in the way goes first where it has to go anyway, or else aside."""
         asked = Ask(str(refused), squares_of(faults))
         if not isinstance(refused, InTheWay):
@@ -302,10 +365,14 @@ class Mender:
         own = next((one for one in step.transfers if one.name == refused.piece.name), None)
         if own is not None and len(step.transfers) > 1 and _is_free(own, step.believed):
             return Repair(step.believed, (own,), f"the {own.kind} of {own.source} goes first")
+        strays = self.eyes.strays(step.believed)
         try:
-            transfer = self._carrier.way_for(refused.piece.name, self.eyes.strays(step.believed), step.believed)
+            transfer = self._carrier.way_for(refused.piece.name, strays, step.believed)
         except PlanRefused:
-            return asked
+            if refused.around is None:
+                return asked
+            pair = Blocked(refused.around.name, refused.piece.name, refused.around)
+            return None if self._push([pair], strays, step.believed) else asked
         return Repair(step.believed, (transfer,), f"the {transfer.kind} of {transfer.source} makes way")
 
     def _ask(self, step: Ask, faults: Sequence[Fault]) -> None:
@@ -316,6 +383,29 @@ class Mender:
         for fault in faults:
             place = (str(square_place(fault.square)),)
             self._record.trouble(fault.kind.value, place, fault.sentence, "person", self._clock.now())
+
+
+def _with_missing(stands: Inventory, before: Inventory, wanted: Inventory) -> Inventory:
+    """With the pieces that are in nobody's sight, where they were, or wherever there is room for them."""
+    there = {piece.name for piece in stands}
+    for piece in before:
+        if piece.name in there:
+            continue
+        places = (piece.place, wanted.find(piece.name).place, *stands.table.tray_places())
+        free = next(place for place in places if stands.at(place) is None)
+        stands = Inventory.of((*stands, replace(piece, place=free)), stands.table)
+    return stands
+
+
+def _goal(one: Strayed, stands: Inventory, wanted: Inventory) -> Place:
+    """Where a piece that was found goes: to where it shall stand, if that is free; else to where it should be now."""
+    goal = wanted.find(one.piece.name).place
+    return goal if stands.at(goal) is None or goal == one.target else one.target
+
+
+def _is_there(one: Strayed, goal: Place, table: TableSettings) -> bool:
+    """Whether it stands where it goes already: what the fingers lost over a tray often does."""
+    return not goal.in_box and math.dist((one.pose.x, one.pose.y), table.xy(goal)) <= TOLERANCE
 
 
 def _next_round(rounds: int, faults: Sequence[Fault]) -> int:

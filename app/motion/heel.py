@@ -24,7 +24,7 @@ _SLIDES: Final = 0.0055
 """So far does the foot slide back towards the head while it is pressed and drawn over (measured in the world) [m]."""
 _SAMPLES: Final = 16
 """Of a way that is checked."""
-_MASS_HEIGHT: Final = 0.38
+MASS_HEIGHT: Final = 0.38
 """Of a piece's centre of mass, in heights of the piece: it is weighted low."""
 
 
@@ -84,7 +84,7 @@ def heel_of(shape: PieceShape, how: Heeling) -> Heel:
     sin, cos = math.sin(lean), math.cos(lean)
     rim = radius * sin
     contact = -radius * sin - how.inside * cos, 2.0 * radius * cos + (shape.foot_height - how.inside) * sin
-    over = math.atan2(_MASS_HEIGHT * shape.height, radius)
+    over = math.atan2(MASS_HEIGHT * shape.height, radius)
     return Heel(rim, contact, over + how.beyond, rim + radius - _SLIDES)
 
 

@@ -86,6 +86,12 @@ def standing_near(crowd: Iterable[Standing], lying: Iterable[Lying], table: Tabl
     return Crowd(tuple(pieces), np.concatenate(rows), stands.boxes)
 
 
+def crowd_of(scene: Strewn, table: TableSettings, without: str = "") -> Crowd:
+    """All of a scene, but for one piece, as `standing_near`."""
+    standing = (piece for piece in scene.standing if piece.name != without)
+    return standing_near(standing, (piece for piece in scene.lying if piece.name != without), table)
+
+
 @lru_cache(maxsize=16)
 def discs_of(kind: Kind) -> tuple[tuple[float, float, float], ...]:
     """A piece that rests on the rim of its foot and on its head: of parts along it the middle's distance from the base,

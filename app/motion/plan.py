@@ -29,11 +29,12 @@ class InTheWay(PlanRefused):
 
     Attributes:
         piece: which; once it is moved away, they may.
+        around: what they would be around, and where; None: they would not open.
     """
 
-    def __init__(self, sentence: str, piece: Standing) -> None:
+    def __init__(self, sentence: str, piece: Standing, around: Standing | None = None) -> None:
         super().__init__(sentence)
-        self.piece = piece
+        self.piece, self.around = piece, around
 
 
 @dataclass(frozen=True, slots=True)

@@ -185,7 +185,16 @@ def _opening(cell: Workcell, transfer: Transfer, place: Place, point: tuple[floa
         f"at {place} the fingers, {least * 1e3:.1f} mm open, would touch the {neighbour.kind} on "
         f"{neighbour.place}: move that piece first or use larger squares",
         neighbour,
+        Standing(transfer.name, place, x, y, transfer.kind),
     )
+
+
+def fits_around(piece: Standing, others: Crowd, cell: Workcell) -> bool:
+    """Whether the fingers get down around a piece where it stands, as far open as they have to be."""
+    pads, opening = cell.parameters.pads, _least_opening(cell, piece.kind)
+    tip = cell.height(piece.kind, piece.place) - pads.half_height
+    blocked = blocking_neighbour(piece.x, piece.y, opening, tip, others, pads) is not None
+    return not (blocked or box_in_the_way(piece.x, piece.y, opening, tip, others, pads))
 
 
 def _beside(cell: Workcell, kind: Kind) -> float:

@@ -34,7 +34,9 @@ from hardware.table import PIECE_SHAPES, TableSettings
 
 _USUAL: Final = Heeling()
 _UPRIGHT: Final = 0.025
-"""So far above the heel the fingers come straight down [m]."""
+"""So far above the heel the fingers come straight down [m] …"""
+_FEELING: Final = 0.010
+"""… and from here on slowly, feeling for it: what lies on the foot of another piece is as much higher [m]."""
 
 
 class Uprighted(NamedTuple):
@@ -76,7 +78,13 @@ def plan_upright(
     """
     cell, shape = Workcell.of(settings, parameters, table), PIECE_SHAPES[lying.kind]
     heel, others = heel_of(shape, how), standing_near(standing, others_lying, table)
-    _check_free(cell, lying, heel, others, how)
+    blocking = _blocking(cell, lying, heel, others, how)
+    if blocking is not None:
+        raise InTheWay(
+            f"the {lying.called} cannot be stood up: the {blocking.kind} near {blocking.place} is where the fingers "
+            "have to go; move that piece away first",
+            blocking,
+        )
     begin = _tool_point(cell, lying, heel.contact)
     route = _approach(cell, lying, begin, np.asarray(start, dtype=float), finger, others)
     first, finger = motion_of(cell, f"onto the heel of the {lying.called}", route, None, None)
@@ -103,7 +111,12 @@ def _tool_point(cell: Workcell, lying: Lying, edge: tuple[float, float]) -> Vect
     return point
 
 
-def _check_free(cell: Workcell, lying: Lying, heel: Heel, others: Crowd, how: Heeling) -> None:
+def room_to_stand_up(lying: Lying, others: Crowd, cell: Workcell) -> bool:
+    """Whether nothing else is where the fingers or the foot have to go."""
+    return _blocking(cell, lying, heel_of(PIECE_SHAPES[lying.kind], _USUAL), others, _USUAL) is None
+
+
+def _blocking(cell: Workcell, lying: Lying, heel: Heel, others: Crowd, how: Heeling) -> Standing | None:
     pads, out = cell.parameters.pads, lying.outwards
     block, aside = 2.0 * reach(pads, out), reach(pads, np.array([-out[1], out[0]]))
     base, foot = np.array(lying.base), PIECE_SHAPES[lying.kind].foot_radius
@@ -111,13 +124,7 @@ def _check_free(cell: Workcell, lying: Lying, heel: Heel, others: Crowd, how: He
         Strip(_xy(base + edge * out), out, block, aside, max(0.0, up - how.margin)) for edge, up in sweep(heel, how)
     ]
     strips.append(Strip(_xy(base + heel.stands * out), out, 0.0, 0.0, around=foot))
-    blocking = in_the_strip(strips, others, how.margin)
-    if blocking is not None:
-        raise InTheWay(
-            f"the {lying.called} cannot be stood up: the {blocking.kind} near {blocking.place} is where the fingers "
-            "have to go; move that piece away first",
-            blocking,
-        )
+    return in_the_strip(strips, others, how.margin)
 
 
 def _xy(point: Vector) -> tuple[float, float]:
@@ -129,7 +136,7 @@ def _approach(cell: Workcell, lying: Lying, begin: Vector, start: Vector, finger
     """Over to the heel with the fingers closing, down to it, and slowly on until it is felt."""
     x, y, height = cell.board(begin)
     low = 2.0 * PIECE_SHAPES[lying.kind].foot_radius + cell.parameters.pads.half_height + cell.settings.clearance
-    above, end = (x, y, height + _UPRIGHT), (x, y, height + cell.settings.touch_height)
+    above, end = (x, y, height + _UPRIGHT), (x, y, height + _FEELING)
     way = over(cell, Hop(cell.board(start), above, low, None, finger), others)
     down = polygon(cell, cell.base([above, end]), [], None)
     return Route(

@@ -16,7 +16,7 @@ from hardware.interfaces import HardwareError
 from hardware.sim.looks import Looks
 from hardware.sim.table_studio import Pose as Put
 from hardware.sim.table_studio import TableStudio
-from hardware.table import PIECE_SHAPES, Kind, PieceSpec, TableSettings, square_place
+from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.board import BoardView
 from vision.fallen import Stray, find_strays
 from vision.lying import Pose, drawn
@@ -57,8 +57,8 @@ def look(
     for spec in specs:
         x, y = (np.array(TABLE.xy(spec.place)) + rng.uniform(-0.001, 0.001, 2)).tolist()
         poses[spec.name] = Put(spec.name, x, y, yaw=float(rng.uniform(-3.0, 3.0)))
-    expected = {spec.place.index: spec for spec in specs if spec.place.on_board}
-    one = expected[chess.parse_square(square)]
+    expected = {spec.place: spec for spec in specs if spec.place.on_board}
+    one = expected[Place.parse(square)]
     if pose.yaw is None:
         poses[one.name] = Put(one.name, pose.x, pose.y)
     else:
@@ -77,7 +77,7 @@ def test_a_fallen_piece_is_found(studio: TableStudio, square: str, x: float, y: 
     one, strays = look(studio, square, Pose(x, y, yaw))
     (stray,) = strays
     assert stray.piece == one
-    assert stray.square == chess.parse_square(square)
+    assert stray.place == Place.parse(square)
     assert stray.lies
     assert stray.pose.yaw is not None
     off = math.dist((stray.pose.x, stray.pose.y), (x, y))
