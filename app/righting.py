@@ -234,7 +234,8 @@ def plan_pushing(
     blocked = [replace(one, around=None) if one.around in scene.standing else one for one in blocked]
     # a piece that blocks counts as blocked itself: once it can be taken, it can make way
     stuck = [one for pair in blocked for one in (pair, Blocked(pair.by, pair.name)) if not free(one, scene)]
-    names = tuple(dict.fromkeys(one.name for one in stuck))
+    there = {piece.name for piece in scene.standing} | {piece.name for piece in scene.lying}
+    names = tuple(dict.fromkeys(name for one in blocked for name in (one.name, one.by) if name in there))
     nudge = find_nudge(
         names, scene, frozenset(piece.name for piece in kept), lambda after: any(free(one, after) for one in stuck),
         parameters.pads, table,

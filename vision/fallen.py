@@ -35,6 +35,8 @@ _RISEN: Final = 0.006
 """What rises higher above the board is no board [m]."""
 _BY_DEPTH: Final = 2.0
 """Evidence of a pixel's height, either way (natural logarithm of the ratio)."""
+_BEFORE: Final = 0.012
+"""A point further beyond a piece's foot than this, seen from above, is none of the piece's [m]."""
 _FAT: Final = 9
 """Depth pictures are fat at edges: so wide around pieces that stand, depth may be theirs [px]."""
 _OFF: Final = 0.006
@@ -71,10 +73,7 @@ _LEAST_SEEN: Final = 0.35
 _ALIKE: Final = 60.0
 """Neighbouring pixels err alike: so many count as one (measured over rendered tables)."""
 _MOST: Final = 2.5
-_FEW: Final = 20
-"""From fewer points of known height nothing follows."""
-_TOP: Final = 0.9
-"""Share of a piece's points below what counts as its top."""
+
 _STAYED: Final = 150.0
 """Evidence that a piece is where it was before; …"""
 _STRAYED: Final = 0.06
@@ -82,7 +81,7 @@ _STRAYED: Final = 0.06
 _SAME: Final = 0.008
 """A piece that stands was found twice when both places are no further apart [m]."""
 _FLOOR: Final = 0.0005, 0.02
-"""Nothing is known better than this [m, rad]: shapes are not exact."""
+"""Nothing is known better than this: shapes are not exact [m, rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +158,7 @@ def find_strays(
         (place, expected[place]) for place in fit.stands if not (stands[place] or centres[place].hidden)
     ]
     missing += [(None, piece) for piece in lost]
-    search = _Search(fit, view, np.array([False, *(stands[place] for place in fit.stands)])[fit.owner], around)
+    search = _Search(fit, view, _taken(fit, view, [stands[place] for place in fit.stands]), around)
     found = list[Stray]()
     left = missing.copy()
     while left:
@@ -329,9 +328,6 @@ class _Search:
         evidence = np.where(felt, self._felt[rows, columns], self._maps[piece.colour][rows, columns])
         if self._rises is not None:
             shape, rises = PIECE_SHAPES[piece.kind], self._rises[rows, columns]
-            least = 0.5 * shape.height + shape.foot_radius
-            if pose.yaw is None and not _as_high(rises[mask & self._open[rows, columns]], least):
-                return _Trial(-math.inf, pose, -1.0, 0.0)
             seen_at = mask & self._solid[rows, columns]
             off = off_surface(self._points[rows, columns][seen_at], piece.kind, pose)
             evidence[seen_at] -= _BY_DEPTH * np.minimum((off / (blur * _OFF)) ** 2, _FAR)
@@ -382,6 +378,17 @@ def _around(view: BoardView, *, trays: bool) -> tuple[float, float]:
     return furthest - 4.0 * view.table.square + ends, ends
 
 
+def _taken(fit: Fit, view: BoardView, stands: Sequence[bool]) -> NDArray[np.bool_]:
+    """Pixels of pieces that stand as expected, but for those that depth shows to be of something before them."""
+    taken: NDArray[np.bool_] = np.array([False, *stands])[fit.owner]
+    if fit.rises is not None and fit.places.size:
+        points = raised(fit.part, fit.rises, view)
+        reach = np.array([0.0, *(PIECE_SHAPES[kind].foot_radius for kind in fit.kinds)])[fit.owner] + _BEFORE
+        off = points[..., :2] - np.vstack([np.zeros((1, 2)), fit.places])[fit.owner]
+        taken &= ~(np.hypot(off[..., 0], off[..., 1]) > reach)  # where depth is unknown that is false
+    return taken
+
+
 def _boxes(view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> NDArray[np.bool_]:
     """Where boxes are in a part of the picture, with all that may lie in them."""
     seen = np.zeros(shape, dtype=np.uint8)
@@ -391,12 +398,6 @@ def _boxes(view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> 
         pixels = np.rint(view.project(corners) - np.array(origin, dtype=float)).astype(np.int32)
         cv2.fillConvexPoly(seen, cv2.convexHull(pixels), 1)
     return seen.astype(bool)
-
-
-def _as_high(rises: Field, least: float) -> bool:
-    """Whether depth shows some points as high as this [m], or shows none."""
-    risen = rises[rises > FLAT]
-    return risen.size < _FEW or float(np.quantile(risen, _TOP)) > least
 
 
 def _middles(places: Array) -> list[tuple[float, float]]:

@@ -82,6 +82,7 @@ class Fit:
     Attributes:
         part: window of the picture.
         stands: where the pieces should, in the order of all arrays.
+        kinds: of the pieces.
         places: found, (n, 2) [m].
         spread: expected error of either coordinate by the scatter of edges alone, (n,) [m].
         edges: across the outlines as found.
@@ -103,9 +104,9 @@ class Fit:
         pieces = list(expected.values())
         self._nominal = np.array([view.table.xy(place) for place in self.stands]).reshape(-1, 2)
         self.places = self._nominal.copy()
-        self._kinds = [piece.kind for piece in pieces]
+        self.kinds = [piece.kind for piece in pieces]
         self._white = np.array([piece.colour is Colour.WHITE for piece in pieces], dtype=bool)
-        self._shapes = Shapes(view, self._kinds, self._nominal, self.part)
+        self._shapes = Shapes(view, self.kinds, self._nominal, self.part)
         window = frame.colour[self.part.rows, self.part.columns]
         self._bins = colour_bins(window)
         self._contrast = slopes(cv2.cvtColor(window, cv2.COLOR_RGB2GRAY).astype(np.float32))
@@ -297,7 +298,7 @@ class Fit:
         low = np.zeros(len(self.stands), dtype=bool)
         if self.rises is None:
             return low
-        for index, kind in enumerate(self._kinds):
+        for index, kind in enumerate(self.kinds):
             rises = self.rises[self.owner == index + 1]
             rises = rises[(rises > FLAT) & (rises < _HIGHEST)]
             shape = PIECE_SHAPES[kind]
