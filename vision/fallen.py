@@ -44,6 +44,8 @@ _OFF: Final = 0.006
 _FAR: Final = 1.25
 """… and one that is far off speaks against it by this share of the evidence of its height, less that evidence: edges of
 depth pictures err by centimetres."""
+_HIGH: Final = 25
+"""So many pixels that are higher than a lying piece decide that it stands, if that explains anything."""
 _BLUR: Final = 2.5
 """… or so many times as far where poses are tried that are far apart."""
 _BEYOND: Final = 0.014
@@ -204,8 +206,11 @@ class _Search:
                 evidence = 0.5 * evidence + risen + flat
             self._maps[colour] = np.clip(evidence, -_MOST, _MOST) * self._open
         self._rises = fit.rises
+        self._below = fit.part.place
+        """The point of the board straight below what each pixel shows, as far as that is known [m]."""
         if fit.rises is not None:
             self._points = raised(fit.part, fit.rises, view)
+            self._below = np.where(np.isfinite(self._points[..., :2]), self._points[..., :2], self._below)
             fat = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_FAT, _FAT))
             self._solid = self._open & (fit.rises > _RISEN) & (cv2.dilate(taken.astype(np.uint8), fat) == 0)
         self._felt: Field = np.maximum(*self._maps.values())
@@ -302,7 +307,20 @@ class _Search:
                     for a, b in itertools.product(along, grid[1:-1])
                 ]
         ways = [self._climbed(piece, some) for some in (lying, standing) if some]
-        return sorted(ways, key=lambda one: -one.score)
+        ways.sort(key=lambda one: -one.score)
+        if len(ways) > 1 and ways[1].pose.yaw is None and self._is_high(piece, ways[1].pose):
+            ways.reverse()
+        return ways
+
+    def _is_high(self, piece: PieceLike, pose: Pose) -> bool:
+        """Whether depth shows what would be the upper half of a piece that stands, higher than any that lies."""
+        if self._rises is None:
+            return False
+        rows, columns, mask, _ = drawn(piece.kind, pose, self._view, self._shape, self._origin)
+        rises = self._rises[rows, columns][mask & self._solid[rows, columns]]
+        shape = PIECE_SHAPES[piece.kind]
+        high = np.count_nonzero((rises > 2.0 * shape.foot_radius + _RISEN) & (rises < shape.height + _RISEN))
+        return bool(high >= _HIGH)
 
     def _climbed(self, piece: PieceLike, trials: list[_Trial]) -> _Trial:
         """From the best of some, step by step to the best near them."""
@@ -362,7 +380,7 @@ class _Search:
         for number in range(1, count):
             if stats[number, cv2.CC_STAT_AREA] < _LEAST_AREA:
                 continue
-            places = self._part.place[numbers == number].astype(float)
+            places = self._below[numbers == number].astype(float)
             for x, y in _middles(places):
                 if abs(x) < self._half[0] and abs(y) < self._half[1]:
                     spots.append((x, y))

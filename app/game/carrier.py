@@ -38,6 +38,10 @@ GIVES = 0.0005
 """Fingers around a piece may be closed by so much more than its stem says [m]."""
 
 
+HELD_UP = 0.001
+"""A tool that rests by so much above its reference lies on something: its reference comes there first [m]."""
+
+
 class Loss(StrEnum):
     """How a piece came not to be carried."""
 
@@ -299,9 +303,10 @@ class Carrier:
 
         for _ in range(MOST_PAUSES):
             state = self._devices.arm.settle()
+            held_up = touching or state.reference[2] - state.position[2] > HELD_UP
             plan = plan_return(
                 state.reference, state.finger, self._motion, self._parameters, inventory.table, release,
-                held_up_at=state.position if touching else None,
+                held_up_at=state.position if held_up else None,
             )  # fmt: skip
             try:
                 self._interlock()

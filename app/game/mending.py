@@ -38,8 +38,10 @@ MOST_ROUNDS: Final = 40
 not right then, it will not get right."""
 _GONE: Final = frozenset({FaultKind.MISSING, FaultKind.FALLEN, FaultKind.OFF_CENTRE})
 """Off its centre may be what lies along the view: a closer look tells."""
-MOST_PUSHES: Final = 3
+MOST_PUSHES: Final = 6
 """Of one piece."""
+_CLOSE: Final = 0.065
+"""Pieces that stand so near to where no push helps make way, one after the other [m]."""
 MOST_TRIES: Final = 3
 """To stand one piece up."""
 FRESH: Final = 0.5
@@ -249,7 +251,8 @@ class Mender:
         found = [one for one in found if one not in right]
         if not found or not gone <= {one.target for one in found}:
             return None
-        if people and not {one.piece.name for one in found if one.target in gone} <= self._handled:
+        left = {one.piece.name for one in found if one.target in gone and not _is_on(one, one.target, stands.table)}
+        if people and not left <= self._handled:
             return None
         goals = {one.piece.name: _goal(one, stands, wanted) for one in found}
         there = [one.piece.name for one in found if _is_there(one, goals[one.piece.name], stands.table)]
@@ -309,7 +312,29 @@ class Mender:
                 pairs.append(Blocked(name, blocked.piece.name))
                 continue
             return Repair(stands, (transfer,), f"the {transfer.kind} of {transfer.source} makes way")
-        return None if self._push(pairs, step.strays, stands) else Ask(sentence, squares_of(faults))
+        if self._push(pairs, step.strays, stands):
+            return None
+        return self._make_room(pairs, step.strays, stands) or Ask(sentence, squares_of(faults))
+
+    def _make_room(self, pairs: Sequence[Blocked], strays: Sequence[Strayed], stands: Inventory) -> Repair | None:
+        """The nearest of the pieces around two that are in each other's way goes aside: then there may be a push."""
+        table, astray = stands.table, {one.piece.name: (one.pose.x, one.pose.y) for one in strays}
+        stuck = {name for pair in pairs for name in (pair.name, pair.by)}
+        spots = [astray.get(name, table.xy(stands.find(name).place)) for name in stuck]
+        near = list[tuple[float, str]]()
+        for piece in stands:
+            if piece.name in stuck or piece.name in astray or piece.place.in_box:
+                continue
+            distance = min((math.dist(table.xy(piece.place), spot) for spot in spots), default=math.inf)
+            if distance < _CLOSE:
+                near.append((distance, piece.name))
+        for _, name in sorted(near):
+            try:
+                transfer = self._carrier.way_for(name, strays, stands)
+            except PlanRefused:
+                continue
+            return Repair(stands, (transfer,), f"the {transfer.kind} of {transfer.source} makes room")
+        return None
 
     def _push(self, pairs: Sequence[Blocked], strays: Sequence[Strayed], stands: Inventory) -> bool:
         """Whether one of two pieces that are in each other's way was pushed aside."""
@@ -372,7 +397,9 @@ class Mender:
             if refused.around is None:
                 return asked
             pair = Blocked(refused.around.name, refused.piece.name, refused.around)
-            return None if self._push([pair], strays, step.believed) else asked
+            if self._push([pair], strays, step.believed):
+                return None
+            return self._make_room([pair], strays, step.believed) or asked
         return Repair(step.believed, (transfer,), f"the {transfer.kind} of {transfer.source} makes way")
 
     def _ask(self, step: Ask, faults: Sequence[Fault]) -> None:
@@ -401,6 +428,12 @@ def _goal(one: Strayed, stands: Inventory, wanted: Inventory) -> Place:
     """Where a piece that was found goes: to where it shall stand, if that is free; else to where it should be now."""
     goal = wanted.find(one.piece.name).place
     return goal if stands.at(goal) is None or goal == one.target else one.target
+
+
+def _is_on(one: Strayed, square: Place, table: TableSettings) -> bool:
+    """Whether it stands on that square, wherever there."""
+    off = np.subtract((one.pose.x, one.pose.y), table.xy(square))
+    return float(np.abs(off).max()) <= 0.5 * table.square
 
 
 def _is_there(one: Strayed, goal: Place, table: TableSettings) -> bool:

@@ -25,10 +25,10 @@ from app.game.person import NeedsHand, UnattendedAsker
 from app.game.state import Devices, Job, Position
 from app.game.table import Table
 from app.layout import start_layout
-from app.manipulation import Inventory, Transfer
+from app.manipulation import Inventory, Transfer, transfers
 from app.motion import MotionSettings
 from app.motion.obstacles import Standing
-from app.motion.plan import InTheWay
+from app.motion.plan import InTheWay, PlanRefused
 from app.records import EVENTS_FILE, GameRecord, GameSetup, read_history
 from app.records.events import TroubleEvent
 from app.repair import Sighting
@@ -55,7 +55,12 @@ class Paper:
         self.in_the_way: str | None = None
         self.crowded: str | None = None
         """This piece is in the way of the fingers, unless it alone is carried."""
-        self.stood_up = 0
+        self.hemmed_in: str | None = None
+        """This piece is in the way, and the fingers do not get at it either."""
+        self.immovable = False
+        self.off = 0.0
+        """What was lost over a tray stands so far from the middle of its place [m]."""
+        self.stood_up = self.pushed = 0
         self.carried = 0
         self.asked: list[str] = []
         self.answer: chess.Move | None = None
@@ -105,22 +110,43 @@ class Paper:
             name, self.in_the_way = self.in_the_way, None
             piece = stands.find(name)
             raise InTheWay("the rook is in the way", Standing.at(name, piece.place, piece.kind, TABLE))
+        if self.hemmed_in is not None:
+            piece = stands.find(self.hemmed_in)
+            raise InTheWay("the rook is in the way", Standing.at(piece.name, piece.place, piece.kind, TABLE))
         piece, place = self.lying.pop(one.piece.name)
         self.truth = Inventory.of([*self.truth, PieceSpec(piece.name, piece.kind, piece.colour, place)], TABLE)
         self.stood_up += 1
         return 2.0
 
+    def push_aside(self, blocked: Any, strays: Any, stands: Inventory) -> str:
+        if self.immovable:
+            raise PlanRefused("no push helps")
+        self.pushed += 1
+        self.hemmed_in = None
+        return str(blocked[0].by)
+
     def way_for(self, blocks: str, strays: Any, stands: Inventory) -> Transfer:
+        if self.hemmed_in == blocks:
+            raise PlanRefused("the fingers would touch what lies there")
         free = next(place for place in map(square_place, range(63, -1, -1)) if stands.at(place) is None)
         return Transfer.of(stands.find(blocks), free)
 
     # eyes
 
     def strays(self, stands: Inventory) -> list[Strayed]:
-        return [
+        beside = [
+            Strayed(stands.find(piece.name), stands.find(piece.name).place, Pose(*self.at(piece.place)))
+            for piece in self.truth
+            if piece.place.in_tray and stands.find(piece.name).place != piece.place
+        ]
+        return beside + [
             Strayed(stands.find(name), stands.find(name).place, Pose(*TABLE.xy(place), yaw=1.0))
             for name, (_, place) in self.lying.items()
         ]
+
+    def at(self, place: Place) -> tuple[float, float]:
+        x, y = TABLE.xy(place)
+        return x + self.off, y
 
     last = None
     looked_at = math.inf
@@ -223,6 +249,59 @@ def test_a_piece_that_fell_is_stood_up_and_carried_to_where_it_belongs(tmp_path:
     kinds = [event.kind for event in history.events if isinstance(event, TroubleEvent)]
     assert kinds[0] == "lost"
     assert "fallen" in kinds
+
+
+@pytest.mark.parametrize("immovable", [False, True])
+def test_where_two_pieces_are_in_each_others_way_one_is_pushed(tmp_path: Path, immovable: bool) -> None:
+    """And where no push helps, a person is asked."""
+    table, paper, record = table_of(tmp_path / "game")
+    paper.falls[0] = Place.parse("d5")
+    paper.hemmed_in, paper.immovable = "white-pawn-d", immovable
+    with record:
+        if immovable:
+            with pytest.raises(NeedsHand, match="the fingers would touch what lies there"):
+                table.arm_ply(chess.Move.from_uci("e2e4"))
+            return
+        assert table.arm_ply(chess.Move.from_uci("e2e4"))
+    assert (paper.pushed, paper.stood_up, paper.asked) == (1, 1, [])
+    assert same(paper.truth, table.inventory)
+
+
+CAPTURE = "4k3/8/8/3p4/4P3/8/8/4K3 w - - 0 1"
+
+
+@pytest.mark.parametrize(("off", "carried"), [(0.002, 2), (0.007, 3)])
+def test_a_captured_piece_that_was_lost_over_a_tray_is_seen_there(tmp_path: Path, off: float, carried: int) -> None:
+    """Where it stands right, nobody has to touch it again; a little off its place, it is carried there."""
+    table, paper, record = table_of(tmp_path / "game", CAPTURE)
+    pawn = table.inventory.at(Place.parse("d5"))
+    assert pawn is not None
+    with record:
+        before = table.inventory
+        paper.off = off
+        paper.losses[0] = _first_tray(table, chess.Move.from_uci("e4d5"))
+        assert table.arm_ply(chess.Move.from_uci("e4d5"))
+    assert (paper.carried, paper.asked) == (carried, [])
+    assert same(paper.truth, table.inventory)
+    assert table.inventory.find(pawn.name).place.in_tray
+    assert before.find(pawn.name).place.on_board
+
+
+def _first_tray(table: Table, move: chess.Move) -> Place:
+    """Where the piece goes that a move captures."""
+    return transfers(table.board, move, table.inventory).transfers[0].target
+
+
+def test_a_piece_is_asked_for_only_after_all_else_is_right(tmp_path: Path) -> None:
+    """What was missing is still known after a piece was lost while another one was: nothing drops out of the books."""
+    table, paper, record = table_of(tmp_path / "game")
+    with record:
+        paper.put("white-knight-b", Place.parse("c4"))
+        paper.put("black-knight-b", None)
+        paper.losses[0] = Place.parse("b4")
+        with pytest.raises(NeedsHand, match="put the black knight on b8"):
+            table.repair()
+    assert len(list(table.inventory)) == len(list(paper.truth)) + 1
 
 
 def test_a_piece_that_is_gone_is_asked_for_and_no_ply_is_recorded(tmp_path: Path) -> None:

@@ -97,6 +97,8 @@ def test_neither_fingers_nor_the_piece_touch_any_other(
     unit = np.array([math.cos(nudge.direction), math.sin(nudge.direction)])
     ahead, wide = reach(PARAMETERS.pads, unit), reach(PARAMETERS.pads, np.array([-unit[1], unit[0]]))
     pushed = next(one for one in pieces if one.name == nudge.name)
+    shape = PIECE_SHAPES[Kind.PAWN]
+    thick = shape.foot_radius if nudge.tips < shape.foot_height else shape.stem_radius
     touching = math.dist(nudge.begin, nudge.end) - nudge.way
     for share in np.linspace(0.0, 1.0, 12).tolist():
         tool = np.array(nudge.begin) + share * (np.array(nudge.end) - nudge.begin)
@@ -106,7 +108,7 @@ def test_neither_fingers_nor_the_piece_touch_any_other(
                 continue
             off = np.array([one.x, one.y]) - tool
             box = np.maximum(np.abs([off @ unit, off @ [-unit[1], unit[0]]]) - [ahead, wide], 0.0)
-            assert np.hypot(*box) > radius, "the fingers touch a foot"
+            assert np.hypot(*box) > thick, "the fingers touch another piece"
             before = math.dist((one.x, one.y), (pushed.x, pushed.y))
             assert math.dist((one.x, one.y), moved) > min(2.0 * radius + 0.0015, before - 0.001), "a foot another"
 
@@ -126,19 +128,18 @@ def test_a_piece_that_lies_between_others_is_stood_up_after_a_push() -> None:
 
 
 def test_where_no_push_helps_it_says_which_pieces_to_move() -> None:
-    """Hemmed in on all sides."""
-    inventory = Inventory.of(start_layout(chess.Board("4k3/8/8/2PPP3/2PPP3/2PPP3/8/4K3 w - - 0 1"), TABLE), TABLE)
-    middle = inventory.at(Place.parse("d4"))
-    assert middle is not None
-    x, y = TABLE.xy(middle.place)
-    near = [piece for piece in inventory if str(piece.place) in {"c4", "e4", "d3", "d5"}]
-    strays = [Strayed(middle, middle.place, Pose(x, y))]
-    strays += [
-        Strayed(one, one.place, Pose(x + 0.6 * (TABLE.xy(one.place)[0] - x), y + 0.55 * (TABLE.xy(one.place)[1] - y)))
-        for one in near
+    """In a corner of the table, between the board's edge and a wall of pieces that touch each other."""
+    inventory = Inventory.of(start_layout(chess.Board(), TABLE), TABLE)
+    names = ["white-pawn-a", "white-pawn-b", "white-pawn-c", "white-pawn-d", "white-pawn-e", "white-pawn-f"]
+    row = [inventory.find(name) for name in names] + [inventory.find(f"black-pawn-{file}") for file in "abcdef"]
+    x, y = TABLE.xy(Place.parse("d5"))
+    strays = [
+        Strayed(piece, piece.place, Pose(x + 0.0203 * (i % 4 - 1.5), y + 0.0203 * (i // 4 - 1)))
+        for i, piece in enumerate(row)
     ]
-    with pytest.raises(PlanRefused, match=f"^no push of the {middle.name} or the .* helps: move one of them away$"):
-        plan_pushing([Blocked(middle.name, near[0].name)], strays, inventory, HOME, 0.01, SETTINGS, PARAMETERS)
+    middle, beside = row[5], row[6]
+    with pytest.raises(PlanRefused, match=f"^no push of the {middle.name} or the {beside.name} helps: move one of"):
+        plan_pushing([Blocked(middle.name, beside.name)], strays, inventory, HOME, 0.01, SETTINGS, PARAMETERS)
 
 
 def test_a_place_that_is_kept_for_a_piece_counts_where_it_is() -> None:

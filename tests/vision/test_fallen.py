@@ -132,3 +132,88 @@ def test_silhouettes_are_where_the_piece_is(studio: TableStudio) -> None:
     assert areas == sorted(areas)
     turned = replace(Pose(0.01, 0.02, 0.5), yaw=-0.5 * math.pi)
     assert drawn(Kind.KING, turned, view, (480, 640), (0, 0)).underside.any()  # its foot towards the camera
+
+
+def scene(studio: TableStudio, fen: str, elsewhere: dict[str, Pose], seed: int = 1) -> tuple[Stray, ...]:
+    """What is found, also in trays, of a position in which some pieces are elsewhere; by the square of each."""
+    specs = start_layout(chess.Board(fen), TABLE)
+    poses = []
+    for spec in specs:
+        pose = elsewhere.get(str(spec.place), Pose(*TABLE.xy(spec.place)))
+        if pose.yaw is None:
+            poses.append(Put(spec.name, pose.x, pose.y))
+        else:
+            poses.append(laid(spec.name, spec.kind, pose.x, pose.y, pose.yaw))
+    frame = studio.frame(poses, Looks(), seed)
+    view = BoardView(frame.intrinsics, studio.camera_from_board(Looks().mount), TABLE)
+    return find_strays(frame, view, {spec.place: spec for spec in specs}, trays=True)
+
+
+def near(stray: Stray, pose: Pose) -> bool:
+    turned = 0.0 if stray.pose.yaw is None else math.remainder(stray.pose.yaw - (pose.yaw or 0.0), 2.0 * math.pi)
+    same = (stray.pose.yaw is None) == (pose.yaw is None)
+    return same and math.dist((stray.pose.x, stray.pose.y), (pose.x, pose.y)) < 0.005 and abs(turned) < 0.25
+
+
+FEN = "r1bqk2r/ppp2pp1/2np1n1p/2b1p1B1/2B1P3/2NP1N2/PPP2PPP/R2QK2R w KQkq - 0 1"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("square", "pose"),
+    [
+        ("c5", Pose(0.192, 0.022)),  # in a tray, a little beside a place of it
+        ("g5", Pose(-0.196, 0.055, 1.2)),  # fallen in the other one
+        ("d6", Pose(-0.066, 0.192)),  # behind the last rank, before other pieces
+        ("h6", Pose(0.13, 0.182, 5.9)),
+        ("c4", Pose(0.02, -0.175, -0.3)),  # before the first rank, behind other pieces
+    ],
+)
+def test_beside_the_board_pieces_are_found_too(studio: TableStudio, square: str, pose: Pose) -> None:
+    (stray,) = scene(studio, FEN, {square: pose})
+    assert stray.place == Place.parse(square)
+    assert near(stray, pose), stray.pose
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("square", ["f8", "a8", "d1", "h1"])
+def test_with_everything_in_its_place_nothing_is_found_in_the_trays(studio: TableStudio, square: str) -> None:
+    fen = chess.STARTING_FEN
+    assert scene(studio, fen, {square: Pose(*TABLE.xy(Place.parse(square)))}, seed=ord(square[0])) == ()
+
+
+@pytest.mark.slow
+def test_a_piece_that_stands_before_another_is_not_taken_for_a_part_of_it(studio: TableStudio) -> None:
+    """The head of the bishop hides the knight behind it: it belongs to the bishop, and that stands."""
+    x, y = TABLE.xy(Place.parse("f4"))
+    (stray,) = scene(studio, "4k3/8/8/8/6p1/5N2/5PPP/4KB1R w - - 0 1", {"f1": Pose(x, y)})
+    assert stray.place == Place.parse("f1")
+    assert near(stray, Pose(x, y)), stray.pose
+
+
+@pytest.mark.slow
+def test_two_pieces_of_one_side_are_told_apart(studio: TableStudio) -> None:
+    """One hidden in part explains less than the other would in its place."""
+    bishop, rook = Pose(0.152, 0.093), Pose(0.13, 0.176)
+    found = scene(
+        studio,
+        "rnbqkbnr/pppppp1p/8/8/8/8/PPPPPPPP/RNBQKBNR w KQkq - 0 1",
+        {"f8": bishop, "h8": rook, "h7": Pose(0.14, 0.06)},
+    )
+    poses = {str(stray.place): stray for stray in found}
+    assert near(poses["f8"], bishop), poses["f8"]
+    assert near(poses["h8"], rook), poses["h8"]
+
+
+@pytest.mark.slow
+def test_crowded_falls_lie_as_they_are_said_to(studio: TableStudio) -> None:
+    """Between the pieces of an opening, mostly hidden: which end is the foot, and where."""
+    rng = np.random.default_rng(4)
+    right = 0
+    for number in range(16):
+        square = str(rng.choice(["b2", "c2", "d3", "f2", "g2", "f3", "c3", "f7", "c6", "f6", "d6"]))
+        x, y = (np.array(TABLE.xy(Place.parse(square))) + rng.uniform(-0.012, 0.012, 2)).tolist()
+        pose = Pose(x, y, float(rng.uniform(-math.pi, math.pi)))
+        found = scene(studio, FEN, {square: pose}, seed=number)
+        right += any(str(stray.place) == square and near(stray, pose) for stray in found)
+    assert right >= 15
