@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
-from hardware.table import PIECE_SHAPES, Colour, Place
+from hardware.table import PIECE_SHAPES, Colour, Kind, Place
 from vision.board import BoardView
 from vision.centres import Centre, centres_of, require_camera
 from vision.fit import FLAT, Fit, PieceLike
@@ -189,6 +189,8 @@ class _Search:
 
     def __init__(self, fit: Fit, view: BoardView, taken: NDArray[np.bool_], around: tuple[float, float]) -> None:
         self._made_of = fit, view, taken, around
+        self._ways: dict[tuple[Kind, Colour], list[_Trial]] = {}
+        """The best ways that were found, by kind and colour."""
         self._view, self._part = view, fit.part
         self._shape = fit.part.ground.shape[0], fit.part.ground.shape[1]
         self._origin = int(fit.part.columns.start), int(fit.part.rows.start)
@@ -218,7 +220,10 @@ class _Search:
     def best(self, missing: Sequence[tuple[Place | None, PieceLike]]) -> Stray | None:
         """The missing piece that explains the most, or None if none explains anything."""
         alike = {(piece.kind, piece.colour): (place, piece) for place, piece in reversed(missing)}
-        trials = {key: self._of_piece(piece) for key, (_, piece) in alike.items()}
+        for key, (_, piece) in alike.items():
+            if key not in self._ways:
+                self._ways[key] = self._of_piece(piece)
+        trials = {key: self._ways[key] for key in alike}
         ranked = sorted((t for t in trials.items() if t[1]), key=lambda t: -t[1][0].score)
         for key, ways in ranked:
             best = ways[0]
@@ -245,7 +250,14 @@ class _Search:
         found = list(found)
         for i, j in itertools.combinations(range(len(found)), 2):
             one, other = found[i], found[j]
-            if one.piece.colour is not other.piece.colour or one.piece.kind is other.piece.kind:
+            if one.piece.colour is not other.piece.colour:
+                continue
+            if one.piece.kind is other.piece.kind:
+                if self._far(one, other, before) + self._far(other, one, before) < (
+                    self._far(one, one, before) + self._far(other, other, before)
+                ):
+                    found[i] = replace(one, piece=other.piece, place=other.place)
+                    found[j] = replace(other, piece=one.piece, place=one.place)
                 continue
             as_is = self._near(one.piece, one.pose), self._near(other.piece, other.pose)
             swapped = self._near(one.piece, other.pose), self._near(other.piece, one.pose)
@@ -265,6 +277,12 @@ class _Search:
                 )  # fmt: skip
         return found
 
+    def _far(self, piece: Stray, at: Stray, before: Mapping[Place, tuple[float, float]]) -> float:
+        """From where a piece was before, or should stand, to where another was found [m]."""
+        if piece.place is None:
+            return 0.0
+        return math.dist(before.get(piece.place, self._view.table.xy(piece.place)), (at.pose.x, at.pose.y))
+
     def _likely(self, stray: Stray, pose: Pose, before: Mapping[Place, tuple[float, float]]) -> float:
         """Evidence for a pose by where the piece was before, or where it should stand."""
         if stray.place is None:
@@ -283,6 +301,14 @@ class _Search:
         fat = cv2.dilate(seen.mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
         for field in (*self._maps.values(), self._felt, self._open):
             field[seen.rows, seen.columns][fat] = 0
+        gone = np.zeros(self._shape, dtype=bool)
+        gone[seen.rows, seen.columns] = fat
+        # what else was found stays as it is where nothing of it is gone
+        self._ways = {key: ways for key, ways in self._ways.items() if not self._meets(key[0], ways, gone)}
+
+    def _meets(self, kind: Kind, ways: list[_Trial], gone: NDArray[np.bool_]) -> bool:
+        drawings = (drawn(kind, way.pose, self._view, self._shape, self._origin) for way in ways)
+        return any(bool((gone[one.rows, one.columns] & one.mask).any()) for one in drawings)
 
     def _of_piece(self, piece: PieceLike) -> list[_Trial]:
         """The best way for it to lie and to stand, the better one first; none where nothing looks like its side."""

@@ -16,6 +16,7 @@ from app.layout import start_layout
 from hardware.sim.table_studio import Pose
 from hardware.table import PIECE_SHAPES, TableSettings, square_place
 from vision.evidence import codes_of, states_of
+from vision.replaced import Sighted, looked_closer
 from vision.situations import explain
 from vision.verdict import Verdict
 from vision.verify import verify_board
@@ -275,13 +276,14 @@ def judge_actions(count: int, first: int, progress: Progress) -> tuple[list[floa
             eye = Eye(scene.picture(board), board, settings)
             for san in _line(seed):
                 board.push(san)
-            eye.observer.confirm(eye.observer.look(eye.sight(scene.picture(board))), board)
+            before = Sighted(scene.picture(board), eye.view)
+            eye.observer.confirm(eye.observer.look(eye.sight(before.frame)), board)
             for sort, act in list(SORTS.items())[: count - len(accepted)]:
                 hands = Hands(scene.table, settings, board, scene.rng)
                 act(hands)
                 if _is_legal(hands, scene, board, settings):
                     continue
-                bad, named = _judge(eye, scene, hands, board, settings)
+                bad, named = _judge(eye, before, scene, hands, board, settings)
                 accepted.append(float(bad))
                 unnamed.append(float(not named))
                 progress(f"set-up {seed}, {sort}{', ACCEPTED' if bad else ''}{'' if named else ', squares not named'}")
@@ -313,14 +315,18 @@ def _is_legal(hands: Hands, scene: Scene, board: chess.Board, settings: TableSet
     return untouched or any(np.array_equal(states, one) for one in legal)
 
 
-def _judge(eye: Eye, scene: Scene, hands: Hands, board: chess.Board, settings: TableSettings) -> tuple[bool, bool]:
+def _judge(
+    eye: Eye, before: Sighted, scene: Scene, hands: Hands, board: chess.Board, settings: TableSettings
+) -> tuple[bool, bool]:
     """Whether what the hands did was taken for a move, and whether all its squares are named."""
     frame = scene.photograph(hands.poses)
     look, decision = eye.read(frame, Tally())
     bad = decision.verdict is Verdict.MOVE
     known = codes_of(board)
-    named = set(explain(look.evidence.read(known), board, look.evidence.altered(known)).squares)
+    expected = {piece.place.index: piece for piece in start_layout(board, settings) if piece.place.on_board}
+    seen = look.evidence.read(known)
+    finding = explain(seen, board, look.evidence.altered(known))
+    named = set(looked_closer(finding, seen, board, before, Sighted(frame, eye.view), expected).squares)
     if not hands.touched <= named:
-        expected = {piece.place.index: piece for piece in start_layout(board, settings) if piece.place.on_board}
         named |= {fault.square for fault in verify_board(frame, eye.view, expected)}
     return bad, hands.touched <= named

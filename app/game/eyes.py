@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from app.arm import Arm
 from app.game.state import FRAME_AGE, CannotSee, Devices
-from app.layout import KINDS, PIECE_TYPES
+from app.layout import KINDS, PIECE_TYPES, colour_of, kind_of
 from app.manipulation import Inventory
 from app.repair import Sighting, kinds_by_height
 from app.repair.sighting import HEIGHTS, Chances
@@ -34,6 +34,7 @@ from vision.find import find_board
 from vision.moves import Decision
 from vision.observer import Look, Observer
 from vision.orientation import orient
+from vision.replaced import Sighted, looked_closer
 from vision.sight import sight_of_frame
 from vision.situations import Finding, explain
 from vision.verdict import Situation, Verdict
@@ -98,6 +99,8 @@ class Eyes:
         self._table, self._believed = table, view
         self._observer: Observer | None = None
         self._last: Frame | None = None
+        self._shows_known: Sighted | None = None
+        """A picture of the known position, if there is one."""
         self._likeness: dict[int, tuple[str, float]] = {}
         """Of pieces when the board was last as it should be, by square: name, and how well it looked like itself."""
         self._doubted: frozenset[int] = frozenset()
@@ -114,6 +117,7 @@ class Eyes:
         frame = self.frame()
         self._hold(frame, _find(frame, board, self._table, self._believed(frame.intrinsics)))
         self._observer = Observer(board, sight_of_frame(frame, self.view))
+        self._shows_known = Sighted(frame, self.view)
 
     @property
     def last(self) -> Frame:
@@ -236,7 +240,11 @@ class Eyes:
         decision = self._known.decide(look)
         known = codes_of(self._known.board)
         states, altered = look.evidence.read(known), look.evidence.altered(known)
-        return Reading(decision, explain(states, self._known.board, altered), states, look)
+        finding = explain(states, self._known.board, altered)
+        if self._shows_known is not None:
+            now, pieces = Sighted(frame, self.view), _pieces(self._known.board)
+            finding = looked_closer(finding, states, self._known.board, self._shows_known, now, pieces)
+        return Reading(decision, finding, states, look)
 
     def answered(self, board: chess.Board) -> bool:
         """Whether the newest frame shows a position after which somebody has moved already, or has begun to.
@@ -245,6 +253,7 @@ class Eyes:
             board: that position, which is known from now on.
         """
         self._known.stand(board)
+        self._shows_known = None
         reading = self._read(self.last)
         return reading.decision.verdict is Verdict.MOVE or reading.finding.situation in _ANSWERS
 
@@ -258,6 +267,7 @@ class Eyes:
         if look is None:
             look = self._known.look(sight_of_frame(self.last, self.view))
         self._known.confirm(look, board)
+        self._shows_known = Sighted(self.last, self.view)
 
     def _follow(self, frame: Frame) -> None:
         check = self._anchor.follow(frame.colour)
@@ -280,6 +290,14 @@ class Eyes:
 def on_board(inventory: Inventory) -> dict[int, PieceSpec]:
     """The pieces that stand on squares, by square."""
     return {piece.place.index: piece for piece in inventory if piece.place.on_board}
+
+
+def _pieces(board: chess.Board) -> dict[int, PieceSpec]:
+    """Of a position, by square."""
+    return {
+        square: PieceSpec(chess.square_name(square), kind_of(piece), colour_of(piece.color), square_place(square))
+        for square, piece in board.piece_map().items()
+    }
 
 
 def _shown(stands: Inventory) -> chess.Board:

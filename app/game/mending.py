@@ -247,12 +247,13 @@ class Mender:
             return Fallen(tuple(found))
         # what hides a piece from one look may not from the next
         right = [one for one in found if _is_there(one, one.target, stands.table)]
-        gone = {place for place in missing if place.on_board} - {one.target for one in right}
         found = [one for one in found if one not in right]
-        if not found or not gone <= {one.target for one in found}:
-            return None
-        left = {one.piece.name for one in found if one.target in gone and not _is_on(one, one.target, stands.table)}
-        if people and not left <= self._handled:
+        if people:
+            found = [
+                one for one in found if one.piece.name in self._handled or _is_on(one, one.target, stands.table)
+            ]  # fmt: skip
+        # what is still missing may be hidden by what is carried now
+        if missing.isdisjoint(one.target for one in found):
             return None
         goals = {one.piece.name: _goal(one, stands, wanted) for one in found}
         there = [one.piece.name for one in found if _is_there(one, goals[one.piece.name], stands.table)]
@@ -323,9 +324,10 @@ class Mender:
         spots = [astray.get(name, table.xy(stands.find(name).place)) for name in stuck]
         near = list[tuple[float, str]]()
         for piece in stands:
-            if piece.name in stuck or piece.name in astray or piece.place.in_box:
+            if piece.name in stuck or piece.place.in_box:
                 continue
-            distance = min((math.dist(table.xy(piece.place), spot) for spot in spots), default=math.inf)
+            at = astray.get(piece.name, table.xy(piece.place))
+            distance = min((math.dist(at, spot) for spot in spots), default=math.inf)
             if distance < _CLOSE:
                 near.append((distance, piece.name))
         for _, name in sorted(near):
