@@ -107,6 +107,8 @@ class Mender:
         """Pieces that the arm has stood up or pushed since the mending began."""
         self._pushed = Counter[str]()
         """How often a piece was."""
+        self._strewn: tuple[Strayed, ...] = ()
+        """What the arm has to keep clear of in what it does next."""
         self._lost: set[str] = set()
         """Pieces that the arm has lost, or not got, since the board was last right."""
 
@@ -152,7 +154,7 @@ class Mender:
             if step is None:
                 self._lost.clear()
                 return Mended(stands, rounds, duration)
-            strays = step.strays if isinstance(step, Fallen) else ()
+            self._strewn = step.strays if isinstance(step, Fallen) else ()
             if isinstance(step, Fallen):
                 stands, took, step = self._stand_up(step, stands, faults)
                 duration += took
@@ -161,7 +163,7 @@ class Mender:
                 rounds = _next_round(rounds, faults) if step.transfers else rounds
                 if step.transfers:
                     before = stands
-                    stands, took, step = self._carry(step, faults, strays)
+                    stands, took, step = self._carry(step, faults)
                     stands, duration = _with_missing(stands, before, wanted), duration + took
                 else:  # it has come to stand where it shall
                     stands, step = step.believed, step.rest
@@ -181,7 +183,7 @@ class Mender:
             found = self.eyes.verify(stands)
         strays = cache(lambda: self.eyes.strays(stands))  # a second's search: once a look, and only where it is needed
         missing = {square_place(fault.square) for fault in found.faults if fault.kind in _GONE}
-        missing |= {place for name in self._lost if (place := stands.find(name).place).in_tray}
+        missing |= {place for name in self._lost | self._handled if (place := stands.find(name).place).in_tray}
         unaided = self._unaided(missing, stands, wanted, strays, people=board is not None)
         if not found.faults:
             rest = rearrange(stands, wanted)
@@ -358,9 +360,7 @@ class Mender:
         self._pushed[pushed] += 1
         return True
 
-    def _carry(
-        self, step: Repair, faults: Sequence[Fault], strays: tuple[Strayed, ...]
-    ) -> tuple[Inventory, float, Repair | Ask | None]:
+    def _carry(self, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float, Repair | Ask | None]:
         """One round: recorded, carried; what stands where then, how long it took [s], and what has to be done
         before it could be, or, by a person, afterwards.
         """
@@ -372,7 +372,7 @@ class Mender:
         self._record.task(Purpose.REPAIR, label, step.transfers, now)
         self.eyes.forget_likeness()
         try:
-            carried = self._carrier.carry(Job(label, step.transfers, strays=strays), step.believed)
+            carried = self._carrier.carry(Job(label, step.transfers, strays=self._strewn), step.believed)
         except CarryFailed as failure:
             self.note_loss(failure)
             return failure.inventory, 0.0, None
@@ -392,7 +392,7 @@ class Mender:
         own = next((one for one in step.transfers if one.name == refused.piece.name), None)
         if own is not None and len(step.transfers) > 1 and _is_free(own, step.believed):
             return Repair(step.believed, (own,), f"the {own.kind} of {own.source} goes first")
-        strays = self.eyes.strays(step.believed)
+        self._strewn = strays = tuple(self.eyes.strays(step.believed))
         try:
             transfer = self._carrier.way_for(refused.piece.name, strays, step.believed)
         except PlanRefused:

@@ -126,7 +126,7 @@ class Paper:
         return str(blocked[0].by)
 
     def way_for(self, blocks: str, strays: Any, stands: Inventory) -> Transfer:
-        if self.hemmed_in == blocks:
+        if self.hemmed_in == blocks or self.immovable:
             raise PlanRefused("the fingers would touch what lies there")
         free = next(place for place in map(square_place, range(63, -1, -1)) if stands.at(place) is None)
         return Transfer.of(stands.find(blocks), free)
