@@ -219,26 +219,29 @@ class HandGuard:
         _, seen = self._wait(admit=True)
         return seen
 
-    def settled(self) -> tuple[Frame, Seen]:
+    def settled(self, after: float | None = None) -> tuple[Frame, Seen]:
         """Wait likewise, but admit no motion: for a person's turn, whose move is then looked for in the frame.
 
+        Args:
+            after: the stamp of a frame that was not clear enough: any later one will do [s].
+
         Returns:
-            A frame that was exposed after this call began, and what was seen in it.
+            A frame that was exposed after this call began, or later than ``after``, and what was seen in it.
 
         Raises:
             Blind: there are no frames any more.
         """
-        return self._wait(admit=False)
+        return self._wait(admit=False, after=after)
 
-    def _wait(self, *, admit: bool) -> tuple[Frame, Seen]:
+    def _wait(self, *, admit: bool, after: float | None = None) -> tuple[Frame, Seen]:
         self._frames.wake(True)
         try:
             with self._news:
                 # a frame that was exposed before this call may be on its way, and one or two more in the pipe
-                first = self._count + 3
-                self._news.wait_for(lambda: self._trouble is not None or self._settled_since(first) is not None)
+                first = self._count + 3 if after is None else 0
+                self._news.wait_for(lambda: self._trouble is not None or self._settled_since(first, after) is not None)
                 self._check()
-                found = self._settled_since(first)
+                found = self._settled_since(first, after)
                 assert found is not None
                 if admit and self._holding:
                     self._holding = False
@@ -248,10 +251,12 @@ class HandGuard:
             self._frames.wake(False)
         return found
 
-    def _settled_since(self, first: int) -> tuple[Frame, Seen] | None:
+    def _settled_since(self, first: int, after: float | None) -> tuple[Frame, Seen] | None:
         if self._newest is None or self._count < first:
             return None
         frame, seen = self._newest
+        if after is not None and frame.stamp <= after:
+            return None
         return (frame, seen) if isinstance(frame, Frame) and seen.settled and not seen.hand_present else None
 
     def _check(self) -> None:

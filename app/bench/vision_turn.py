@@ -120,8 +120,10 @@ def _note(
     guard: HandGuard, eye: Eye, follower: Follower, delivered: dict[float, float], move: chess.Move, figures: Figures
 ) -> Look:
     """Look until a move is read; ``delivered``: when frames came, by their stamps."""
+    after: float | None = None
     for _ in range(LOOKS):
-        frame, _ = guard.settled()
+        frame, _ = guard.settled(after)
+        after = frame.stamp
         since = time.thread_time()
         look, decision = eye.read(frame, Tally())
         spent = time.thread_time() - since

@@ -219,6 +219,29 @@ def test_a_persons_turn_ends_with_a_settled_frame_and_admits_no_motion(
     assert controller.asked == ["hold", "resume"]
 
 
+def test_after_a_frame_that_was_not_clear_enough_the_very_next_one_will_do(frames: Frames, guard: HandGuard) -> None:
+    frames.put(FREE, 12)
+    until(lambda: guard.seen is not None and guard.seen.settled and frames.waiting.empty())
+    found: list[Any] = []
+
+    def wait(after: float | None) -> threading.Thread:
+        waiter = threading.Thread(target=lambda: found.append(guard.settled(after)))
+        waiter.start()
+        return waiter
+
+    waiter = wait(None)
+    frames.put(FREE, 4)
+    waiter.join(20.0)
+    until(frames.waiting.empty)
+    newest = 16.0 / 30.0
+    waiter = wait(newest + 0.01)
+    waiter.join(0.2)
+    assert waiter.is_alive(), "all frames so far are older than that"
+    frames.put(FREE, 1)
+    waiter.join(20.0)
+    assert found[1][0].stamp == pytest.approx(17.0 / 30.0)
+
+
 def test_frames_of_depth_alone_hold_the_arm_but_clear_nothing(
     frames: Frames, controller: Controller, guard: HandGuard
 ) -> None:
