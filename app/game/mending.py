@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Final, Protocol
@@ -21,6 +21,7 @@ from app.faces import Face
 from app.game.carrier import Carrier, CarryFailed
 from app.game.eyes import Eyes
 from app.game.state import Job, changed, moved_all
+from app.game.unaided import Fallen, unaided, with_missing
 from app.manipulation import Inventory, Transfer
 from app.motion.plan import InTheWay, PlanRefused
 from app.rearrange import rearrange
@@ -30,8 +31,8 @@ from app.repair import Ask, Repair, mend
 from app.repair.mending import SEEN_WITHIN, repair_towards
 from app.righting import Blocked, Strayed, in_order
 from hardware.interfaces import Clock
-from hardware.table import Place, TableSettings, square_place
-from vision.verify import TOLERANCE, Fault, FaultKind
+from hardware.table import square_place
+from vision.verify import Fault, FaultKind
 
 MOST_ROUNDS: Final = 40
 """Of mending by the arm, two or three for a piece that has fallen, and some more for each that is in its way; what is
@@ -74,13 +75,6 @@ class Mended:
     jobs: int
     duration: float
     answered: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Fallen:
-    """Pieces lie on the board; with all that are out of place."""
-
-    strays: tuple[Strayed, ...]
 
 
 class Mender:
@@ -164,7 +158,7 @@ class Mender:
                 if step.transfers:
                     before = stands
                     stands, took, step = self._carry(step, faults)
-                    stands, duration = _with_missing(stands, before, wanted), duration + took
+                    stands, duration = with_missing(stands, before, wanted), duration + took
                 else:  # it has come to stand where it shall
                     stands, step = step.believed, step.rest
             if step is not None:
@@ -184,13 +178,13 @@ class Mender:
         strays = cache(lambda: self.eyes.strays(stands))  # a second's search: once a look, and only where it is needed
         missing = {square_place(fault.square) for fault in found.faults if fault.kind in _GONE}
         missing |= {place for name in self._lost | self._handled if (place := stands.find(name).place).in_tray}
-        unaided = self._unaided(missing, stands, wanted, strays, people=board is not None)
+        alone = unaided(missing, stands, wanted, strays, self._handled, people=board is not None)
         if not found.faults:
             rest = rearrange(stands, wanted)
-            return (), unaided or (Repair(stands, rest, "the arm goes on") if rest else None)
+            return (), alone or (Repair(stands, rest, "the arm goes on") if rest else None)
         step = mend(stands, found.sighting, board)
-        if isinstance(unaided, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
-            return found.faults, unaided or step
+        if isinstance(alone, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
+            return found.faults, alone or step
         places = {**found.sighting.places, **self._places(stands, step.believed, strays)}
         lost = [name for name, place in changed(stands, step.believed).items() if place.index not in places]
         if lost:  # the fingers would run into it
@@ -218,57 +212,6 @@ class Mender:
                 if np.abs(off).max() <= most:
                     places[place.index] = one.pose.x, one.pose.y
         return places
-
-    def _unaided(
-        self,
-        missing: Set[Place],
-        stands: Inventory,
-        wanted: Inventory,
-        strays: Callable[[], list[Strayed]],
-        *,
-        people: bool,
-    ) -> Repair | Fallen | None:
-        """What the arm does where something lies; or where all that is missing stands in sight.
-
-        Args:
-            missing: where pieces should stand and do not, or, in a tray, may not.
-            stands: what should stand where.
-            wanted: what shall stand where.
-            strays: searches for what lies or stands elsewhere.
-            people: somebody may have moved pieces; then only ones that lie, or that the arm has handled, are known to
-                be what they look like.
-        """
-        if not missing:
-            return None
-        # where exactly a piece stands in a tray matters once the arm has failed to take it
-        found = [
-            one for one in strays()
-            if one.lies or one.target.on_board or one.target in missing or one.piece.name in self._handled
-        ]  # fmt: skip
-        if any(one.lies for one in found):
-            return Fallen(tuple(found))
-        # what hides a piece from one look may not from the next
-        right = [one for one in found if _is_there(one, one.target, stands.table)]
-        found = [one for one in found if one not in right]
-        if people:
-            found = [
-                one for one in found if one.piece.name in self._handled or _is_on(one, one.target, stands.table)
-            ]  # fmt: skip
-        # what is still missing may be hidden by what is carried now
-        if missing.isdisjoint(one.target for one in found):
-            return None
-        goals = {one.piece.name: _goal(one, stands, wanted) for one in found}
-        there = [one.piece.name for one in found if _is_there(one, goals[one.piece.name], stands.table)]
-        believed = Inventory.of(
-            [replace(piece, place=goals[piece.name]) if piece.name in there else piece for piece in stands],
-            stands.table,
-        )
-        transfers = tuple(
-            Transfer.of(one.piece, goals[one.piece.name], (one.pose.x, one.pose.y))
-            for one in found
-            if one.piece.name not in there
-        )
-        return Repair(believed, transfers, "the arm carries what it has found to where it belongs")
 
     def _stand_up(
         self, step: Fallen, stands: Inventory, faults: Sequence[Fault]
@@ -412,35 +355,6 @@ class Mender:
         for fault in faults:
             place = (str(square_place(fault.square)),)
             self._record.trouble(fault.kind.value, place, fault.sentence, "person", self._clock.now())
-
-
-def _with_missing(stands: Inventory, before: Inventory, wanted: Inventory) -> Inventory:
-    """With the pieces that are in nobody's sight, where they were, or wherever there is room for them."""
-    there = {piece.name for piece in stands}
-    for piece in before:
-        if piece.name in there:
-            continue
-        places = (piece.place, wanted.find(piece.name).place, *stands.table.tray_places())
-        free = next(place for place in places if stands.at(place) is None)
-        stands = Inventory.of((*stands, replace(piece, place=free)), stands.table)
-    return stands
-
-
-def _goal(one: Strayed, stands: Inventory, wanted: Inventory) -> Place:
-    """Where a piece that was found goes: to where it shall stand, if that is free; else to where it should be now."""
-    goal = wanted.find(one.piece.name).place
-    return goal if stands.at(goal) is None or goal == one.target else one.target
-
-
-def _is_on(one: Strayed, square: Place, table: TableSettings) -> bool:
-    """Whether it stands on that square, wherever there."""
-    off = np.subtract((one.pose.x, one.pose.y), table.xy(square))
-    return float(np.abs(off).max()) <= 0.5 * table.square
-
-
-def _is_there(one: Strayed, goal: Place, table: TableSettings) -> bool:
-    """Whether it stands where it goes already: what the fingers lost over a tray often does."""
-    return not goal.in_box and math.dist((one.pose.x, one.pose.y), table.xy(goal)) <= TOLERANCE
 
 
 def _next_round(rounds: int, faults: Sequence[Fault]) -> int:

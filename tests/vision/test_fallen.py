@@ -18,8 +18,9 @@ from hardware.sim.table_studio import Pose as Put
 from hardware.sim.table_studio import TableStudio
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.board import BoardView
-from vision.fallen import Stray, find_strays
+from vision.fallen import find_strays
 from vision.lying import Pose, drawn
+from vision.pose_search import Stray
 
 TABLE = TableSettings()
 LINE = "e4 e5 Nf3 Nc6 Bc4 Bc5 d3 Nf6 Nc3 d6 Bg5 h6"
