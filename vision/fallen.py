@@ -21,7 +21,7 @@ from vision.board import BoardView
 from vision.centres import Centre, centres_of, require_camera
 from vision.fit import Fit, PieceLike
 from vision.lying import Pose
-from vision.pose_search import PoseSearch, Stray
+from vision.pose_search import Field, PoseSearch, Stray
 from vision.surface import raised
 from vision.verify import TOLERANCE
 
@@ -72,7 +72,8 @@ def find_strays(
         (place, expected[place]) for place in fit.stands if not (stands[place] or centres[place].hidden)
     ]
     missing += [(None, piece) for piece in lost]
-    search = PoseSearch(fit, view, _taken(fit, view, [stands[place] for place in fit.stands]), around)
+    points = None if fit.rises is None else raised(fit.part, fit.rises, view)
+    search = PoseSearch(fit, view, _taken(fit, points, [stands[place] for place in fit.stands]), around, points)
     found = list[Stray]()
     left = missing.copy()
     while left:
@@ -105,11 +106,10 @@ def _around(view: BoardView, *, trays: bool) -> tuple[float, float]:
     return furthest - 4.0 * view.table.square + ends, ends
 
 
-def _taken(fit: Fit, view: BoardView, stands: Sequence[bool]) -> NDArray[np.bool_]:
+def _taken(fit: Fit, points: Field | None, stands: Sequence[bool]) -> NDArray[np.bool_]:
     """Pixels of pieces that stand as expected, but for those that depth shows to be of something before them."""
     taken: NDArray[np.bool_] = np.array([False, *stands])[fit.owner]
-    if fit.rises is not None and fit.places.size:
-        points = raised(fit.part, fit.rises, view)
+    if points is not None and fit.places.size:
         reach = np.array([0.0, *(PIECE_SHAPES[kind].foot_radius for kind in fit.kinds)])[fit.owner] + _BEFORE
         off = points[..., :2] - np.vstack([np.zeros((1, 2)), fit.places])[fit.owner]
         taken &= ~(np.hypot(off[..., 0], off[..., 1]) > reach)  # where depth is unknown that is false

@@ -21,7 +21,6 @@ from hardware.table import PIECE_SHAPES, Colour, Kind, Place
 from vision.board import BoardView
 from vision.fit import FLAT, Fit, PieceLike
 from vision.lying import Pose, drawn, off_surface
-from vision.surface import raised
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
@@ -109,10 +108,20 @@ class _Trial(NamedTuple):
 
 
 class PoseSearch:
-    """Explains what one frame shows beside the pieces that stand as expected."""
+    """Explains what one frame shows beside the pieces that stand as expected.
 
-    def __init__(self, fit: Fit, view: BoardView, taken: NDArray[np.bool_], around: tuple[float, float]) -> None:
-        self._made_of = fit, view, taken, around
+    Args:
+        fit: of those pieces.
+        view: of the board.
+        taken: pixels of the fit's window that are theirs.
+        around: so far beyond the board pieces are looked for, along x and along y [m].
+        points: that pixels show, board frame (h, w, 3) [m]; None without depth.
+    """
+
+    def __init__(
+        self, fit: Fit, view: BoardView, taken: NDArray[np.bool_], around: tuple[float, float], points: Field | None
+    ) -> None:
+        self._made_of = fit, view, taken, around, points
         self._ways: dict[tuple[Kind, Colour], list[_Trial]] = {}
         """The best ways that were found, by kind and colour."""
         self._view, self._part = view, fit.part
@@ -134,8 +143,8 @@ class PoseSearch:
         self._rises = fit.rises
         self._below = fit.part.place
         """The point of the board straight below what each pixel shows, as far as that is known [m]."""
-        if fit.rises is not None:
-            self._points = raised(fit.part, fit.rises, view)
+        if fit.rises is not None and points is not None:
+            self._points = points
             self._below = np.where(np.isfinite(self._points[..., :2]), self._points[..., :2], self._below)
             fat = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_FAT, _FAT))
             self._solid = self._open & (fit.rises > _RISEN) & (cv2.dilate(taken.astype(np.uint8), fat) == 0)
@@ -215,9 +224,8 @@ class PoseSearch:
         return _STAYED * max(0.0, 1.0 - math.dist(was, (pose.x, pose.y)) / _STRAYED)
 
     def _near(self, piece: PieceLike, pose: Pose) -> _Trial:
-        """The best way for a piece to be about there, lying or standing as it was found, either way round."""
-        tried = [self._climb(piece, self._try(piece, pose), _STEPS)]
-        return max(tried, key=lambda one: one.score)
+        """The best way for a piece to be about there, lying or standing as in a pose."""
+        return self._climb(piece, self._try(piece, pose), _STEPS)
 
     def take_out(self, stray: Stray) -> None:
         """What this one explains is explained."""

@@ -86,8 +86,8 @@ def find_nudge(
         table: board and trays.
     """
     best, least = None, math.inf
+    bodies = _bodies(scene)
     for name in names:
-        bodies = _bodies(scene)
         others = crowd_of(scene, table, without=name)
         for number in range(_DIRECTIONS):
             direction = 2.0 * math.pi * number / _DIRECTIONS
@@ -96,7 +96,8 @@ def find_nudge(
             for way in _ways(bodies, name, direction, table):
                 if way + dearer >= least:
                     break
-                nudge = _lowest_free(scene, name, direction, way, others, pads)
+                push = _push(scene, bodies[name], name, direction, way, pads)
+                nudge = next((one for one in _at_heights(push, scene) if _is_free(one, others, pads)), None)
                 if nudge is None:
                     break
                 if all(helps(_pushed(scene, nudge, way + more)) for more in (-0.5 * _SURE, 0.5 * _SURE)):
@@ -188,21 +189,15 @@ def _apart(one: Vector, other: Vector) -> float:
     return float((away - one[:, None, 2] - other[None, :, 2]).min())
 
 
-def _lowest_free(
-    scene: Strewn, name: str, direction: float, way: float, others: Crowd, pads: Pads
-) -> Nudge | None:  # fmt: skip
-    """The push at the lowest height at which the fingers touch nothing else."""
-    lies = any(piece.name == name for piece in scene.lying)
-    for tips in _TIPS[: 1 if lies else None]:
-        nudge = _nudge(scene, name, direction, way, tips, pads)
-        if _is_free(nudge, others, pads):
-            return nudge
-    return None
+def _at_heights(push: Nudge, scene: Strewn) -> Iterator[Nudge]:
+    """The same push, the lowest first; what lies is pushed at the lowest height alone."""
+    lies = any(piece.name == push.name for piece in scene.lying)
+    return (replace(push, tips=tips) for tips in _TIPS[: 1 if lies else None])
 
 
-def _nudge(scene: Strewn, name: str, direction: float, way: float, tips: float, pads: Pads) -> Nudge:
-    """The fingers' way behind a piece, so that they push through its centre of mass."""
-    unit, body = _unit(direction), _bodies(scene)[name]
+def _push(scene: Strewn, body: Vector, name: str, direction: float, way: float, pads: Pads) -> Nudge:
+    """The fingers' way behind a piece, so that they push through its centre of mass, at the lowest height."""
+    unit = _unit(direction)
     aside = np.array([-unit[1], unit[0]])
     centre = np.array(_centre(scene, name))
     wide = reach(pads, aside)
@@ -212,7 +207,7 @@ def _nudge(scene: Strewn, name: str, direction: float, way: float, tips: float, 
     behind = float((np.sqrt(body[met, 2] ** 2 - beyond[met] ** 2) - off[met] @ unit).max())
     touching = centre - (behind + reach(pads, unit)) * unit
     begin, end = (touching - _GAP * unit).tolist(), (touching + way * unit).tolist()
-    return Nudge(name, direction, way, tips, (begin[0], begin[1]), (end[0], end[1]))
+    return Nudge(name, direction, way, _TIPS[0], (begin[0], begin[1]), (end[0], end[1]))
 
 
 def _centre(scene: Strewn, name: str) -> tuple[float, float]:
