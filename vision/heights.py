@@ -44,14 +44,16 @@ class Relief:
         area: of it, as the camera sees it [m²].
         over: squares that it is over.
         low: squares over which it is low enough to touch a piece.
+        before: it hides a part of the board, or of a piece on it, or may touch one.
     """
 
     area: float
     over: frozenset[int]
     low: frozenset[int]
+    before: bool
 
 
-NOTHING: Final = Relief(0.0, frozenset(), frozenset())
+NOTHING: Final = Relief(0.0, frozenset(), frozenset(), before=False)
 
 
 class Heights:
@@ -113,7 +115,9 @@ class Heights:
         if not chosen.any():
             return NOTHING
         counts = squares_under(parts, chosen, depth, space.ray, space.position, self._table.square, _TOUCHING)
-        return Relief(float(areas[chosen].sum()), _covered(counts[0]), _covered(counts[1]))
+        over, low = _covered(counts[0]), _covered(counts[1])
+        before = bool(over or chosen[parts[space.board]].any())
+        return Relief(float(areas[chosen].sum()), over, low, before)
 
     def learn(self, depth: Floats, hidden: Mask | None, *, moved: bool) -> None:
         """A picture of the settled board; arguments as of ``Differences.learn``."""

@@ -75,8 +75,9 @@ class Seen:
         hand_area: of what this frame shows of it [squares].
         over: squares that it is over in this frame, 0 = a1 … 63 = h8.
         moving: something moves over the board, or may: without colour nobody can tell.
-        stable_since: stamp of the first frame since which nothing moved and no hand was there; None: not now [s].
-        settled: that has been so for the stable time.
+        stable_since: stamp of the first frame since which nothing on the board moved and no hand was over it or hid a
+            part of it; None: not now [s]. A hand over a tray may be there meanwhile, where there is depth.
+        settled: that has been so for the stable time, and no hand is anywhere.
         touched: squares at which a hand was, low enough to touch, since the board was settled the last time; once it is
             settled again they are told in its first frame, and are then none.
     """
@@ -99,7 +100,7 @@ class _Course:
     against: int = 0
     """Frames in a row that contradict ``hand``."""
     free: bool = False
-    """The last frame showed no hand."""
+    """The last frame showed no hand over the board."""
     since: float | None = None
     settled: bool = False
     touched: frozenset[int] = _NOBODY
@@ -221,9 +222,12 @@ class _Senses:
             self._course.touched |= low
         self._judge_hand(area > 0.0)
         moving = glance is None or glance.moving > self._settings.motion
-        free = not (area > 0.0 or small is None or self._dark(small))
+        # a hand over a tray, where it ends what it has to do, leaves the board as it is
+        over_board = area > 0.0 if relief is None else relief.before
+        free = not (over_board or small is None or self._dark(small))
         # a frame that differs in nothing from the one before shows what that one showed: it has been so since then
-        self._judge_rest(free and not moving and not self._course.hand, before if self._course.free else stamp)
+        since = before if self._course.free else stamp
+        self._judge_rest(free and not moving, since, nobody=not (area > 0.0 or self._course.hand))
         self._course.free = free
         if small is not None:
             self._learn(small, distance, covered, still=not moving and relief is None)
@@ -250,16 +254,20 @@ class _Senses:
         if course.against >= self._settings.confirm:
             course.hand, course.against = shown, 0
 
-    def _judge_rest(self, quiet: bool, since: float) -> None:
+    def _judge_rest(self, quiet: bool, since: float, *, nobody: bool) -> None:
         course = self._course
-        if not quiet:
+        if not (quiet and nobody):
             if course.settled:
                 course.moved = True
-            course.since, course.settled = None, False
+            course.settled = False
             course.pending.clear()
+        if not quiet:
+            course.since = None
         elif course.since is None:
             course.since = since
-        course.settled = course.since is not None and self._stamp - course.since >= self._settings.stable_time - 1e-6
+        course.settled = (
+            nobody and course.since is not None and self._stamp - course.since >= self._settings.stable_time - 1e-6
+        )
 
     def _learn(self, small: Picture, depth: Floats | None, hidden: Mask | None, *, still: bool) -> None:
         """What is settled, and stays so, is what the board looks like."""

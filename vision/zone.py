@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hardware.interfaces import Intrinsics
+from hardware.table import PIECE_SHAPES
 from vision.board import BoardView, playing_area
 
 Mask = NDArray[np.bool_]
@@ -128,12 +129,14 @@ class Space:
         position: of the camera, (3,) [m].
         pixel: area that a pixel covers at depth 1 [1/1].
         half: half sizes of what is watched along x and y [m].
+        board: small mask of where the board and the pieces on it are seen.
     """
 
     ray: Floats
     position: Floats
     pixel: float
     half: tuple[float, float]
+    board: Mask
 
     @classmethod
     def of_view(cls, view: BoardView, margin: float) -> Space:
@@ -148,7 +151,7 @@ class Space:
         pixel = step * step / (view.intrinsics.fx * view.intrinsics.fy)
         return cls(
             np.ascontiguousarray(np.moveaxis(rays, 2, 0), dtype=np.float32),
-            view.camera_position.astype(np.float32), pixel, half,
+            view.camera_position.astype(np.float32), pixel, half, _board_and_pieces(view, step),
         )  # fmt: skip
 
     def coordinate(self, depth: Floats, axis: int) -> Floats:
@@ -156,6 +159,16 @@ class Space:
         along: Floats = depth * self.ray[axis]
         along += self.position[axis]
         return along
+
+
+def _board_and_pieces(view: BoardView, step: int) -> Mask:
+    """Where a piece of any height on any square is seen, in the small picture."""
+    ground = playing_area(view.table)
+    tallest = max(shape.height for shape in PIECE_SHAPES.values())
+    pixels = view.project(np.concatenate([ground, ground + np.array([0.0, 0.0, tallest])]))
+    outline = cv2.convexHull(np.rint((pixels + 0.5) / step - 0.5).astype(np.int32))
+    seen = np.zeros((view.intrinsics.height // step, view.intrinsics.width // step), dtype=np.uint8)
+    return np.asarray(cv2.fillConvexPoly(seen, outline, 1) > 0)
 
 
 def _rays(pinhole: Intrinsics, step: int) -> NDArray[np.float64]:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 import chess
+import numpy as np
 
 from app import UserError
 from app.arm_view import ArmHistory
@@ -32,6 +33,7 @@ from controller.states import State
 from hardware.interfaces import Intrinsics
 from hardware.parameters import load_parameters
 from hardware.sim.hand_actions import HandSettings
+from hardware.sim.hand_body import seen_from_above
 from hardware.sim.randomisation import Randomisation
 from hardware.sim.referee import Referee
 from hardware.sim.settings import Pace, WorldSettings
@@ -145,10 +147,11 @@ class Follower:
 
     Args:
         scene: with a hand.
-        near: called once, as soon as the fingertips are nearer to the board than ``NEAR``.
+        near: called once, as soon as the hand is nearer to the board than ``NEAR``.
 
     Attributes:
-        looks: plant time [s], and how far the fingertips are outside the board's edge [m].
+        looks: plant time [s], and how far outside the board's edge, seen from above, that part of hand and arm is that
+            is nearest to the board; negative over it [m].
         touches: plant time [s], and the largest force of the robot on the hand until then [N].
     """
 
@@ -171,7 +174,7 @@ class Follower:
             asked = now
             truth, _ = self._referee.look(reset_peak=not self.looks)
             assert truth.hand is not None
-            outside = max(abs(truth.hand[0]), abs(truth.hand[1])) - self._edge
+            outside = _outside(truth.hand, self._edge)
             if not self.looks or truth.tick * self._tick > self.looks[-1][0]:
                 self.looks.append((truth.tick * self._tick, outside))
                 self.touches.append((truth.tick * self._tick, truth.hand_force))
@@ -180,7 +183,7 @@ class Follower:
                 self._near = None
 
     def crossings(self) -> list[float]:
-        """Plant times at which the fingertips crossed the edge, first inwards, then outwards and so on [s].
+        """Plant times at which the hand began to be over the board and ceased to be, by turns [s].
 
         Between the last look before and the first one after, by a straight line.
         """
@@ -195,6 +198,13 @@ class Follower:
         self._done.set()
         self._thread.join()
         self._referee.close()
+
+
+def _outside(hand: tuple[float, float, float, float], edge: float) -> float:
+    """How far a hand is outside a board of such a half side; negative: over it [m]."""
+    x, y, _, yaw = hand
+    centres, radii = seen_from_above(x, y, yaw)
+    return float((np.abs(centres).max(axis=1) - edge - radii).min())
 
 
 def until(ask: Callable[[], _T | None], what: str) -> _T:

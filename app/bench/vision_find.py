@@ -25,6 +25,10 @@ TOLERANCE: Final = 0.15
 """A corner further from where it was labelled is wrong [sides of a square]."""
 LEAST_FOUND: Final = 0.9
 """Share of pictures in which the board must be found."""
+POLYGON_ORIGIN: Final = 0.5
+"""Polygons drawn in LabelMe (``corners_unordered``) count from the outer corner of the first pixel, as its canvas draws
+the picture from (0, 0) on and a click may lie anywhere within a pixel; everything else here, like OpenCV, counts from
+that pixel's centre [px]."""
 ASTRAY: Final = 0.5
 """A corner this far off belongs to another row of squares, whatever the labels' precision [sides of a square]."""
 
@@ -123,7 +127,7 @@ def _of_folder(folder: Path, labels: dict[str, Any]) -> Iterator[Photograph]:
     if labels["schema"] == "chess-stills/1":
         for image in labels["images"]:
             named = image.get("corners_px")
-            corners = _named(named) if named else _counter_clockwise(np.array(image["corners_unordered"], dtype=float))
+            corners = _named(named) if named else _polygon(image["corners_unordered"])
             known = bool(named) and bool(image.get("orientation_known", True))
             yield _photograph(folder / image["file"], corners, known)
     elif labels["schema"] == "chess-seq/1":
@@ -161,6 +165,11 @@ def _counter_clockwise(corners: Array) -> Array:
     """The same corners in the sense of a1, h1, h8, a8; v points down."""
     middle = corners.mean(axis=0)
     return np.asarray(corners[np.argsort(-np.arctan2(corners[:, 1] - middle[1], corners[:, 0] - middle[0]))])
+
+
+def _polygon(points: list[list[float]]) -> Array:
+    """Corners of a polygon from LabelMe, counter-clockwise, as OpenCV counts pixels."""
+    return _counter_clockwise(np.array(points, dtype=float) - POLYGON_ORIGIN)
 
 
 def _corner_error(found: Array, labelled: Array) -> tuple[float, int]:

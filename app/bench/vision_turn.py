@@ -1,9 +1,9 @@
 """Row of bench ``vision``: how soon a person's move is known after the hand has left the board.
 
 A person plays both sides of a random game in a world of its own: hand, the guard's watch and the observer in the loop.
-When the fingertips leave the board's edge for the last time is the referee's word. The move is known when the frame
-that shows it settled was delivered, in plant time, and looked at, in time of the processor, which stands for plant time
-on a real robot.
+When the last part of the hand has left the board, seen from above, is the referee's word. The move is known when the
+frame that shows it settled was delivered, in plant time, and looked at, in time of the processor, which stands for
+plant time on a real robot.
 """
 
 from __future__ import annotations

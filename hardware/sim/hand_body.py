@@ -12,9 +12,12 @@ along the forearm, z up.
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Final
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from hardware.sim.arm import TOOL_BITS
 from hardware.sim.finger_world import MASS, STIFFNESS
@@ -84,11 +87,43 @@ FOREARM: Final[Bone] = ((0.0, -0.135, 0.092), (0.0, -0.400, 0.165), 0.030)
 SLEEVE: Final[Bone] = ((0.0, -0.260, 0.126), (0.0, -0.700, 0.248), 0.043)
 
 
+_DISC_SPACING: Final = 0.005
+
+
 def parked(side: Colour) -> Pose:
     """Where a player's hand is while it has nothing to do: outside the pictures and out of the arm's reach."""
     if side is Colour.WHITE:
         return Pose(0.10, -0.72, 0.10, 0.0, 0.0)
     return Pose(-0.10, 0.72, 0.10, math.pi, 0.0)
+
+
+def seen_from_above(x: float, y: float, yaw: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Discs that cover the hand, its forearm and sleeve, seen from above, at most 5 mm apart.
+
+    Args:
+        x: of the middle between the fingertips, board frame [m].
+        y: likewise.
+        yaw: as of ``Pose`` [rad].
+
+    Returns:
+        Their centres (n, 2), board frame, and radii (n,) [m].
+    """
+    centres, radii = _discs()
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    turned = centres @ np.array([[cos, sin], [-sin, cos]])
+    return turned + np.array([x, y]), radii
+
+
+@cache
+def _discs() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """In the frame of the hand: (n, 2) and (n,) [m]."""
+    bones = [_shifted(bone, side * TIP_RADIUS) for side in (-1, 1) for bone in finger_bones(side)]
+    centres, radii = [], []
+    for start, end, radius in (*bones, PALM, FOREARM, SLEEVE):
+        count = 2 + int(math.dist(start[:2], end[:2]) / _DISC_SPACING)
+        centres.append(np.linspace(start[:2], end[:2], count))
+        radii.append(np.full(count, radius))
+    return np.concatenate(centres), np.concatenate(radii)
 
 
 def finger_bones(side: int) -> tuple[Bone, Bone]:

@@ -137,7 +137,7 @@ class Plant:
         self._skin = [int(model.sensor(name).adr[0]) for name in SPRINGS] if self._touched else []
         self._step = (tick.step_address(), int(model._address), int(data._address))
         self._felt = cast("memoryview[float]", memoryview(cast("Any", self._memory)).toreadonly())
-        self._hand_q = [int(model.joint(name).qposadr[0]) for name in JOINTS[:3]] if self._touched else []
+        self._hand_q = [int(model.joint(name).qposadr[0]) for name in JOINTS[:4]] if self._touched else []
         self._piece_q = {name: int(model.joint(name).qposadr[0]) for name in pieces}
         self._rest_scale = np.ones(model.nv)
         for name in pieces:
@@ -316,11 +316,11 @@ class Plant:
         x, y, z = (base.xmat.reshape(3, 3).T @ (self.data.site("tool").xpos - base.xpos)).tolist()
         return x, y, z
 
-    def _hand(self) -> Triple | None:
+    def _hand(self) -> tuple[float, float, float, float] | None:
         if not self._hand_q:
             return None
-        x, y, z = (float(self._positions[start]) for start in self._hand_q)
-        return x, y, z
+        x, y, z, yaw = (float(self._positions[start]) for start in self._hand_q)
+        return x, y, z, yaw
 
     def _pose(self, name: str, start: int) -> PiecePose:
         x, y, z, _, i, j, _ = self._positions[start : start + 7].tolist()

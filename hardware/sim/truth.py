@@ -34,7 +34,8 @@ class Truth:
     """The tool point, base frame, at the beginning of the last tick [m]."""
     hand_force: float = 0.0
     """Largest force of the robot on a person's hand since the last reset of the peak [N]; 0 in a world without one."""
-    hand: tuple[float, float, float] | None = None
-    """Where a person's fingertips are, board frame [m]; None in a world without a person."""
+    hand: tuple[float, float, float, float] | None = None
+    """Where a person's fingertips are, board frame [m], and how the hand is turned about the vertical [rad], as in
+    ``hand_motion.Pose``; None in a world without a person."""
     grips_lost: int = 0
     """So often the gripper has let go by itself, since the world was begun or continued."""

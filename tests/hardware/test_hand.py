@@ -11,6 +11,7 @@ import chess
 import mujoco
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from app.layout import start_layout
 from controller.law import TaskSpaceController, pack_reference
@@ -32,7 +33,7 @@ from hardware.sim.hand_actions import (
     Take,
     Withdraw,
 )
-from hardware.sim.hand_body import JOINTS, SKIN_MASS, STRENGTH, add_hand, parked
+from hardware.sim.hand_body import JOINTS, SKIN_MASS, STRENGTH, add_hand, parked, seen_from_above
 from hardware.sim.hand_routines import HandFailed, Routines, View
 from hardware.sim.plant import Plant
 from hardware.sim.scene import build_model
@@ -101,6 +102,16 @@ class Table:
 
     def asleep(self) -> bool:
         return not self.plant.data.tree_awake[tree_of_hand(self.plant)]
+
+
+def skin_ends(plant: Plant) -> NDArray[np.float64]:
+    """Both ends of each capsule of the skin, seen from above, and its radius: (n, 3) [m]."""
+    body, rows = plant.model.body("hand_skin").id, []
+    for geom in np.flatnonzero(plant.model.geom_bodyid == body):
+        half = plant.model.geom_size[geom, 1] * plant.data.geom_xmat[geom].reshape(3, 3)[:2, 2]
+        for end in (-half, half):
+            rows.append([*(plant.data.geom_xpos[geom, :2] + end), plant.model.geom_size[geom, 0]])
+    return np.array(rows)
 
 
 def tree_of_hand(plant: Plant) -> int:
@@ -444,3 +455,17 @@ def test_pieces_of_other_worlds_are_those_of_worlds_with_a_hand() -> None:
     np.testing.assert_array_equal(with_hand.key_qpos[0][: without.nq], without.key_qpos[0])
     np.testing.assert_array_equal(with_hand.actuator_gainprm[: without.nu], without.actuator_gainprm)
     np.testing.assert_array_equal(with_hand.dof_frictionloss[: without.nv], without.dof_frictionloss)
+
+
+@pytest.mark.parametrize("side", list(Colour))
+def test_the_referee_knows_which_part_of_the_table_the_hand_is_over(side: Colour) -> None:
+    table = Table(side=side)
+    assert not table.do(Hover(at=(0.06, -0.03), duration=0.0))
+    hand = table.plant.truth(reset_peak=False).hand
+    assert hand is not None
+    centres, radii = seen_from_above(hand[0], hand[1], hand[3])
+    for x, y, radius in skin_ends(table.plant):
+        within = np.hypot(centres[:, 0] - x, centres[:, 1] - y) + radius - radii
+        assert within.min() < 0.004, "this end of a capsule is covered by no disc"
+    sleeve = centres[radii == radii.max(), 1] - hand[1]
+    assert (sleeve < 0.0).all() if side is Colour.WHITE else (sleeve > 0.0).all()

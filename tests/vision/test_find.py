@@ -224,3 +224,16 @@ def test_the_bench_counts(tmp_path: Path) -> None:
     assert rows["turned"].mean == 0.0
     with pytest.raises(FileNotFoundError, match=r"no labels\.json lies below"):
         find_rows(tmp_path / "elsewhere")
+
+
+def test_polygons_count_pixels_from_the_pictures_corner_and_are_taken_as_opencv_does(tmp_path: Path) -> None:
+    import json
+
+    corners = corners_of(pose(0.3, 0.2, 0.65, SIZE))
+    cv2.imwrite(str(tmp_path / "one.png"), np.full((480, 640, 3), 90, np.uint8))
+    drawn = {"file": "one.png", "corners_unordered": (corners[[2, 0, 3, 1]] + 0.5).tolist()}
+    (tmp_path / "labels.json").write_text(json.dumps({"schema": "chess-stills/1", "images": [drawn]}))
+    (picture,) = photographs(tmp_path)
+    assert not picture.oriented
+    turns = [np.roll(picture.corners, turn, axis=0) for turn in range(4)]
+    assert min(np.abs(turned - corners).max() for turned in turns) < 1e-9

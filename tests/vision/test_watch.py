@@ -237,6 +237,21 @@ def test_a_hand_that_lies_low_on_the_board_is_seen_too() -> None:
     assert seen.touched
 
 
+def test_a_hand_over_a_tray_leaves_the_board_as_still_as_it_is() -> None:
+    scene, watch = Scene(), Watch()
+    for _ in range(14):
+        watch.update(scene.frame(scene.picture(), scene.depth()), VIEW)
+    over_board = [watch.update(scene.frame(scene.picture(), scene.depth((0.10, 0.0, 0.10))), VIEW) for _ in range(4)]
+    over_tray = [watch.update(scene.frame(scene.picture(), scene.depth((0.24, 0.0, 0.10))), VIEW) for _ in range(10)]
+    gone = [watch.update(scene.frame(scene.picture(), scene.depth()), VIEW) for _ in range(2)]
+    assert all(seen.hand_present and not seen.settled for seen in (*over_board[1:], *over_tray))
+    assert over_board[-1].over
+    assert over_board[-1].stable_since is None
+    assert not over_tray[-1].over
+    assert over_tray[-1].stable_since == over_tray[0].stamp
+    assert [seen.settled for seen in gone] == [False, True]
+
+
 def test_something_high_beside_the_table_is_not_over_it() -> None:
     scene, watch = Scene(), Watch()
     for _ in range(4):
