@@ -284,6 +284,14 @@ class TableSettings(_Frozen):
             return boxes[-1].x + boxes[-1].half_x + self.box_wall
         return self._column_x(self.tray_columns - 1) + 0.028
 
+    @property
+    def half_play(self) -> tuple[float, float]:
+        """Of what a game is played on, along x and y from the board's centre: to the board's edge or the middle of the
+        trays' outermost places, whichever is farther [m].
+        """
+        board = 4.0 * self.square
+        return self._column_x(self.tray_columns - 1), max(board, 0.5 * (self.tray_rows - 1) * self.tray_row_pitch)
+
     def _column_x(self, column: int) -> float:
         return 4.0 * self.square + self.tray_gap + column * self.tray_column_pitch
 

@@ -143,11 +143,8 @@ class Space:
         """Over the board and both trays, with a margin beyond the board's edge and the trays' outermost feet [m]."""
         step = step_of(view.intrinsics.width)
         rays = _rays(view.intrinsics, step) @ view.camera_from_board[:3, :3]
-        table = view.table
-        board = 4.0 * table.square
-        wide = board + table.tray_gap + (table.tray_columns - 1) * table.tray_column_pitch
-        long = 0.5 * (table.tray_rows - 1) * table.tray_row_pitch
-        half = (wide + margin, max(board, long) + margin)
+        wide, long = view.table.half_play
+        half = (wide + margin, long + margin)
         pixel = step * step / (view.intrinsics.fx * view.intrinsics.fy)
         return cls(
             np.ascontiguousarray(np.moveaxis(rays, 2, 0), dtype=np.float32),

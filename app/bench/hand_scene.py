@@ -150,16 +150,16 @@ class Follower:
         near: called once, as soon as the hand is nearer to the board than ``NEAR``.
 
     Attributes:
-        looks: plant time [s], and how far outside the board's edge, seen from above, that part of hand and arm is that
-            is nearest to the board; negative over it [m].
+        looks: plant time [s], and where the fingertips are and how the hand is turned, as in ``Truth.hand``.
         touches: plant time [s], and the largest force of the robot on the hand until then [N].
     """
 
     def __init__(self, scene: HandScene, near: Callable[[], None] | None = None) -> None:
-        self.looks: list[tuple[float, float]] = []
+        self.looks: list[tuple[float, tuple[float, float, float, float]]] = []
         self.touches: list[tuple[float, float]] = []
         self._scene, self._referee = scene, Referee(scene.run_dir)
-        self._edge, self._tick = 4.0 * scene.table.square, scene.parameters.drive.tick
+        edge = 4.0 * scene.table.square
+        self._board, self._tick = (edge, edge), scene.parameters.drive.tick
         self._near = near
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._follow, name="hand follower")
@@ -174,21 +174,23 @@ class Follower:
             asked = now
             truth, _ = self._referee.look(reset_peak=not self.looks)
             assert truth.hand is not None
-            outside = _outside(truth.hand, self._edge)
             if not self.looks or truth.tick * self._tick > self.looks[-1][0]:
-                self.looks.append((truth.tick * self._tick, outside))
+                self.looks.append((truth.tick * self._tick, truth.hand))
                 self.touches.append((truth.tick * self._tick, truth.hand_force))
-            if outside < NEAR and self._near is not None:
+            if self._near is not None and _outside(truth.hand, self._board) < NEAR:
                 self._near()
                 self._near = None
 
-    def crossings(self) -> list[float]:
-        """Plant times at which the hand began to be over the board and ceased to be, by turns [s].
+    def crossings(self, half: tuple[float, float] | None = None) -> list[float]:
+        """Plant times at which a part of hand or arm began to be over the board and the last one ceased to be, by turns
+        [s]; seen from above, and between the last look before and the first one after by a straight line.
 
-        Between the last look before and the first one after, by a straight line.
+        Args:
+            half: half sizes along x and y, to ask of another part of the table [m].
         """
         found = []
-        for (t0, d0), (t1, d1) in pairwise(list(self.looks)):
+        outside = [(when, _outside(hand, half or self._board)) for when, hand in list(self.looks)]
+        for (t0, d0), (t1, d1) in pairwise(outside):
             if (d0 > 0.0) != (d1 > 0.0):
                 found.append(t0 + (t1 - t0) * d0 / (d0 - d1))
         return found
@@ -200,11 +202,11 @@ class Follower:
         self._referee.close()
 
 
-def _outside(hand: tuple[float, float, float, float], edge: float) -> float:
-    """How far a hand is outside a board of such a half side; negative: over it [m]."""
+def _outside(hand: tuple[float, float, float, float], half: tuple[float, float]) -> float:
+    """How far a hand is outside of such half sizes; negative: over what is within [m]."""
     x, y, _, yaw = hand
     centres, radii = seen_from_above(x, y, yaw)
-    return float((np.abs(centres).max(axis=1) - edge - radii).min())
+    return float(((np.abs(centres) - half).max(axis=1) - radii).min())
 
 
 def until(ask: Callable[[], _T | None], what: str) -> _T:

@@ -1,7 +1,8 @@
 """Row of bench ``vision``: how soon a person's move is known after the hand has left the board.
 
 A person plays both sides of a random game in a world of its own: hand, the guard's watch and the observer in the loop.
-When the last part of the hand has left the board, seen from above, is the referee's word. The move is known when the
+When the last part of the hand has left board and trays, seen from above, and when the board alone, is the referee's
+word: over a tray it may still put down what it has taken, so it has not gone. The move is known when the
 frame that shows it settled was delivered, in plant time, and looked at, in time of the processor, which stands for
 plant time on a real robot.
 """
@@ -27,7 +28,7 @@ from app.manipulation import transfers
 from hardware.interfaces import DepthFrame, Frame, HardwareError
 from hardware.sim.hand_actions import HandSettings, Withdraw
 from hardware.sim.hand_client import SimHand
-from hardware.table import Colour
+from hardware.table import Colour, TableSettings
 from vision.observer import Look
 from vision.verdict import Verdict
 from vision.watch import Seen, Watch
@@ -48,7 +49,9 @@ class Figures:
     """What was seen."""
 
     known: list[float] = field(default_factory=list)
-    """From leaving to knowing [s]."""
+    """From leaving board and trays to knowing [s]."""
+    off_board: list[float] = field(default_factory=list)
+    """From leaving the board, perhaps for a tray, to knowing [s]."""
     wrong: list[float] = field(default_factory=list)
     """1 for a move that was taken for another one."""
     unread: list[float] = field(default_factory=list)
@@ -78,6 +81,7 @@ def rows_of(figures: Figures) -> dict[str, Row]:
     rows = {"move wrong": row(figures.wrong, "1", 0.0, "max"), "move asked": row(figures.unread, "1")}
     if figures.known:
         rows["hand gone to move known"] = row(figures.known, "s", KNOWN_LIMIT, "max")
+        rows["hand off the board to move known"] = row(figures.off_board, "s")
     return rows
 
 
@@ -98,12 +102,13 @@ def _play(scene: HandScene, moves: int, rng: random.Random, figures: Figures, pr
             guard = scene.guard(_note_delivery(scene, delivered), watch)
             with guard, closing(Follower(scene)) as follower:
                 hand.perform(Withdraw())
-                look = _note(guard, eye, follower, delivered, move, figures)
+                look = _note(guard, eye, follower, scene.table, delivered, move, figures)
                 hand.wait()
             board.push(move)
             inventory = inventory.after(ply)
             eye.observer.confirm(look, board)
-            last = f"known after {figures.known[-1]:.3f} s" if figures.known else "not read"
+            last = f"known after {figures.known[-1]:.3f} s, " if figures.known else "not read"
+            last += f"{figures.off_board[-1]:.3f} s after the hand was off the board" if figures.known else ""
             progress(f"{len(figures.wrong)} moves by hand, {ply.san}: {last}")
 
 
@@ -117,7 +122,13 @@ def _note_delivery(scene: HandScene, delivered: dict[float, float]) -> Listener:
 
 
 def _note(
-    guard: HandGuard, eye: Eye, follower: Follower, delivered: dict[float, float], move: chess.Move, figures: Figures
+    guard: HandGuard,
+    eye: Eye,
+    follower: Follower,
+    table: TableSettings,
+    delivered: dict[float, float],
+    move: chess.Move,
+    figures: Figures,
 ) -> Look:
     """Look until a move is read; ``delivered``: when frames came, by their stamps."""
     after: float | None = None
@@ -128,8 +139,11 @@ def _note(
         look, decision = eye.read(frame, Tally())
         spent = time.thread_time() - since
         if decision.verdict is Verdict.MOVE:
-            left = until(lambda: follower.crossings()[-1:], "a hand that leaves the board")[0]
-            figures.known.append(delivered[frame.stamp] - left + spent)
+            known = delivered[frame.stamp] + spent
+            gone = until(lambda: follower.crossings(table.half_play)[-1:], "a hand that leaves the table")[0]
+            off_board = until(lambda: follower.crossings()[-1:], "a hand that leaves the board")[0]
+            figures.known.append(known - gone)
+            figures.off_board.append(known - off_board)
             break
     figures.unread.append(float(decision.verdict is not Verdict.MOVE))
     figures.wrong.append(float(decision.verdict is Verdict.MOVE and decision.moves != (move,)))
