@@ -133,9 +133,14 @@ class GameGuard:
         return self._departures + (0 if self._guard is None else self._guard.departures)
 
     @property
+    def arrivals(self) -> int:
+        """So often a hand has come since the session began: if it is as often as at a look, none has come since."""
+        return self._departures + (0 if self._guard is None else self._guard.arrivals)
+
+    @property
     def gone_at(self) -> float | None:
         """When the last hand had gone [s]; None: there was none, or one is there; see ``HandGuard.gone_at``."""
-        if self._guard is None or not self._guard.visited:
+        if self._guard is None or not self._guard.arrivals:
             return self._gone_at
         return self._guard.gone_at
 
@@ -144,20 +149,26 @@ class GameGuard:
         """Whether a hand has gone, and the board does not lie still yet."""
         return self._guard is not None and self._guard.leaving
 
-    def wait_for_sight(self) -> None:
+    def wait_for_sight(self) -> bool:
         """Wait until no hand is over the board, which hides what stands there; admits no motion.
 
         Not for ever: what looks like a hand may be a board that was moved, and is to be found anew. A camera that gives
         no frames hinders nobody from asking it for one.
+
+        Returns:
+            Whether no hand is there, as far as anybody sees.
         """
         self.wake(True)
         until = time.monotonic() + SIGHT_PATIENCE
         try:
             with suppress(Blind):
-                while (seen := self.glance()) is not None and seen.hand_present and time.monotonic() < until:
+                while (seen := self.glance()) is not None and seen.hand_present:
+                    if time.monotonic() > until:
+                        return False
                     time.sleep(SIGHT_POLL)
         finally:
             self.wake(False)
+        return True
 
     def wake(self, awake: bool) -> None:
         """Whether plant time shall run for the camera while nothing moves; see ``WatchedFrames.wake``."""
@@ -174,8 +185,11 @@ class GameGuard:
         if self._guard is not None:
             self._guard.close()
             self.stops += self._guard.stops
-            self._gone_at = self.gone_at
-            self._departures += self._guard.departures + self._guard.leaving
+            if self._guard.arrivals:
+                # nobody will tell of a hand that is there yet: it counts as gone, so that somebody looks what it did
+                at = self._guard.gone_at
+                self._gone_at = self._guard.last_stamp if at is None else at
+            self._departures += self._guard.arrivals
             self._guard = None
 
     def __enter__(self) -> Self:

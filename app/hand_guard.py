@@ -176,10 +176,16 @@ class HandGuard:
             return self._departures
 
     @property
-    def visited(self) -> bool:
-        """Whether a hand has come since it watches."""
+    def arrivals(self) -> int:
+        """So often a hand has come since it watches."""
         with self._news:
-            return self._came or self._departures > 0
+            return self._departures + self._came
+
+    @property
+    def last_stamp(self) -> float | None:
+        """Of the newest frame [s]; None before the first one."""
+        with self._news:
+            return None if self._newest is None else self._newest[0].stamp
 
     @property
     def leaving(self) -> bool:

@@ -51,12 +51,13 @@ def find_strays(
         use_depth: False: by colour alone, also where there is depth.
         tolerance: a piece that stands further from its place's centre is a stray [m].
         doubted: places whose piece may lie, although it looks as if it stood.
-        trays: pieces are looked for there, too, as far as they are in the picture; then all that should stand there is
-            expected. What boxes hold, nobody can tell.
+        trays: pieces are looked for there, too; then all that should stand there is expected. What boxes hold, nobody
+            can tell.
         before: where pieces were that did not stand where they should when they were seen last [m].
 
     Returns:
-        Those found, the surest first. A missing piece that is not among them is hidden or off the board.
+        Those found, the surest first. A missing piece that is not among them is hidden or off the board. One that would
+        stand only partly within the picture is not missed: too little can be said of it.
 
     Raises:
         ValueError: the frame is by another camera, or the board is not in the picture.
@@ -69,7 +70,9 @@ def find_strays(
     # what lies can look much like what stands off its centre: which it is, the search decides
     stands = {place: one.upright and place not in doubted and off[place] <= tolerance for place, one in centres.items()}
     missing: list[tuple[Place | None, PieceLike]] = [
-        (place, expected[place]) for place in fit.stands if not (stands[place] or centres[place].hidden)
+        (place, expected[place])
+        for place in fit.stands
+        if not (stands[place] or centres[place].hidden) and _is_in_picture(view, place, expected[place])
     ]
     missing += [(None, piece) for piece in lost]
     points = None if fit.rises is None else raised(fit.part, fit.rises, view)
@@ -95,6 +98,16 @@ def _sharper(stray: Stray, centres: Mapping[Place, Centre]) -> Stray:
     if one is None or not one.upright or math.dist((one.x, one.y), (stray.pose.x, stray.pose.y)) > _SAME:
         return stray
     return replace(stray, pose=Pose(one.x, one.y), std=one.std)
+
+
+def _is_in_picture(view: BoardView, place: Place, piece: PieceLike) -> bool:
+    """Whether all of a piece that stands at a place would be seen."""
+    shape, (x, y) = PIECE_SHAPES[piece.kind], view.table.xy(place)
+    radius = shape.foot_radius
+    corners = [(x + i * radius, y + j * radius, z) for i in (-1, 1) for j in (-1, 1) for z in (0.0, shape.height)]
+    pixels = view.project(corners)
+    size = np.array([view.intrinsics.width, view.intrinsics.height])
+    return bool((pixels >= -0.5).all() and (pixels <= size - 0.5).all())
 
 
 def _around(view: BoardView, *, trays: bool) -> tuple[float, float]:

@@ -233,6 +233,8 @@ class PoseSearch:
         fat = cv2.dilate(seen.mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
         for field in (*self._maps.values(), self._felt, self._open):
             field[seen.rows, seen.columns][fat] = 0
+        if self._rises is not None:
+            self._solid &= self._open
         gone = np.zeros(self._shape, dtype=bool)
         gone[seen.rows, seen.columns] = fat
         # what else was found stays as it is where nothing of it is gone

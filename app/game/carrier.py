@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -42,6 +43,10 @@ HELD_UP = 0.001
 """A tool that rests by so much above its reference lies on something: its reference comes there first [m]."""
 
 
+AT_HOME = 0.002
+"""A reference that is no further from home is there [m]."""
+
+
 class Loss(StrEnum):
     """How a piece came not to be carried."""
 
@@ -64,6 +69,12 @@ class CarryFailed(Exception):
     def __init__(self, loss: Loss, transfer: Transfer, done: int, inventory: Inventory, sentence: str) -> None:
         super().__init__(sentence)
         self.loss, self.transfer, self.done, self.inventory = loss, transfer, done, inventory
+
+
+class BoardTouched(Exception):
+    """A hand was over the board after it was looked at, and before the arm began anything: what was planned may be no
+    longer so. The arm is where it was, and may move.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +126,7 @@ class Carrier:
         inventory: Inventory,
         begun: Begun | None = None,
         letting_go: Callable[[], None] | None = None,
+        undisturbed: Callable[[], bool] = lambda: True,
     ) -> Carried:
         """Do a job, or what is left of one that was broken off, from wherever the arm is; home at its end.
 
@@ -126,8 +138,10 @@ class Carrier:
             inventory: what stood where before the whole job.
             begun: how far another program was; None: nothing was begun.
             letting_go: called when the arm lets go of the last piece.
+            undisturbed: whether no hand was over the board since it was looked at; asked before anything is begun.
 
         Raises:
+            BoardTouched: one was.
             CarryFailed: a piece was not gripped or was lost on its way; the arm is home.
             UserError: the computer was late too often; or as the planner.
         """
@@ -140,7 +154,7 @@ class Carrier:
                 if self._step is not None:
                     progress = self._progress(job, state, inventory)
                     self._face.phase(_explain(job, progress))
-                self._interlock()
+                self._interlock(undisturbed if self._step is None else None)
                 planned, done = self._rest(job, state, inventory, progress, letting_go)
                 return Carried(planned, done, resumed)
             except (GraspFailed, NothingTouched, PieceLost, PieceSlipped) as failure:
@@ -156,18 +170,22 @@ class Carrier:
             state = self._devices.arm.settle()
             resumed = resumed or self._step is not None
 
-    def stand_up(self, one: Strayed, strays: Sequence[Strayed], stands: Inventory) -> float | None:
+    def stand_up(
+        self, one: Strayed, strays: Sequence[Strayed], stands: Inventory, undisturbed: Callable[[], bool]
+    ) -> float | None:
         """Stand a piece up where it lies; home at its end.
 
         Args:
             one: the piece.
             strays: all that lie or stand elsewhere.
             stands: what should stand where.
+            undisturbed: whether no hand was over the board since it was looked at.
 
         Returns:
             How long it took [s]; None: the arm had to stop on the way, and is home.
 
         Raises:
+            BoardTouched: one was.
             PlanRefused: something is in the way; ``InTheWay`` says which piece.
         """
         from app.righting import plan_righting
@@ -178,25 +196,33 @@ class Carrier:
         )
         self._step = None
         try:
-            self._interlock()
+            self._interlock(undisturbed)
             return arm.execute(plan).duration
         except (ArmPaused, GraspFailed, NothingTouched, TouchedElsewhere) as stop:
             self._face.phase(str(stop))
             self._go_home(stands, None, touching=isinstance(stop, TouchedElsewhere))
             return None
 
-    def push_aside(self, blocked: Sequence[Blocked], strays: Sequence[Strayed], stands: Inventory) -> str:
+    def push_aside(
+        self,
+        blocked: Sequence[Blocked],
+        strays: Sequence[Strayed],
+        stands: Inventory,
+        undisturbed: Callable[[], bool],
+        begin: Callable[[str], None],
+    ) -> None:
         """Push one of two pieces that are in each other's way; home at its end.
 
         Args:
             blocked: which the arm cannot take or stand up, and because of which.
             strays: all that lie or stand elsewhere.
             stands: what should stand where.
-
-        Returns:
-            The name of the piece that was pushed; where it is, only eyes can tell.
+            undisturbed: whether no hand was over the board since it was looked at.
+            begin: called with the name of the piece that is pushed, before it is; where it comes to be, only eyes can
+                tell.
 
         Raises:
+            BoardTouched: one was.
             PlanRefused: no push helps.
         """
         from app.righting import plan_pushing
@@ -207,12 +233,25 @@ class Carrier:
         )
         self._step = None
         try:
-            self._interlock()
+            self._interlock(undisturbed)
+            begin(nudge.name)
             arm.execute(plan)
         except ArmPaused as stop:
             self._face.phase(str(stop))
             self._go_home(stands, None)
-        return nudge.name
+
+    def bring_home(self, inventory: Inventory) -> None:
+        """Where the arm is not at home, as another program has left it: straight up and home, the fingers as they are.
+
+        Args:
+            inventory: what stands where.
+
+        Raises:
+            UserError: it cannot go there.
+        """
+        state = self._devices.arm.settle()
+        if math.dist(state.reference, self._motion.home) > AT_HOME:
+            self._go_home(inventory, None)
 
     def way_for(self, blocks: str, strays: Sequence[Strayed], stands: Inventory) -> Transfer:
         """Where a piece may go that is in the way of the fingers.
@@ -248,7 +287,8 @@ class Carrier:
         done = 0 if progress is None else progress.done
         now = _after(inventory, job, done)
         if rest := job.transfers[done:]:
-            strays = [one for one in job.strays if one.piece.name not in {transfer.name for transfer in rest}]
+            # what was carried already is no longer where it was seen
+            strays = [one for one in job.strays if one.piece.name not in {each.name for each in job.transfers}]
             strayed = {one.piece.name for one in strays}
             now = Inventory.of((piece for piece in now if piece.name not in strayed), now.table)
             plan = plan_ply(
@@ -326,10 +366,13 @@ class Carrier:
         if isinstance(pause, ArmHeld) and (self._devices.guard is None or not self._devices.guard.holding):
             raise pause
 
-    def _interlock(self) -> None:
-        """No motion over the board while a hand is there."""
+    def _interlock(self, undisturbed: Callable[[], bool] | None = None) -> None:
+        """No motion over the board while a hand is there; nor, where it matters, after one that has come since."""
         if self._devices.guard is not None:
             self._devices.guard.clear()
+        if undisturbed is not None and not undisturbed():
+            self._face.phase("a hand was over the board: looking again")
+            raise BoardTouched
 
 
 def _after(inventory: Inventory, job: Job, done: int) -> Inventory:

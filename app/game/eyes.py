@@ -104,6 +104,8 @@ class Eyes:
         self._likeness: dict[int, tuple[str, float]] = {}
         """Of pieces when the board was last as it should be, by square: name, and how well it looked like itself."""
         self._doubted: frozenset[int] = frozenset()
+        self._arrivals: int | None = None
+        """So often a hand had come when the newest frame was asked for; None: one was there, as it did not go."""
         self._strayed: dict[str, tuple[float, float]] = {}
         """Where pieces were that did not stand where they should, by name, since the board was last right [m]."""
 
@@ -136,13 +138,14 @@ class Eyes:
         return self._observer
 
     def frame(self) -> Frame:
-        """A frame exposed from now on, the arm being at rest, and, where somebody watches, no hand over the board.
+        """A frame exposed from now on, the arm being at rest, and, where somebody watches, no hand over the board; if
+        one does not go for long, with it: see ``undisturbed``.
 
         Raises:
             HardwareError: the camera gives none.
         """
         if self._guard is not None:
-            self._guard.wait_for_sight()
+            self._arrivals = self._guard.arrivals if self._guard.wait_for_sight() else None
         self._arm.state()  # in pace fast: once plant time stands, so that the exposure's tick is decided
         since = self._clock.now()
         while True:
@@ -153,6 +156,12 @@ class Eyes:
             if self._clock.now() > since + PATIENCE:
                 raise HardwareError(f"the camera gave no new picture within {PATIENCE:.0f} s: see to its cable")
             self._clock.sleep(0.01)
+
+    def undisturbed(self) -> bool:
+        """Whether no hand was over the board since the newest frame was asked for: what it shows is still so."""
+        if self._guard is None or self._last is None:
+            return True
+        return self._arrivals is not None and self._guard.arrivals == self._arrivals
 
     def verify(self, stands: Inventory) -> Verification:
         """Whether the board is as it should be, in a new frame.

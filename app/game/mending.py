@@ -18,7 +18,7 @@ import numpy as np
 
 from app import UserError
 from app.faces import Face
-from app.game.carrier import Carrier, CarryFailed
+from app.game.carrier import BoardTouched, Carrier, CarryFailed
 from app.game.eyes import Eyes
 from app.game.state import Job, changed, moved_all
 from app.game.unaided import Fallen, unaided, with_missing
@@ -148,14 +148,13 @@ class Mender:
             if step is None:
                 self._lost.clear()
                 return Mended(stands, rounds, duration)
-            self._strewn = step.strays if isinstance(step, Fallen) else ()
             if isinstance(step, Fallen):
                 stands, took, step = self._stand_up(step, stands, faults)
                 duration += took
-            rounds = _next_round(rounds, faults)
+            rounds, counted = _next_round(rounds, faults), True
             while isinstance(step, Repair):
-                rounds = _next_round(rounds, faults) if step.transfers else rounds
                 if step.transfers:
+                    rounds, counted = (rounds if counted else _next_round(rounds, faults)), False
                     before = stands
                     stands, took, step = self._carry(step, faults)
                     stands, duration = with_missing(stands, before, wanted), duration + took
@@ -179,12 +178,14 @@ class Mender:
         missing = {square_place(fault.square) for fault in found.faults if fault.kind in _GONE}
         missing |= {place for name in self._lost | self._handled if (place := stands.find(name).place).in_tray}
         alone = unaided(missing, stands, wanted, strays, self._handled, people=board is not None)
+        self._strewn = alone.strays if isinstance(alone, Fallen) else () if alone is None else tuple(strays())
         if not found.faults:
             rest = rearrange(stands, wanted)
             return (), alone or (Repair(stands, rest, "the arm goes on") if rest else None)
         step = mend(stands, found.sighting, board)
         if isinstance(alone, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
             return found.faults, alone or step
+        self._strewn = ()
         places = {**found.sighting.places, **self._places(stands, step.believed, strays)}
         lost = [name for name, place in changed(stands, step.believed).items() if place.index not in places]
         if lost:  # the fingers would run into it
@@ -228,8 +229,11 @@ class Mender:
                 continue
             self._face.say(f"{sentence}: the arm stands it up")
             self._record.found(stands, sentence, now)
+            self.eyes.forget_likeness()
             try:
-                took = self._carrier.stand_up(one, step.strays, stands)
+                took = self._carrier.stand_up(one, step.strays, stands, self.eyes.undisturbed)
+            except BoardTouched:
+                return stands, 0.0, None
             except PlanRefused as refused:
                 refusals.append((one.piece.name, f"{sentence}, and {refused}: stand it on {one.target}", refused))
                 continue
@@ -284,23 +288,28 @@ class Mender:
         return None
 
     def _push(self, pairs: Sequence[Blocked], strays: Sequence[Strayed], stands: Inventory) -> bool:
-        """Whether one of two pieces that are in each other's way was pushed aside."""
+        """Whether one of two pieces that are in each other's way was pushed aside, or the board wants another look."""
         pairs = [pair for pair in pairs if max(self._pushed[pair.name], self._pushed[pair.by]) < MOST_PUSHES]
         if not pairs:
             return False
-        sentence = (
-            f"the {pairs[0].by} and the {pairs[0].name} are in each other's way: the arm pushes one of them aside"
-        )
-        self._face.say(sentence)
-        self._record.found(stands, sentence, self._clock.now())
+
+        def begin(name: str) -> None:
+            pair = next(pair for pair in pairs if name in (pair.name, pair.by))
+            one, other = (_called(stands, each) for each in (pair.by, pair.name))
+            sentence = f"{one} and {other} are in each other's way: the arm pushes {_called(stands, name)} aside"
+            self._face.say(sentence)
+            self._record.found(stands, sentence, self._clock.now())
+            self._handled.add(name)
+            self._pushed[name] += 1
+
         self.eyes.forget_likeness()
         try:
-            pushed = self._carrier.push_aside(pairs, strays, stands)
+            self._carrier.push_aside(pairs, strays, stands, self.eyes.undisturbed, begin)
         except PlanRefused as refused:
             self._face.phase(str(refused))
             return False
-        self._handled.add(pushed)
-        self._pushed[pushed] += 1
+        except BoardTouched:
+            pass  # what to do about it, the next look tells
         return True
 
     def _carry(self, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float, Repair | Ask | None]:
@@ -311,11 +320,14 @@ class Mender:
         for fault in faults:
             self._record.trouble(fault.kind.value, (str(square_place(fault.square)),), fault.sentence, "arm", now)
         self._face.say(f"{_sentence(faults)}: {step.sentence}" if faults else step.sentence)
-        self._record.found(step.believed, _sentence(faults) or "a piece was not carried", now)
+        self._record.found(step.believed, _sentence(faults) or "not all is carried yet", now)
         self._record.task(Purpose.REPAIR, label, step.transfers, now)
         self.eyes.forget_likeness()
         try:
-            carried = self._carrier.carry(Job(label, step.transfers, strays=self._strewn), step.believed)
+            job = Job(label, step.transfers, strays=self._strewn)
+            carried = self._carrier.carry(job, step.believed, undisturbed=self.eyes.undisturbed)
+        except BoardTouched:
+            return step.believed, 0.0, None
         except CarryFailed as failure:
             self.note_loss(failure)
             return failure.inventory, 0.0, None
@@ -364,6 +376,12 @@ def _next_round(rounds: int, faults: Sequence[Fault]) -> int:
             "then go on with 'touchmove resume'"
         )
     return rounds + 1
+
+
+def _called(stands: Inventory, name: str) -> str:
+    """A piece as people would say it."""
+    piece = stands.find(name)
+    return f"the {piece.colour} {piece.kind} of {piece.place}"
 
 
 def _is_free(transfer: Transfer, stands: Inventory) -> bool:

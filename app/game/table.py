@@ -16,7 +16,7 @@ import chess.engine
 
 from app import UserError
 from app.faces import Face
-from app.game.carrier import Begun, Carried, Carrier, CarryFailed
+from app.game.carrier import Begun, BoardTouched, Carried, Carrier, CarryFailed
 from app.game.state import FRAME_AGE, Devices, Job, Position, changed, moved_all
 from app.judging import Verdict, judge
 from app.layout import colour_of
@@ -197,11 +197,13 @@ class Table:
 
     def _finish(self) -> bool:
         unfinished, self._unfinished = self._unfinished, None
+        begun = None
+        if unfinished is not None and unfinished.transfer is not None and unfinished.stage is not None:
+            begun = Begun(unfinished.transfer, unfinished.stage)
+        if begun is None:  # it may have been left where it stood a piece up, or pushed one
+            self._carrier.bring_home(self.inventory)
         if unfinished is None:
             return True
-        begun = None
-        if unfinished.transfer is not None and unfinished.stage is not None:
-            begun = Begun(unfinished.transfer, unfinished.stage)
         if unfinished.repair is not None:
             return self._finish_repair(unfinished, begun)
         if unfinished.uci is not None:
@@ -299,7 +301,10 @@ class Table:
         outcome, stands = PlyOutcome(real=0.0), wanted
         if job.transfers:
             try:
-                outcome = _outcome(self._carrier.carry(job, self.inventory, begun, letting_go))
+                undisturbed = (lambda: True) if self.eyes is None else self.eyes.undisturbed
+                outcome = _outcome(self._carrier.carry(job, self.inventory, begun, letting_go, undisturbed))
+            except BoardTouched:
+                stands = self.inventory  # as far as is known: the mender looks first, then carries
             except CarryFailed as failure:
                 if self._mender is None:
                     raise UserError(str(failure)) from failure

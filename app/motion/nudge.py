@@ -170,11 +170,14 @@ def _ways(bodies: dict[str, Vector], name: str, direction: float, table: TableSe
     """How far a piece may be pushed: on the table, and coming near to no other that it is not leaving."""
     body, unit = bodies[name], _unit(direction)
     rest = [other for one, other in bodies.items() if one != name]
-    most_x, most_y = table.half_width, 4.0 * table.square + _EDGE
+    # up to the table's edge, or the inner walls of boxes
+    walls = [abs(box.x) - box.half_x - box.wall - _MARGIN for box in table.boxes()]
+    most_x, most_y = min([table.half_width, *walls]), 4.0 * table.square + _EDGE
     at_first = [_apart(body, other) for other in rest]
     for way in np.arange(_FIRST, _LAST, _STEP).tolist():
         moved = body + np.append(way * unit, 0.0)
-        if (np.abs(moved[:, 0]) > most_x).any() or (np.abs(moved[:, 1]) > most_y).any():
+        aside = moved[:, 2] if walls else 0.0
+        if (np.abs(moved[:, 0]) + aside > most_x).any() or (np.abs(moved[:, 1]) > most_y).any():
             return
         for other, first in zip(rest, at_first, strict=True):
             nearest = min(_apart(body + np.append(s * unit, 0.0), other) for s in np.linspace(0.0, way, _SAMPLES))
@@ -224,7 +227,21 @@ def _is_free(nudge: Nudge, others: Crowd, pads: Pads) -> bool:
     ahead, wide = reach(pads, unit), reach(pads, np.array([-unit[1], unit[0]]))
     x, y = (np.array(nudge.begin) - ahead * unit).tolist()
     strip = Strip((x, y), unit, 2.0 * ahead + math.dist(nudge.begin, nudge.end), wide, max(0.0, nudge.tips - _MARGIN))
-    return in_the_strip([strip], others, _MARGIN) is None
+    return in_the_strip([strip], others, _MARGIN) is None and not _meets_boxes(strip, others)
+
+
+def _meets_boxes(strip: Strip, others: Crowd) -> bool:
+    """Whether a strip comes near to a box: as no axis of either parts them."""
+    across = np.array([-strip.along[1], strip.along[0]])
+    middle = np.array(strip.start) + 0.5 * strip.length * strip.along
+    for x, y, half_x, half_y, _ in others.boxes.tolist():
+        axes = np.array([[1.0, 0.0], [0.0, 1.0], strip.along, across])
+        apart = np.abs(axes @ (middle - (x, y)))
+        strips = np.abs(axes @ strip.along) * 0.5 * strip.length + np.abs(axes @ across) * strip.half_width
+        boxes = np.abs(axes) @ np.array([half_x, half_y])
+        if (apart < strips + boxes + _MARGIN).all():
+            return True
+    return False
 
 
 def _pushed(scene: Strewn, nudge: Nudge, way: float) -> Strewn:

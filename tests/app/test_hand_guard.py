@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from app.arm_view import ArmHistory
+from app.game.hand_notice import HandNotice
+from app.guarding import GameGuard
 from app.hand_guard import ArmMasks, Blind, HandGuard
 from app.watch_view import nominal_view
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics
@@ -258,3 +260,52 @@ def test_frames_of_depth_alone_hold_the_arm_but_clear_nothing(
     frames.put(FREE, 12)
     waiter.join(20.0)
     assert controller.asked == ["hold", "resume"]
+
+
+@pytest.fixture
+def armless(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No arm is before the table, and no telemetry is waited for."""
+    monkeypatch.setattr("app.guarding.ArmMasks", lambda *_: Masks())
+
+
+@pytest.mark.usefixtures("armless")
+def test_a_hand_that_is_there_while_the_board_is_found_anew_is_not_forgotten(controller: Controller) -> None:
+    """It may go before the new guard's first frame; the first look after that is due then."""
+    first, second = Frames(), Frames()
+    waiting = [first, second]
+    guard = GameGuard(lambda: waiting.pop(0), controller, (load_parameters(), TableSettings(), ArmHistory(0.001)))
+    notice = HandNotice(guard)
+    with guard:
+        guard.look(VIEW)
+        first.put(FREE, 10)
+        first.put(HAND, 3)
+        until(lambda: (seen := guard.glance()) is not None and seen.stamp > 0.42)
+        assert guard.arrivals == 1
+        assert (guard.departures, guard.gone_at) == (0, None)
+        assert not notice.untold
+        guard.look(VIEW)
+        second.put(FREE, 10)
+        until(lambda: (seen := guard.glance()) is not None and seen.settled)
+        assert guard.arrivals == guard.departures == 1
+        assert notice.untold
+        assert notice.gone() == pytest.approx(13.0 / 30.0)
+        assert notice.gone() is None
+
+
+@pytest.mark.usefixtures("armless")
+def test_sight_is_waited_for_and_a_hand_that_stays_is_told_of(
+    controller: Controller, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.guarding.SIGHT_PATIENCE", 0.2)
+    frames = Frames()
+    guard = GameGuard(lambda: frames, controller, (load_parameters(), TableSettings(), ArmHistory(0.001)))
+    with guard:
+        guard.look(VIEW)
+        frames.put(FREE, 10)
+        until(lambda: (seen := guard.glance()) is not None and seen.settled)
+        assert guard.wait_for_sight()
+        frames.put(HAND, 3)
+        until(lambda: guard.arrivals == 1)
+        assert not guard.wait_for_sight()
+        frames.put(FREE, 3)
+        until(guard.wait_for_sight)

@@ -18,9 +18,9 @@ from app import UserError
 from app.arm import Outcome
 from app.board_rig import BoardRig
 from app.faces import Quiet
-from app.game.carrier import Carried, CarryFailed, Loss
+from app.game.carrier import BoardTouched, Carried, CarryFailed, Loss
 from app.game.eyes import Verification
-from app.game.mending import Mender
+from app.game.mending import MOST_ROUNDS, Mender
 from app.game.person import NeedsHand, UnattendedAsker
 from app.game.state import Devices, Job, Position
 from app.game.table import Table
@@ -65,13 +65,18 @@ class Paper:
         self.asked: list[str] = []
         self.answer: chess.Move | None = None
         """A person makes it while the arm goes home."""
+        self.visits: list[tuple[str, Place | None]] = []
+        """So often a hand comes before the arm begins: which piece it puts where."""
 
     # an arm
 
     untouched = True
 
-    def carry(self, job: Job, inventory: Inventory, begun: Any = None, letting_go: Any = None) -> Carried:
+    def carry(
+        self, job: Job, inventory: Inventory, begun: Any = None, letting_go: Any = None, undisturbed: Any = None
+    ) -> Carried:
         done = inventory
+        self.visit()
         if self.crowded is not None and [one.name for one in job.transfers] != [self.crowded]:
             piece, self.crowded = inventory.find(self.crowded), None
             raise InTheWay("the fingers would touch it", Standing.at(piece.name, piece.place, piece.kind, TABLE))
@@ -105,7 +110,13 @@ class Paper:
             rest.append(PieceSpec(piece.name, piece.kind, piece.colour, place))
         self.truth = Inventory.of(rest, TABLE)
 
-    def stand_up(self, one: Strayed, strays: Any, stands: Inventory) -> float | None:
+    def visit(self) -> None:
+        if self.visits:
+            self.put(*self.visits.pop(0))
+            raise BoardTouched
+
+    def stand_up(self, one: Strayed, strays: Any, stands: Inventory, undisturbed: Any) -> float | None:
+        self.visit()
         if self.in_the_way is not None and self.truth.find(self.in_the_way).place == stands.find(self.in_the_way).place:
             name, self.in_the_way = self.in_the_way, None
             piece = stands.find(name)
@@ -118,12 +129,13 @@ class Paper:
         self.stood_up += 1
         return 2.0
 
-    def push_aside(self, blocked: Any, strays: Any, stands: Inventory) -> str:
+    def push_aside(self, blocked: Any, strays: Any, stands: Inventory, undisturbed: Any, begin: Any) -> None:
         if self.immovable:
             raise PlanRefused("no push helps")
+        self.visit()
+        begin(blocked[0].by)
         self.pushed += 1
         self.hemmed_in = None
-        return str(blocked[0].by)
 
     def way_for(self, blocks: str, strays: Any, stands: Inventory) -> Transfer:
         if self.hemmed_in == blocks or self.immovable:
@@ -174,6 +186,9 @@ class Paper:
 
     def forget_likeness(self) -> None:
         pass
+
+    def undisturbed(self) -> bool:
+        return True
 
     def answered(self, board: chess.Board) -> bool:
         after = [board.copy(), *(board.copy() for _ in board.legal_moves)]
@@ -265,6 +280,34 @@ def test_where_two_pieces_are_in_each_others_way_one_is_pushed(tmp_path: Path, i
         assert table.arm_ply(chess.Move.from_uci("e2e4"))
     assert (paper.pushed, paper.stood_up, paper.asked) == (1, 1, [])
     assert same(paper.truth, table.inventory)
+
+
+@pytest.mark.parametrize("visits", [1, 3])
+def test_what_a_hand_does_before_the_arm_begins_is_seen_first(tmp_path: Path, visits: int) -> None:
+    """The ply is made all the same, once, and what the hand has moved is put back."""
+    table, paper, record = table_of(tmp_path / "game")
+    paper.visits = [("white-knight-b", Place.parse(square)) for square in ("c4", "c5", "c6")[:visits]]
+    with record:
+        assert table.arm_ply(chess.Move.from_uci("e2e4"))
+    assert not paper.visits
+    assert not paper.asked
+    assert same(paper.truth, table.inventory)
+    assert [move.uci() for move in table.board.move_stack] == ["e2e4"]
+    history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
+    assert same(history.inventory, paper.truth)
+    assert len(history.plies) == 1
+
+
+@pytest.mark.parametrize(("losses", "held"), [(MOST_ROUNDS, True), (MOST_ROUNDS + 1, False)])
+def test_the_arm_tries_as_often_as_it_says(tmp_path: Path, losses: int, held: bool) -> None:
+    table, paper, record = table_of(tmp_path / "game")
+    paper.losses = {number: Place.parse("e3" if number % 2 else "d3") for number in range(losses)}
+    with record:
+        if held:
+            assert table.arm_ply(chess.Move.from_uci("e2e4"))
+        else:
+            with pytest.raises(UserError, match=f"still not right after {MOST_ROUNDS} attempts"):
+                table.arm_ply(chess.Move.from_uci("e2e4"))
 
 
 CAPTURE = "4k3/8/8/3p4/4P3/8/8/4K3 w - - 0 1"

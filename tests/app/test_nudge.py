@@ -28,7 +28,7 @@ from hardware.parameters import load_parameters
 from hardware.sim.plant import Plant
 from hardware.sim.scene import build_model
 from hardware.sim.standing import StandingPiece
-from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from hardware.table import PIECE_SHAPES, Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.lying import Pose
 
 PARAMETERS, TABLE, SETTINGS = load_parameters(), TableSettings(), MotionSettings()
@@ -75,6 +75,28 @@ def test_rather_one_that_is_out_of_place_anyway_is_pushed() -> None:
         nudge = found(scene, "one", "other", kept=frozenset({kept}))
         assert nudge is not None
         assert nudge.name == pushed
+
+
+@pytest.mark.parametrize("outwards", [True, False])
+def test_a_push_beside_a_box_goes_neither_into_its_wall_nor_begins_there(outwards: bool) -> None:
+    table = TableSettings(captured=Captured.BOX)
+    place = Place("R", 5)
+    x, y = table.xy(place)
+    scene = Strewn((Standing("queen", place, x, y, Kind.QUEEN),))
+    wall = min(abs(box.x) - box.half_x - box.wall for box in table.boxes())
+    for least in (0.006, 0.012, 0.020, 0.030):
+
+        def helps(after: Strewn, least: float = least) -> bool:
+            return (after.standing[0].x - x) * (1.0 if outwards else -1.0) >= least
+
+        nudge = find_nudge(("queen",), scene, frozenset(), helps, PARAMETERS.pads, table)
+        if nudge is None:
+            continue
+        end = x + nudge.way * math.cos(nudge.direction)
+        unit = np.array([math.cos(nudge.direction), math.sin(nudge.direction)])
+        ahead = reach(PARAMETERS.pads, np.array([1.0, 0.0]))
+        assert end + PIECE_SHAPES[Kind.QUEEN].foot_radius < wall
+        assert max(nudge.begin[0], nudge.end[0]) + ahead < wall, f"the fingers touch the box on a way along {unit}"
 
 
 @settings(deadline=None, max_examples=60)

@@ -218,3 +218,50 @@ def test_crowded_falls_lie_as_they_are_said_to(studio: TableStudio) -> None:
         found = scene(studio, FEN, {square: pose}, seed=number)
         right += any(str(stray.place) == square and near(stray, pose) for stray in found)
     assert right >= 15
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("pawn", "knight"),
+    [
+        (Pose(0.0150, 0.0477, -1.7266), Pose(0.0102, 0.0773, -1.2556)),
+        (Pose(0.0448, -0.0594, 1.8665), Pose(0.0318, -0.0323, -0.2015)),
+        (Pose(0.0290, -0.0490, 0.0488), Pose(0.0580, -0.0414, 2.3332)),
+    ],
+)
+def test_of_two_that_lie_together_the_second_is_found_as_well_as_the_first(
+    studio: TableStudio, pawn: Pose, knight: Pose
+) -> None:
+    """What depth shows of the first one does not speak against the second."""
+    found = scene(studio, "4k3/8/8/3p4/4N3/8/8/4K3 w - - 0 1", {"d5": pawn, "e4": knight})
+    poses = {str(stray.place): stray for stray in found}
+    assert near(poses["d5"], pawn), poses["d5"]
+    assert near(poses["e4"], knight), poses["e4"]
+
+
+@pytest.mark.slow
+def test_what_stands_across_the_pictures_edge_does_not_lie(studio: TableStudio) -> None:
+    """A camera that sees the board alone, and cuts through what stands in a tray."""
+    board = chess.Board()
+    specs = start_layout(board, TABLE)
+    fallen = next(spec for spec in specs if str(spec.place) == "e2")
+    poses = [Put(spec.name, *TABLE.xy(spec.place)) for spec in specs if spec is not fallen]
+    frame = studio.frame([*poses, laid(fallen.name, fallen.kind, 0.02, -0.03, 1.0)], Looks(), 1)
+    whole = BoardView(frame.intrinsics, studio.camera_from_board(Looks().mount), TABLE)
+    edges = whole.project([(-0.16, -0.16, 0.0), (0.16, 0.16, 0.0)])[:, 0]
+    spares = [spec for spec in specs if spec.place.in_tray]
+    middle = float(whole.project([(*TABLE.xy(spares[0].place), 0.0)])[0, 0])
+    cuts = 8, round(abs(middle - edges.mean()) - 0.5 * float(np.ptp(edges)))
+    for beyond in cuts:
+        left, right = max(0, int(edges.min()) - beyond), int(edges.max()) + beyond
+        eye = replace(frame.intrinsics, width=right - left, cx=frame.intrinsics.cx - left)
+        assert frame.depth is not None
+        cut = replace(
+            frame,
+            colour=np.ascontiguousarray(frame.colour[:, left:right]),
+            depth=np.ascontiguousarray(frame.depth[:, left:right]),
+            intrinsics=eye,
+        )
+        view = BoardView(eye, whole.camera_from_board, TABLE)
+        strays = find_strays(cut, view, {spec.place: spec for spec in specs}, trays=True)
+        assert [str(stray.place) for stray in strays if stray.lies] == ["e2"]
