@@ -38,10 +38,11 @@ class GraspFailed(UserError):
 
 
 class PieceSlipped(UserError):
-    """A piece was carried, and was no longer in the fingers when they came to its place."""
+    """A piece was carried, and was lost on its way, or was no longer in the fingers when they came to its place."""
 
-    def __init__(self, motion: Motion) -> None:
-        super().__init__(f"{motion.label}: the fingers came there empty; where has the piece gone?")
+    def __init__(self, motion: Motion, *, on_its_way: bool = False) -> None:
+        how = "the piece slipped out of the fingers" if on_its_way else "the fingers came there empty"
+        super().__init__(f"{motion.label}: {how}; where has it gone?")
 
 
 class TouchedElsewhere(UserError):
@@ -188,6 +189,8 @@ class ControllerArm:
         except (MotionRefused, MotionStopped) as error:
             if error.cause in _LATE:
                 raise ArmPaused(str(error)) from error
+            if error.cause is Cause.GRIP_LOST:
+                raise PieceSlipped(motion, on_its_way=True) from error
             if error.cause in _HELD:
                 raise ArmHeld(str(error)) from error
             raise

@@ -47,6 +47,7 @@ class Cause(IntEnum):
     SHUTDOWN = 44
     UNKNOWN_EVENT = 45
     PARKED = 46
+    GRIP_LOST = 47
     # faults
     TRACKING = 60
     MODEL = 61
@@ -115,6 +116,8 @@ _SENTENCES: dict[Cause, str] = {
     Cause.UNKNOWN_EVENT: "event {word} is not foreseen in state {limit:.0f}: report this as a defect",
     Cause.PARKED: "nobody was connected for {value:.1f} s, at most {limit:.1f} s is accepted, so the arm is on its"
     " brakes: send enable",
+    Cause.GRIP_LOST: "a pad felt {value:.2f} N of what the fingers carried, at least {limit:.2f} N was to be felt:"
+    " look where it has gone",
     Cause.TRACKING: "the tool was {value:.4f} m from its reference along one axis, at most {limit:.4f} m is accepted:"
     " see what stands in its way, then send resume",
     Cause.MODEL: "the kinematics failed with status {value:.0f} (1 singular, 2 not converged, 3 unreachable):"

@@ -46,6 +46,7 @@ REACTIONS: dict[Cause, Reaction] = {
     Cause.SHUTDOWN: Reaction.STOP,
     Cause.UNKNOWN_EVENT: Reaction.STOP,
     Cause.PARKED: Reaction.STOP,
+    Cause.GRIP_LOST: Reaction.STOP,
     Cause.GRIP_FORCE: Reaction.LET_GO,
     Cause.TACTILE_OVERLOAD: Reaction.LET_GO,
     Cause.TRACKING: Reaction.YIELD,

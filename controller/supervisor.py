@@ -36,6 +36,8 @@ from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 _NO_TORQUE: Triple = (0.0, 0.0, 0.0)
 _ENABLED = int(DriveStatus.ENABLED)
 _NOTHING = Violation(Cause.NONE, 0.0, 0.0)
+_LOOSE_TICKS = 5
+"""A piece that swings in the fingers may leave a pad for less: 4.4 ms."""
 LET_GO_FORCE = 1.0
 """Fingers that let go open until neither feels more [N]."""
 
@@ -99,7 +101,7 @@ class Supervisor:
         self._protection = Protection(limits, period)
         self._acting: Triple | None = None
         self._given: Triple | None = None
-        self._guarding = False
+        self._guarding, self._loose = False, 0
         self._untouched = 0.0
         self._yielding = self._letting_go = 0
         self._lockstep = lockstep
@@ -205,6 +207,8 @@ class Supervisor:
             self._succeed(Result.GRIPPED)
         elif guard == Guard.TOUCH and self._touches(level):
             self._succeed(Result.TOUCHED)
+        elif guard == Guard.HELD and self._loses(min(right, left), level):
+            self.stop(Violation(Cause.GRIP_LOST, min(right, left), level))
         elif index == motion.length - 1:
             self._succeed(Result.DONE)
 
@@ -213,6 +217,11 @@ class Supervisor:
         if not self._guarding:
             self._guarding, self._untouched = True, self.force[2]
         return self._untouched - self.force[2] >= level
+
+    def _loses(self, felt: float, level: float) -> bool:
+        """Whether a pad has felt less than this for so long that nothing is held any more [N]."""
+        self._loose = self._loose + 1 if felt < level else 0
+        return self._loose >= _LOOSE_TICKS
 
     def _slow_down(self, tick: int) -> None:
         """Reference of this tick from the own stop, or none while yielding."""
@@ -350,7 +359,7 @@ class Supervisor:
             self._record(motion, Result.REFUSED, refusal)
             return
         self.motion.announce(motion, self.reference.position)
-        self.cause, self._guarding = _NOTHING, False
+        self.cause, self._guarding, self._loose = _NOTHING, False, 0
         self.peak_torque = self.peak_tactile = 0.0
         self._enter(Event.ANNOUNCED)
 

@@ -227,6 +227,8 @@ class Mender:
                 unable = PlanRefused(f"it could not be stood up in {MOST_TRIES} attempts")
                 refusals.append((one.piece.name, f"{sentence}, and {unable}: stand it on {one.target}", unable))
                 continue
+            if self._tried[one.piece.name] and (prop := _prop(one, step.strays)) is not None:
+                return stands, 0.0, Repair(stands, (prop,), f"the {prop.kind} that it may lean on goes first")
             self._face.say(f"{sentence}: the arm stands it up")
             self._record.found(stands, sentence, now)
             self.eyes.forget_likeness()
@@ -376,6 +378,19 @@ def _next_round(rounds: int, faults: Sequence[Fault]) -> int:
             "then go on with 'touchmove resume'"
         )
     return rounds + 1
+
+
+def _prop(one: Strayed, strays: Sequence[Strayed]) -> Transfer | None:
+    """To its place: what stands elsewhere, and is nearest to a piece that does not lie flat, as the arm has felt."""
+    near = [
+        (math.dist((one.pose.x, one.pose.y), (other.pose.x, other.pose.y)), other)
+        for other in strays
+        if not other.lies and other.piece.name != one.piece.name and not other.target.in_box
+    ]
+    distance, prop = min(near, key=lambda each: each[0], default=(math.inf, None))
+    if prop is None or distance > _CLOSE:
+        return None
+    return Transfer.of(prop.piece, prop.target, (prop.pose.x, prop.pose.y))
 
 
 def _called(stands: Inventory, name: str) -> str:

@@ -251,7 +251,7 @@ def _carry(cell: Workcell, transfer: Transfer, others: Crowd, point: Vector, *, 
     hop = Hop((x, y, height), (*there, end), low + settings.clearance, shape, closed, drops)
     return Route(
         *over(cell, hop, others), contact=(low, low), finger=closed, wait=settings.grip.settle,
-        soft_start=Softness.LASTS if fresh else Softness.STIFF, touches=not drops,
+        soft_start=Softness.LASTS if fresh else Softness.STIFF, touches=not drops, holds=True,
     )  # fmt: skip
 
 

@@ -43,6 +43,7 @@ class Route:
         soft_start: z1 yields at the start: it has, or begins to.
         touches: the way goes straight on below its end, slowly, until the tool touches.
         grips: the fingers close until they grip.
+        holds: a piece is in the fingers; the arm stops where it gets lost before the tool goes down to touch.
     """
 
     points: Vector
@@ -57,6 +58,7 @@ class Route:
     soft_start: Softness = Softness.STIFF
     touches: bool = False
     grips: bool = False
+    holds: bool = False
 
     def from_point(self, start: Vector) -> Route:
         """The same from another start (3,) [m]; the first line changes."""
@@ -95,6 +97,8 @@ def timed(route: Route, settings: MotionSettings, table: TableSettings, tick: fl
     whole = join(segments)
     finger_velocity, finger = _fingers(route, whole, ticks, settings, tick)
     samples = to_samples(whole, _gains(route, whole, settings, table, tick), finger_velocity)
+    if route.holds:
+        samples["guard"], samples["guard_level"] = Guard.HELD, settings.grip.held_force
     if route.touches:
         samples["guard"][moved:], samples["guard_level"][moved:] = Guard.TOUCH, settings.touch_force
     if route.grips:

@@ -71,6 +71,9 @@ class Grip(_Frozen):
     """[m/s]"""
     guard_force: PositiveFloat = 3.0
     """Both pads must feel this before a piece counts as gripped [N]."""
+    held_force: PositiveFloat = 0.5
+    """A pad that feels less on the way has lost the piece, and the arm stops: fingers that open by themselves, or what
+    has fallen, may be in its way [N]."""
     patience: PositiveFloat = 0.40
     """Beyond the time the fingers need for their way, a piece must be felt within this [s]."""
     settle: NonNegativeFloat = 0.030

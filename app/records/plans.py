@@ -47,6 +47,7 @@ class _Route(_Strict):
     soft_start: Softness
     touches: bool
     grips: bool
+    holds: bool = False
 
 
 class _Motion(_Strict):
@@ -140,6 +141,7 @@ def _route_data(route: Route) -> _Route:
         ),
         contact=route.contact, finger=route.finger, wait=route.wait, opens=route.opens, then=route.then,
         closes=route.closes, soft_start=route.soft_start, touches=route.touches, grips=route.grips,
+        holds=route.holds,
     )  # fmt: skip
 
 
@@ -163,7 +165,7 @@ def _route(data: _Route, index: int, arrays: Mapping[str, NDArray[Any]]) -> Rout
         raise ValueError(f"the way of motion {index} is not whole")
     return Route(
         points, tangents, bounds, data.contact, data.finger, data.wait, data.opens, data.then, data.closes,
-        data.soft_start, data.touches, data.grips,
+        data.soft_start, data.touches, data.grips, data.holds,
     )  # fmt: skip
 
 

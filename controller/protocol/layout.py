@@ -64,13 +64,15 @@ class MotionFlag(IntFlag):
 
 @unique
 class Guard(IntEnum):
-    """Condition that ends a motion with success at the sample that carries it."""
+    """Condition that ends a motion at the sample that carries it: with success, but for HELD."""
 
     NONE = 0
     GRIP = 1
     """Both tactile forces are at least ``guard_level``."""
     TOUCH = 2
     """The table pushes the tool up with ``guard_level`` more than when the guard began."""
+    HELD = 3
+    """Either tactile force was below ``guard_level`` for some ticks: what was carried is lost, and the arm stops."""
 
 
 @unique
@@ -181,7 +183,7 @@ SAMPLE_LAYOUT = Layout(
         Field("damping", "3f", "1/s", "k_v of each axis"),
         Field("tactile_gain", "f", "1/kg", "k*"),
         Field("finger_velocity", "f", "m/s", "of each finger, positive opening"),
-        Field("guard", "B", "", "0 none, 1 grip, 2 touch"),
+        Field("guard", "B", "", "0 none, 1 grip, 2 touch, 3 held"),
         Field("guard_level", "f", "N", "force that fires the guard"),
     ),
 )

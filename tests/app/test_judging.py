@@ -68,6 +68,34 @@ def test_one_wrong_piece_is_named(change, sentence):
     assert re.search(sentence, verdict.failures[0])
 
 
+def exchanged(*squares: int) -> Truth:
+    """Each of these stands where the next one should."""
+    pieces = [INVENTORY.at(square_place(square)) for square in squares]
+    changes = {}
+    for piece, other in zip(pieces, pieces[1:] + pieces[:1], strict=True):
+        assert piece is not None
+        assert other is not None
+        x, y = TABLE.xy(other.place)
+        changes[piece.name] = PiecePose(piece.name, x + 0.003, y, 0.0, 0.0)
+    return truth(**changes)
+
+
+def test_pieces_alike_may_have_changed_places():
+    for squares in ((chess.E2, chess.F2), (chess.B1, chess.G1), (chess.A7, chess.C7, chess.H7)):
+        verdict = judge(exchanged(*squares), INVENTORY)
+        assert verdict.ok
+        assert verdict.errors[INVENTORY.at(square_place(squares[0])).name] == pytest.approx(0.003)
+    for squares in ((chess.E2, chess.E7), (chess.B1, chess.C1), (chess.A2, chess.B2, chess.A1)):
+        assert not judge(exchanged(*squares), INVENTORY).ok
+
+
+def test_a_pawn_on_anothers_square_leaves_its_own_empty():
+    x, y = TABLE.xy(square_place(chess.E4))
+    verdict = judge(truth(**{PAWN: PiecePose(PAWN, x, y, 0.0, 0.0)}), INVENTORY)
+    assert len(verdict.failures) == 1
+    assert verdict.failures[0].startswith(f"{PAWN} is 80.0 mm from the centre of e2")
+
+
 def test_a_piece_that_should_not_be_there_or_is_missing_is_named():
     stranger = PiecePose("thimble", 0.0, 0.0, 0.0, 0.0)
     assert judge(truth(thimble=stranger), INVENTORY).failures == ("thimble is unknown to the game",)

@@ -65,6 +65,8 @@ class Paper:
         self.asked: list[str] = []
         self.answer: chess.Move | None = None
         """A person makes it while the arm goes home."""
+        self.prop: str | None = None
+        """This piece is off its place, and what lies leans on it."""
         self.visits: list[tuple[str, Place | None]] = []
         """So often a hand comes before the arm begins: which piece it puts where."""
 
@@ -109,6 +111,7 @@ class Paper:
             assert all(other.place != place for other in rest), f"{name} was put on {place}, where another piece stands"
             rest.append(PieceSpec(piece.name, piece.kind, piece.colour, place))
         self.truth = Inventory.of(rest, TABLE)
+        self.prop = None if self.prop == name else self.prop
 
     def visit(self) -> None:
         if self.visits:
@@ -124,6 +127,8 @@ class Paper:
         if self.hemmed_in is not None:
             piece = stands.find(self.hemmed_in)
             raise InTheWay("the rook is in the way", Standing.at(piece.name, piece.place, piece.kind, TABLE))
+        if self.prop is not None:
+            return None
         piece, place = self.lying.pop(one.piece.name)
         self.truth = Inventory.of([*self.truth, PieceSpec(piece.name, piece.kind, piece.colour, place)], TABLE)
         self.stood_up += 1
@@ -151,6 +156,10 @@ class Paper:
             for piece in self.truth
             if piece.place.in_tray and stands.find(piece.name).place != piece.place
         ]
+        if self.prop is not None:
+            leant_on = stands.find(self.prop)
+            x, y = TABLE.xy(leant_on.place)
+            beside.append(Strayed(leant_on, leant_on.place, Pose(x + 0.009, y)))
         return beside + [
             Strayed(stands.find(name), stands.find(name).place, Pose(*TABLE.xy(place), yaw=1.0))
             for name, (_, place) in self.lying.items()
@@ -279,6 +288,21 @@ def test_where_two_pieces_are_in_each_others_way_one_is_pushed(tmp_path: Path, i
             return
         assert table.arm_ply(chess.Move.from_uci("e2e4"))
     assert (paper.pushed, paper.stood_up, paper.asked) == (1, 1, [])
+    assert same(paper.truth, table.inventory)
+
+
+@pytest.mark.parametrize(("prop", "asked"), [("black-pawn-d", False), ("white-rook-h", True)])
+def test_what_a_piece_leans_on_goes_to_its_place_first(tmp_path: Path, prop: str, asked: bool) -> None:
+    """One that is far away does not: then, after some tries, a person is asked."""
+    table, paper, record = table_of(tmp_path / "game", "rnbqkbnr/ppp1pppp/8/3p4/8/8/PPPPPPPP/RNBQKBNR w KQkq - 0 1")
+    paper.falls[0], paper.prop = Place.parse("d4"), prop
+    with record:
+        if asked:
+            with pytest.raises(NeedsHand, match="could not be stood up in 3 attempts"):
+                table.arm_ply(chess.Move.from_uci("e2e4"))
+            return
+        assert table.arm_ply(chess.Move.from_uci("e2e4"))
+    assert (paper.stood_up, paper.asked) == (1, [])
     assert same(paper.truth, table.inventory)
 
 

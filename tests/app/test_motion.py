@@ -113,6 +113,8 @@ def test_the_touch_down_is_slow_soft_and_overshoots():
     assert foot[-1] == pytest.approx(-MOTION.touch_depth)
     assert foot[guarded][0] == pytest.approx(MOTION.touch_height, abs=1e-4)
     assert (carry["guard_level"][guarded] == np.float32(MOTION.touch_force)).all()
+    assert (carry["guard"][~guarded] == Guard.HELD).all(), "until then a piece that is lost stops the arm"
+    assert (carry["guard_level"][~guarded] == np.float32(MOTION.grip.held_force)).all()
     assert np.diff(np.flatnonzero(guarded)).max() == 1
     assert np.abs(carry["velocity"][guarded, 2]).max() <= MOTION.touch_speed * (1 + 1e-9)
     np.testing.assert_allclose(carry["stiffness"][guarded][-1], [4900.0, 4900.0, 400.0])

@@ -867,3 +867,31 @@ def test_a_parked_gripper_does_not_close_on_what_touches_it(rig: Rig) -> None:
     rig.run(20)
     assert rig.state is State.HOLD
     assert rig.bus.last.finger_velocity == 0.0
+
+
+@pytest.mark.parametrize("lost", [(0.0, 4.5), (4.5, 0.3), (0.0, 0.0)])
+def test_an_arm_whose_fingers_lose_what_they_carry_stops_and_may_go_on(
+    rig: Rig, line: Line, lost: tuple[float, float]
+) -> None:
+    samples = line(HOME, AWAY, 500)
+    samples["guard"], samples["guard_level"] = int(Guard.HELD), 0.5
+    rig.boot().begin(samples)
+    for _ in range(150):
+        feel(rig, tactile=(4.8, 4.7))
+    for _ in range(4):  # shorter than it takes
+        feel(rig, tactile=lost)
+    feel(rig, tactile=(0.6, 0.6))
+    assert rig.state is State.TRACK
+    for _ in range(4):
+        feel(rig, tactile=lost)
+    assert rig.state is State.TRACK
+    feel(rig, tactile=lost)
+    assert rig.state is State.STOPPING
+    assert rig.supervisor.cause.cause is Cause.GRIP_LOST
+    assert rig.supervisor.ended.result is Result.STOPPED
+    rig.run(114)
+    assert rig.state is State.HOLD
+    reference = tuple(rig.supervisor.reference.position)
+    rig.begin(line(reference, HOME, 400))  # type: ignore[arg-type]
+    rig.run(300)
+    assert rig.state is State.TRACK
