@@ -31,7 +31,7 @@ from app.repair import Ask, Repair, mend
 from app.repair.mending import SEEN_WITHIN, repair_towards
 from app.righting import Blocked, Strayed, in_order
 from hardware.interfaces import Clock
-from hardware.table import square_place
+from hardware.table import PIECE_SHAPES, square_place
 from vision.verify import Fault, FaultKind
 
 MOST_ROUNDS: Final = 40
@@ -43,6 +43,8 @@ MOST_PUSHES: Final = 6
 """Of one piece."""
 _CLOSE: Final = 0.065
 """Pieces that stand so near to where no push helps make way, one after the other [m]."""
+_LEANS: Final = 0.005
+"""A piece no further from another may lean on it [m]."""
 MOST_TRIES: Final = 3
 """To stand one piece up."""
 FRESH: Final = 0.5
@@ -227,8 +229,8 @@ class Mender:
                 unable = PlanRefused(f"it could not be stood up in {MOST_TRIES} attempts")
                 refusals.append((one.piece.name, f"{sentence}, and {unable}: stand it on {one.target}", unable))
                 continue
-            if self._tried[one.piece.name] and (prop := _prop(one, step.strays)) is not None:
-                return stands, 0.0, Repair(stands, (prop,), f"the {prop.kind} that it may lean on goes first")
+            if self._tried[one.piece.name] and (away := self._take_prop(one, step.strays, stands)) is not None:
+                return stands, 0.0, away
             self._face.say(f"{sentence}: the arm stands it up")
             self._record.found(stands, sentence, now)
             self.eyes.forget_likeness()
@@ -246,6 +248,22 @@ class Mender:
             self._record.trouble(FaultKind.FALLEN.value, (str(one.target),), sentence, "arm", now)
             return stands, took, None
         return stands, 0.0, self._make_way(refusals, step, stands, faults)
+
+    def _take_prop(self, one: Strayed, strays: Sequence[Strayed], stands: Inventory) -> Repair | None:
+        """What a piece leans on, so that it could not be stood up, goes to its place, or out of the way for now."""
+        name = _leant_on(one, strays, stands)
+        stray = next((each for each in strays if each.piece.name == name and not each.lies), None)
+        if name is None:
+            return None
+        try:
+            transfer = (
+                self._carrier.way_for(name, strays, stands)
+                if stray is None
+                else Transfer.of(stray.piece, stray.target, (stray.pose.x, stray.pose.y))
+            )
+        except PlanRefused:
+            return None
+        return Repair(stands, (transfer,), f"{_called(stands, name)}, on which it leans, goes first")
 
     def _make_way(
         self, refusals: Sequence[tuple[str, str, PlanRefused]], step: Fallen, stands: Inventory, faults: Sequence[Fault]
@@ -380,17 +398,22 @@ def _next_round(rounds: int, faults: Sequence[Fault]) -> int:
     return rounds + 1
 
 
-def _prop(one: Strayed, strays: Sequence[Strayed]) -> Transfer | None:
-    """To its place: what stands elsewhere, and is nearest to a piece that does not lie flat, as the arm has felt."""
-    near = [
-        (math.dist((one.pose.x, one.pose.y), (other.pose.x, other.pose.y)), other)
-        for other in strays
-        if not other.lies and other.piece.name != one.piece.name and not other.target.in_box
-    ]
-    distance, prop = min(near, key=lambda each: each[0], default=(math.inf, None))
-    if prop is None or distance > _CLOSE:
-        return None
-    return Transfer.of(prop.piece, prop.target, (prop.pose.x, prop.pose.y))
+def _leant_on(one: Strayed, strays: Sequence[Strayed], stands: Inventory) -> str | None:
+    """The piece that is nearest to one which does not lie flat, as the arm has felt; None: nothing is so near."""
+    shape, yaw = PIECE_SHAPES[one.piece.kind], one.pose.yaw or 0.0
+    along = np.linspace(0.0, shape.height, 12)
+    axis = np.array([one.pose.x, one.pose.y]) + along[:, None] * np.array([math.cos(yaw), math.sin(yaw)])
+    radius = np.where(along <= shape.foot_height, shape.foot_radius, shape.stem_radius)
+    table, astray = stands.table, {each.piece.name: (each.pose.x, each.pose.y) for each in strays}
+    nearest, found = _LEANS, None
+    for piece in stands:
+        if piece.name == one.piece.name or piece.place.in_box:
+            continue
+        at = astray.get(piece.name, table.xy(piece.place))
+        gap = float((np.hypot(*(axis - at).T) - radius).min()) - PIECE_SHAPES[piece.kind].foot_radius
+        if gap < nearest:
+            nearest, found = gap, piece.name
+    return found
 
 
 def _called(stands: Inventory, name: str) -> str:

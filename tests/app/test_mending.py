@@ -65,6 +65,7 @@ class Paper:
         self.asked: list[str] = []
         self.answer: chess.Move | None = None
         """A person makes it while the arm goes home."""
+        self.prop_off = 0.025
         self.prop: str | None = None
         """This piece is off its place, and what lies leans on it."""
         self.visits: list[tuple[str, Place | None]] = []
@@ -159,7 +160,7 @@ class Paper:
         if self.prop is not None:
             leant_on = stands.find(self.prop)
             x, y = TABLE.xy(leant_on.place)
-            beside.append(Strayed(leant_on, leant_on.place, Pose(x + 0.009, y)))
+            beside.append(Strayed(leant_on, leant_on.place, Pose(x + 0.009, y - self.prop_off)))
         return beside + [
             Strayed(stands.find(name), stands.find(name).place, Pose(*TABLE.xy(place), yaw=1.0))
             for name, (_, place) in self.lying.items()
