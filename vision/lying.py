@@ -27,6 +27,10 @@ _CIRCLE: Final = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 """Of a ring."""
 _KNIGHT: Final = 0.75
 """Radius of a knight's head from wherever it is seen, in stem radii."""
+_AROUND: Final = 0.02
+"""Distances from a piece's surface are known up to so far from it [m] …"""
+_CELL: Final = 0.00025
+"""… in steps of this [m]."""
 _RESTS: Final = 0.92
 """A foot's rim is rounded: so far from the axis does it rest, in radii of the foot."""
 
@@ -47,14 +51,23 @@ class Pose:
 
 
 @lru_cache(maxsize=16)
-def _rings(kind: Kind) -> Array:
-    """Radius and height of rings, closest where the outline turns, (n, 2) [m]."""
+def _profile(kind: Kind) -> Array:
+    """Radius and height of the outline from the underside's rim to the axis, (n, 2) [m]; a rook's goes down again
+    between its battlements.
+    """
     profile, shape = np.array(piece_profile(kind)), PIECE_SHAPES[kind]
     if kind is Kind.KNIGHT:
         head = _KNIGHT * shape.stem_radius
         profile = np.vstack(
             [profile[:-1], [[head, profile[-1, 1]], [head, 0.94 * shape.height], [0.4 * head, shape.height]]]
         )
+    return profile
+
+
+@lru_cache(maxsize=16)
+def _rings(kind: Kind) -> Array:
+    """Radius and height of rings, closest where the outline turns, (n, 2) [m]."""
+    profile = _profile(kind)
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(profile, axis=0).T))])
     at = np.linspace(0.0, length[-1], _RINGS)
     return np.stack([np.interp(at, length, profile[:, 0]), np.interp(at, length, profile[:, 1])], axis=1)
@@ -78,15 +91,32 @@ def _axes(kind: Kind, pose: Pose) -> tuple[Array, Array]:
 def off_surface(points: NDArray[np.float32], kind: Kind, pose: Pose) -> Array:
     """How far points (n, 3) of the board frame are from the surface of a piece, whether within or without, (n,) [m]."""
     start, axes = _axes(kind, pose)
-    rings = _rings(kind)
+    table = _distances(kind)
     from_start = points - start
     along = from_start @ axes[2]
     across = np.sqrt(np.maximum((from_start**2).sum(axis=1) - along**2, 0.0))
-    radius = np.interp(along, rings[:, 1], rings[:, 0])
-    outwards, beyond = across - radius, np.maximum(-along, along - rings[-1, 1])
-    without = np.hypot(np.maximum(outwards, 0.0), np.maximum(beyond, 0.0))
-    off: Array = np.maximum(without, np.minimum(-outwards, -beyond))
+    row = np.clip(np.rint((along + _AROUND) / _CELL).astype(np.intp), 0, table.shape[0] - 1)
+    column = np.minimum(np.rint(across / _CELL).astype(np.intp), table.shape[1] - 1)
+    off: Array = table[row, column]
     return off
+
+
+@lru_cache(maxsize=16)
+def _distances(kind: Kind) -> Array:
+    """From the surface, by distance along the axis, from ``_AROUND`` before the underside on, and from it, a cell apart
+    [m].
+    """
+    profile = np.vstack([[0.0, 0.0], _profile(kind)])  # with the underside
+    high, wide = profile[:, 1].max() + 2.0 * _AROUND, profile[:, 0].max() + _AROUND
+    along, across = np.meshgrid(np.arange(0.0, high, _CELL) - _AROUND, np.arange(0.0, wide, _CELL), indexing="ij")
+    nearest = np.full(along.shape, np.inf)
+    for (r0, z0), (r1, z1) in pairwise(profile.tolist()):
+        length = (r1 - r0) ** 2 + (z1 - z0) ** 2
+        if length > 0.0:
+            share = np.clip(((across - r0) * (r1 - r0) + (along - z0) * (z1 - z0)) / length, 0.0, 1.0)
+            off = np.hypot(across - r0 - share * (r1 - r0), along - z0 - share * (z1 - z0))
+            nearest = np.minimum(nearest, off)
+    return nearest
 
 
 class Drawn(NamedTuple):

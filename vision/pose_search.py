@@ -65,10 +65,9 @@ _STAYED: Final = 150.0
 """Evidence that a piece is where it was before; …"""
 _STRAYED: Final = 0.06
 """… less and less of it up to so far from there [m]."""
-_AT_HOME: Final = 300.0
+_AT_HOME: Final = 100.0
 """Evidence that what stands no further from where a piece was than ``_NEAR_HOME`` [m] is that piece: pieces are shifted
-more often than another one comes to stand in their place. Knight and rook, which depth can hardly tell apart, were once
-told apart wrongly by a hundred."""
+more often than another one comes to stand in their place (assumed). Rook and knight differ by 100 to 200."""
 _NEAR_HOME: Final = 0.012
 _FLOOR: Final = 0.0005, 0.02
 """Nothing is known better than this: shapes are not exact [m, rad]."""

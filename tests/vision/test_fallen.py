@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 
 import chess
 import numpy as np
@@ -19,7 +20,7 @@ from hardware.sim.table_studio import TableStudio
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.board import BoardView
 from vision.fallen import find_strays
-from vision.lying import Pose, drawn
+from vision.lying import Pose, _profile, drawn, off_surface
 from vision.pose_search import Stray
 
 TABLE = TableSettings()
@@ -265,3 +266,37 @@ def test_what_stands_across_the_pictures_edge_does_not_lie(studio: TableStudio) 
         view = BoardView(eye, whole.camera_from_board, TABLE)
         strays = find_strays(cut, view, {spec.place: spec for spec in specs}, trays=True)
         assert [str(stray.place) for stray in strays if stray.lies] == ["e2"]
+
+
+@pytest.mark.parametrize("kind", list(Kind))
+def test_distances_from_a_pieces_surface_are_those_from_its_outline(kind: Kind) -> None:
+    """Also of a rook, whose outline goes down again between the battlements."""
+    pose = Pose(0.03, -0.02)
+    rows = np.array(_profile(kind))
+    share = np.linspace(0.0, 1.0, 5)[:, None]
+    on = np.concatenate([start + share * (end - start) for start, end in pairwise(rows)])
+    angle = np.linspace(0.0, 6.0, len(on))
+    points = np.stack([pose.x + on[:, 0] * np.cos(angle), pose.y + on[:, 0] * np.sin(angle), on[:, 1]], axis=1)
+    assert off_surface(points.astype(np.float32), kind, pose).max() < 0.0004
+    height, radius = rows[:, 1].max(), rows[:, 0].max()
+    above = np.array([[pose.x + rows[rows[:, 1].argmax(), 0], pose.y, height + 0.005]], dtype=np.float32)
+    aside = np.array([[pose.x, pose.y - radius - 0.004, rows[rows[:, 0].argmax(), 1]]], dtype=np.float32)
+    assert off_surface(above, kind, pose) == pytest.approx(0.005, abs=0.0004)
+    assert off_surface(aside, kind, pose) == pytest.approx(0.004, abs=0.0004)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("knight", "rook"),
+    [
+        (Pose(0.0885, 0.1374, 2.70), Pose(0.1214, 0.1445)),
+        (Pose(0.1189, 0.1740, 3.88), Pose(0.1470, 0.1386)),
+        (Pose(0.0887, 0.1377, 2.75), Pose(0.1177, 0.1470, 2.56)),
+        (Pose(0.1232, 0.1763), Pose(0.1470, 0.1386)),
+    ],
+)
+def test_a_knight_and_a_rook_are_told_apart(studio: TableStudio, knight: Pose, rook: Pose) -> None:
+    fen = "rnbqkbnr/pppp1ppp/8/4p3/4P3/8/PPPP1PPP/RNBQKBNR w KQkq - 0 1"
+    poses = {str(stray.place): stray for stray in scene(studio, fen, {"g8": knight, "h8": rook})}
+    assert near(poses["g8"], knight), poses["g8"]
+    assert near(poses["h8"], rook), poses["h8"]
