@@ -17,7 +17,7 @@ from app.motion import PROFILES, Profile
 from app.motion.path import blend
 from app.motion.route import timed
 from app.motion.time_law import Bounds, time_law
-from controller.protocol import Result
+from controller.protocol import Guard, Result
 from hardware.parameters import load_parameters
 from hardware.table import Kind, TableSettings
 
@@ -89,7 +89,7 @@ def test_a_square_at_another_height_than_the_others_is_touched_gently_and_surely
     x, y = TABLE.xy(ply.transfers[0].target)
     np.testing.assert_allclose(bed.positions()[ply.transfers[0].name], [x, y, 0.0], atol=3e-4)
     assert bed.cell.plant.truth(reset_peak=False).peak_contact_force < 10.0
-    guarded = np.flatnonzero(wrong.samples["guard"])[0] * PARAMETERS.drive.tick
+    guarded = np.flatnonzero(wrong.samples["guard"] == Guard.TOUCH)[0] * PARAMETERS.drive.tick
     touched = (ended[2].end_tick - ended[2].first_tick) * PARAMETERS.drive.tick - guarded
     assert touched == pytest.approx((DEFAULT.touch_height - higher) / DEFAULT.touch_speed, abs=0.03)
 

@@ -67,7 +67,7 @@ def test_plans_of_random_games_pass_the_controllers_protection(seed, board_at):
             assert check.end(rows[-1]) is None
             reference = rows[-1, :3]
             if motion.touches:  # wherever the board is
-                reference = rows[np.flatnonzero(motion.samples["guard"])[0] + board_at, :3]
+                reference = rows[np.flatnonzero(motion.samples["guard"] == Guard.TOUCH)[0] + board_at, :3]
         np.testing.assert_allclose(reference, HOME, atol=1e-12)
 
 

@@ -22,6 +22,7 @@ from app.motion import Motion, MotionSettings, Plan
 from app.motion.obstacles import closed_position
 from app.players import Decision, LinePlayer, Player, Players
 from app.records import GameRecord, GameSetup, PlyEvent, StepEvent, read_events
+from controller.protocol import Guard
 from hardware.parameters import load_parameters
 from hardware.table import Kind, TableSettings
 
@@ -64,7 +65,9 @@ class LateArm:
             late = motion.stage is self._at[0] and (self._always or not self.pauses)
             last = round(self._at[1] * (len(motion.samples) - 1)) if late else len(motion.samples) - 1
             if motion.touches and not late:
-                last = int(np.flatnonzero(motion.samples["guard"])[0]) + 120  # some mm below where the guard is on
+                last = (
+                    int(np.flatnonzero(motion.samples["guard"] == Guard.TOUCH)[0]) + 120
+                )  # some mm below where the guard is on
             self._follow(motion, last)
             if late:
                 self.pauses += 1

@@ -15,6 +15,7 @@ from app.manipulation import Inventory, InventoryError, Transfer
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
+from controller.protocol import Guard
 from hardware.parameters import load_parameters
 from hardware.sim.plant import Plant
 from hardware.sim.scene import build_model
@@ -68,7 +69,7 @@ def test_fingers_go_to_where_a_piece_was_seen_and_the_piece_to_the_centre(off: f
         assert transfer.seen is not None
         np.testing.assert_allclose(end(plan, 0), [*transfer.seen, grip], atol=1e-9)
         np.testing.assert_allclose(end(plan, 2)[:2], TABLE.xy(transfer.target), atol=1e-9)
-        guarded = plan.motions[2].samples["guard"] > 0
+        guarded = plan.motions[2].samples["guard"] == Guard.TOUCH
         assert (plan.motions[2].samples["velocity"][guarded][:-1, 2] > 0.0).all(), "down on to the board"
 
 

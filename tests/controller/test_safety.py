@@ -106,7 +106,7 @@ FAULTS: list[tuple[str, Any, Cause, str]] = [
     ("damping", (-0.1, 140.0, 140.0), Cause.DAMPING, "damping of -0.1 1/s was asked, 0 to 240 1/s are accepted"),
     ("tactile_gain", 11.0, Cause.TACTILE_GAIN, "tactile gain of 11 1/kg was asked, 0 to 10 1/kg are accepted"),
     ("finger_velocity", -0.13, Cause.FINGER_SPEED, "finger velocity of -0.130 m/s was asked, at most 0.120 m/s"),
-    ("guard", 3, Cause.GUARD, "guard 3 is not known, 0 to 2 are"),
+    ("guard", 4, Cause.GUARD, "guard 4 is not known, 0 to 3 are"),
 ]
 
 
