@@ -107,6 +107,10 @@ class HandScene:
         """Whether the arm follows a motion."""
         return bool(self.telemetry) and self.telemetry[-1].state is State.TRACK
 
+    def braked(self) -> bool:
+        """Whether the arm is on its brakes, for a person to look after."""
+        return bool(self.telemetry) and self.telemetry[-1].state is State.FAULT
+
     def at_rest_since(self) -> float | None:
         """When the arm's last motion ended [s]; None: it moves, or has not moved yet."""
         tick, moved = self.parameters.drive.tick, False

@@ -73,6 +73,9 @@ class Figures:
     missed: int = 0
     late: int = 0
     """Hands that came when the motion was over, on a busy machine: they count for nothing and come again."""
+    braked: int = 0
+    """Hands that went on through the arm at rest, and pushed it to the end of its range: it was on its brakes then, and
+    their world was left."""
     plies: int = 0
     false_stops: int = 0
 
@@ -99,15 +102,19 @@ def measure(entries: int, plies: int, progress: Callable[[str], None], seed: int
     """Measure with so many entries of a hand, and so many plies without one; see ``hand_rows``."""
     figures, rng = Figures(), random.Random(seed)
     try:
-        for first in range(0, entries, A_WORLD):
+        first = 0
+        while figures.hands < entries:
             person = HandSettings(side=rng.choice(list(Colour)), speed=rng.uniform(0.4, 1.2))
             with hand_scene(seed + first, person) as scene:
                 watch = Watch()
                 with scene.guard(watch=watch) as guard:
                     guard.clear()
-                while figures.hands < min(first + A_WORLD, entries):
+                most = min(figures.hands + A_WORLD, entries)
+                while figures.hands < most and not scene.braked():
                     _enter(scene, watch, rng, figures)
                     progress(f"{figures.hands} of {entries} hands: {_last(figures)}")
+                figures.braked += scene.braked()
+            first += A_WORLD
         world = 0
         while figures.plies < plies:  # a stop ends its world, so how many there are is not known beforehand
             with hand_scene(seed + 1000 + world, None) as scene:
@@ -129,6 +136,7 @@ def _rows(figures: Figures) -> dict[str, Row]:
         rows["hand_to_rest"] = row(figures.rest, "s", REST_LIMIT, "max")
         rows["hand_missed"] = row([figures.missed], "hands", 0.0, "max")
         rows["hand_touched_first"] = row([len(figures.yielded)], "hands")
+        rows["hand_pushed_to_brakes"] = row([figures.braked], "hands")
     if figures.yielded:
         rows["hand_to_give_way"] = row(figures.yielded, "s", REST_LIMIT, "max")
         rows["hand_force"] = row(figures.force, "N", FORCE_LIMIT, "max")
@@ -163,7 +171,8 @@ def _enter(scene: HandScene, watch: Watch, rng: random.Random, figures: Figures)
         guard.close()
         _note_stop(scene, figures, follower, stopped)
         hand.wait()
-        scene.rig.client.resume()
+        if not scene.braked():
+            scene.rig.client.resume()
 
 
 def _sweep(scene: HandScene, comer: threading.Thread) -> Cause:
