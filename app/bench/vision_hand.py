@@ -161,14 +161,17 @@ def _enter(scene: HandScene, watch: Watch, rng: random.Random, figures: Figures)
 
         def come() -> None:
             # plant time that ran for the hand already would keep a motion from beginning
-            until(scene.moving, "an arm that moves")
-            scene.rig.clock.sleep(delay)
-            hand.perform(hover, Withdraw())
+            until(lambda: scene.moving() or scene.braked(), "an arm that moves")
+            if not scene.braked():
+                scene.rig.clock.sleep(delay)
+                hand.perform(hover, Withdraw())
 
         comer = threading.Thread(target=come, name="comer")
         stopped = _sweep(scene, comer)
         comer.join()
         guard.close()
+        if stopped is Cause.NOT_HOLDING:  # the hand before this one had pushed it so far
+            return
         _note_stop(scene, figures, follower, stopped)
         hand.wait()
         if not scene.braked():
