@@ -21,6 +21,7 @@ from controller.settings import ControllerSettings
 from hardware.interfaces import ServoBus
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.hand_actions import HandSettings
+from hardware.sim.live_state import LIVE_FILE
 from hardware.sim.settings import FILE_NAME, WorldSettings, load_settings
 from hardware.sim.snapshot import STATE_FILE
 from hardware.sim.wire import world_pid
@@ -254,7 +255,8 @@ def _start_world(rig: RigFile) -> None:
         cameras=world.cameras, randomisation=world.randomisation, camera=world.camera, light=world.light,
         hand=None if world.person is None else HandSettings(side=world.person),
     )  # fmt: skip
-    (rig.run_dir / STATE_FILE).unlink(missing_ok=True)  # of a world before: nobody resumes a game from it here
+    for left in (STATE_FILE, LIVE_FILE):  # of a world before: nobody resumes a game from it here
+        (rig.run_dir / left).unlink(missing_ok=True)
     (rig.run_dir / FILE_NAME).write_text(settings.model_dump_json(), encoding="utf-8")
     process = spawn("world", rig.run_dir)
     threading.Thread(target=process.wait, daemon=True).start()  # it ends by itself: nothing of it is left then

@@ -60,10 +60,14 @@ def progress_of(
     if stage in (Stage.APPROACH, Stage.RETURN):
         return Progress(transfer, holding=False)
     holding = arm.felt >= FELT
+    carried = transfers[transfer]
+    if stage is Stage.RELEASE:
+        # what the fingers feel elsewhere is the next piece, around which they were closing already: it stands yet
+        held = holding and _over(carried, arm, table)
+        return Progress(transfer if held else transfer + 1, held)
     if stage is Stage.GRASP or holding:
         return Progress(transfer, holding)
-    carried = transfers[transfer]
-    if stage is Stage.RELEASE or _over(carried, arm, table):
+    if _over(carried, arm, table):
         return Progress(transfer + 1, holding=False)
     raise PieceLost(carried)
 

@@ -7,6 +7,7 @@ and sees to it that nothing is left running and the arm is at rest, however the 
 from __future__ import annotations
 
 import json
+import math
 import signal
 import subprocess
 import tempfile
@@ -32,6 +33,7 @@ from controller.settings import CONTROLLER_FILE
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.clients import SimCamera, SimClock
+from hardware.sim.live_state import LIVE_FILE
 from hardware.sim.referee import Referee
 from hardware.sim.settings import END_FILE, FILE_NAME, WorldSettings, load_settings
 from hardware.sim.snapshot import STATE_FILE
@@ -129,12 +131,12 @@ class SimRig:
         pid = world_pid(self._run_dir)
         if pid is not None and (world := adopt(pid, str(self._run_dir))) is not None:
             self._processes["world"] = world
-        elif (self._run_dir / STATE_FILE).exists():
+        elif any((self._run_dir / left).exists() for left in (STATE_FILE, LIVE_FILE)):
             progress("starting the simulated world from where it ended")
             self._spawn("world")
         else:
             raise RigFailed(
-                f"the simulated world in {self._run_dir} ended without leaving its last state, so that nobody knows "
+                f"the simulated world in {self._run_dir} has left no state, so that nobody knows "
                 "where the pieces are: start a new game"
             )
         if (controller := self._old_controller()) is not None:
@@ -226,7 +228,7 @@ class SimRig:
         """Stop the arm, brake, end every process; nothing is left running. A second call does nothing.
 
         Returns:
-            The world's last state, None where it could not say.
+            The world's last state, None where it left none.
         """
         if not self._open:
             return None
@@ -270,8 +272,8 @@ class SimRig:
 
     def _end_state(self) -> EndState | None:
         path = self._run_dir / END_FILE
-        if not path.exists():
-            return None
+        if not path.exists():  # it was killed: from what it kept it goes on as after a power cut
+            return EndState(False, math.nan) if (self._run_dir / LIVE_FILE).exists() else None
         summary = json.loads(path.read_text(encoding="utf-8"))
         return EndState(bool(summary["at_rest"] and summary["braked"]), float(summary["arm_speed"]))
 

@@ -12,12 +12,12 @@ from tests.conftest import Run
 
 
 @pytest.mark.slow
-def test_program_and_controller_are_killed_in_mid_move_and_the_game_goes_on() -> None:
+def test_program_controller_and_all_at_once_are_killed_in_mid_move_and_the_game_goes_on() -> None:
     said: list[str] = []
     report = measure_kills(1, "fast", said.append)
     assert {name for name, row in report.rows.items() if not row.holds} == set()
     assert report.rows["app_rest"].n == report.rows["controller_rest"].n == report.rows["jump"].n == 1
-    assert len(said) == 2
+    assert len(said) == 3, "and all at once"
 
 
 @pytest.mark.slow

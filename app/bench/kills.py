@@ -1,4 +1,4 @@
-"""Bench ``kills``: game program or controller killed at random moments of the arm's motion, and the game resumed.
+"""Bench ``kills``: game program, controller or all at once killed while the arm moves, and the game resumed.
 
 Nothing is spared: ``kill -9`` of a real process in the middle of a real game, from outside. Then ``touchmove resume``,
 as a person would type it, has to find out what was done of the ply and finish it.
@@ -39,6 +39,7 @@ from controller.watch import TelemetryWatch
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.referee import Referee
+from hardware.sim.wire import world_pid
 from hardware.table import TableSettings
 
 SEED: Final = 1
@@ -46,6 +47,10 @@ KILLS: Final = 50
 """Of each victim."""
 QUICK_KILLS: Final = 3
 VICTIMS: Final = ("app", "controller")
+EVERYTHING: Final = "everything"
+"""Program, controller and world at once, as when a computer loses its power …"""
+ONE_OF: Final = 5
+"""… once for so many kills of the program alone, at least once."""
 PLIES: Final = 8
 """Of one game, the last of them in peace; as many games as the kills need."""
 LATEST: Final = 1.6
@@ -76,11 +81,12 @@ class Figures:
     dropped: list[float] = field(default_factory=list)
     outside: list[float] = field(default_factory=list)
     wrong: list[float] = field(default_factory=list)
+    misrecorded: list[float] = field(default_factory=list)
     resumed: list[float] = field(default_factory=list)
 
 
 def kills_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
-    """Measure in pace fast; ``quick``: 3 kills of each instead of 50. See ``measure_kills``."""
+    """Measure in pace fast; ``quick``: 3 kills of each and 1 of all, instead of 50 and 10. See ``measure_kills``."""
     return measure_kills(QUICK_KILLS if quick else KILLS, "fast", progress)
 
 
@@ -88,7 +94,7 @@ def measure_kills(number: int, pace: str, progress: Callable[[str], None]) -> Be
     """Measure.
 
     Args:
-        number: kills of each victim.
+        number: kills of program and controller each; a fifth as many of all at once.
         pace: of the games.
         progress: told what is being done.
 
@@ -96,7 +102,8 @@ def measure_kills(number: int, pace: str, progress: Callable[[str], None]) -> Be
         UserError: a game did not start, or failed.
     """
     rng, figures = random.Random(SEED), Figures()
-    victims = [victim for _ in range(number) for victim in VICTIMS]
+    victims = [victim for _ in range(number) for victim in VICTIMS] + [EVERYTHING] * max(1, number // ONE_OF)
+    total = len(victims)
     rng.shuffle(victims)
     games = 0
     with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
@@ -105,7 +112,7 @@ def measure_kills(number: int, pace: str, progress: Callable[[str], None]) -> Be
             game = _Game(Path(folder) / f"game-{games}", _line(rng), pace, figures)
             with game:
                 try:
-                    game.play(victims, rng, lambda left: progress(f"{2 * number - left} of {2 * number} kills"))
+                    game.play(victims, rng, lambda left: progress(f"{total - left} of {total} kills"))
                 except HardwareError as error:
                     raise UserError(f"{error}; last words: {game.last_words()}") from error
     rows = _rows(figures)
@@ -121,6 +128,7 @@ def _rows(figures: Figures) -> dict[str, Row]:
         "dropped": row(figures.dropped, "", 0.0, "max"),
         "outside": row(figures.outside, "", 0.0, "max"),
         "wrong": row(figures.wrong, "", 0.0, "max"),
+        "misrecorded": row(figures.misrecorded, "", 0.0, "max"),
         "resumed": row(figures.resumed, "s"),
     }
 
@@ -151,7 +159,7 @@ class _Game:
     def __init__(self, folder: Path, line: str, pace: str, figures: Figures) -> None:
         self._folder, self._run_dir = folder, folder / "run"
         self._start = ["demo", "--out", str(folder), "--pace", pace, "--moves", line, "--no-cameras", "--linger", "60"]
-        self._figures = figures
+        self._figures, self._line = figures, line.split()
         self._app: subprocess.Popen[bytes] | None = None
         parameters = load_parameters()
         self._tick, self._limits = parameters.drive.tick, default_limits(parameters, TableSettings())
@@ -185,6 +193,7 @@ class _Game:
         self._figures.wrong.append(float(status != 0))
         if status != 0:
             raise UserError(f"a resumed game failed: {self.last_words()}")
+        self._figures.misrecorded.append(float(self._plies() != self._line))
 
     def _run(self, arguments: list[str]) -> None:
         self._begun = self._steps_in_record()
@@ -198,8 +207,11 @@ class _Game:
         events = self._folder / "events.jsonl"
         return events.read_text(encoding="utf-8").count("\n") if events.exists() else 0
 
-    def _plies_done(self) -> int:
-        return (self._folder / "events.jsonl").read_text(encoding="utf-8").count('"event":"ply"')
+    def _plies(self) -> list[str]:
+        """The moves in the record, none of which may be lost or doubled."""
+        lines = (self._folder / "events.jsonl").read_text(encoding="utf-8").splitlines()
+        events = [json.loads(line) for line in lines if '"event":"ply"' in line and line.endswith("}")]
+        return [event["uci"] for event in events]
 
     def _step_count(self) -> int:
         return self._steps_in_record() - self._begun
@@ -252,12 +264,12 @@ class _Game:
                     done += (now.tick - tick) * self._tick
                 tick = now.tick
                 if done >= moved and now.state is State.TRACK and looked == len(seen):
-                    return self._plies_done() < PLIES - 1  # the end of a game has to do with other processes
+                    return len(self._plies()) < PLIES - 1  # the end of a game has to do with other processes
             time.sleep(_GLANCE)
         return False
 
     def _kill(self, victim: str, seen: list[Telemetry]) -> tuple[float, float, float] | None:
-        """Kill, and see how the arm comes to rest; where the tool rests after the loss of the controller."""
+        """Kill, and see how the arm comes to rest; where the tool rests if only the controller is lost."""
         assert self._app is not None
         referee = Referee(self._run_dir)
         try:
@@ -268,6 +280,13 @@ class _Game:
                 return None
             pid = int(json.loads((self._run_dir / CONTROLLER_FILE).read_text(encoding="utf-8"))["pid"])
             before = seen[-1].tick
+            if victim == EVERYTHING:
+                world = world_pid(self._run_dir)
+                assert world is not None, "the referee has just spoken to it"
+                for one in (world, self._app.pid, pid):
+                    os.kill(one, signal.SIGKILL)
+                self._app.wait()
+                return None
             self._app.kill()  # first: else it would end the world, and a lab's arm does not end with its controller
             os.kill(pid, signal.SIGKILL)
             self._app.wait()

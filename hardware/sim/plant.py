@@ -21,7 +21,7 @@ from hardware.sim import tick
 from hardware.sim.hand_body import JOINTS, SPRINGS, felt_force
 from hardware.sim.hand_body import SENSOR as HAND_SENSOR
 from hardware.sim.imperfections import PERFECT, Flaws
-from hardware.sim.snapshot import Snapshot
+from hardware.sim.snapshot import STATE, Snapshot
 from hardware.sim.truth import PiecePose, Truth
 from hardware.table import Box
 
@@ -108,12 +108,12 @@ class Plant:
         self._switch(enabled=False, brake=True)
 
     def _restore(self, snapshot: Snapshot) -> None:
-        kind = mujoco.mjtState.mjSTATE_INTEGRATION
-        size = mujoco.mj_stateSize(self.model, kind)
+        size = mujoco.mj_stateSize(self.model, STATE)
         if snapshot.state.shape != (size,):
             raise ValueError(f"the snapshot holds {snapshot.state.size} numbers, this world has {size}")
-        mujoco.mj_setState(self.model, self.data, snapshot.state, kind)
+        mujoco.mj_setState(self.model, self.data, snapshot.state, STATE)
         self.tick = snapshot.tick
+        self._cut_controls()  # of one that was in motion
 
     def _find(self, pieces: tuple[str, ...]) -> None:
         """Views and addresses of what is read and written in every tick."""
@@ -169,8 +169,11 @@ class Plant:
         """The drives switch themselves off and brake; the gripper keeps its grip, but opens no further."""
         self._latched |= cause
         self._switch(enabled=False, brake=True)
-        u = self._controls
-        u[0] = u[1] = u[2] = 0.0
+        self._cut_controls()
+
+    def _cut_controls(self) -> None:
+        u = self.data.ctrl
+        u[:3] = 0.0
         u[3] = min(u[3], 0.0)
 
     @property

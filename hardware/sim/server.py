@@ -29,6 +29,7 @@ from hardware.sim.construction import Construction
 from hardware.sim.hand import Hand
 from hardware.sim.hand_service import HandService
 from hardware.sim.journal import Journal
+from hardware.sim.live_state import LIVE_FILE, LiveState, load_live_state
 from hardware.sim.pacing import Metronome, SpeedMeter
 from hardware.sim.pictures import CameraService
 from hardware.sim.renderer import MODEL_FILE, Renderer
@@ -74,11 +75,14 @@ class World:
         if settings.cameras:
             mujoco.mj_saveModel(construction.model(looks=True), str(run_dir / MODEL_FILE))
             self._renderer = Renderer(run_dir)
-        self.plant = construction.plant(load_snapshot(run_dir / STATE_FILE))
-        for left in (END_FILE, STATE_FILE):  # of a world before this one: from here on they would be untrue
-            (run_dir / left).unlink(missing_ok=True)
+        before = load_snapshot(run_dir / STATE_FILE) or load_live_state(run_dir / LIVE_FILE)
+        self.plant = plant = construction.plant(before)
+        self._left_in_motion = before is not None and not before.at_rest
         self._journal = Journal() if settings.journal else None
         self._fast = settings.pace is Pace.FAST
+        self._live = LiveState(run_dir / LIVE_FILE, plant.model, plant.data, plant.tick, aside=not self._fast)
+        for left in (END_FILE, STATE_FILE):  # of a world before this one: from here on they would be untrue
+            (run_dir / left).unlink(missing_ok=True)
         self._realtime = settings.realtime and not self._fast
         self._watchdog_ticks = drive.watchdog_ticks
         self._metronome, self._speed = Metronome(drive.tick), SpeedMeter()
@@ -119,6 +123,8 @@ class World:
         try:
             if self._renderer is not None:
                 self._renderer.wait_ready()
+            if self._left_in_motion:
+                self._come_to_rest()  # as after a power cut: on the brakes, before anybody is there again
             with self._punctual():
                 while not self._ending:
                     self._turn()
@@ -266,6 +272,7 @@ class World:
         if self._hand.busy:
             self._hand.drive()
         plant.step()
+        self._live.keep(plant.tick)
         if self._journal is not None:
             self._journal.ran(command)
         self._speed.ran()
@@ -294,6 +301,7 @@ class World:
                     break
             self._hand.drive()
             self.plant.step()
+            self._live.keep(self.plant.tick)
             if self._journal is not None:
                 self._journal.ran(None)
 
@@ -306,6 +314,7 @@ class World:
         new = self._run_dir / (END_FILE + ".new")
         new.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
         new.replace(self._run_dir / END_FILE)  # who finds it finds it whole
+        self._live.end()
 
     def _close(self) -> None:
         self._visitors.close()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import mujoco
 import numpy as np
@@ -13,24 +13,28 @@ from numpy.typing import NDArray
 from hardware.interfaces import HardwareError
 
 STATE_FILE = "world_state.npz"
+STATE: Final = mujoco.mjtState.mjSTATE_INTEGRATION
+"""Of MuJoCo's states the one from which the next step goes on to the last bit."""
 
 
 class Snapshot(NamedTuple):
-    """State of a plant at rest on its brakes.
+    """State of a plant.
 
     Attributes:
         state: MuJoCo's, all that a step begins with.
         tick: of the plant.
+        at_rest: everything, and the arm on its brakes.
     """
 
     state: NDArray[np.float64]
     tick: int
+    at_rest: bool
 
 
 def save_snapshot(path: Path, model: mujoco.MjModel, data: mujoco.MjData, tick: int) -> None:
-    """Write the state of a plant; positions and velocities also by name, for people."""
-    state = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
-    mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+    """Write the state of a plant at rest on its brakes; positions and velocities also by name, for people."""
+    state = np.empty(mujoco.mj_stateSize(model, STATE))
+    mujoco.mj_getState(model, data, state, STATE)
     new = path.with_suffix(".new.npz")
     np.savez(new, state=state, tick=tick, qpos=data.qpos, qvel=data.qvel)
     new.replace(path)  # who finds it finds it whole
@@ -44,7 +48,7 @@ def load_snapshot(path: Path) -> Snapshot | None:
     """
     try:
         with np.load(path) as content:
-            return Snapshot(np.array(content["state"], dtype=float), int(content["tick"]))
+            return Snapshot(np.array(content["state"], dtype=float), int(content["tick"]), at_rest=True)
     except FileNotFoundError:
         return None
     except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:

@@ -72,6 +72,12 @@ def test_what_was_to_be_released_stands_wherever_the_arm_went_unless_it_is_still
     assert progress(transfer, Stage.RELEASE, arm(target, GRIP, CLOSED, 4.0)) == Progress(transfer, True)
 
 
+def test_fingers_that_close_around_the_next_piece_do_not_hold_the_last_one() -> None:
+    # at the end of a release the arm is at the next piece, and its fingers begin to close before the grasp is recorded
+    following = PLY.transfers[1].source
+    assert progress(0, Stage.RELEASE, arm(following, GRIP, CLOSED, 12.0)) == Progress(1, False)
+
+
 @pytest.mark.parametrize("finger", [CLOSED, CLOSED + 0.0018])  # the latter where too hard a grip was let go of
 @pytest.mark.parametrize("place", ["source", "target"])
 def test_fingers_that_feel_nothing_on_the_way_have_lost_it(place: str, finger: float) -> None:

@@ -23,13 +23,14 @@ from hardware.parameters import load_parameters
 from hardware.sim import wire
 from hardware.sim.bus import SimServoBus
 from hardware.sim.clients import FrameStream, SimCamera, SimClock
+from hardware.sim.live_state import LIVE_FILE, load_live_state
 from hardware.sim.pacing import CATCH_UP, Metronome
 from hardware.sim.plant import Plant
 from hardware.sim.referee import Referee
 from hardware.sim.renderer import HEIGHT, WIDTH
 from hardware.sim.scene import build_model
 from hardware.sim.server import serve
-from hardware.sim.settings import END_FILE, FILE_NAME, WorldSettings, load_settings, stand_pieces
+from hardware.sim.settings import END_FILE, FILE_NAME, Pace, WorldSettings, load_settings, stand_pieces
 from hardware.sim.snapshot import STATE_FILE
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
 
@@ -499,6 +500,31 @@ def test_a_world_goes_on_from_the_snapshot_of_the_one_before(start: Start) -> No
     assert first.status & DriveStatus.BRAKED
     bus.close()
     assert again.process.wait(30.0) == 0
+
+
+@pytest.mark.parametrize("pace", [Pace.FAST, Pace.REAL])
+def test_a_world_that_is_killed_in_mid_motion_goes_on_from_there_on_its_brakes(start: Start, pace: Pace) -> None:
+    world = start(pace=pace)
+    bus = SimServoBus(world.run_dir)
+    falling = fall(bus)
+    world.kill()
+    leave(bus)
+    assert not (world.run_dir / END_FILE).exists()
+    live = load_live_state(world.run_dir / LIVE_FILE)
+    assert live is not None
+    assert live.tick >= falling.tick
+    again = start(world.run_dir, pace=pace)
+    with closing(Referee(world.run_dir)) as referee:
+        truth, _ = referee.look()
+        assert truth.tick >= live.tick + PARAMETERS.drive.watchdog_ticks, "it came to rest before anybody was there"
+        assert truth.arm_speed < 2e-4
+        assert truth.tool[2] - settings_for().home[2] > 0.001, "it fell, and did not start at home again"
+        assert max(piece.tilt for piece in truth.pieces) < 0.01
+    bus = SimServoBus(world.run_dir)
+    assert bus.exchange(BRAKED).status & DriveStatus.BRAKED
+    bus.close()
+    assert again.process.wait(30.0) == 0
+    assert not (world.run_dir / LIVE_FILE).exists(), "the snapshot has taken its place"
 
 
 @pytest.mark.parametrize("content", [b"", b"PK nonsense", "of another world"])
