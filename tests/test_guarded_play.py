@@ -111,12 +111,20 @@ def test_a_move_is_seen_when_the_hand_has_gone_and_the_arm_waits_while_one_is_th
         game.until("Kf2")
         game.until("I played")
         game.until("White to move")
+        assert game.said.count("a hand is over the board: the arm holds") >= 2
+        assert game.said.count("the board is clear: the arm may go on") >= 2
+        # nobody looks while this one is made
+        game.process.kill()
+        hand.perform(Move(start=xy("f2"), to=xy("e3")), Withdraw())
+        hand.wait()
+        game = program("resume", str(folder), "--json")
+        game.until("Ke3")
+        game.until("I played")
+        game.until("White to move")
     finally:
         hand.close()
-    assert game.said.count("a hand is over the board: the arm holds") >= 2
-    assert game.said.count("the board is clear: the arm may go on") >= 2
     game.say("resign")
     assert game.process.wait(PATIENCE) == 0, game.said[-2000:]
     report = json.loads((folder / "report.json").read_text())
     # nobody can judge a ply by where the pieces stand after the next one
-    assert (report["plies"], report["physical_ok"], report["failures"]) == (4, None, [])
+    assert (report["plies"], report["physical_ok"], report["failures"]) == (6, None, [])

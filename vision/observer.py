@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
 import chess
+import numpy as np
+from numpy.typing import NDArray
 
 from vision.appearance import Appearance
 from vision.change import change_odds
@@ -100,3 +103,22 @@ class Observer:
             self._kinds.learn(solids.top, codes)
         self._light_before, self._codes_before = light, codes
         self._other_before = None if solids is None else solids.other
+
+
+def likelihood_by_others(sight: Sight, codes: Codes, doubted: Collection[int]) -> NDArray[np.float64]:
+    """What squares of one picture look like, by what is known to stand on the other ones.
+
+    Args:
+        sight: the picture.
+        codes: the position; on the doubted squares it may be anything.
+        doubted: squares from which nothing is learnt.
+
+    Returns:
+        As ``Appearance.likelihood``, shape (64, 3).
+    """
+    light = light_of(sight.plan)
+    states = states_of(codes).copy()
+    states[list(doubted)] = -1
+    appearance = Appearance(describe(light).shape[1])
+    appearance.learn([describe(light, shift) for shift in SHIFTS], states)
+    return appearance.likelihood(describe(light))

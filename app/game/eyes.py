@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.arm import Arm
+from app.game.replies import pieces_of, reply_shown
 from app.game.state import FRAME_AGE, CannotSee, Devices
-from app.layout import KINDS, PIECE_TYPES, colour_of, kind_of
+from app.layout import KINDS, PIECE_TYPES
 from app.manipulation import Inventory
 from app.repair import Sighting, kinds_by_height
 from app.repair.sighting import HEIGHTS, Chances
@@ -104,6 +105,10 @@ class Eyes:
         self._likeness: dict[int, tuple[str, float]] = {}
         """Of pieces when the board was last as it should be, by square: name, and how well it looked like itself."""
         self._doubted: frozenset[int] = frozenset()
+        self._assumed = False
+        """Nobody has seen yet that the board shows the position that was believed to stand there."""
+        self._wrong: frozenset[int] = frozenset()
+        """Squares on which something was wrong when the board was last verified, but for pieces off their centres."""
         self._arrivals: int | None = None
         """So often a hand had come when the newest frame was asked for; None: one was there, as it did not go."""
         self._strayed: dict[str, tuple[float, float]] = {}
@@ -175,6 +180,7 @@ class Eyes:
         """
         if self._observer is None:
             self.begin(_shown(stands))
+            self._assumed = True
         frame = self.frame()
         self._follow(frame)
         expected = on_board(stands)
@@ -186,8 +192,9 @@ class Eyes:
         examined = examine_board(frame, self.view, expected, before)
         faults = examined.faults
         self._doubted = frozenset(fault.square for fault in faults if fault.kind is FaultKind.FALLEN)
+        self._wrong = frozenset(fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE)
         if not faults:
-            self._strayed = {}
+            self._strayed, self._assumed = {}, False
             self._likeness = {square: (expected[square].name, one) for square, one in examined.likeness.items()}
             return Verification(faults, Sighting({}))
         look = self._known.look(sight_of_frame(frame, self.view))
@@ -251,7 +258,7 @@ class Eyes:
         states, altered = look.evidence.read(known), look.evidence.altered(known)
         finding = explain(states, self._known.board, altered)
         if self._shows_known is not None:
-            now, pieces = Sighted(frame, self.view), _pieces(self._known.board)
+            now, pieces = Sighted(frame, self.view), pieces_of(self._known.board)
             finding = looked_closer(finding, states, self._known.board, self._shows_known, now, pieces)
         return Reading(decision, finding, states, look)
 
@@ -261,10 +268,23 @@ class Eyes:
         Args:
             board: that position, which is known from now on.
         """
+        if self._assumed and not self._learn_from_reply(board):
+            return False
         self._known.stand(board)
         self._shows_known = None
         reading = self._read(self.last)
         return reading.decision.verdict is Verdict.MOVE or reading.finding.situation in _ANSWERS
+
+    def _learn_from_reply(self, board: chess.Board) -> bool:
+        """What was learnt from a position that does not stand there is learnt again, from one move later."""
+        move = reply_shown(self.last, self.view, board, self._wrong)
+        if move is None:
+            return False
+        after = board.copy()
+        after.push(move)
+        self._observer = Observer(after, sight_of_frame(self.last, self.view))
+        self._assumed = False
+        return True
 
     def confirm(self, board: chess.Board, look: Look | None = None) -> None:
         """The position is known: by the rules, a person, or since the arm has made it.
@@ -276,6 +296,7 @@ class Eyes:
         if look is None:
             look = self._known.look(sight_of_frame(self.last, self.view))
         self._known.confirm(look, board)
+        self._assumed = False
         self._shows_known = Sighted(self.last, self.view)
 
     def _follow(self, frame: Frame) -> None:
@@ -299,14 +320,6 @@ class Eyes:
 def on_board(inventory: Inventory) -> dict[int, PieceSpec]:
     """The pieces that stand on squares, by square."""
     return {piece.place.index: piece for piece in inventory if piece.place.on_board}
-
-
-def _pieces(board: chess.Board) -> dict[int, PieceSpec]:
-    """Of a position, by square."""
-    return {
-        square: PieceSpec(chess.square_name(square), kind_of(piece), colour_of(piece.color), square_place(square))
-        for square, piece in board.piece_map().items()
-    }
 
 
 def _shown(stands: Inventory) -> chess.Board:

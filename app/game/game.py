@@ -60,7 +60,7 @@ class Game:
         board = self._table.board
         self._face.position(board)
         self._most = plies
-        if not self._table.begin():
+        if not (self._table.begin() if self._human is None else self._table.begin(self._human.plays)):
             return WRONG
         while True:
             end = self._over(plies)

@@ -72,6 +72,10 @@ class HumanTurn:
         self._unsaid = None
         self._prompt()
         self._timing.start(self._colour)
+        if self._table.replied:
+            self._table.replied = False
+            if (end := self._read(None, self._timing.now())) is not None:
+                return end
         while len(self._table.board.move_stack) == done and self.plays(self._table.board.turn):
             self._notice.wake(True)
             line = self._human.lines.next(POLL)

@@ -76,6 +76,10 @@ class Table:
     ) -> None:
         self.board, self.inventory = position.board, position.inventory
         self._unfinished, self._begun = position.unfinished, position.begun
+        self._unwatched = position.begun
+        """Nobody looked after the board since the game was left, so far."""
+        self.replied = False
+        """The person at the board has made the next move already, while nobody looked."""
         self._devices, self._carrier, self._mender = devices, carrier, mender
         self._record, self._face = record, face
 
@@ -154,12 +158,17 @@ class Table:
         self._record.task(Purpose.SET_UP, label, moved, self.now(), fen=board.fen())
         return self._do_task(Job(label, moved), None, board)
 
-    def repair(self) -> bool:
-        """The board is looked at, and put right where it is not as the game says; False as of ``arm_ply``."""
+    def repair(self, replied_to: Callable[[], chess.Board | None] = lambda: None) -> bool:
+        """The board is looked at, and put right where it is not as the game says; False as of ``arm_ply``.
+
+        Args:
+            replied_to: as of ``Mender.mend``.
+        """
         if self._mender is None:
             return True
-        mended = self._mender.mend(self.inventory, self.inventory, self.board)
-        if not mended.jobs:
+        mended = self._mender.mend(self.inventory, self.inventory, self.board, replied_to)
+        self.replied = mended.answered
+        if not mended.jobs or mended.answered:
             return True
         return self._conclude_task(mended.inventory, PlyOutcome(real=mended.duration), self.board)
 
@@ -182,20 +191,24 @@ class Table:
         """The person at the board plays this colour from now on."""
         self._record.sides_changed(colour_of(person), self.now())
 
-    def begin(self) -> bool:
+    def begin(self, plays: Callable[[chess.Color], bool] = lambda _: False) -> bool:
         """First of all: what another program has begun and not finished is finished, and whether the board is as its
         record says is looked at; False as of ``arm_ply``.
+
+        Args:
+            plays: whether a person plays this colour by hand, and so may have moved while nobody looked.
         """
         if not self._begun:
             if self.eyes is not None:
                 self.eyes.begin(self.board)
             return True
-        well = self._finish() and self.repair()
-        if self.eyes is not None:
+        well = self._finish(plays) and self.repair(lambda: self.board if plays(self.board.turn) else None)
+        self._unwatched = False
+        if self.eyes is not None and not self.replied:
             self.eyes.confirm(self.board)
         return well
 
-    def _finish(self) -> bool:
+    def _finish(self, plays: Callable[[chess.Color], bool]) -> bool:
         unfinished, self._unfinished = self._unfinished, None
         begun = None
         if unfinished is not None and unfinished.transfer is not None and unfinished.stage is not None:
@@ -208,7 +221,7 @@ class Table:
             return self._finish_repair(unfinished, begun)
         if unfinished.uci is not None:
             ply = transfers(self.board, chess.Move.from_uci(unfinished.uci), self.inventory)
-            return self._do_ply(ply, begun, None, NO_REMARK)
+            return self._do_ply(ply, begun, None, NO_REMARK, answers=plays(not self.board.turn))
         assert unfinished.task is not None
         job = Job(unfinished.task.label, tuple(transfer_of(one) for one in unfinished.task.transfers))
         return self._do_task(job, begun, self._goal(unfinished))
@@ -228,7 +241,8 @@ class Table:
         wanted, hands = self.inventory.after(ply), self._hands()
 
         def replied_to() -> chess.Board | None:
-            if not answers or (self.guard is not None and self._hands() == hands):
+            seen_none = self.guard is not None and self._hands() == hands and not self._unwatched
+            if not answers or seen_none:
                 return None
             after = self.board.copy()
             after.push_uci(ply.uci)

@@ -149,6 +149,9 @@ class Paper:
         free = next(place for place in map(square_place, range(63, -1, -1)) if stands.at(place) is None)
         return Transfer.of(stands.find(blocks), free)
 
+    def bring_home(self, inventory: Inventory) -> None:
+        pass
+
     # eyes
 
     def strays(self, stands: Inventory) -> list[Strayed]:
@@ -217,7 +220,7 @@ class Unattended(UnattendedAsker):
         super().mend(sentence, squares)
 
 
-def table_of(folder: Path, fen: str = chess.STARTING_FEN) -> tuple[Table, Paper, GameRecord]:
+def table_of(folder: Path, fen: str = chess.STARTING_FEN, *, begun: bool = False) -> tuple[Table, Paper, GameRecord]:
     board = chess.Board(fen)
     inventory = Inventory.of(start_layout(board, TABLE), TABLE)
     paper: Any = Paper(inventory)
@@ -225,7 +228,7 @@ def table_of(folder: Path, fen: str = chess.STARTING_FEN) -> tuple[Table, Paper,
     rig = BoardRig(MotionSettings().home, load_parameters())
     mender = Mender(paper, paper, Unattended(paper), record, Quiet(), rig.clock)
     devices = Devices(rig.arm, rig.clock, None, None)
-    return Table(Position(board, inventory), devices, paper, mender, record, Quiet()), paper, record
+    return Table(Position(board, inventory, begun), devices, paper, mender, record, Quiet()), paper, record
 
 
 def same(one: Inventory, other: Inventory) -> bool:
@@ -404,6 +407,23 @@ def test_an_answer_that_comes_before_the_arm_is_home_is_no_fault(tmp_path: Path)
     history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
     assert [ply.uci for ply in history.plies] == ["e2e4"]
     assert not any(isinstance(event, TroubleEvent) for event in history.events)
+
+
+@pytest.mark.parametrize("plays", [chess.WHITE, chess.BLACK])
+def test_a_move_that_a_person_made_while_nobody_looked_is_theirs(tmp_path: Path, plays: chess.Color) -> None:
+    table, paper, record = table_of(tmp_path / "game", begun=True)
+    paper.put("white-pawn-e", Place.parse("e4"))
+    with record:
+        assert table.begin(lambda colour: colour is plays)
+    if plays is chess.WHITE:
+        assert table.replied
+        assert paper.carried == 0
+        assert not hasattr(paper, "confirmed"), "the eyes know the position before the move"
+    else:
+        assert not table.replied
+        assert paper.truth.at(Place.parse("e2")) is not None, "whoever plays here leaves the pieces to the arm"
+        assert paper.confirmed == table.board.fen()
+    assert not paper.asked
 
 
 @pytest.mark.parametrize(("answer", "answers"), [("g8f6", False), ("g8g5", True)])
