@@ -14,6 +14,7 @@ _RESULTS = frozenset({"1-0", "0-1", "1/2-1/2", "½-½", "*"})
 _UCI = re.compile(r"[a-h][1-8][a-h][1-8][qrbn]?", re.IGNORECASE)
 _SHOWN = 5
 """Legal moves named in an error."""
+_PASSES = "passes, which chess does not allow"
 
 
 class LineError(UserError):
@@ -23,6 +24,20 @@ class LineError(UserError):
         super().__init__(f'ply {number} of the line, "{token}", {reason}')
         self.token = token
         self.number = number
+
+
+class MoveError(UserError):
+    """What was written is no legal move.
+
+    Args:
+        token: what was written.
+        what: is wrong with it.
+        choices: what else there is.
+    """
+
+    def __init__(self, token: str, what: str, choices: str) -> None:
+        super().__init__(f'"{token}" {what}: {choices}')
+        self.token, self.what, self.choices = token, what, choices
 
 
 def parse_line(text: str, board: chess.Board) -> tuple[chess.Move, ...]:
@@ -37,13 +52,38 @@ def parse_line(text: str, board: chess.Board) -> tuple[chess.Move, ...]:
     """
     position = board.copy()
     moves: list[chess.Move] = []
-    for token in _tokens(text):
-        moves.append(_parse(token, len(moves) + 1, position))
+    for token in tokens_of(text):
+        try:
+            moves.append(parse_move(token, position))
+        except MoveError as error:
+            where = "" if error.what == _PASSES else f" in {position.fen()}"
+            raise LineError(token, len(moves) + 1, f"{error.what}{where}: {error.choices}") from error
         position.push(moves[-1])
     return tuple(moves)
 
 
-def _tokens(text: str) -> list[str]:
+def parse_move(token: str, board: chess.Board) -> chess.Move:
+    """Read one move in SAN or UCI; marks such as ``!?`` are passed over.
+
+    Raises:
+        MoveError: it is none that is legal in the position; the message has what there is to choose from.
+    """
+    text = token.rstrip("!?")
+    try:
+        move = board.parse_uci(text.lower()) if _UCI.fullmatch(text) else board.parse_san(text)
+    except chess.AmbiguousMoveError as error:
+        raise MoveError(token, "is ambiguous", _choices(text, board)) from error
+    except chess.InvalidMoveError as error:
+        raise MoveError(token, "is neither SAN nor UCI", _choices(text, board)) from error
+    except chess.IllegalMoveError as error:
+        raise MoveError(token, "is not legal", _choices(text, board)) from error
+    if not move:
+        raise MoveError(token, _PASSES, _choices(text, board))
+    return move
+
+
+def tokens_of(text: str) -> list[str]:
+    """What is written of moves in a line, without its numbers and its result."""
     words = (_strip_number(word) for word in text.replace(",", " ").split())
     return [word for word in words if word and word not in _RESULTS]
 
@@ -51,22 +91,6 @@ def _tokens(text: str) -> list[str]:
 def _strip_number(word: str) -> str:
     number = _NUMBER.match(word)
     return word[number.end() :] if number else word
-
-
-def _parse(token: str, number: int, board: chess.Board) -> chess.Move:
-    text = token.rstrip("!?")
-    try:
-        move = board.parse_uci(text.lower()) if _UCI.fullmatch(text) else board.parse_san(text)
-    except chess.AmbiguousMoveError as error:
-        raise LineError(token, number, f"is ambiguous in {board.fen()}: {_choices(text, board)}") from error
-    except chess.InvalidMoveError as error:
-        reason = f"is neither SAN nor UCI; in {board.fen()} {_choices(text, board)}"
-        raise LineError(token, number, reason) from error
-    except chess.IllegalMoveError as error:
-        raise LineError(token, number, f"is not legal in {board.fen()}: {_choices(text, board)}") from error
-    if not move:
-        raise LineError(token, number, f"passes, which chess does not allow: {_choices(text, board)}")
-    return move
 
 
 def _choices(text: str, board: chess.Board) -> str:

@@ -11,7 +11,7 @@ from types import MappingProxyType
 import chess
 
 from app import UserError
-from app.lines import LineError, parse_line
+from app.lines import MoveError, parse_move, tokens_of
 from hardware.table import Place
 
 
@@ -107,15 +107,16 @@ def parse_command(text: str, board: chess.Board) -> Command:
         return _hand(words[1:])
     if len(words) == 1 and (first in list(Word) or first in _SAME):
         return Word(first) if first in list(Word) else _SAME[first]
+    tokens = tokens_of(text) or words
     try:
-        moves = parse_line(text, board)
-    except LineError as error:
+        move = parse_move(tokens[0], board)
+    except MoveError as error:
         near = difflib.get_close_matches(first, [*Word, *_SAME], n=1, cutoff=0.75)
         hint = f"did you mean '{near[0]}'?" if near else "'help' lists what can be typed"
         raise CommandError(f"{error}; {hint}") from error
-    if len(moves) != 1:
+    if len(tokens) > 1:
         raise CommandError("one move at a time: type only yours")
-    return PlayMove(moves[0])
+    return PlayMove(move)
 
 
 def _hand(words: list[str]) -> MoveHand:

@@ -79,7 +79,7 @@ MATE = "rnb1kbnr/pppp1ppp/8/4p3/6Pq/5P2/PPPPP2P/RNBQKBNR w KQkq - 1 3"
         (
             "hello",
             FREE,
-            f'ply 1 of the line, "hello", is neither SAN nor UCI; in {FREE} choose Ke2, Kd1, Kd2, Kf1, Kf2',
+            f'ply 1 of the line, "hello", is neither SAN nor UCI in {FREE}: choose Ke2, Kd1, Kd2, Kf1, Kf2',
         ),
         (
             "Rd1",
