@@ -19,7 +19,7 @@ from app.game.seating import Seating
 from app.layout import start_layout
 from app.lines import parse_line
 from app.manipulation import Inventory
-from app.match import Fixture, Match, Start, last_round
+from app.match import Fixture, Match, Start, last_round, match_of
 from app.player_choice import engine_players, line_players, start_clock
 from app.players import Players
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
@@ -80,6 +80,7 @@ def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> Sessi
         UserError: the folder holds no such game, or the game is over; or as ``run_games``.
         EngineProblem: as ``run_games``.
     """
+    folder = match_of(folder)
     settings = kept_settings(folder)
     venue = venue_of(settings.rig, settings.vision.calibration)
     path, number, sets_up = last_round(folder)

@@ -30,6 +30,7 @@ from app.records import EVENTS_FILE, GameRecord, GameSetup
 from app.records.events import Result
 from app.records.history import counted_plies, persons_side
 from app.session import Round
+from app.settings_file import SETTINGS_FILE
 from hardware.sim.settings import Pace
 from hardware.table import Colour
 
@@ -216,6 +217,13 @@ def _set_up(table: Table, goal: chess.Board) -> GameEnd:
     if not table.begin():
         return WRONG
     return SET_UP if table.set_up(goal) else WRONG
+
+
+def match_of(folder: Path) -> Path:
+    """The folder of a match, which may itself be named, or one of its rounds'."""
+    own = folder.resolve()
+    is_round = _NAME.fullmatch(own.name) and not (own / SETTINGS_FILE).exists()
+    return own.parent if is_round and (own.parent / SETTINGS_FILE).exists() else folder
 
 
 def last_round(folder: Path) -> tuple[Path, int, bool]:

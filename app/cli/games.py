@@ -160,7 +160,7 @@ def setup(
 
 
 def resume(
-    folder: Annotated[Path, typer.Argument(help="Folder of the game's record.")],
+    folder: Annotated[Path, typer.Argument(help="Folder of the match, or of one of its games.")],
     headless: options.Headless = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -232,5 +232,7 @@ def _show_game(
     for failure in result.report.failures:
         console.print(f"[red]failed:[/] {failure.reason}", highlight=False, soft_wrap=True)
     if result.resumable:
-        console.print(f"'touchmove resume {result.folder}' goes on with it", highlight=False, soft_wrap=True)
+        from app.match import match_of
+
+        console.print(f"'touchmove resume {match_of(result.folder)}' goes on with it", highlight=False, soft_wrap=True)
     raise typer.Exit(0 if result.holds else 1)

@@ -94,12 +94,15 @@ class CameraService:
         self._views: dict[Visitor, _View] = {}
         self._watchers: dict[Visitor, Watcher] = {}
         self._slots = 0
-        self._absent = "this world was started without cameras"
+        self._absent, self._lost = "this world was started without cameras", False
 
     # visitors
 
     def welcome(self, visitor: Visitor) -> dict[str, Any]:
-        """See ``Service``."""
+        """See ``Service``. Where the renderer was lost, another one is started for who comes anew."""
+        if self._renderer is None and self._lost:
+            print("another renderer is started", file=sys.stderr, flush=True)
+            self._renderer = Renderer(self._run_dir)
         if self._renderer is None:
             raise Refused(self._absent)
         slot, self._slots = self._slots, self._slots + 1
@@ -208,6 +211,7 @@ class CameraService:
 
     def close(self) -> None:
         """End the renderer and remove its frames."""
+        self._lost = False
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
@@ -278,7 +282,7 @@ class CameraService:
     def _go_blind(self, error: HardwareError) -> None:
         """The renderer is lost. The arm goes on: it does not need to be seen."""
         print(f"no more pictures: {error}", file=sys.stderr, flush=True)
-        self._absent = str(error)
+        self._absent, self._lost = str(error), True
         if self._renderer is not None:
             self._renderer.close(patience=0.0)
             self._renderer = None

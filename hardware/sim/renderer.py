@@ -33,6 +33,8 @@ HEADER = struct.Struct("<I")
 """Length of the JSON of a ``Shot``, which follows; then the positions as float64."""
 REPLY = struct.Struct("<I")
 READY = b"ready"
+_LONGEST = 64
+"""Of what the renderer says [bytes]."""
 START_TIMEOUT = 60.0
 DRAW_TIMEOUT = 4.0
 """A picture that takes longer does not come; below the time after which clients give the whole world up [s, wall]."""
@@ -118,7 +120,7 @@ class Renderer:
     """The renderer process as the world sees it: send positions, later take the answer."""
 
     def __init__(self, run_dir: Path) -> None:
-        """Start the process; call ``wait_ready`` before anything else."""
+        """Start the process; requests wait until it is ready, and ``wait_ready`` tells whether it can draw at all."""
         self._link, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         environment = {**os.environ, "MUJOCO_GL": "egl", "LP_NUM_THREADS": "1"}
         with (run_dir / "renderer.log").open("wb") as log:
@@ -168,7 +170,9 @@ class Renderer:
         """
         try:
             self._link.settimeout(patience if wait else 0.0)
-            message = self._link.recv(REPLY.size)
+            message = READY
+            while message == READY:  # the first word of one that nobody waited for
+                message = self._link.recv(_LONGEST)
         except BlockingIOError:
             return None
         except OSError as error:

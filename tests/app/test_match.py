@@ -64,7 +64,7 @@ def test_a_game_begun_by_new_goes_on_after_it_was_left(tmp_path: Path) -> None:
     left = play(folder, "e4\nnew\nd4\nquit\n", white__player="human", engine__nodes=50)
     assert (left.folder, left.report.result, left.report.plies) == (folder / "game-2", "*", 2)
     assert last_round(folder) == (folder / "game-2", 2, False)
-    done = resume_games(folder, Quiet(), io.StringIO("resign\n"))
+    done = resume_games(left.folder, Quiet(), io.StringIO("resign\n"))  # whichever folder of the match is named
     assert (done.folder, done.report.result, done.report.plies) == (folder / "game-2", "0-1", 2)
     with pytest.raises(UserError, match="is over, after 2 plies"):
         resume_games(folder, Quiet(), io.StringIO(""))
