@@ -11,7 +11,6 @@ import chess
 
 from app import UserError
 from app.config import BOARD
-from app.devices import Rig, RigFailed
 from app.faces import Face
 from app.game import GameEnd, Position
 from app.game.human import Human
@@ -32,7 +31,6 @@ from app.settings_file import keep_settings, kept_settings
 from app.sim_hands import SimHands
 from app.typed_lines import TypedLines
 from app.venue import Venue, start_board, venue_of
-from controller.link import Listener
 from hardware.interfaces import Intrinsics
 from hardware.table import Colour
 
@@ -98,28 +96,15 @@ def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> Sessi
             raise UserError(f"the game in {path} is over, after {len(history.plies)} plies: start a new one")
         match = stack.enter_context(_match(settings, venue, games, folder, face))
         match.go_on(Start(number, sets_up, GameRecord.go_on(path, history), position))
+        if venue.own:
+            from app.sim_rig import require_present  # devices take seconds to load
+
+            require_present(venue.run_dir(folder), history.events[-1].plant_time, venue.parameters.drive.tick)
         return run_session(
             folder,
-            lambda listener: _reopened(venue, folder, face, listener, history.events[-1].plant_time),
+            lambda listener: venue.open(folder, None, face.phase, listener),
             match, venue.parameters.drive.tick, None, face, _sight(settings, venue, human, face),
         )  # fmt: skip
-
-
-def _reopened(venue: Venue, folder: Path, face: Face, listener: Listener, recorded: float) -> Rig:
-    """The rig as it was left.
-
-    Raises:
-        RigFailed: as ``Venue.open``; or its world is an older one than the record, which goes until ``recorded`` [s,
-            plant], as after a power cut of the computer before the world's state was written to the disk.
-    """
-    rig = venue.open(folder, None, face.phase, listener)
-    if venue.own and (now := rig.clock.now()) < recorded - venue.parameters.drive.tick:
-        rig.close()
-        raise RigFailed(
-            f"the simulated world in {folder} was kept as it stood at {now:.1f} s, but the record goes on until "
-            f"{recorded:.1f} s, so that nobody knows where the pieces are: start a new game from the last position"
-        )
-    return rig
 
 
 class _Games:

@@ -61,15 +61,23 @@ def progress_of(
         return Progress(transfer, holding=False)
     holding = arm.felt >= FELT
     carried = transfers[transfer]
+    following = transfers[transfer + 1] if transfer + 1 < len(transfers) else None
     if stage is Stage.RELEASE:
-        # what the fingers feel elsewhere is the next piece, around which they were closing already: it stands yet
-        held = holding and _over(carried, arm, table)
+        # at the next piece the fingers close already before they are said to grasp: then that stands between them
+        held = holding and (following is None or not _down_at(following, arm, table))
         return Progress(transfer if held else transfer + 1, held)
     if stage is Stage.GRASP or holding:
         return Progress(transfer, holding)
     if _over(carried, arm, table):
         return Progress(transfer + 1, holding=False)
     raise PieceLost(carried)
+
+
+def _down_at(transfer: Transfer, arm: ArmState, table: TableSettings) -> bool:
+    """Whether the tool is where the fingers take the piece."""
+    x, y, z = table.board_from_base(arm.reference).tolist()
+    there_x, there_y = transfer.grasped_at(table)
+    return math.hypot(x - there_x, y - there_y) < ABOVE and z < transfer.shape.grip_height + ABOVE
 
 
 def _over(transfer: Transfer, arm: ArmState, table: TableSettings) -> bool:

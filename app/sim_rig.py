@@ -33,14 +33,16 @@ from controller.settings import CONTROLLER_FILE
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.clients import SimCamera, SimClock
-from hardware.sim.live_state import LIVE_FILE
+from hardware.sim.live_state import LIVE_FILE, load_live_state
 from hardware.sim.referee import Referee
 from hardware.sim.settings import END_FILE, FILE_NAME, WorldSettings, load_settings
-from hardware.sim.snapshot import STATE_FILE
+from hardware.sim.snapshot import STATE_FILE, load_snapshot
 from hardware.sim.watching import SimWatchCamera
 from hardware.sim.wire import world_pid
 from hardware.table import PIECE_SHAPES
 
+_AHEAD = 10
+"""So far a record may be ahead of a world's state that is written aside [ticks]."""
 START_TIMEOUT = 120.0
 """World and controller together; the first start on a machine compiles the law [s, wall]."""
 LAST_WORDS_TIME = 2.0
@@ -295,6 +297,34 @@ def _uninterrupted() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def require_present(run_dir: Path, recorded: float, period: float) -> None:
+    """Refuse to go on with a world that was left as it stood earlier than the record ends.
+
+    That is so where a computer lost its power before the newest state was on its disk: nobody knows then where the
+    pieces are. Nothing is started or written here. A world that runs is not asked.
+
+    Args:
+        run_dir: of the game.
+        recorded: until when its record goes [s, plant].
+        period: of a tick [s].
+
+    Raises:
+        RigFailed: it is so, or what lies there is no state of a world.
+    """
+    if world_pid(run_dir) is not None:
+        return
+    try:
+        left = load_snapshot(run_dir / STATE_FILE) or load_live_state(run_dir / LIVE_FILE)
+    except HardwareError as error:
+        raise RigFailed(str(error)) from error
+    if left is not None and left.tick < recorded / period - _AHEAD:
+        raise RigFailed(
+            f"the simulated world in {run_dir} was kept as it stood at {left.tick * period:.2f} s, but the record goes "
+            f"on until {recorded:.2f} s, so that nobody knows where the pieces are: start a new game from its last "
+            "position"
+        )
 
 
 def new_run_dir(folder: Path | None) -> Path:

@@ -118,7 +118,8 @@ def test_a_move_is_seen_when_the_hand_has_gone_and_the_arm_waits_while_one_is_th
         hand.perform(Move(start=xy("f2"), to=xy("e3")), Withdraw())
         hand.wait()
         game = program("resume", str(folder), "--json")
-        game.until("Ke3")
+        game.until("this looks like Ke3: was that your move?")
+        game.say("yes")
         game.until("I played")
         game.until("White to move")
     finally:

@@ -299,17 +299,21 @@ class Carrier:
             kind = job.transfers[-1].kind
             plan = plan_return(state.reference, state.finger, self._motion, parameters, now.table, release=kind)
 
+        first = plan.motions[0]
+
         def begin(motion: Motion) -> None:
-            self._note(job, motion, done, letting_go)
+            self._note(job, motion, done, letting_go, durable=motion is first)  # the arm rests before the first one
 
         return plan.expected, arm.execute(plan, begin)
 
-    def _note(self, job: Job, motion: Motion, done: int, letting_go: Callable[[], None] | None) -> None:
+    def _note(
+        self, job: Job, motion: Motion, done: int, letting_go: Callable[[], None] | None, *, durable: bool
+    ) -> None:
         """Record what the arm begins, so that another program can finish it."""
         if motion.transfer is None or motion.stage is None:
             return
         self._step = Begun(done + motion.transfer, motion.stage)
-        self._record.step(job.uci, self._step.transfer, self._step.stage, self._devices.clock.now())
+        self._record.step(job.uci, self._step.transfer, self._step.stage, self._devices.clock.now(), durable=durable)
         if letting_go is not None and self._step == Begun(len(job.transfers) - 1, Stage.RELEASE):
             letting_go()
 

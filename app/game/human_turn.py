@@ -70,18 +70,20 @@ class HumanTurn:
         """Until a ply was made or taken back, sides were changed, or the game has ended."""
         done = len(self._table.board.move_stack)
         self._unsaid = None
-        self._prompt()
+        if not self._table.replied:
+            self._prompt()
         self._timing.start(self._colour)
-        if self._table.replied:
-            self._table.replied = False
-            if (end := self._read(None, self._timing.now())) is not None:
-                return end
         while len(self._table.board.move_stack) == done and self.plays(self._table.board.turn):
-            self._notice.wake(True)
-            line = self._human.lines.next(POLL)
-            self._notice.wake(False)
+            line, unseen = None, self._table.replied
+            if not unseen:
+                self._notice.wake(True)
+                line = self._human.lines.next(POLL)
+                self._notice.wake(False)
             try:
-                end = self._glance() if line is None else self._obey(parse_command(line, self._table.board))
+                if unseen:
+                    end = self._take_up()
+                else:
+                    end = self._glance() if line is None else self._obey(parse_command(line, self._table.board))
             except (PersonGone, RecordError, ArmPaused, NeedsHand):
                 raise
             except (
@@ -94,7 +96,7 @@ class HumanTurn:
                 line, end = None, None
             if (end := end or self._flag()) is not None:
                 return end
-            if line is not None and len(self._table.board.move_stack) == done:
+            if (unseen or line is not None) and len(self._table.board.move_stack) == done:
                 self._prompt()
         return None
 
@@ -189,6 +191,20 @@ class HumanTurn:
         self._unsaid = seen, then, time.monotonic()
         return None
 
+    def _take_up(self) -> GameEnd | None:
+        """Something was played while nobody looked: the person says whether it was that."""
+        self._table.replied = False
+        seen = self._look()
+        if seen is None or seen.decision.verdict is Verdict.NOTHING:
+            return None
+        if seen.decision.verdict is not Verdict.MOVE:
+            return self._judge(seen, None, self._timing.now())
+        (move,) = seen.decision.moves
+        if seen.decision.promotion_unsure:
+            move = chess.Move(move.from_square, move.to_square, self._promotion(None))
+        self._face.say("the board was not watched for a while")
+        return self._ask_move(move, None, self._timing.now(), seen, "this looks like {}: was that your move?")
+
     def _play(self, move: chess.Move) -> GameEnd | None:
         """A legal move was typed: the hand of a simulated world makes it; else the person has made it, or will."""
         if self._human.hands is not None:
@@ -253,11 +269,17 @@ class HumanTurn:
             reading = eyes.read()
         return reading
 
-    def _ask_move(self, move: chess.Move, said: chess.Move | None, then: float, reading: Reading) -> GameEnd | None:
+    def _ask_move(
+        self,
+        move: chess.Move,
+        said: chess.Move | None,
+        then: float,
+        reading: Reading,
+        question: str = "this looks like {}, but not clearly: was that it?",
+    ) -> GameEnd | None:
         if said is not None and said == move:
             return self._accept(move, then, reading)
-        san = self._table.board.san(move)
-        if self._yes(f"this looks like {san}, but not clearly: was that it?"):
+        if self._yes(question.format(self._table.board.san(move))):
             return self._accept(move, then, reading)
         self._face.say("then put the pieces back as they were, or type the move that you have made")
         return None

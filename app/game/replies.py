@@ -11,6 +11,7 @@ from collections.abc import Collection
 from typing import Final
 
 import chess
+import numpy as np
 
 from app.layout import colour_of, kind_of
 from hardware.interfaces import Frame
@@ -20,11 +21,13 @@ from vision.board import BoardView
 from vision.evidence import codes_of
 from vision.observer import likelihood_by_others
 from vision.sight import sight_of_frame
-from vision.verify import FaultKind, examine_board
+from vision.verify import Fault, FaultKind, examine_board
 
+NEAR: Final = 0.25
+"""So far off its square's centre along both axes a piece may be that a person has put there, in squares …"""
 OTHER_COLOUR: Final = 1.0
-"""By so much a piece that has captured must look more like its own colour than like the captured piece's, in natural
-logarithms: outlines tell that a piece fits where it should stand, but a larger one that stood there fits, too."""
+"""… and by so much a piece that has captured must look more like its own colour than like the captured piece's, in
+natural logarithms: an outline tells that a piece fits there, but so it does where a larger one stands."""
 
 
 def reply_shown(frame: Frame, view: BoardView, board: chess.Board, wrong: Collection[int]) -> chess.Move | None:
@@ -42,12 +45,12 @@ def reply_shown(frame: Frame, view: BoardView, board: chess.Board, wrong: Collec
     """
     found: chess.Move | None = None
     for move in board.legal_moves:
-        if move.from_square not in wrong or not set(wrong) <= _changed(board, move):
+        changed = _changed(board, move)
+        if not wrong or not set(wrong) <= changed:
             continue
         after = board.copy(stack=False)
         after.push(move)
-        faults = examine_board(frame, view, pieces_of(after)).faults
-        if any(fault.kind is not FaultKind.OFF_CENTRE for fault in faults):  # people are not so exact
+        if not all(_is_near(fault, view) for fault in examine_board(frame, view, pieces_of(after)).faults):
             continue
         if board.piece_at(move.to_square) is not None and not _captured(frame, view, board, move):
             continue
@@ -56,6 +59,14 @@ def reply_shown(frame: Frame, view: BoardView, board: chess.Board, wrong: Collec
         elif (found.from_square, found.to_square) != (move.from_square, move.to_square):
             return None
     return found
+
+
+def _is_near(fault: Fault, view: BoardView) -> bool:
+    """Whether nothing is wrong but that a piece is not quite on its square's centre: people are not so exact."""
+    if fault.kind is not FaultKind.OFF_CENTRE or fault.place is None:
+        return False
+    off = np.subtract(fault.place, view.table.xy(square_place(fault.square)))
+    return bool(np.abs(off).max() <= NEAR * view.table.square)
 
 
 def _captured(frame: Frame, view: BoardView, board: chess.Board, move: chess.Move) -> bool:

@@ -76,8 +76,8 @@ class Table:
     ) -> None:
         self.board, self.inventory = position.board, position.inventory
         self._unfinished, self._begun = position.unfinished, position.begun
-        self._unwatched = position.begun
-        """Nobody looked after the board since the game was left, so far."""
+        self._unwatched: Callable[[chess.Color], bool] | None = None
+        """Whether a person plays this colour and may have moved while nobody looked; None: somebody did."""
         self.replied = False
         """The person at the board has made the next move already, while nobody looked."""
         self._devices, self._carrier, self._mender = devices, carrier, mender
@@ -168,9 +168,10 @@ class Table:
             return True
         mended = self._mender.mend(self.inventory, self.inventory, self.board, replied_to)
         self.replied = mended.answered
-        if not mended.jobs or mended.answered:
+        if not mended.jobs:
             return True
-        return self._conclude_task(mended.inventory, PlyOutcome(real=mended.duration), self.board)
+        outcome = PlyOutcome(real=mended.duration)
+        return self._conclude_task(mended.inventory, outcome, self.board, answered=mended.answered)
 
     def fallen(self) -> list[Strayed]:
         """Pieces that lie on the board, in the newest frame, as far as depth shows them."""
@@ -202,13 +203,19 @@ class Table:
             if self.eyes is not None:
                 self.eyes.begin(self.board)
             return True
-        well = self._finish(plays) and self.repair(lambda: self.board if plays(self.board.turn) else None)
-        self._unwatched = False
+        self._unwatched = plays
+        well = self._finish() and self.repair(self._left_with(self.board))
+        self._unwatched = None
         if self.eyes is not None and not self.replied:
             self.eyes.confirm(self.board)
         return well
 
-    def _finish(self, plays: Callable[[chess.Color], bool]) -> bool:
+    def _left_with(self, position: chess.Board) -> Callable[[], chess.Board | None]:
+        """``replied_to`` of a position that was reached before anybody looked again."""
+        plays = self._unwatched
+        return lambda: position if plays is not None and plays(position.turn) else None
+
+    def _finish(self) -> bool:
         unfinished, self._unfinished = self._unfinished, None
         begun = None
         if unfinished is not None and unfinished.transfer is not None and unfinished.stage is not None:
@@ -221,7 +228,7 @@ class Table:
             return self._finish_repair(unfinished, begun)
         if unfinished.uci is not None:
             ply = transfers(self.board, chess.Move.from_uci(unfinished.uci), self.inventory)
-            return self._do_ply(ply, begun, None, NO_REMARK, answers=plays(not self.board.turn))
+            return self._do_ply(ply, begun, None, NO_REMARK)
         assert unfinished.task is not None
         job = Job(unfinished.task.label, tuple(transfer_of(one) for one in unfinished.task.transfers))
         return self._do_task(job, begun, self._goal(unfinished))
@@ -240,13 +247,13 @@ class Table:
         self._reset_peak()
         wanted, hands = self.inventory.after(ply), self._hands()
 
+        after = self.board.copy()
+        after.push_uci(ply.uci)
+        left_with = self._left_with(after)
+
         def replied_to() -> chess.Board | None:
-            seen_none = self.guard is not None and self._hands() == hands and not self._unwatched
-            if not answers or seen_none:
-                return None
-            after = self.board.copy()
-            after.push_uci(ply.uci)
-            return after
+            none_seen = self.guard is not None and self._hands() == hands
+            return after if answers and not none_seen else left_with()
 
         job = Job(ply.san, ply.transfers, uci=ply.uci)
         carried = self._carry(job, wanted, begun, letting_go, replied_to)
@@ -257,12 +264,13 @@ class Table:
         """Carry out a task that is in the record already, after which a position stands on the board."""
         self._reset_peak()
         try:
-            carried = self._carry(job, moved_all(self.inventory, job.transfers), begun, None)
+            wanted = moved_all(self.inventory, job.transfers)
+            carried = self._carry(job, wanted, begun, None, self._left_with(board))
         except UserError as error:
             if self._carrier.untouched:
                 self._record.task_dropped(str(error), self.now())
             raise
-        return self._conclude_task(carried.inventory, carried.outcome, board)
+        return self._conclude_task(carried.inventory, carried.outcome, board, answered=carried.answered)
 
     def _finish_repair(self, unfinished: Unfinished, begun: Begun | None) -> bool:
         """First the repair that was under way, then what it was for."""
@@ -270,22 +278,25 @@ class Table:
         goal = self._goal(unfinished)
         # one that was not begun is thought over: what it was planned around, or refused for, only a look can tell
         repair = unfinished.repair if begun is not None or self._mender is None else ()
-        carried = self._carry(Job("put the board right", repair), moved_all(self.inventory, repair), begun, None)
-        rest = _arranged(carried.inventory, goal)
+        wanted = moved_all(self.inventory, repair)
+        replied_to = self._left_with(goal) if not _arranged(wanted, goal) else lambda: None
+        carried = self._carry(Job("put the board right", repair), wanted, begun, None, replied_to)
+        rest = () if carried.answered else _arranged(carried.inventory, goal)
         stands = self.inventory
         self.inventory = carried.inventory
         if rest:
             self._record.found(carried.inventory, "a repair was broken off", self.now())
             self._record.task(Purpose.REPAIR, "put the board right", rest, self.now())
-            carried = self._carry(Job("put the board right", rest), moved_all(self.inventory, rest), None, None)
+            wanted = moved_all(self.inventory, rest)
+            carried = self._carry(Job("put the board right", rest), wanted, None, None, self._left_with(goal))
         outcome = replace(carried.outcome, resumed=True)
         self.inventory = stands
         if unfinished.uci is None:
-            return self._conclude_task(carried.inventory, outcome, goal)
+            return self._conclude_task(carried.inventory, outcome, goal, answered=carried.answered)
         move = chess.Move.from_uci(unfinished.uci)
         kind, mover = move_kind(self.board, move), colour_of(self.board.turn)
         ply = Ply(self.board.san(move), self.board.uci(move), kind, mover, (*repair, *rest))
-        return self._conclude_ply(ply, carried.inventory, outcome)
+        return self._conclude_ply(ply, carried.inventory, outcome, answered=carried.answered)
 
     def _goal(self, unfinished: Unfinished) -> chess.Board:
         """The position that was to be reached."""
@@ -346,12 +357,15 @@ class Table:
         self._face.ply(event, self.board)
         return verdict is None or verdict.ok
 
-    def _conclude_task(self, inventory: Inventory, outcome: PlyOutcome, board: chess.Board) -> bool:
+    def _conclude_task(
+        self, inventory: Inventory, outcome: PlyOutcome, board: chess.Board, *, answered: bool = False
+    ) -> bool:
+        """The same of a task."""
         places = changed(self.inventory, inventory)
         self.board, self.inventory = board, inventory
         self.inventory.check_against(board)
-        self._look()
-        outcome, verdict = self._judged(outcome, places)
+        self._look(learns=not answered)
+        outcome, verdict = (outcome, None) if answered else self._judged(outcome, places)
         self._record.task_done(inventory, outcome, self.now())
         self._face.position(self.board)
         return verdict is None or verdict.ok

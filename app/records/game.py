@@ -191,19 +191,20 @@ class GameRecord:
         """Record that the person at the board plays another side from now on."""
         self._append(SideEvent(wall_time=self._now(), plant_time=plant_time, ply=self._plies(), person=person))
 
-    def step(self, uci: str | None, transfer: int, stage: Stage, plant_time: float) -> None:
-        """Record a part of a ply or task before the arm begins it; returns at once, without waiting for the disk.
+    def step(self, uci: str | None, transfer: int, stage: Stage, plant_time: float, *, durable: bool = False) -> None:
+        """Record a part of a ply or task before the arm begins it.
 
         Args:
             uci: the move; None: of the task begun last.
             transfer: of its transfers, which, from 0.
             stage: of that transfer.
             plant_time: [s].
+            durable: wait until it is on the disk; else return at once, as between two motions that belong together.
         """
         step = StepEvent(
             wall_time=self._now(), plant_time=plant_time, ply=self._plies() + 1, uci=uci, transfer=transfer, stage=stage
         )
-        self._append(step, durable=False)
+        self._append(step, durable=durable)
 
     def task(
         self,

@@ -35,29 +35,27 @@ SLOTS: Final = 2
 class LiveState:
     """Keeps the state of one plant in a file.
 
-    The file is in the page cache as soon as ``keep`` has returned, or in pace real some hundred microseconds later;
-    it survives the process, not a computer that loses its power before the system has written it out.
+    What was kept survives the process as soon as ``keep`` has returned, or, written aside, some hundred microseconds
+    later; not a computer that loses its power before the system has written it to its disk.
 
     Args:
         path: made anew; a state that lay there before is replaced when the new one is whole.
         model: of the plant.
         data: of the plant, read only.
         tick: now.
-        aside: write in a thread of its own, as a file system may let a writer wait while it writes to its disk, and a
-            plant in real time cannot. While that thread is not done, ticks are not kept.
 
     Raises:
         HardwareError: the file cannot be made, or there is no room for it.
     """
 
-    def __init__(self, path: Path, model: mujoco.MjModel, data: mujoco.MjData, tick: int, *, aside: bool) -> None:
+    def __init__(self, path: Path, model: mujoco.MjModel, data: mujoco.MjData, tick: int) -> None:
         self._path, self._model, self._data = path, model, data
         size = mujoco.mj_stateSize(model, STATE)
         self._slot = bytearray(_HEAD.size + 8 * size)
         self._summed = memoryview(self._slot)[_SUMMED:]
         self._state = np.frombuffer(self._slot, dtype="<f8", offset=_HEAD.size)
         self._number, self._file = 0, -1
-        self._jobs: SimpleQueue[int | None] | None = SimpleQueue() if aside else None
+        self._jobs = SimpleQueue[int | None]()
         self._idle = True
         self._writer: threading.Thread | None = None
         new = path.with_suffix(".new.bin")
@@ -74,31 +72,41 @@ class LiveState:
                 f"the world cannot keep its state in {path}: {error.strerror}; make room there"
             ) from error
 
+    def write_aside(self) -> None:
+        """From here on write in a thread of its own: a file system may let a writer wait while it writes to its disk,
+        and a plant in real time cannot. While that thread is not done, ticks are not kept.
+
+        The thread is as urgent as who calls this, who else would wait for the interpreter's lock behind an ordinary
+        one that was put off the processor.
+        """
+        urgency = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(0)
+        self._writer = threading.Thread(target=self._write_all, args=urgency, daemon=True)
+        self._writer.start()
+
     def keep(self, tick: int) -> None:
         """The plant is at this tick now."""
         if self._file < 0:
             return
-        if self._jobs is None:
+        if self._writer is None:
             mujoco.mj_getState(self._model, self._data, self._state, STATE)
             self._try_to_write(tick)
         elif self._idle:
             self._idle = False
             mujoco.mj_getState(self._model, self._data, self._state, STATE)
             self._jobs.put(tick)
-            if self._writer is None:  # from here, so that it is as urgent as who waits for the interpreter's lock
-                self._writer = threading.Thread(target=self._write_aside, args=(self._jobs,), daemon=True)
-                self._writer.start()
 
     def end(self) -> None:
         """Another record of the state has taken its place: the file goes."""
-        if self._jobs is not None and self._writer is not None:
+        if self._writer is not None:
             self._jobs.put(None)
             self._writer.join()
         self._drop()
         self._path.unlink(missing_ok=True)
 
-    def _write_aside(self, jobs: SimpleQueue[int | None]) -> None:
-        while (tick := jobs.get()) is not None:
+    def _write_all(self, policy: int, parameters: os.sched_param) -> None:
+        with contextlib.suppress(PermissionError):  # without privileges its maker is an ordinary thread as well
+            os.sched_setscheduler(0, policy, parameters)
+        while (tick := self._jobs.get()) is not None:
             self._try_to_write(tick)
             self._idle = True
 

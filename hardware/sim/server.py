@@ -80,7 +80,7 @@ class World:
         self._left_in_motion = before is not None and not before.at_rest
         self._journal = Journal() if settings.journal else None
         self._fast = settings.pace is Pace.FAST
-        self._live = LiveState(run_dir / LIVE_FILE, plant.model, plant.data, plant.tick, aside=not self._fast)
+        self._live = LiveState(run_dir / LIVE_FILE, plant.model, plant.data, plant.tick)
         for left in (END_FILE, STATE_FILE):  # of a world before this one: from here on they would be untrue
             (run_dir / left).unlink(missing_ok=True)
         self._realtime = settings.realtime and not self._fast
@@ -126,6 +126,8 @@ class World:
             if self._left_in_motion:
                 self._come_to_rest()  # as after a power cut: on the brakes, before anybody is there again
             with self._punctual():
+                if not self._fast:
+                    self._live.write_aside()
                 while not self._ending:
                     self._turn()
             self._come_to_rest()

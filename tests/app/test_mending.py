@@ -31,6 +31,7 @@ from app.motion.obstacles import Standing
 from app.motion.plan import InTheWay, PlanRefused
 from app.records import EVENTS_FILE, GameRecord, GameSetup, read_history
 from app.records.events import TroubleEvent
+from app.records.history import Unfinished
 from app.repair import Sighting
 from app.righting import Strayed
 from hardware.parameters import load_parameters
@@ -220,7 +221,9 @@ class Unattended(UnattendedAsker):
         super().mend(sentence, squares)
 
 
-def table_of(folder: Path, fen: str = chess.STARTING_FEN, *, begun: bool = False) -> tuple[Table, Paper, GameRecord]:
+def table_of(
+    folder: Path, fen: str = chess.STARTING_FEN, *, begun: bool = False, unfinished: Unfinished | None = None
+) -> tuple[Table, Paper, GameRecord]:
     board = chess.Board(fen)
     inventory = Inventory.of(start_layout(board, TABLE), TABLE)
     paper: Any = Paper(inventory)
@@ -228,7 +231,7 @@ def table_of(folder: Path, fen: str = chess.STARTING_FEN, *, begun: bool = False
     rig = BoardRig(MotionSettings().home, load_parameters())
     mender = Mender(paper, paper, Unattended(paper), record, Quiet(), rig.clock)
     devices = Devices(rig.arm, rig.clock, None, None)
-    return Table(Position(board, inventory, begun), devices, paper, mender, record, Quiet()), paper, record
+    return Table(Position(board, inventory, begun, unfinished), devices, paper, mender, record, Quiet()), paper, record
 
 
 def same(one: Inventory, other: Inventory) -> bool:
@@ -423,6 +426,25 @@ def test_a_move_that_a_person_made_while_nobody_looked_is_theirs(tmp_path: Path,
         assert not table.replied
         assert paper.truth.at(Place.parse("e2")) is not None, "whoever plays here leaves the pieces to the arm"
         assert paper.confirmed == table.board.fen()
+    assert not paper.asked
+
+
+@pytest.mark.parametrize("unfinished", [Unfinished(uci="e2e4"), Unfinished(uci="e2e4", repair=())])
+def test_an_answer_to_what_was_under_way_when_the_program_died_is_no_fault(
+    tmp_path: Path, unfinished: Unfinished
+) -> None:
+    table, paper, record = table_of(tmp_path / "game", begun=True, unfinished=unfinished)
+    if unfinished.repair is None:
+        paper.answer = chess.Move.from_uci("e7e5")
+    else:
+        paper.put("white-pawn-e", Place.parse("e4"))
+        table.inventory = paper.truth  # as it was found before the repair
+        paper.put("black-pawn-e", Place.parse("e5"))
+    with record:
+        assert table.begin(lambda colour: colour is chess.BLACK)
+    assert table.replied
+    assert table.board.peek() == chess.Move.from_uci("e2e4")
+    assert paper.truth.at(Place.parse("e5")) is not None
     assert not paper.asked
 
 

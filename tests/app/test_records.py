@@ -7,6 +7,8 @@ import io
 import json
 import os
 import re
+import threading
+import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -487,6 +489,44 @@ def test_a_line_that_did_not_fit_is_taken_back(tmp_path: Path, monkeypatch: pyte
     assert (tmp_path / "log").read_text() == "first\n"
     log.append("third")  # space was freed
     assert (tmp_path / "log").read_text() == "first\nthird\n"
+    log.close()
+
+
+def test_a_line_that_nobody_waits_for_comes_to_the_disk_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced, really = threading.Event(), os.fsync
+
+    def fsync(descriptor: int) -> None:
+        really(descriptor)
+        assert threading.current_thread() is not threading.main_thread(), "nobody waits"
+        synced.set()
+
+    log = LineLog(tmp_path / "log")
+    with monkeypatch.context() as watched:
+        watched.setattr(os, "fsync", fsync)
+        log.append("first", durable=False)
+        assert synced.wait(10.0)
+    log.close()
+    assert "sync log" not in {thread.name for thread in threading.enumerate()}
+
+
+def test_a_line_that_never_came_to_the_disk_is_told_of_at_the_next_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failed = threading.Event()
+
+    def fsync(_: int) -> None:
+        failed.set()
+        no_space()
+
+    log = LineLog(tmp_path / "log")
+    monkeypatch.setattr(os, "fsync", fsync)
+    log.append("first", durable=False)
+    assert failed.wait(10.0)
+    time.sleep(0.1)  # the thread takes a moment to say so
+    with pytest.raises(RecordError, match=FULL):
+        log.append("second", durable=False)
     log.close()
 
 

@@ -76,6 +76,10 @@ def test_fingers_that_close_around_the_next_piece_do_not_hold_the_last_one() -> 
     # at the end of a release the arm is at the next piece, and its fingers begin to close before the grasp is recorded
     following = PLY.transfers[1].source
     assert progress(0, Stage.RELEASE, arm(following, GRIP, CLOSED, 12.0)) == Progress(1, False)
+    # anywhere else it is the last one, from which a hand has pushed the arm away
+    for place, height in ((following, 0.08), (PLY.transfers[0].target, GRIP + 0.004)):
+        assert progress(0, Stage.RELEASE, arm(place, height, CLOSED, 4.0)) == Progress(0, True)
+        assert progress(1, Stage.RELEASE, arm(place, height, CLOSED, 4.0)) == Progress(1, True)
 
 
 @pytest.mark.parametrize("finger", [CLOSED, CLOSED + 0.0018])  # the latter where too hard a grip was let go of

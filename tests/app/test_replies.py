@@ -33,8 +33,10 @@ def studio() -> Iterator[TableStudio]:
         yield one
 
 
-def reply(studio: TableStudio, before: chess.Board, after: chess.Board, seed: int) -> chess.Move | None:
-    """What is found in a picture of the second position, of which the first is known."""
+def reply(
+    studio: TableStudio, before: chess.Board, after: chess.Board, seed: int, off: tuple[float, float] = (0.0, 0.0)
+) -> chess.Move | None:
+    """What is found in a picture of the second position, of which the first is known; what changed is off so far."""
     rng = np.random.default_rng(seed)
     spare: dict[tuple[str, str], list[PieceSpec]] = {}
     for one in start_layout(chess.Board(), TABLE):
@@ -43,7 +45,8 @@ def reply(studio: TableStudio, before: chess.Board, after: chess.Board, seed: in
     for square, piece in pieces_of(after).items():
         name = spare[piece.kind, piece.colour].pop().name
         far = PERSON if before.piece_at(square) != after.piece_at(square) else 0.001
-        x, y = np.array(TABLE.xy(square_place(square))) + rng.uniform(-far, far, 2)
+        shift = np.array(off) if far == PERSON and any(off) else rng.uniform(-far, far, 2)
+        x, y = np.array(TABLE.xy(square_place(square))) + shift
         poses.append(Pose(name, float(x), float(y), yaw=float(rng.uniform(-3.0, 3.0))))
     frame = studio.frame(poses, Looks(), seed)
     view = BoardView(frame.intrinsics, studio.camera_from_board(Looks().mount), TABLE)
@@ -82,3 +85,20 @@ def test_the_move_is_found_that_explains_the_picture(studio: TableStudio, fen: s
 )
 def test_what_no_move_explains_is_none(studio: TableStudio, fen: str, after: str) -> None:
     assert reply(studio, chess.Board(fen), chess.Board(after), 4) is None
+
+
+@pytest.mark.parametrize("off", [(0.0, 0.014), (-0.012, -0.012), (0.013, 0.0)])
+def test_a_piece_that_was_put_down_anywhere_is_no_move(studio: TableStudio, off: tuple[float, float]) -> None:
+    before, after = chess.Board(), chess.Board()
+    after.push_san("e3")
+    assert reply(studio, before, after, 5) == chess.Move.from_uci("e2e3")
+    assert reply(studio, before, after, 5, off) is None
+
+
+def test_a_king_that_stays_where_it_stands_castles_by_its_rook(studio: TableStudio) -> None:
+    before = chess.Board("4k3/8/8/8/8/8/8/6KR w H - 0 1", chess960=True)
+    after = before.copy()
+    after.push_san("O-O")
+    found = reply(studio, before, after, 6)
+    assert found is not None
+    assert before.is_castling(found)

@@ -27,7 +27,9 @@ from pathlib import Path
 from hardware.sim.live_state import LiveState
 model = mujoco.MjModel.from_xml_string(sys.argv[3])
 data = mujoco.MjData(model)
-live = LiveState(Path(sys.argv[1]), model, data, 0, aside=sys.argv[2] == "aside")
+live = LiveState(Path(sys.argv[1]), model, data, 0)
+if sys.argv[2] == "aside":
+    live.write_aside()
 tick = 0
 while True:
     mujoco.mj_step(model, data)
@@ -59,7 +61,9 @@ def kept(path: Path) -> mujoco.MjData:
 def test_the_last_tick_that_was_kept_is_found_to_the_last_bit(tmp_path: Path, aside: bool) -> None:
     path, data = tmp_path / LIVE_FILE, mujoco.MjData(MODEL)
     assert load_live_state(path) is None
-    live = LiveState(path, MODEL, data, 0, aside=aside)
+    live = LiveState(path, MODEL, data, 0)
+    if aside:
+        live.write_aside()
     assert kept(path).qpos.tolist() == data.qpos.tolist()
     for tick in range(1, 8):
         mujoco.mj_step(MODEL, data)
@@ -98,7 +102,7 @@ def test_where_one_slot_is_torn_the_other_one_counts(
     tmp_path_factory: pytest.TempPathFactory, draw: st.DataObject
 ) -> None:
     path, data = tmp_path_factory.mktemp("live") / LIVE_FILE, mujoco.MjData(MODEL)
-    live = LiveState(path, MODEL, data, 0, aside=False)
+    live = LiveState(path, MODEL, data, 0)
     last = draw.draw(st.integers(1, 5))
     for tick in range(1, last + 1):
         mujoco.mj_step(MODEL, data)
@@ -128,7 +132,7 @@ def test_where_there_is_no_room_the_world_does_not_begin(tmp_path: Path, monkeyp
 
     monkeypatch.setattr(os, "posix_fallocate", full)
     with pytest.raises(HardwareError, match=r"cannot keep its state in .*: No space left on device; make room there"):
-        LiveState(tmp_path / LIVE_FILE, MODEL, mujoco.MjData(MODEL), 0, aside=False)
+        LiveState(tmp_path / LIVE_FILE, MODEL, mujoco.MjData(MODEL), 0)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -139,7 +143,7 @@ def test_a_state_that_can_no_longer_be_written_is_not_left_to_be_believed(
         raise OSError(5, "Input/output error")
 
     path = tmp_path / LIVE_FILE
-    live = LiveState(path, MODEL, mujoco.MjData(MODEL), 0, aside=False)
+    live = LiveState(path, MODEL, mujoco.MjData(MODEL), 0)
     monkeypatch.setattr(os, "pwrite", broken)
     live.keep(1)
     live.keep(2)
