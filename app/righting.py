@@ -11,6 +11,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
+
 from app.manipulation import Inventory, Transfer
 from app.motion.lying import Lying, Strewn, crowd_of
 from app.motion.nudge import Nudge, find_nudge, plan_nudge
@@ -33,6 +35,8 @@ _RAISES: Final = 2
 """So many higher grips are tried, up to …"""
 _ON_THE_PIECE: Final = 0.001
 """… one at which the pads end so far below the top of the piece [m]."""
+LEANS: Final = 0.005
+"""A piece no further from another may lean on it [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +100,24 @@ def strewn_of(strays: Sequence[Strayed]) -> Strewn:
         ),
         tuple(_lying(one) for one in strays if one.lies),
     )
+
+
+def leant_on(one: Strayed, strays: Sequence[Strayed], stands: Inventory) -> str | None:
+    """The piece that is nearest to one which does not lie flat, as the arm has felt; None: nothing is so near."""
+    shape, yaw = PIECE_SHAPES[one.piece.kind], one.pose.yaw or 0.0
+    along = np.linspace(0.0, shape.height, 12)
+    axis = np.array([one.pose.x, one.pose.y]) + along[:, None] * np.array([math.cos(yaw), math.sin(yaw)])
+    radius = np.where(along <= shape.foot_height, shape.foot_radius, shape.stem_radius)
+    table, astray = stands.table, {each.piece.name: (each.pose.x, each.pose.y) for each in strays}
+    nearest, found = LEANS, None
+    for piece in stands:
+        if piece.name == one.piece.name or piece.place.in_box:
+            continue
+        at = astray.get(piece.name, table.xy(piece.place))
+        gap = float((np.hypot(*(axis - at).T) - radius).min()) - PIECE_SHAPES[piece.kind].foot_radius
+        if gap < nearest:
+            nearest, found = gap, piece.name
+    return found
 
 
 def plan_righting(

@@ -29,9 +29,9 @@ from app.records import GameRecord
 from app.records.events import Purpose
 from app.repair import Ask, Repair, mend
 from app.repair.mending import SEEN_WITHIN, repair_towards
-from app.righting import Blocked, Strayed, in_order
+from app.righting import Blocked, Strayed, in_order, leant_on
 from hardware.interfaces import Clock
-from hardware.table import PIECE_SHAPES, square_place
+from hardware.table import square_place
 from vision.verify import Fault, FaultKind
 
 MOST_ROUNDS: Final = 40
@@ -43,8 +43,6 @@ MOST_PUSHES: Final = 6
 """Of one piece."""
 _CLOSE: Final = 0.065
 """Pieces that stand so near to where no push helps make way, one after the other [m]."""
-_LEANS: Final = 0.005
-"""A piece no further from another may lean on it [m]."""
 MOST_TRIES: Final = 3
 """To stand one piece up."""
 FRESH: Final = 0.5
@@ -251,7 +249,7 @@ class Mender:
 
     def _take_prop(self, one: Strayed, strays: Sequence[Strayed], stands: Inventory) -> Repair | None:
         """What a piece leans on, so that it could not be stood up, goes to its place, or out of the way for now."""
-        name = _leant_on(one, strays, stands)
+        name = leant_on(one, strays, stands)
         stray = next((each for each in strays if each.piece.name == name and not each.lies), None)
         if name is None:
             return None
@@ -396,24 +394,6 @@ def _next_round(rounds: int, faults: Sequence[Fault]) -> int:
             "then go on with 'touchmove resume'"
         )
     return rounds + 1
-
-
-def _leant_on(one: Strayed, strays: Sequence[Strayed], stands: Inventory) -> str | None:
-    """The piece that is nearest to one which does not lie flat, as the arm has felt; None: nothing is so near."""
-    shape, yaw = PIECE_SHAPES[one.piece.kind], one.pose.yaw or 0.0
-    along = np.linspace(0.0, shape.height, 12)
-    axis = np.array([one.pose.x, one.pose.y]) + along[:, None] * np.array([math.cos(yaw), math.sin(yaw)])
-    radius = np.where(along <= shape.foot_height, shape.foot_radius, shape.stem_radius)
-    table, astray = stands.table, {each.piece.name: (each.pose.x, each.pose.y) for each in strays}
-    nearest, found = _LEANS, None
-    for piece in stands:
-        if piece.name == one.piece.name or piece.place.in_box:
-            continue
-        at = astray.get(piece.name, table.xy(piece.place))
-        gap = float((np.hypot(*(axis - at).T) - radius).min()) - PIECE_SHAPES[piece.kind].foot_radius
-        if gap < nearest:
-            nearest, found = gap, piece.name
-    return found
 
 
 def _called(stands: Inventory, name: str) -> str:
