@@ -152,7 +152,7 @@ def load_rig(path: Path) -> RigFile:
     Raises:
         ConfigError: it cannot be read, or something in it is wrong.
     """
-    rig = load_toml(path, RigFile, "rig", "give sim, or the TOML file of a lab's rig")
+    rig = load_toml(path, RigFile, "rig", "give sim, board, or the TOML file of a lab's rig")
     folder = path.absolute().parent
     key = rig.controller.model_copy(update={"key": folder / rig.controller.key})
     paths = {"run_dir": folder / rig.run_dir, "parameters": folder / rig.parameters}

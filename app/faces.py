@@ -34,6 +34,9 @@ class Face(Protocol):
     def prompt(self, sentence: str) -> None:
         """Somebody is to type something."""
 
+    def heard(self, line: str) -> None:
+        """Somebody has."""
+
 
 class Quiet:
     """Shows nothing."""
@@ -51,6 +54,9 @@ class Quiet:
         """Nothing."""
 
     def prompt(self, sentence: str) -> None:
+        """Nothing."""
+
+    def heard(self, line: str) -> None:
         """Nothing."""
 
 
@@ -107,6 +113,9 @@ class Terminal:
         """See ``Face.prompt``."""
         self.say(sentence)
 
+    def heard(self, line: str) -> None:
+        """Nothing: nobody types here."""
+
     def _show(self) -> None:
         if self._live is not None:
             self._live.update(self._picture())
@@ -120,11 +129,18 @@ class Terminal:
 
 
 class Conversation:
-    """A game with a person at the keyboard: line by line, so that what they type stays in order."""
+    """A game with a person at the keyboard: line by line, so that what they type stays in order.
 
-    def __init__(self, console: Console) -> None:
-        self._console, self._plain = console, console.color_system is None
+    Args:
+        console: is written to.
+        echoes: what is typed is shown by the terminal itself; else, as of a script in a pipe, it is shown here.
+    """
+
+    def __init__(self, console: Console, *, echoes: bool = True) -> None:
+        self._console, self._plain, self._echoes = console, console.color_system is None, echoes
         self._said = ""
+        self._prompted = False
+        """The last line is a prompt that nobody has answered."""
 
     def __enter__(self) -> Self:
         return self
@@ -138,25 +154,43 @@ class Conversation:
         """See ``Face.phase``."""
         if text != self._said:
             self._said = text
+            self._leave_prompt()
             self._console.print(f"  … {text}", style="cyan", highlight=False, soft_wrap=True)
 
     def position(self, board: chess.Board) -> None:
         """See ``Face.position``."""
+        self._leave_prompt()
         self._console.print(board_text(board, plain=self._plain))
 
     def ply(self, event: PlyEvent, board: chess.Board) -> None:
         """See ``Face.ply``."""
+        self._leave_prompt()
         self._console.print(board_text(board, chess.Move.from_uci(event.uci), plain=self._plain))
         who = "you played" if event.by == "hand" else "I played"
         self._console.print(f"{_number(event)} {event.san}  ({who})", style="bold", highlight=False)
 
     def say(self, sentence: str) -> None:
         """See ``Face.say``."""
+        self._leave_prompt()
         self._console.print(sentence, highlight=False, soft_wrap=True)
 
     def prompt(self, sentence: str) -> None:
         """See ``Face.prompt``."""
+        self._leave_prompt()
         self._console.print(f"{sentence} > ", style="bold", end="", highlight=False, soft_wrap=True)
+        self._prompted = True
+
+    def heard(self, line: str) -> None:
+        """A line was typed, or came from a script."""
+        if not self._echoes:
+            self._console.print(line, highlight=False, markup=False, soft_wrap=True)
+        self._prompted = False
+
+    def _leave_prompt(self) -> None:
+        """What comes now is no answer to the prompt: it begins a line of its own."""
+        if self._prompted:
+            self._console.print()
+        self._prompted = False
 
 
 _LIGHT, _DARK, _MOVED = "#e8d8b8", "#b58863", "#aab84a"

@@ -57,7 +57,7 @@ def run_games(settings: Settings, face: Face, typed: TextIO | None = None) -> Se
     settings = _completed(settings, venue)
     folder = settings.out if settings.out is not None else new_folder(GAMES, utc_now())
     with ExitStack() as stack:
-        games = _Games(settings, venue, face, _human(settings, venue, folder, typed, stack))
+        games = _Games(settings, venue, face, _human(settings, venue, folder, typed, stack, face))
         match = stack.enter_context(_match(settings, venue, games, folder, face))
         standing = None if settings.game.standing is None else start_board(settings.game.standing, option="--standing")
         inventory = match.start(lambda board: Inventory.of(start_layout(board, venue.table), venue.table), standing)
@@ -90,7 +90,7 @@ def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> Sessi
     if settings.rig.name == BOARD:  # nothing stands anywhere: what was under way is done over
         position = position.from_the_start()
     with ExitStack() as stack:
-        human = _human(settings, venue, folder, typed, stack)
+        human = _human(settings, venue, folder, typed, stack, face)
         games = _Games(settings, venue, face, human, begun=number)
         if not sets_up and _over(history, games.most(number)) and games(number + 1, None) is None:
             raise UserError(f"the game in {path} is over, after {len(history.plies)} plies: start a new one")
@@ -275,7 +275,9 @@ def _person(settings: Settings) -> Colour | None:
     return humans[0] if humans else None
 
 
-def _human(settings: Settings, venue: Venue, folder: Path, typed: TextIO | None, stack: ExitStack) -> Human | None:
+def _human(
+    settings: Settings, venue: Venue, folder: Path, typed: TextIO | None, stack: ExitStack, face: Face
+) -> Human | None:
     colour = _person(settings)
     if colour is None:
         return None
@@ -285,7 +287,7 @@ def _human(settings: Settings, venue: Venue, folder: Path, typed: TextIO | None,
     if venue.own:
         hands = SimHands(venue.run_dir(folder))
         stack.callback(hands.close)
-    return Human(colour is Colour.WHITE, TypedLines(typed), hands)
+    return Human(colour is Colour.WHITE, TypedLines(typed, face.heard), hands)
 
 
 def _filming(venue: Venue, folder: Path) -> Filming | None:

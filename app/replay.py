@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -103,10 +104,18 @@ def _read(stream: TextIO, file: Path, number: int | None) -> Iterator[RecordedGa
             return
 
 
+logging.getLogger(chess.pgn.__name__).addHandler(logging.NullHandler())  # what it would print, errors tell
+_UNSAID: Final = frozenset({"?", "????.??.??", "*"})
+"""Headers of a game that has none."""
+
+
 def _recorded(game: chess.pgn.Game, file: Path, count: int) -> RecordedGame:
-    if game.errors:
-        raise ReplayError(f"{file}, game {count}: {game.errors[0]}: correct the file, or choose another --game")
     nodes = list(game.mainline())
+    if not game.errors and not game.variations and all(value in _UNSAID for value in game.headers.values()):
+        raise ReplayError(f"{file} holds no game: give a PGN file or the folder of a game")
+    if game.errors:
+        last = f"after {len(nodes)} plies" if nodes else "at its beginning"
+        raise ReplayError(f"{file}, game {count}, {last}: {game.errors[0]}: correct the file, or choose another --game")
     headers = game.headers
     title = f"{headers.get('White', '?')} - {headers.get('Black', '?')}, {headers.get('Event', '?')}"
     return RecordedGame(

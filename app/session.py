@@ -13,6 +13,7 @@ from pydantic import JsonValue
 from app.devices import Rig, RigFailed
 from app.faces import Face
 from app.game import EXPECTED_FAILURES, Devices, GameEnd
+from app.game.state import LEFT
 from app.records import GameRecord, RecordError, Report
 from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
 from controller.errors import ControllerError
@@ -81,6 +82,14 @@ class Programme(Protocol):
         """
 
 
+class Interrupted(KeyboardInterrupt):
+    """What was played in a folder was broken off on purpose, and may be gone on with."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self.folder = folder
+
+
 @dataclass(frozen=True, slots=True)
 class SessionResult:
     """The report, where it lies, whether everything held, and whether another program could go on with the game."""
@@ -128,7 +137,7 @@ def run_session(
 
     Raises:
         UserError: the rig did not start, or a record cannot be written.
-        KeyboardInterrupt: it was interrupted; the record says so, and the arm is at rest.
+        Interrupted: it was, by Ctrl-C; the record says so, and the arm is at rest.
     """
     telemetry = TelemetryRecorder(_free(folder, TELEMETRY_FILE), tick)
     done: list[SessionResult] = []
@@ -151,7 +160,7 @@ def run_session(
         course.failures.append("the arm did not come to rest")
     result = _result(course, rested=last is not None)
     if course.interrupted:
-        raise KeyboardInterrupt
+        raise Interrupted(folder)
     holds = result.holds and all(one.holds for one in done)
     return SessionResult(result.report, result.folder, holds, result.resumable, tuple(done))
 
@@ -210,7 +219,7 @@ def _result(course: _Course, *, rested: bool) -> SessionResult:
     )  # fmt: skip
     holds = course.end.complete and not course.failures and report.physical_ok is not False
     # not where the board came out wrong, which wants a hand first, nor where nobody knows how the arm was left
-    resumable = course.end is FAILED and rested
+    resumable = (course.end is FAILED or course.end is LEFT) and rested
     return SessionResult(report, record.folder, holds, resumable)
 
 

@@ -8,7 +8,7 @@ from app.game.commands import HandVerb, MoveHand
 from app.hand_moves import hand_transfers
 from app.manipulation import Inventory, Ply
 from hardware.sim.hand_actions import Action, Hover, Knock, Move, Rest, Withdraw
-from hardware.sim.hand_client import SimHand
+from hardware.sim.hand_client import HandRefused, SimHand
 
 
 class SimHands:
@@ -26,6 +26,12 @@ class SimHands:
         """See ``Hands.do``."""
         table = inventory.table
         points = [table.xy(place) for place in command.places]
+        there = inventory.at(command.places[-1])
+        if command.verb is HandVerb.MOVE and there is not None:
+            raise HandRefused(
+                f"the {there.colour} {there.kind} stands on {there.place}: tell the hand to move that first, or name "
+                "an empty place"
+            )
         actions: dict[HandVerb, type[Knock] | type[Hover] | type[Rest]] = {
             HandVerb.KNOCK: Knock, HandVerb.HOVER: Hover, HandVerb.REST: Rest,
         }  # fmt: skip
@@ -34,7 +40,13 @@ class SimHands:
             first = Move(start=points[0], to=points[1])
         else:
             first = actions[command.verb](at=points[0])
-        self._perform(first, Withdraw())
+        try:
+            self._perform(first, Withdraw())
+        except HandRefused as refused:  # it knows nothing of squares
+            sentence = str(refused)
+            for (x, y), place in zip(points, command.places, strict=True):
+                sentence = sentence.replace(f"({x:.3f}, {y:.3f}) m", str(place))
+            raise HandRefused(sentence) from refused
 
     def close(self) -> None:
         """Let the world go."""
@@ -45,4 +57,9 @@ class SimHands:
         if self._hand is None:
             self._hand = SimHand(self._run_dir)
         self._hand.perform(*actions)
-        self._hand.wait()
+        try:
+            self._hand.wait()
+        except HandRefused:  # nobody leaves a hand where an arm will move
+            self._hand.perform(Withdraw())
+            self._hand.wait()
+            raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
+from collections.abc import Callable
 from typing import Final, TextIO
 
 from app.game.human import PersonGone
@@ -12,9 +13,15 @@ _END: Final = None
 
 
 class TypedLines:
-    """``Lines`` of a stream, read in a thread of its own so that nobody is kept waiting."""
+    """``Lines`` of a stream, read in a thread of its own so that nobody is kept waiting.
 
-    def __init__(self, stream: TextIO) -> None:
+    Args:
+        stream: is read to its end.
+        heard: told each line when it is taken.
+    """
+
+    def __init__(self, stream: TextIO, heard: Callable[[str], None] = lambda _: None) -> None:
+        self._heard = heard
         self._lines: queue.Queue[str | None] = queue.Queue()
         self._stream = stream
         self._thread = threading.Thread(target=self._read, name="typed lines", daemon=True)
@@ -29,6 +36,7 @@ class TypedLines:
         if line is _END:
             self._lines.put(_END)
             raise PersonGone
+        self._heard(line)
         return line
 
     def _read(self) -> None:

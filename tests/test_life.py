@@ -36,7 +36,8 @@ def test_an_interrupt_ends_everything_within_five_seconds(demo, number):
     assert time.monotonic() - asked < 5.0
     assert status == 130
     assert err.strip() == (
-        "touchmove: interrupted; the arm rests and nothing that this program started is left running"
+        "touchmove: interrupted; the arm rests and nothing that this program started is left running; "
+        f"'touchmove resume {run.folder}' goes on with it"
     )
     assert not run.helpers()
     end = run.world_end()

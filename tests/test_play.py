@@ -103,6 +103,8 @@ def test_a_whole_game_with_all_that_a_person_may_do_at_the_board(tmp_path: Path)
     simulated hand and seen by the camera.
     """
     script = """
+        hand move b1 d2         # where a pawn stands
+        hand knock e5           # where nothing stands; nor does the hand stay there
         e4
         e5
         exd6                    # en passant
@@ -128,6 +130,8 @@ def test_a_whole_game_with_all_that_a_person_may_do_at_the_board(tmp_path: Path)
         [*TOUCHMOVE, "play", *options], input=script, capture_output=True, text=True, timeout=280.0, check=False
     )
     assert done.returncode == 0, done.stderr[-2000:]
+    assert "the white pawn stands on d2: tell the hand to move that first" in done.stderr
+    assert "no piece stands within 20 mm of e5" in done.stderr
     report = json.loads(done.stdout)
     assert report["physical_ok"] is True
     kinds = {trouble["kind"] for trouble in report["troubles"]}

@@ -218,12 +218,15 @@ def _show_game(
         if headless:
             result = play(Quiet())
         else:
-            with Conversation(console) if talks else Terminal(console) as terminal:
+            with Conversation(console, echoes=sys.stdin.isatty()) if talks else Terminal(console) as terminal:
                 result = play(terminal)
     except (UserError, EngineProblem) as error:
         fail(str(error))
-    except KeyboardInterrupt:
-        fail("interrupted; the arm rests and nothing that this program started is left running", 130)
+    except KeyboardInterrupt as stop:
+        from app.session import Interrupted
+
+        more = f"; 'touchmove resume {stop.folder}' goes on with it" if isinstance(stop, Interrupted) else ""
+        fail(f"interrupted; the arm rests and nothing that this program started is left running{more}", 130)
     if as_json:
         print(result.report.model_dump_json(indent=2))
     if not headless:

@@ -120,7 +120,7 @@ def parse_command(text: str, board: chess.Board) -> Command:
 
 
 def _hand(words: list[str]) -> MoveHand:
-    usage = "say 'hand move b1 d2', 'hand knock e4', 'hand hover e4' or 'hand rest e4'"
+    usage = "say 'hand move b1 b4', 'hand knock e4', 'hand hover e4' or 'hand rest e4'"
     if not words or words[0].lower() not in list(HandVerb):
         raise CommandError(f"what shall the hand do? {usage}")
     verb = HandVerb(words[0].lower())

@@ -20,7 +20,7 @@ from app.game.commands import Command, MoveHand, PlayMove, Word, help_text, pars
 from app.game.hand_notice import HandNotice
 from app.game.human import Human, PersonGone
 from app.game.person import NeedsHand
-from app.game.state import WRONG, GameEnd
+from app.game.state import LEFT, WRONG, GameEnd
 from app.game.table import Remark, Table
 from app.game.timing import Timing
 from app.manipulation import transfers
@@ -93,10 +93,11 @@ class HumanTurn:
             ) as error:  # it cannot be done: the game stands where it stood
                 self._tell(str(error))
                 self._timing.start(self._colour)
-                line, end = None, None
+                end = None
             if (end := end or self._flag()) is not None:
                 return end
-            if (unseen or line is not None) and len(self._table.board.move_stack) == done:
+            at_it = len(self._table.board.move_stack) == done and self.plays(self._table.board.turn)
+            if at_it and (unseen or line is not None):
                 self._prompt()
         return None
 
@@ -142,14 +143,17 @@ class HumanTurn:
             Word.SIDE: self._change_sides,
             Word.RESIGN: lambda: GameEnd(_lost(self._colour), f"{_name(self._colour)} resigns", True),
             Word.NEW: lambda: GameEnd("*", "given up for a new game", True, again=True),
-            Word.QUIT: lambda: GameEnd("*", "left by the person at the board", True),
+            Word.QUIT: lambda: LEFT,
         }
         return words[command]()
 
-    def _pause(self) -> None:
+    def _pause(self) -> GameEnd | None:
         self._timing.pause()
-        self.wait("the clocks stand; say 'go' to go on")
+        self._face.say("the clocks stand; say 'go' to go on, or 'quit' to leave")
+        if self._answer("go on?", (Word.GO.value, Word.QUIT.value)) == Word.QUIT.value:
+            return LEFT
         self._timing.start(self._colour)
+        return None
 
     def _change_sides(self) -> None:
         self._timing.pause()
@@ -327,10 +331,11 @@ class HumanTurn:
             line = self._human.lines.next(POLL)
             if line is None:
                 continue
-            word = line.strip().lower()
-            if word in valid:
-                return word
-            self._face.say(f"'{word}' is no answer: say {', '.join(valid)}")
+            word = line.strip()
+            if word.lower() in valid:
+                return word.lower()
+            self._face.say(f"'{word}' is no answer: say {' or '.join(valid)}")
+            self._face.prompt(question)
 
 
 def _name(colour: chess.Color) -> str:

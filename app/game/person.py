@@ -43,5 +43,9 @@ class PersonAsker:
         self._face.prompt("done?")
         while True:
             line = self._lines.next(POLL)
-            if line is not None and line.strip().lower() in ("done", "ok", "yes", "y", "go"):
+            if line is None:
+                continue
+            if line.strip().lower() in ("done", "ok", "yes", "y", "go"):
                 return
+            self._face.say(f"'{line.strip()}' is no answer: put it right and say 'done', or leave with Ctrl-C")
+            self._face.prompt("done?")

@@ -73,6 +73,10 @@ class GameEnd:
     again: bool = False
 
 
+LEFT: Final = GameEnd("*", "left by the person at the board", complete=True)
+"""They may go on with it another time."""
+
+
 @dataclass(frozen=True, slots=True)
 class Job:
     """Something the arm does from home to home.

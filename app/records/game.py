@@ -158,7 +158,10 @@ class GameRecord:
         log = LineLog(folder / EVENTS_FILE, go_on=True)
         try:
             moves = [_pgn_move(event) for event in history.plies]
-            return cls(folder, log, _pgn(folder, history.start, "?", moves), history.events, now)
+            pgn = _pgn(folder, history.start, "?", moves)
+            if sum(isinstance(event, SideEvent) for event in history.events) % 2:
+                pgn.change_sides()
+            return cls(folder, log, pgn, history.events, now)
         except BaseException:
             log.close()
             raise
@@ -190,6 +193,7 @@ class GameRecord:
     def sides_changed(self, person: Colour, plant_time: float) -> None:
         """Record that the person at the board plays another side from now on."""
         self._append(SideEvent(wall_time=self._now(), plant_time=plant_time, ply=self._plies(), person=person))
+        self._pgn.change_sides()
 
     def step(self, uci: str | None, transfer: int, stage: Stage, plant_time: float, *, durable: bool = False) -> None:
         """Record a part of a ply or task before the arm begins it.

@@ -79,6 +79,16 @@ class PgnFile:
         self._push(move)
         self._write()
 
+    def change_sides(self) -> None:
+        """Who had White has Black from now on, and the game's result counts so; rewrite the file.
+
+        Raises:
+            RecordError: it cannot be written.
+        """
+        headers = self._game.headers
+        headers["White"], headers["Black"] = headers["Black"], headers["White"]
+        self._write()
+
     def take_back(self, plies: int) -> None:
         """Drop the last moves and rewrite the file.
 

@@ -107,7 +107,7 @@ def test_a_rig_is_sim_or_a_file(tmp_path: Path) -> None:
     assert choose_rig("sim") is None
     chosen = choose_rig(str(write(tmp_path, CONTROLLER)))
     assert chosen is not None
-    with pytest.raises(ConfigError, match="cannot be read: No such file or directory: give sim, or the TOML file"):
+    with pytest.raises(ConfigError, match="cannot be read: No such file or directory: give sim, board, or the TOML"):
         choose_rig(str(tmp_path / "none.toml"))
     with pytest.raises(RigFailed, match="rig board has no devices: choose sim"):
         choose_rig("board")

@@ -9,7 +9,7 @@ import chess
 import pytest
 from rich.console import Console
 
-from app.faces import Quiet, Terminal, board_text
+from app.faces import Conversation, Quiet, Terminal, board_text
 from app.records import PlyEvent
 
 
@@ -76,3 +76,16 @@ def test_without_colours_white_and_black_pieces_still_differ() -> None:
     plain, coloured = board_text(board, plain=True).plain, board_text(board).plain
     assert plain.count("♙") == plain.count("♟") == 8
     assert coloured.count("♟") == 16, "in colours both are filled, and their ink differs"
+
+
+@pytest.mark.parametrize("echoes", [True, False])
+def test_what_comes_unasked_does_not_run_on_from_a_prompt(echoes: bool) -> None:
+    out = io.StringIO()
+    face = Conversation(Console(file=out), echoes=echoes)
+    face.prompt("your move")
+    face.heard("e4")
+    face.phase("thinks")
+    face.prompt("your move")
+    face.say("the camera is back")
+    typed = "" if echoes else "e4\n"  # a terminal shows itself what is typed
+    assert out.getvalue() == f"your move > {typed}  … thinks\nyour move > \nthe camera is back\n"

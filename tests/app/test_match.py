@@ -49,6 +49,13 @@ def moves_of(folder: Path) -> list[str]:
     return sans
 
 
+def players_of(folder: Path) -> tuple[str, str]:
+    with (folder / "game.pgn").open(encoding="utf-8") as stream:
+        headers = chess.pgn.read_headers(stream)
+    assert headers is not None
+    return headers["White"], headers["Black"]
+
+
 def test_a_line_with_every_kind_of_move(tmp_path: Path) -> None:
     done = play(tmp_path / "game", game__moves=ALL_KINDS)
     assert done.holds
@@ -187,6 +194,8 @@ def test_a_person_plays_takes_back_changes_sides_and_resigns(tmp_path: Path) -> 
     assert sans[0] == "d4"
     assert len(sans) == 3, "the engine goes on with the person's pieces, and the person resigns with its"
     assert (done.report.result, done.report.exit_reason) == ("1-0", "Black resigns")
+    assert not done.resumable
+    assert players_of(tmp_path / "game")[1] == "Human", "who loses has Black in the PGN, too"
     events = [json.loads(line) for line in (tmp_path / "game" / EVENTS_FILE).read_text().splitlines()]
     back = next(event for event in events if event["event"] == "task")
     assert (back["purpose"], back["taken_back"]) == ("take_back", 2)
@@ -194,10 +203,18 @@ def test_a_person_plays_takes_back_changes_sides_and_resigns(tmp_path: Path) -> 
 
 
 def test_sides_that_were_changed_stay_so_after_a_resume(tmp_path: Path) -> None:
-    play(tmp_path / "game", "e4\nside\nquit\n", white__player="human", engine__nodes=50)
+    left = play(tmp_path / "game", "e4\nside\nquit\n", white__player="human", engine__nodes=50)
+    assert left.resumable
     done = resume_games(tmp_path / "game", Quiet(), io.StringIO("resign\n"))
     assert (done.report.result, done.report.exit_reason) == ("1-0", "Black resigns")
     assert len(moves_of(tmp_path / "game")) == 3
+    assert players_of(tmp_path / "game")[1] == "Human"
+
+
+def test_a_person_who_pauses_may_leave(tmp_path: Path) -> None:
+    left = play(tmp_path / "game", "pause\nNf3\nquit\n", white__player="human", engine__nodes=50)
+    assert left.resumable
+    assert (left.report.exit_reason, left.report.plies) == ("left by the person at the board", 0)
 
 
 def test_a_take_back_brings_captured_and_promoted_pieces_back(tmp_path: Path) -> None:

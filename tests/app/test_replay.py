@@ -57,7 +57,8 @@ def test_one_of_them_and_the_rest_of_it(file: Path) -> None:
     ("text", "said"),
     [
         ("", "holds no game"),
-        ('[White "X"]\n\n1. e4 e5 2. Ke3 *\n', r"game 1: illegal san: 'Ke3' in .*: correct the file"),
+        ("Dear Anna,\n\nthe games are in the other file.\n", "holds no game: give a PGN file"),
+        ('[White "X"]\n\n1. e4 e5 2. Ke3 *\n', r"game 1, after 2 plies: illegal san: 'Ke3' in .*: correct the file"),
     ],
 )
 def test_what_cannot_be_played_is_one_sentence(tmp_path: Path, text: str, said: str) -> None:
@@ -65,7 +66,9 @@ def test_what_cannot_be_played_is_one_sentence(tmp_path: Path, text: str, said: 
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ReplayError, match=said):
         recorded_games(path)
-    with pytest.raises(ReplayError, match="has no game 3: choose another --game" if text == "" else "game 1"):
+    with pytest.raises(
+        ReplayError, match="has no game 3: choose another --game" if text == "" else "game 1|holds no game"
+    ):
         recorded_games(path, 3 if text == "" else 1)
     with pytest.raises(ReplayError, match="cannot be read"):
         recorded_games(tmp_path / "none.pgn")
