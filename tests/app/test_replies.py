@@ -10,11 +10,10 @@ import pytest
 
 from app.game.replies import pieces_of, reply_shown
 from app.layout import start_layout
-from app.motion import MotionSettings
-from hardware.interfaces import HardwareError
 from hardware.sim.looks import Looks
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import PieceSpec, TableSettings, square_place
+from tests.vision.rendering import studio_of
 from vision.board import BoardView
 from vision.verify import FaultKind, examine_board
 
@@ -25,12 +24,8 @@ PERSON = 0.006
 
 @pytest.fixture(scope="module")
 def studio() -> Iterator[TableStudio]:
-    try:
-        made = TableStudio(start_layout(chess.Board(), TABLE), TABLE, MotionSettings().home)
-    except HardwareError as error:
-        pytest.skip(str(error))
-    with made as one:
-        yield one
+    with studio_of(start_layout(chess.Board(), TABLE)) as made:
+        yield made
 
 
 def reply(

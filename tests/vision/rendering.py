@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import chess
 import mujoco
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from app.layout import start_layout
 from app.motion import MotionSettings
+from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.drawing import draw_rods
 from hardware.sim.looks import LightSettings
@@ -19,11 +23,25 @@ from hardware.sim.optics import ColourSensor, colour_picture
 from hardware.sim.renderer import HEIGHT, WIDTH, intrinsics_for
 from hardware.sim.scene import CAMERAS, build_model
 from hardware.sim.settings import WorldSettings, stand_pieces
-from hardware.table import TableSettings
+from hardware.sim.table_studio import TableStudio
+from hardware.table import PieceSpec, TableSettings
 from vision.board import BoardView, playing_area
 
 CAMERA = CAMERAS["camera"]
 TABLE = TableSettings()
+
+
+@contextmanager
+def studio_of(pieces: Sequence[PieceSpec]) -> Iterator[TableStudio]:
+    """A studio with this set, where this machine has OpenGL; in CI it must."""
+    try:
+        made = TableStudio(pieces, TABLE, MotionSettings().home)
+    except HardwareError as error:
+        if os.environ.get("CI"):
+            raise
+        pytest.skip(str(error))
+    with made:
+        yield made
 
 
 def view_of(data: mujoco.MjData, model: mujoco.MjModel) -> BoardView:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -15,11 +14,11 @@ from numpy.typing import NDArray
 
 from app.bench.vision_calibration import random_looks, random_mount, random_position
 from app.layout import start_layout
-from app.motion import MotionSettings
-from hardware.interfaces import Frame, HardwareError, Intrinsics
+from hardware.interfaces import Frame, Intrinsics
 from hardware.sim.looks import Looks, MountSettings
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, piece_profile, square_place
+from tests.vision.rendering import studio_of
 from vision.board import BoardView
 from vision.centres import piece_centres
 from vision.outline import outline
@@ -107,13 +106,7 @@ def test_nothing_expected_and_another_camera() -> None:
 
 @pytest.fixture(scope="module")
 def studio() -> Iterator[TableStudio]:
-    try:
-        made = TableStudio(PIECES, TABLE, MotionSettings().home)
-    except HardwareError as error:
-        if os.environ.get("CI"):
-            raise
-        pytest.skip(str(error))
-    with made:
+    with studio_of(PIECES) as made:
         yield made
 
 

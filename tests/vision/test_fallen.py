@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 
 from app.layout import start_layout
-from app.motion import MotionSettings
-from hardware.interfaces import HardwareError
 from hardware.sim.looks import Looks
 from hardware.sim.table_studio import Pose as Put
 from hardware.sim.table_studio import TableStudio
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, TableSettings, square_place
+from tests.vision.rendering import studio_of
 from vision.board import BoardView
 from vision.fallen import find_strays
 from vision.lying import Pose, _profile, drawn, off_surface
@@ -29,12 +28,8 @@ LINE = "e4 e5 Nf3 Nc6 Bc4 Bc5 d3 Nf6 Nc3 d6 Bg5 h6"
 
 @pytest.fixture(scope="module")
 def studio() -> Iterator[TableStudio]:
-    try:
-        made = TableStudio(start_layout(chess.Board(), TABLE), TABLE, MotionSettings().home)
-    except HardwareError as error:
-        pytest.skip(str(error))
-    with made as one:
-        yield one
+    with studio_of(start_layout(chess.Board(), TABLE)) as made:
+        yield made
 
 
 def laid(name: str, kind: Kind, x: float, y: float, yaw: float) -> Put:

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from app.layout import start_layout
-from app.motion import MotionSettings
-from hardware.interfaces import HardwareError
 from hardware.sim.looks import Looks
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import PieceSpec, Place, TableSettings
+from tests.vision.rendering import studio_of
 from vision.board import BoardView
 from vision.replaced import Sighted, looked_closer, replaced
 from vision.situations import Finding, explain
@@ -28,12 +27,8 @@ EXPECTED = {spec.place.index: spec for spec in SPECS.values() if spec.place.on_b
 
 @pytest.fixture(scope="module")
 def studio() -> Iterator[TableStudio]:
-    try:
-        made = TableStudio(tuple(SPECS.values()), TABLE, MotionSettings().home)
-    except HardwareError as error:
-        pytest.skip(str(error))
-    with made as one:
-        yield one
+    with studio_of(tuple(SPECS.values())) as made:
+        yield made
 
 
 def pictures(studio: TableStudio, start: str, end: str | None, off: tuple[float, float]) -> tuple[Sighted, Sighted]:
