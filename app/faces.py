@@ -193,7 +193,8 @@ class Conversation:
         self._prompted = False
 
 
-_LIGHT, _DARK, _MOVED = "#e8d8b8", "#b58863", "#aab84a"
+_LIGHT, _DARK, _MOVED = "#bd9b6a", "#80553a", "#7f8f2f"
+"""Squares on which both white and black pieces can be told: contrasts of 2.5 and more."""
 
 
 def board_text(board: chess.Board, last: chess.Move | None = None, *, plain: bool = False) -> Text:
