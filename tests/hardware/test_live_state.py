@@ -68,7 +68,12 @@ def test_the_last_tick_that_was_kept_is_found_to_the_last_bit(tmp_path: Path, as
     for tick in range(1, 8):
         mujoco.mj_step(MODEL, data)
         live.keep(tick)
-        time.sleep(0.02 if aside else 0.0)
+        deadline = time.monotonic() + 10.0
+        while (snapshot := load_live_state(path)) is None or snapshot.tick < tick:
+            assert aside, "on the disk as soon as it is kept"
+            assert time.monotonic() < deadline
+            time.sleep(0.001)
+        time.sleep(0.01)  # so that the thread is ready for the next one
     for _ in range(100):
         mujoco.mj_step(MODEL, data)  # goes on, and is not told of
     assert kept(path).qpos.tolist() == fallen(7).qpos.tolist()

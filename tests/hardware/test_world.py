@@ -512,7 +512,8 @@ def test_a_world_that_is_killed_in_mid_motion_goes_on_from_there_on_its_brakes(s
     assert not (world.run_dir / END_FILE).exists()
     live = load_live_state(world.run_dir / LIVE_FILE)
     assert live is not None
-    assert live.tick >= falling.tick
+    aside = 10 if pace is Pace.REAL else 0  # written by a thread, which may be a little behind
+    assert live.tick >= falling.tick - aside
     again = start(world.run_dir, pace=pace)
     with closing(Referee(world.run_dir)) as referee:
         truth, _ = referee.look()
