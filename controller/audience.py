@@ -17,8 +17,8 @@ from collections.abc import Callable
 
 from controller.protocol.envelope import Drop, Opened, SequenceWindow
 from controller.protocol.layout import CHALLENGE, WATCH, Kind
+from controller.sockets import Address
 
-Address = tuple[str, int]
 Send = Callable[[Address, Kind, int, bytes], None]
 """Sends a datagram: to whom, what, under which session, payload."""
 
