@@ -239,7 +239,8 @@ class Door:
         if isinstance(opened, Drop):
             return opened
         if of_client:
-            return self._hear(opened, address, now)
+            self._hear(opened, address, now)
+            return None
         return (self._greet if opened.kind == Kind.HELLO else self._listen)(opened, address, now)
 
     def _stale(self, header: Header) -> Drop | None:

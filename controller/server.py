@@ -307,7 +307,7 @@ class Server:
         return False
 
     def _handle_later(self, kind: int, payload: memoryview) -> bool:
-        """As ``_handle``, but samples wait for a later tick: nothing is taken from the door before, so the view lasts."""
+        """As ``_handle``, but samples wait for a later tick; nothing else is taken before, so the view lasts."""
         if kind != Kind.SAMPLES:
             return self._handle(kind, payload)
         self._samples = Samples.unpack(payload)
