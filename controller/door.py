@@ -182,8 +182,9 @@ class Door:
             except BlockingIOError:
                 return
             except ConnectionError:
-                continue  # the client's port was closed when something was sent to it: silence is noticed by the lease
-            drop = self._admit(view[:size], address, now)
+                drop = None  # the client's port was closed when telemetry came: the lease notices its silence
+            else:
+                drop = self._admit(view[:size], address, now)
             if drop is not None:
                 self.dropped[drop] += 1
             elif self._admitted is not None:
