@@ -138,6 +138,11 @@ class GameGuard:
         return self._departures + (0 if self._guard is None else self._guard.arrivals)
 
     @property
+    def hands(self) -> int:
+        """How many hands were seen to come and go, one that is leaving included."""
+        return self.departures + self.leaving
+
+    @property
     def gone_at(self) -> float | None:
         """When the last hand had gone [s]; None: there was none, or one is there; see ``HandGuard.gone_at``."""
         if self._guard is None or not self._guard.arrivals:

@@ -21,7 +21,7 @@ from app.arm import (
     TouchedElsewhere,
 )
 from app.faces import Face
-from app.game.state import Devices, Job, moved_all
+from app.game.state import Clearance, Devices, Job, moved_all
 from app.manipulation import Inventory, Stage, Transfer
 from app.records import GameRecord
 from app.recovery import PieceLost, Progress, progress_of
@@ -29,7 +29,7 @@ from hardware.parameters import RobotParameters
 from hardware.table import Kind
 
 if TYPE_CHECKING:
-    from app.motion import Motion, MotionSettings
+    from app.motion import Motion, MotionSettings, Plan
     from app.righting import Blocked, Strayed
 
 MOST_PAUSES = 20
@@ -93,6 +93,14 @@ class Carried:
 
 
 @dataclass(frozen=True, slots=True)
+class PlannedPush:
+    """The piece that is pushed aside, and how."""
+
+    name: str
+    plan: Plan
+
+
+@dataclass(frozen=True, slots=True)
 class Begun:
     """Of a job's transfers: which was begun last, from 0, and which stage of it."""
 
@@ -114,6 +122,11 @@ class Carrier:
         self._devices, self._record, self._face = devices, record, face
         self._motion, self._parameters = motion, parameters
         self._step: Begun | None = None
+        self._listeners: list[Callable[[str], None]] = []
+
+    def subscribe(self, listener: Callable[[str], None]) -> None:
+        """Have a listener told the move, in UCI, of each ply whose last piece the arm is about to let go of."""
+        self._listeners.append(listener)
 
     @property
     def untouched(self) -> bool:
@@ -125,8 +138,7 @@ class Carrier:
         job: Job,
         inventory: Inventory,
         begun: Begun | None = None,
-        letting_go: Callable[[], None] | None = None,
-        undisturbed: Callable[[], bool] = lambda: True,
+        seen: Clearance | None = None,
     ) -> Carried:
         """Do a job, or what is left of one that was broken off, from wherever the arm is; home at its end.
 
@@ -137,8 +149,7 @@ class Carrier:
             job: what to carry; every part of it is recorded before it begins.
             inventory: what stood where before the whole job.
             begun: how far another program was; None: nothing was begun.
-            letting_go: called when the arm lets go of the last piece.
-            undisturbed: whether no hand was over the board since it was looked at; asked before anything is begun.
+            seen: up to which hand the board was looked at, as far as the job relies on that; None: on nothing.
 
         Raises:
             BoardTouched: one was.
@@ -154,8 +165,8 @@ class Carrier:
                 if self._step is not None:
                     progress = self._progress(job, state, inventory)
                     self._face.phase(_explain(job, progress))
-                self._interlock(undisturbed if self._step is None else None)
-                planned, done = self._rest(job, state, inventory, progress, letting_go)
+                self._interlock(seen if self._step is None else None)
+                planned, done = self._rest(job, state, inventory, progress)
                 return Carried(planned, done, resumed)
             except (GraspFailed, NothingTouched, PieceLost, PieceSlipped) as failure:
                 raise self._failed(job, inventory, failure) from failure
@@ -171,7 +182,7 @@ class Carrier:
             resumed = resumed or self._step is not None
 
     def stand_up(
-        self, one: Strayed, strays: Sequence[Strayed], stands: Inventory, undisturbed: Callable[[], bool]
+        self, one: Strayed, strays: Sequence[Strayed], stands: Inventory, seen: Clearance | None
     ) -> float | None:
         """Stand a piece up where it lies; home at its end.
 
@@ -179,7 +190,7 @@ class Carrier:
             one: the piece.
             strays: all that lie or stand elsewhere.
             stands: what should stand where.
-            undisturbed: whether no hand was over the board since it was looked at.
+            seen: up to which hand the board was looked at.
 
         Returns:
             How long it took [s]; None: the arm had to stop on the way, and is home.
@@ -196,33 +207,26 @@ class Carrier:
         )
         self._step = None
         try:
-            self._interlock(undisturbed)
+            self._interlock(seen)
             return arm.execute(plan).duration
         except (ArmPaused, GraspFailed, NothingTouched, TouchedElsewhere) as stop:
             self._face.phase(str(stop))
             self._go_home(stands, None, touching=isinstance(stop, TouchedElsewhere))
             return None
 
-    def push_aside(
-        self,
-        blocked: Sequence[Blocked],
-        strays: Sequence[Strayed],
-        stands: Inventory,
-        undisturbed: Callable[[], bool],
-        begin: Callable[[str], None],
-    ) -> None:
-        """Push one of two pieces that are in each other's way; home at its end.
+    def push_for(
+        self, blocked: Sequence[Blocked], strays: Sequence[Strayed], stands: Inventory, seen: Clearance | None
+    ) -> PlannedPush:
+        """How one of two pieces that are in each other's way can be pushed aside, with nothing in the arm's way now.
 
         Args:
             blocked: which the arm cannot take or stand up, and because of which.
             strays: all that lie or stand elsewhere.
             stands: what should stand where.
-            undisturbed: whether no hand was over the board since it was looked at.
-            begin: called with the name of the piece that is pushed, before it is; where it comes to be, only eyes can
-                tell.
+            seen: up to which hand the board was looked at.
 
         Raises:
-            BoardTouched: one was.
+            BoardTouched: a hand was over the board since.
             PlanRefused: no push helps.
         """
         from app.righting import plan_pushing
@@ -232,10 +236,18 @@ class Carrier:
             blocked, strays, stands, state.reference, state.finger, self._motion, self._parameters, arm.lead_ticks
         )
         self._step = None
+        self._interlock(seen)
+        return PlannedPush(nudge.name, plan)
+
+    def push_aside(self, push: PlannedPush, stands: Inventory) -> None:
+        """Push a piece; home at its end. Where the piece comes to be, only the camera can tell.
+
+        Args:
+            push: as planned just before.
+            stands: what should stand where.
+        """
         try:
-            self._interlock(undisturbed)
-            begin(nudge.name)
-            arm.execute(plan)
+            self._devices.arm.execute(push.plan)
         except ArmPaused as stop:
             self._face.phase(str(stop))
             self._go_home(stands, None)
@@ -278,7 +290,6 @@ class Carrier:
         state: ArmState,
         inventory: Inventory,
         progress: Progress | None,
-        letting_go: Callable[[], None] | None,
     ) -> tuple[float, Outcome]:
         from app.motion import plan_ply, plan_return  # takes seconds to load: not before something moves
         from app.righting import strewn_of
@@ -302,20 +313,19 @@ class Carrier:
         first = plan.motions[0]
 
         def begin(motion: Motion) -> None:
-            self._note(job, motion, done, letting_go, durable=motion is first)  # the arm rests before the first one
+            self._note(job, motion, done, durable=motion is first)  # the arm rests before the first one
 
         return plan.expected, arm.execute(plan, begin)
 
-    def _note(
-        self, job: Job, motion: Motion, done: int, letting_go: Callable[[], None] | None, *, durable: bool
-    ) -> None:
+    def _note(self, job: Job, motion: Motion, done: int, *, durable: bool) -> None:
         """Record what the arm begins, so that another program can finish it."""
         if motion.transfer is None or motion.stage is None:
             return
         self._step = Begun(done + motion.transfer, motion.stage)
         self._record.step(job.uci, self._step.transfer, self._step.stage, self._devices.clock.now(), durable=durable)
-        if letting_go is not None and self._step == Begun(len(job.transfers) - 1, Stage.RELEASE):
-            letting_go()
+        if job.uci is not None and self._step == Begun(len(job.transfers) - 1, Stage.RELEASE):
+            for listener in self._listeners:
+                listener(job.uci)
 
     def _progress(self, job: Job, state: ArmState, inventory: Inventory) -> Progress:
         assert self._step is not None
@@ -370,11 +380,11 @@ class Carrier:
         if isinstance(pause, ArmHeld) and (self._devices.guard is None or not self._devices.guard.holding):
             raise pause
 
-    def _interlock(self, undisturbed: Callable[[], bool] | None = None) -> None:
+    def _interlock(self, seen: Clearance | None = None) -> None:
         """No motion over the board while a hand is there; nor, where it matters, after one that has come since."""
         if self._devices.guard is not None:
             self._devices.guard.clear()
-        if undisturbed is not None and not undisturbed():
+        if seen is not None and not seen.holds(self._devices.guard):
             self._face.phase("a hand was over the board: looking again")
             raise BoardTouched
 

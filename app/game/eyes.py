@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from app.arm import Arm
 from app.game.replies import pieces_of, reply_shown
-from app.game.state import FRAME_AGE, CannotSee, Devices
+from app.game.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
 from app.layout import KINDS, PIECE_TYPES
 from app.manipulation import Inventory
 from app.repair import Sighting, kinds_by_height
@@ -144,7 +144,7 @@ class Eyes:
 
     def frame(self) -> Frame:
         """A frame exposed from now on, the arm being at rest, and, where somebody watches, no hand over the board; if
-        one does not go for long, with it: see ``undisturbed``.
+        one does not go for long, with it: see ``seen``.
 
         Raises:
             HardwareError: the camera gives none.
@@ -162,11 +162,10 @@ class Eyes:
                 raise HardwareError(f"the camera gave no new picture within {PATIENCE:.0f} s: see to its cable")
             self._clock.sleep(0.01)
 
-    def undisturbed(self) -> bool:
-        """Whether no hand was over the board since the newest frame was asked for: what it shows is still so."""
-        if self._guard is None or self._last is None:
-            return True
-        return self._arrivals is not None and self._guard.arrivals == self._arrivals
+    @property
+    def seen(self) -> Clearance | None:
+        """Up to which hand the newest frame shows the board; None: nothing was looked at."""
+        return None if self._last is None else Clearance(self._arrivals)
 
     def verify(self, stands: Inventory) -> Verification:
         """Whether the board is as it should be, in a new frame.
@@ -262,12 +261,15 @@ class Eyes:
             finding = looked_closer(finding, states, self._known.board, self._shows_known, now, pieces)
         return Reading(decision, finding, states, look)
 
-    def answered(self, board: chess.Board) -> bool:
-        """Whether the newest frame shows a position after which somebody has moved already, or has begun to.
+    def answered(self, reply: AwaitedReply) -> bool:
+        """Whether the newest frame shows that somebody has made the next move already, or has begun to.
 
         Args:
-            board: that position, which is known from now on.
+            reply: the position that it follows is known from now on, if a hand can have made it.
         """
+        if not reply.possible(self._guard):
+            return False
+        board = reply.position
         if self._assumed and not self._learn_from_reply(board):
             return False
         self._known.stand(board)

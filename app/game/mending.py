@@ -20,7 +20,7 @@ from app import UserError
 from app.faces import Face
 from app.game.carrier import BoardTouched, Carrier, CarryFailed
 from app.game.eyes import Eyes
-from app.game.state import Job, changed, moved_all
+from app.game.state import AwaitedReply, Job, changed, moved_all
 from app.game.unaided import Fallen, unaided, with_missing
 from app.manipulation import Inventory, Transfer
 from app.motion.plan import InTheWay, PlanRefused
@@ -123,7 +123,7 @@ class Mender:
         stands: Inventory,
         wanted: Inventory,
         board: chess.Board | None = None,
-        replied_to: Callable[[], chess.Board | None] = lambda: None,
+        reply: AwaitedReply | None = None,
     ) -> Mended:
         """Until the board shows what is wanted.
 
@@ -131,8 +131,8 @@ class Mender:
             stands: what should stand where now, as far as is known.
             wanted: what shall stand where.
             board: the position that ``stands`` shows, where a person may have moved something; None: only the arm has.
-            replied_to: gives the position that is wanted where a person may have made the next move already, which is
-                theirs, and nothing to mend; None: nobody can have.
+            reply: the next move, which a person may have made already: it is theirs, and nothing to mend; None: nobody
+                can have.
 
         Raises:
             UserError: a person is needed, and nobody is there; or it cannot be mended.
@@ -143,7 +143,7 @@ class Mender:
         self._tried.clear()
         while True:
             faults, step = self._decide(stands, wanted, board)
-            if faults and not changed(stands, wanted) and self._is_answered(replied_to()):
+            if faults and not changed(stands, wanted) and reply is not None and self.eyes.answered(reply):
                 return Mended(stands, rounds, duration, answered=True)
             if step is None:
                 self._lost.clear()
@@ -163,9 +163,6 @@ class Mender:
             if step is not None:
                 self._ask(step, faults)
                 stands = wanted
-
-    def _is_answered(self, position: chess.Board | None) -> bool:
-        return position is not None and self.eyes.answered(position)
 
     def _decide(
         self, stands: Inventory, wanted: Inventory, board: chess.Board | None
@@ -233,7 +230,7 @@ class Mender:
             self._record.found(stands, sentence, now)
             self.eyes.forget_likeness()
             try:
-                took = self._carrier.stand_up(one, step.strays, stands, self.eyes.undisturbed)
+                took = self._carrier.stand_up(one, step.strays, stands, self.eyes.seen)
             except BoardTouched:
                 return stands, 0.0, None
             except PlanRefused as refused:
@@ -310,24 +307,22 @@ class Mender:
         pairs = [pair for pair in pairs if max(self._pushed[pair.name], self._pushed[pair.by]) < MOST_PUSHES]
         if not pairs:
             return False
-
-        def begin(name: str) -> None:
-            pair = next(pair for pair in pairs if name in (pair.name, pair.by))
-            one, other = (_called(stands, each) for each in (pair.by, pair.name))
-            sentence = f"{one} and {other} are in each other's way: the arm pushes {_called(stands, name)} aside"
-            self._face.say(sentence)
-            self._record.found(stands, sentence, self._clock.now())
-            self._handled.add(name)
-            self._pushed[name] += 1
-
         self.eyes.forget_likeness()
         try:
-            self._carrier.push_aside(pairs, strays, stands, self.eyes.undisturbed, begin)
+            push = self._carrier.push_for(pairs, strays, stands, self.eyes.seen)
         except PlanRefused as refused:
             self._face.phase(str(refused))
             return False
         except BoardTouched:
-            pass  # what to do about it, the next look tells
+            return True  # what to do about it, the next look tells
+        pair = next(pair for pair in pairs if push.name in (pair.name, pair.by))
+        one, other = (_called(stands, each) for each in (pair.by, pair.name))
+        sentence = f"{one} and {other} are in each other's way: the arm pushes {_called(stands, push.name)} aside"
+        self._face.say(sentence)
+        self._record.found(stands, sentence, self._clock.now())
+        self._handled.add(push.name)
+        self._pushed[push.name] += 1
+        self._carrier.push_aside(push, stands)
         return True
 
     def _carry(self, step: Repair, faults: Sequence[Fault]) -> tuple[Inventory, float, Repair | Ask | None]:
@@ -343,7 +338,7 @@ class Mender:
         self.eyes.forget_likeness()
         try:
             job = Job(label, step.transfers, strays=self._strewn)
-            carried = self._carrier.carry(job, step.believed, undisturbed=self.eyes.undisturbed)
+            carried = self._carrier.carry(job, step.believed, seen=self.eyes.seen)
         except BoardTouched:
             return step.believed, 0.0, None
         except CarryFailed as failure:

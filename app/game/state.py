@@ -64,6 +64,38 @@ class Position:
 
 
 @dataclass(frozen=True, slots=True)
+class Clearance:
+    """Whether what a picture shows is still so.
+
+    Attributes:
+        arrivals: how often a hand had come when the picture was asked for; None: one may be in it.
+    """
+
+    arrivals: int | None
+
+    def holds(self, guard: GameGuard | None) -> bool:
+        """Whether no hand was over the board since; where nobody watches for hands, nobody can tell."""
+        return guard is None or (self.arrivals is not None and guard.arrivals == self.arrivals)
+
+
+@dataclass(frozen=True, slots=True)
+class AwaitedReply:
+    """A person may make the next move before anybody looks again.
+
+    Attributes:
+        position: after which it is.
+        hands: how many hands had come and gone before; None: it may have been made at any time, as nobody watched.
+    """
+
+    position: chess.Board
+    hands: int | None = None
+
+    def possible(self, guard: GameGuard | None) -> bool:
+        """Whether a hand has come and gone since that may have made it, as far as anybody can tell."""
+        return self.hands is None or guard is None or guard.hands != self.hands
+
+
+@dataclass(frozen=True, slots=True)
 class GameEnd:
     """Why the loop ended: PGN result, phrase, whether all that was asked was done, whether another game is wanted."""
 

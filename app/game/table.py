@@ -17,7 +17,7 @@ import chess.engine
 from app import UserError
 from app.faces import Face
 from app.game.carrier import Begun, BoardTouched, Carried, Carrier, CarryFailed
-from app.game.state import FRAME_AGE, Devices, Job, Position, changed, moved_all
+from app.game.state import FRAME_AGE, AwaitedReply, Devices, Job, Position, changed, moved_all
 from app.judging import Verdict, judge
 from app.layout import colour_of
 from app.manipulation import Inventory, Ply, Transfer, move_kind, transfers
@@ -76,8 +76,8 @@ class Table:
     ) -> None:
         self.board, self.inventory = position.board, position.inventory
         self._unfinished, self._begun = position.unfinished, position.begun
-        self._unwatched: Callable[[chess.Color], bool] | None = None
-        """Whether a person plays this colour and may have moved while nobody looked; None: somebody did."""
+        self._unwatched: frozenset[chess.Color] = frozenset()
+        """A person plays these colours, and may have moved while nobody looked."""
         self.replied = False
         """The person at the board has made the next move already, while nobody looked."""
         self._devices, self._carrier, self._mender = devices, carrier, mender
@@ -87,6 +87,10 @@ class Table:
     def eyes(self) -> Eyes | None:
         """That follow the game; None: nobody looks."""
         return None if self._mender is None else self._mender.eyes
+
+    def subscribe(self, listener: Callable[[str], None]) -> None:
+        """As of ``Carrier.subscribe``."""
+        self._carrier.subscribe(listener)
 
     @property
     def guard(self) -> GameGuard | None:
@@ -100,7 +104,6 @@ class Table:
     def arm_ply(
         self,
         move: chess.Move,
-        letting_go: Callable[[], None] | None = None,
         remark: Remark = NO_REMARK,
         answers: bool = False,
     ) -> bool:
@@ -108,7 +111,6 @@ class Table:
 
         Args:
             move: a legal one.
-            letting_go: called when the arm lets go of the last piece.
             remark: recorded with it.
             answers: a person moves next, by themselves, and may do so before the arm has gone home.
 
@@ -121,7 +123,7 @@ class Table:
         if not self._look_again():
             return False
         ply = transfers(self.board, move, self.inventory)
-        return self._do_ply(ply, None, letting_go, remark, answers=answers)
+        return self._do_ply(ply, None, remark, answers=answers)
 
     def hand_ply(self, move: chess.Move, remark: Remark = NO_REMARK) -> bool:
         """A move was made by hand, and seen or told; what stands badly since is mended. False as of ``arm_ply``."""
@@ -158,15 +160,15 @@ class Table:
         self._record.task(Purpose.SET_UP, label, moved, self.now(), fen=board.fen())
         return self._do_task(Job(label, moved), None, board)
 
-    def repair(self, replied_to: Callable[[], chess.Board | None] = lambda: None) -> bool:
+    def repair(self, reply: AwaitedReply | None = None) -> bool:
         """The board is looked at, and put right where it is not as the game says; False as of ``arm_ply``.
 
         Args:
-            replied_to: as of ``Mender.mend``.
+            reply: as of ``Mender.mend``.
         """
         if self._mender is None:
             return True
-        mended = self._mender.mend(self.inventory, self.inventory, self.board, replied_to)
+        mended = self._mender.mend(self.inventory, self.inventory, self.board, reply)
         self.replied = mended.answered
         if not mended.jobs:
             return True
@@ -192,28 +194,27 @@ class Table:
         """The person at the board plays this colour from now on."""
         self._record.sides_changed(colour_of(person), self.now())
 
-    def begin(self, plays: Callable[[chess.Color], bool] = lambda _: False) -> bool:
+    def begin(self, by_hand: frozenset[chess.Color] = frozenset()) -> bool:
         """First of all: what another program has begun and not finished is finished, and whether the board is as its
         record says is looked at; False as of ``arm_ply``.
 
         Args:
-            plays: whether a person plays this colour by hand, and so may have moved while nobody looked.
+            by_hand: colours that a person plays by hand, who may have moved while nobody looked.
         """
         if not self._begun:
             if self.eyes is not None:
                 self.eyes.begin(self.board)
             return True
-        self._unwatched = plays
+        self._unwatched = by_hand
         well = self._finish() and self.repair(self._left_with(self.board))
-        self._unwatched = None
+        self._unwatched = frozenset()
         if self.eyes is not None and not self.replied:
             self.eyes.confirm(self.board)
         return well
 
-    def _left_with(self, position: chess.Board) -> Callable[[], chess.Board | None]:
-        """``replied_to`` of a position that was reached before anybody looked again."""
-        plays = self._unwatched
-        return lambda: position if plays is not None and plays(position.turn) else None
+    def _left_with(self, position: chess.Board) -> AwaitedReply | None:
+        """The reply to a position that was reached before anybody looked again."""
+        return AwaitedReply(position) if position.turn in self._unwatched else None
 
     def _finish(self) -> bool:
         unfinished, self._unfinished = self._unfinished, None
@@ -228,7 +229,7 @@ class Table:
             return self._finish_repair(unfinished, begun)
         if unfinished.uci is not None:
             ply = transfers(self.board, chess.Move.from_uci(unfinished.uci), self.inventory)
-            return self._do_ply(ply, begun, None, NO_REMARK)
+            return self._do_ply(ply, begun, NO_REMARK)
         assert unfinished.task is not None
         job = Job(unfinished.task.label, tuple(transfer_of(one) for one in unfinished.task.transfers))
         return self._do_task(job, begun, self._goal(unfinished))
@@ -239,24 +240,18 @@ class Table:
         self,
         ply: Ply,
         begun: Begun | None,
-        letting_go: Callable[[], None] | None,
         remark: Remark,
         *,
         answers: bool = False,
     ) -> bool:
         self._reset_peak()
-        wanted, hands = self.inventory.after(ply), self._hands()
-
-        after = self.board.copy()
+        wanted, after = self.inventory.after(ply), self.board.copy()
         after.push_uci(ply.uci)
-        left_with = self._left_with(after)
-
-        def replied_to() -> chess.Board | None:
-            none_seen = self.guard is not None and self._hands() == hands
-            return after if answers and not none_seen else left_with()
-
+        reply = self._left_with(after)
+        if reply is None and answers:
+            reply = AwaitedReply(after, None if self.guard is None else self.guard.hands)
         job = Job(ply.san, ply.transfers, uci=ply.uci)
-        carried = self._carry(job, wanted, begun, letting_go, replied_to)
+        carried = self._carry(job, wanted, begun, reply)
         outcome = replace(carried.outcome, score=remark.score, clocks=remark.clocks(), comment=remark.comment)
         return self._conclude_ply(ply, carried.inventory, outcome, answered=carried.answered)
 
@@ -265,7 +260,7 @@ class Table:
         self._reset_peak()
         try:
             wanted = moved_all(self.inventory, job.transfers)
-            carried = self._carry(job, wanted, begun, None, self._left_with(board))
+            carried = self._carry(job, wanted, begun, self._left_with(board))
         except UserError as error:
             if self._carrier.untouched:
                 self._record.task_dropped(str(error), self.now())
@@ -279,8 +274,8 @@ class Table:
         # one that was not begun is thought over: what it was planned around, or refused for, only a look can tell
         repair = unfinished.repair if begun is not None or self._mender is None else ()
         wanted = moved_all(self.inventory, repair)
-        replied_to = self._left_with(goal) if not _arranged(wanted, goal) else lambda: None
-        carried = self._carry(Job("put the board right", repair), wanted, begun, None, replied_to)
+        reply = self._left_with(goal) if not _arranged(wanted, goal) else None
+        carried = self._carry(Job("put the board right", repair), wanted, begun, reply)
         rest = () if carried.answered else _arranged(carried.inventory, goal)
         stands = self.inventory
         self.inventory = carried.inventory
@@ -288,7 +283,7 @@ class Table:
             self._record.found(carried.inventory, "a repair was broken off", self.now())
             self._record.task(Purpose.REPAIR, "put the board right", rest, self.now())
             wanted = moved_all(self.inventory, rest)
-            carried = self._carry(Job("put the board right", rest), wanted, None, None, self._left_with(goal))
+            carried = self._carry(Job("put the board right", rest), wanted, None, self._left_with(goal))
         outcome = replace(carried.outcome, resumed=True)
         self.inventory = stands
         if unfinished.uci is None:
@@ -310,24 +305,13 @@ class Table:
                 goal = chess.Board(unfinished.task.fen, chess960=goal.chess960)
         return goal
 
-    def _hands(self) -> int:
-        """So many hands were seen to come and go."""
-        return 0 if self.guard is None else self.guard.departures + self.guard.leaving
-
-    def _carry(
-        self,
-        job: Job,
-        wanted: Inventory,
-        begun: Begun | None,
-        letting_go: Callable[[], None] | None,
-        replied_to: Callable[[], chess.Board | None] = lambda: None,
-    ) -> _Done:
+    def _carry(self, job: Job, wanted: Inventory, begun: Begun | None, reply: AwaitedReply | None) -> _Done:
         """Do a job, and mend what came of it, until the board shows what it should, or a person's answer to it."""
         outcome, stands = PlyOutcome(real=0.0), wanted
         if job.transfers:
             try:
-                undisturbed = (lambda: True) if self.eyes is None else self.eyes.undisturbed
-                outcome = _outcome(self._carrier.carry(job, self.inventory, begun, letting_go, undisturbed))
+                seen = None if self.eyes is None else self.eyes.seen
+                outcome = _outcome(self._carrier.carry(job, self.inventory, begun, seen))
             except BoardTouched:
                 stands = self.inventory  # as far as is known: the mender looks first, then carries
             except CarryFailed as failure:
@@ -337,7 +321,7 @@ class Table:
                 self._mender.note_loss(failure)
         if self._mender is None:
             return _Done(wanted, outcome)
-        mended = self._mender.mend(stands, wanted, replied_to=replied_to)
+        mended = self._mender.mend(stands, wanted, reply=reply)
         if mended.jobs:
             outcome = replace(outcome, real=(outcome.real or 0.0) + mended.duration, resumed=True)
         return _Done(mended.inventory, outcome, mended.answered)

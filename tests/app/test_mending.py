@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import random
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import chess
@@ -22,7 +23,7 @@ from app.game.carrier import BoardTouched, Carried, CarryFailed, Loss
 from app.game.eyes import Verification
 from app.game.mending import MOST_ROUNDS, Mender
 from app.game.person import NeedsHand, UnattendedAsker
-from app.game.state import Devices, Job, Position
+from app.game.state import AwaitedReply, Devices, Job, Position
 from app.game.table import Table
 from app.layout import start_layout
 from app.manipulation import Inventory, Transfer, transfers
@@ -76,9 +77,7 @@ class Paper:
 
     untouched = True
 
-    def carry(
-        self, job: Job, inventory: Inventory, begun: Any = None, letting_go: Any = None, undisturbed: Any = None
-    ) -> Carried:
+    def carry(self, job: Job, inventory: Inventory, begun: Any = None, seen: Any = None) -> Carried:
         done = inventory
         self.visit()
         if self.crowded is not None and [one.name for one in job.transfers] != [self.crowded]:
@@ -120,7 +119,7 @@ class Paper:
             self.put(*self.visits.pop(0))
             raise BoardTouched
 
-    def stand_up(self, one: Strayed, strays: Any, stands: Inventory, undisturbed: Any) -> float | None:
+    def stand_up(self, one: Strayed, strays: Any, stands: Inventory, seen: Any) -> float | None:
         self.visit()
         if self.in_the_way is not None and self.truth.find(self.in_the_way).place == stands.find(self.in_the_way).place:
             name, self.in_the_way = self.in_the_way, None
@@ -136,11 +135,13 @@ class Paper:
         self.stood_up += 1
         return 2.0
 
-    def push_aside(self, blocked: Any, strays: Any, stands: Inventory, undisturbed: Any, begin: Any) -> None:
+    def push_for(self, blocked: Any, strays: Any, stands: Inventory, seen: Any) -> Any:
         if self.immovable:
             raise PlanRefused("no push helps")
         self.visit()
-        begin(blocked[0].by)
+        return SimpleNamespace(name=blocked[0].by)
+
+    def push_aside(self, push: Any, stands: Inventory) -> None:
         self.pushed += 1
         self.hemmed_in = None
 
@@ -201,10 +202,12 @@ class Paper:
     def forget_likeness(self) -> None:
         pass
 
-    def undisturbed(self) -> bool:
-        return True
+    seen = None
 
-    def answered(self, board: chess.Board) -> bool:
+    def answered(self, reply: AwaitedReply) -> bool:
+        if not reply.possible(None):
+            return False
+        board = reply.position
         after = [board.copy(), *(board.copy() for _ in board.legal_moves)]
         for one, move in zip(after[1:], board.legal_moves, strict=True):
             one.push(move)
@@ -417,7 +420,7 @@ def test_a_move_that_a_person_made_while_nobody_looked_is_theirs(tmp_path: Path,
     table, paper, record = table_of(tmp_path / "game", begun=True)
     paper.put("white-pawn-e", Place.parse("e4"))
     with record:
-        assert table.begin(lambda colour: colour is plays)
+        assert table.begin(frozenset({plays}))
     if plays is chess.WHITE:
         assert table.replied
         assert paper.carried == 0
