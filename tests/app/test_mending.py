@@ -444,7 +444,7 @@ def test_an_answer_to_what_was_under_way_when_the_program_died_is_no_fault(
         table.inventory = paper.truth  # as it was found before the repair
         paper.put("black-pawn-e", Place.parse("e5"))
     with record:
-        assert table.begin(lambda colour: colour is chess.BLACK)
+        assert table.begin(frozenset({chess.BLACK}))
     assert table.replied
     assert table.board.peek() == chess.Move.from_uci("e2e4")
     assert paper.truth.at(Place.parse("e5")) is not None
