@@ -12,7 +12,6 @@ then ``start`` of the other side. ``pause`` interrupts at any instant at nobody'
 
 from __future__ import annotations
 
-from enum import StrEnum
 from typing import Final, NamedTuple, Self
 
 import chess
@@ -20,7 +19,7 @@ import chess.engine
 from pydantic import BaseModel, ConfigDict, FiniteFloat, NonNegativeFloat
 
 from app.records.events import Result
-from app.time_control import Extra, TimeControl
+from app.time_control import ArmTime, Extra, TimeControl
 
 ARM_LEAVES: Final = 5.0
 """The arm's motion never takes the last of a side's time: this much, or what there was, is left [s]."""
@@ -37,14 +36,6 @@ LEAST_SHARE: Final = 0.1
 
 class ClockError(Exception):
     """A transition that makes no sense in this state: a bug in the caller."""
-
-
-class ArmTime(StrEnum):
-    """Who pays for the motion of the arm."""
-
-    NOBODY = "nobody"
-    OWN = "own"
-    """The side for which it moves."""
 
 
 class Move(BaseModel):

@@ -13,9 +13,9 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from app.clock import ArmTime
 from app.config import SIMULATED
 from app.motion import Profile
+from app.time_control import ArmTime
 from engine.settings import OptionValue
 from hardware.sim.settings import Pace
 from hardware.table import Captured, Colour

@@ -22,6 +22,14 @@ class Extra(StrEnum):
     """What the move took of them is given back after it."""
 
 
+class ArmTime(StrEnum):
+    """Who pays for the motion of the arm."""
+
+    NOBODY = "nobody"
+    OWN = "own"
+    """The side for which it moves."""
+
+
 _SIGNS: Final = {"+": Extra.INCREMENT, "d": Extra.DELAY, "b": Extra.BRONSTEIN}
 
 _PERIOD: Final = re.compile(

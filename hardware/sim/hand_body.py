@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Final
+from typing import Final, NamedTuple
 
 import mujoco
 import numpy as np
@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from hardware.sim.arm import TOOL_BITS
 from hardware.sim.finger_world import MASS, STIFFNESS
-from hardware.sim.hand_motion import Pose
 from hardware.table import Colour
 
 NAME: Final = "hand"
@@ -88,6 +87,24 @@ SLEEVE: Final[Bone] = ((0.0, -0.260, 0.126), (0.0, -0.700, 0.248), 0.043)
 
 
 _DISC_SPACING: Final = 0.005
+
+
+class Pose(NamedTuple):
+    """Where a hand is.
+
+    Attributes:
+        x: of the middle between the fingertips, board frame [m].
+        y: likewise.
+        z: of the centres of the fingertips' rounded ends [m].
+        yaw: 0 where the forearm points along −y, as white's does; counter-clockwise [rad].
+        gap: of each fingertip's inner side from the middle [m].
+    """
+
+    x: float
+    y: float
+    z: float
+    yaw: float
+    gap: float
 
 
 def parked(side: Colour) -> Pose:

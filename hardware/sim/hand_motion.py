@@ -12,6 +12,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.sim.hand_body import Pose
+
 PEAK: Final = 1.875
 """Highest speed of a minimum-jerk stroke over its mean speed."""
 TURNING_SPEED: Final = 4.0
@@ -20,24 +22,6 @@ GRIP_SPEED: Final = 0.10
 """Of a fingertip [m/s]."""
 QUICKEST: Final = 0.12
 """No stroke takes less than this [s]; people's do not either."""
-
-
-class Pose(NamedTuple):
-    """Where a hand is.
-
-    Attributes:
-        x: of the middle between the fingertips, board frame [m].
-        y: likewise.
-        z: of the centres of the fingertips' rounded ends [m].
-        yaw: 0 where the forearm points along −y, as white's does; counter-clockwise [rad].
-        gap: of each fingertip's inner side from the middle [m].
-    """
-
-    x: float
-    y: float
-    z: float
-    yaw: float
-    gap: float
 
 
 class Target(NamedTuple):

@@ -27,8 +27,8 @@ from hardware.sim.hand_actions import (
     Take,
     Withdraw,
 )
-from hardware.sim.hand_body import TIP_RADIUS, parked
-from hardware.sim.hand_motion import Pose, Program, Sketch
+from hardware.sim.hand_body import TIP_RADIUS, Pose, parked
+from hardware.sim.hand_motion import Program, Sketch
 from hardware.sim.hand_plan import Held, Person, held_now
 from hardware.sim.hand_sight import SeenPiece, Sight
 from hardware.sim.hand_ways import LEAST_LIFT

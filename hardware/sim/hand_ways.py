@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.hand_body import TIP_RADIUS
-from hardware.sim.hand_motion import Pose, Program, Sketch
+from hardware.sim.hand_body import TIP_RADIUS, Pose
+from hardware.sim.hand_motion import Program, Sketch
 from hardware.sim.hand_sight import Sight
 from hardware.table import Colour
 

@@ -23,7 +23,7 @@ from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
 from hardware.sim.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.hand_body import JOINTS, add_hand
-from hardware.sim.hand_motion import Pose as HandPose
+from hardware.sim.hand_body import Pose as HandPose
 from hardware.sim.looks import CameraSettings, Looks, MountSettings
 from hardware.sim.mount import Mount
 from hardware.sim.renderer import MODEL_FILE, Renderer, Sensor, Shot, frame_path, load_pictures

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.clock import ARM_LEAVES, LEAST_SHARE, OVERHEAD, ArmTime, ChessClock, ClockError
-from app.time_control import TimeControl
+from app.clock import ARM_LEAVES, LEAST_SHARE, OVERHEAD, ChessClock, ClockError
+from app.time_control import ArmTime, TimeControl
 
 WHITE, BLACK = chess.WHITE, chess.BLACK
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import chess
 import pytest
 
-from app.clock import ArmTime, ChessClock
+from app.clock import ChessClock
 from app.game.timing import Timing, clock_of
-from app.time_control import TimeControl
+from app.time_control import ArmTime, TimeControl
 
 
 class Times:
