@@ -32,9 +32,9 @@ from hardware.interfaces import Frame, HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.settings import Pace, WorldSettings
 from hardware.table import TableSettings, square_place
-from vision.board import BoardNotFound, BoardView, playing_area
+from vision.board.find import find_board
+from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.calibration import CalibrationFailed, CameraPose, depth_factor, solve_pose
-from vision.find import find_board
 from vision.table_plane import board_place, find_plane, nominal_view
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from app import UserError
 from app.records.files import recording, write_atomically
 from hardware.interfaces import Intrinsics
 from hardware.table import MOST_YAW, TableSettings
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.calibration import CameraPose
 from vision.table_plane import BoardPlace
 

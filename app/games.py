@@ -35,7 +35,7 @@ from hardware.interfaces import Intrinsics
 from hardware.table import Colour
 
 if TYPE_CHECKING:
-    from vision.board import BoardView
+    from vision.board.view import BoardView
 
 NOBODY = "-"
 """Plays where a position is only set up."""

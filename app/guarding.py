@@ -18,7 +18,7 @@ from controller.protocol.messages import Telemetry
 from hardware.interfaces import HardwareError, Intrinsics
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.watch import Seen
 
 AGAIN: Final = 1.0

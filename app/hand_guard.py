@@ -26,7 +26,7 @@ from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 from vision.arm_mask import Hidden, draw_mask
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.watch import Seen, Watch
 
 FRAME_AGE: Final = 1.0

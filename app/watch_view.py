@@ -7,7 +7,7 @@ import numpy as np
 from hardware.interfaces import Intrinsics
 from hardware.sim.scene import camera_poses
 from hardware.table import TableSettings
-from vision.board import BoardView
+from vision.board.view import BoardView
 
 
 def nominal_view(intrinsics: Intrinsics, table: TableSettings) -> BoardView:

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.board import BoardView
+from vision.board.view import BoardView
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

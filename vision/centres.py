@@ -16,7 +16,7 @@ from typing import Final
 
 from hardware.interfaces import Frame
 from hardware.table import Place, square_place
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.fit import LEAST_AGREEMENT, LEAST_SUPPORT, Fit, PieceLike
 
 FLOOR: Final = 0.0002

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
 from hardware.table import PIECE_SHAPES, Place
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.centres import Centre, centres_of, require_camera
 from vision.fit import Fit, PieceLike
 from vision.lying import Pose

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
 from hardware.table import PIECE_SHAPES, Colour, Kind, Place
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.colours import MOST, colour_bins, evidence, looked_up, shares
 from vision.edges import Edges, along, edges_on_lines, line_samples, slopes
 from vision.silhouettes import Shapes, Silhouettes, labels

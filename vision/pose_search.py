@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, Colour, Kind, Place
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.fit import FLAT, Fit, PieceLike
 from vision.lying import Pose, drawn, off_surface
 

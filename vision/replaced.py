@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import chess
 
 from hardware.interfaces import Frame
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.centres import piece_centres
 from vision.fit import PieceLike
 from vision.situations import Finding, States, explain

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, Kind, piece_profile
-from vision.board import BoardView
+from vision.board.view import BoardView
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]

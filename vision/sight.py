@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hardware.interfaces import Frame
-from vision.board import BoardNotFound, BoardView, playing_area
+from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.solids import Solids, solids_of
 
 Array = NDArray[np.float64]

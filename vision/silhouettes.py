@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import Kind
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.outline import CONTOUR_POINTS, INSIDE_POINTS, outline
 from vision.surface import Surface
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.brightness import LOGARITHM
 from vision.loops import colour_sums, lay_out, tops
 from vision.room import hidden_by, room_of

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES
-from vision.board import BoardView, playing_area
+from vision.board.view import BoardView, playing_area
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
 from hardware.table import TableSettings
-from vision.board import BoardNotFound, BoardView, playing_area
+from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.calibration import CameraPose
 
 Array = NDArray[np.float64]

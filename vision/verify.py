@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
 from hardware.table import square_place
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.centres import Centre, centres_of, on_squares, require_camera
 from vision.fit import Fit, PieceLike
 from vision.surface import surface

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hardware.interfaces import DepthFrame, Frame
 from vision.arm_mask import Hidden
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.difference import Differences, Glance
 from vision.heights import Heights, Relief
 from vision.zone import Floats, Mask, Space, Zone, shrink

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hardware.interfaces import Intrinsics
 from hardware.table import PIECE_SHAPES
-from vision.board import BoardView, playing_area
+from vision.board.view import BoardView, playing_area
 
 Mask = NDArray[np.bool_]
 Floats = NDArray[np.float32]

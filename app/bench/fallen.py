@@ -32,7 +32,7 @@ from hardware.sim.scene import build_model
 from hardware.sim.standing import StandingPiece
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.fallen import find_strays
 
 SEED: Final = 11

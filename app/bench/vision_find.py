@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.bench.report import Row, row
-from vision.board import CORNER_NAMES, BoardNotFound
-from vision.find import find_board
-from vision.grid import CORNERS
-from vision.lattice import fit_homography, project
+from vision.board.find import find_board
+from vision.board.grid import CORNERS
+from vision.board.lattice import fit_homography, project
+from vision.board.view import CORNER_NAMES, BoardNotFound
 
 Array = NDArray[np.float64]
 

@@ -24,13 +24,13 @@ from hardware.sim.hand_body import Pose as HandPose
 from hardware.sim.looks import LightSettings, Looks, MountSettings
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, TableSettings
-from vision.anchor import Anchor
-from vision.board import BoardView
+from vision.board.anchor import Anchor
+from vision.board.find import find_board
+from vision.board.orientation import orient
+from vision.board.view import BoardView
 from vision.evidence import codes_of, states_of
-from vision.find import find_board
 from vision.moves import Decision
 from vision.observer import Look, Observer
-from vision.orientation import orient
 from vision.sight import Sight, sight_of_frame
 from vision.verdict import LOOKS, Verdict
 from vision.watch import Watch

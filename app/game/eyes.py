@@ -25,16 +25,16 @@ from app.repair.sighting import HEIGHTS, Chances
 from app.righting import Strayed
 from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
-from vision.anchor import Anchor
 from vision.appearance import BLACK, EMPTY, WHITE
-from vision.board import BoardNotFound, BoardView, playing_area
+from vision.board.anchor import Anchor
+from vision.board.find import find_board
+from vision.board.orientation import orient
+from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.centres import piece_centres
 from vision.evidence import codes_of
 from vision.fallen import find_strays
-from vision.find import find_board
 from vision.moves import Decision
 from vision.observer import Look, Observer
-from vision.orientation import orient
 from vision.replaced import Sighted, looked_closer
 from vision.sight import sight_of_frame
 from vision.situations import Finding, explain

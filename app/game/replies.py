@@ -17,7 +17,7 @@ from app.layout import colour_of, kind_of
 from hardware.interfaces import Frame
 from hardware.table import PieceSpec, square_place
 from vision.appearance import BLACK, WHITE
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.evidence import codes_of
 from vision.observer import likelihood_by_others
 from vision.sight import sight_of_frame

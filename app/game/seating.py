@@ -18,7 +18,7 @@ from hardware.parameters import RobotParameters
 
 if TYPE_CHECKING:
     from app.motion import MotionSettings
-    from vision.board import BoardView
+    from vision.board.view import BoardView
 
 
 @dataclass(frozen=True, slots=True)

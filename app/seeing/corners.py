@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from app.seeing.labels import Labels
 from app.seeing.pictures import Picture
-from vision.anchor import Anchor
-from vision.board import BoardNotFound
-from vision.find import find_board
-from vision.orientation import orient
+from vision.board.anchor import Anchor
+from vision.board.find import find_board
+from vision.board.orientation import orient
+from vision.board.view import BoardNotFound
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from app.seeing.follow import follow
 from app.seeing.labels import Labels, load_labels
 from app.seeing.pictures import VIDEOS, Picture, picture_files, read_picture, read_video
 from app.seeing.report import VisionReport
-from vision.board import BoardNotFound
+from vision.board.view import BoardNotFound
 from vision.video_gate import VideoGate
 
 LOOKED_THROUGH: Final = 200

@@ -14,7 +14,7 @@ from app.seeing.corners import CornerSource
 from app.seeing.labels import FrameLabel, Labels
 from app.seeing.pictures import Picture
 from app.seeing.report import Event, Score, VisionReport
-from vision.board import BoardNotFound
+from vision.board.view import BoardNotFound
 from vision.evidence import codes_of, states_of
 from vision.moves import Decision
 from vision.observer import Look, Observer

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 
 from app import UserError
-from vision.board import CORNER_NAMES
+from vision.board.view import CORNER_NAMES
 
 FILE_NAME: Final = "labels.json"
 
@@ -48,7 +48,7 @@ class Corners(_Read):
     a8: Point
 
     def pixels(self) -> NDArray[np.float64]:
-        """In the order of ``vision.board.CORNER_NAMES``, shape (4, 2)."""
+        """In the order of ``vision.board.view.CORNER_NAMES``, shape (4, 2)."""
         return np.array([getattr(self, name) for name in CORNER_NAMES])
 
 

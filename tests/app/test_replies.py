@@ -14,7 +14,7 @@ from hardware.sim.looks import Looks
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import PieceSpec, TableSettings, square_place
 from tests.vision.rendering import studio_of
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.verify import FaultKind, examine_board
 
 TABLE = TableSettings()

@@ -25,7 +25,7 @@ from hardware.sim.scene import CAMERAS, build_model
 from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.sim.table_studio import TableStudio
 from hardware.table import PieceSpec, TableSettings
-from vision.board import BoardView, playing_area
+from vision.board.view import BoardView, playing_area
 
 CAMERA = CAMERAS["camera"]
 TABLE = TableSettings()

@@ -14,7 +14,7 @@ from hardware.interfaces import Intrinsics
 from hardware.table import TableSettings
 from tests.vision.views import looking_at
 from vision.arm_mask import NEAREST, Capsules, draw_mask
-from vision.board import BoardView
+from vision.board.view import BoardView
 
 PINHOLE = Intrinsics(320, 240, 300.0, 310.0, 159.5, 119.5)
 places = st.floats(-0.4, 0.4)

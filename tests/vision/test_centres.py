@@ -19,7 +19,7 @@ from hardware.sim.looks import Looks, MountSettings
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, piece_profile, square_place
 from tests.vision.rendering import studio_of
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.centres import piece_centres
 from vision.outline import outline
 from vision.verify import FaultKind, verify_board

@@ -17,7 +17,7 @@ from hardware.sim.table_studio import Pose as Put
 from hardware.sim.table_studio import TableStudio
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, TableSettings, square_place
 from tests.vision.rendering import studio_of
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.fallen import find_strays
 from vision.lying import Pose, _profile, drawn, off_surface
 from vision.pose_search import Stray

@@ -13,7 +13,7 @@ from hardware.sim.looks import Looks
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import PieceSpec, Place, TableSettings
 from tests.vision.rendering import studio_of
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.replaced import Sighted, looked_closer, replaced
 from vision.situations import Finding, explain
 from vision.verdict import Situation

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hardware.interfaces import Frame
 from tests.vision.blocks import PINHOLE, scene, view_from
 from vision.appearance import BLACK, EMPTY, WHITE
-from vision.board import BoardView
+from vision.board.view import BoardView
 from vision.evidence import codes_of, states_of
 from vision.kinds import Kinds
 from vision.moves import Decision

@@ -17,7 +17,7 @@ from hardware.interfaces import DepthFrame, Frame, Intrinsics
 from hardware.table import TableSettings, square_place
 from tests.vision.views import looking_at
 from vision.arm_mask import Capsules, Hidden
-from vision.board import BoardView, playing_area
+from vision.board.view import BoardView, playing_area
 from vision.video_gate import SettledView, VideoGate
 from vision.watch import ColourWatch, Seen, Watch, WatchSettings
 

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.grid import Grid
-from vision.squares import Look
+from vision.board.alternation import Look
+from vision.board.grid import Grid
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from vision.lattice import fit_homography, project, steps
+from vision.board.lattice import fit_homography, project, steps
 
 Array = NDArray[np.float64]
 

@@ -14,9 +14,9 @@ import chess
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.grid import CORNERS
-from vision.lattice import fit_homography, project
-from vision.squares import sample
+from vision.board.alternation import sample
+from vision.board.grid import CORNERS
+from vision.board.lattice import fit_homography, project
 
 Array = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.sim.standing import StandingPiece
 from hardware.table import PieceSpec, TableSettings, square_place
 from tests.vision.views import looking_at
-from vision.board import BoardNotFound, BoardView, playing_area
+from vision.board.view import BoardNotFound, BoardView, playing_area
 
 TABLE = TableSettings()
 CAMERA = CAMERAS["camera"]

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from app.bench.vision_find import find_rows, photographs
 from hardware.sim.looks import LightSettings
 from tests.vision.drawing import START, Drawing, corners_of, draw, pose
-from vision.board import BoardNotFound
-from vision.find import FoundBoard, find_board, refine_corners
+from vision.board.find import FoundBoard, find_board, refine_corners
+from vision.board.view import BoardNotFound
 
 MIDDLE_GAME = "r1bq1rk1/pp2bppp/2n1pn2/3p4/3P4/2NBPN2/PP3PPP/R1BQ1RK1"
 SIZE = (640, 480)

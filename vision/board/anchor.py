@@ -15,13 +15,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.board import BoardNotFound
-from vision.find import find_board
-from vision.grid import CORNERS, Grid
-from vision.lattice import fit_homography
-from vision.refine import PLACES, Crossings, crossings_in, window_places
-from vision.squares import beside_crossings, light_less_dark, rate_sides, sample, side_places
-from vision.window import judge
+from vision.board.alternation import beside_crossings, light_less_dark, rate_sides, sample, side_places
+from vision.board.crossings import PLACES, Crossings, crossings_in, window_places
+from vision.board.find import find_board
+from vision.board.grid import CORNERS, Grid
+from vision.board.lattice import fit_homography
+from vision.board.view import BoardNotFound
+from vision.board.window import judge
 
 Array = NDArray[np.float64]
 Colour = NDArray[np.uint8]

@@ -14,11 +14,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.grid import CORNERS, Grid
-from vision.lattice import fit_homography, project
-from vision.refine import find_crossings
-from vision.side_edges import SideEdges, measure_edges
-from vision.squares import Look
+from vision.board.alternation import Look
+from vision.board.crossings import find_crossings
+from vision.board.grid import CORNERS, Grid
+from vision.board.lattice import fit_homography, project
+from vision.board.side_edges import SideEdges, measure_edges
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from vision.squares import Sides
+from vision.board.alternation import Sides
 
 Array = NDArray[np.float64]
 

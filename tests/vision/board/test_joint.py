@@ -10,13 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.vision.drawing import CORNERS, START, Drawing, corners_of, draw, pose
-from vision.find import SURE_ERROR, FoundBoard, find_board
-from vision.grid import Grid
-from vision.joint import fit_jointly
-from vision.lattice import fit_homography
-from vision.saddles import levels
-from vision.side_edges import SideEdges, measure_edges
-from vision.squares import Look, channel_weights, look_into
+from vision.board.alternation import Look, channel_weights, look_into
+from vision.board.find import SURE_ERROR, FoundBoard, find_board
+from vision.board.grid import Grid
+from vision.board.joint_fit import fit_jointly
+from vision.board.lattice import fit_homography
+from vision.board.saddles import levels
+from vision.board.side_edges import SideEdges, measure_edges
 
 SIZE = (640, 480)
 MIDDLE_GAME = "r1bq1rk1/pp2bppp/2n1pn2/3p4/3P4/2NBPN2/PP3PPP/R1BQ1RK1"

@@ -3,7 +3,7 @@
 A saddle is found where the determinant of the Hessian of the blurred picture is negative and extreme, and is kept where
 the ring around it looks alike from opposite sides (Bennett and Lasenby, "ChESS", 2014; Geiger et al., "Automatic camera
 and range sensor calibration", 2012). Edges of pieces, letters and grain make saddles too: what tells the board's from
-those is how they lie to each other (``vision.lattice``).
+those is how they lie to each other (``vision.board.lattice``).
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """The chessboard in a picture of which nothing else is known.
 
-Saddle points (``vision.saddles``) grow into lattices (``vision.lattice``), the squares that alternate tell which eight
-rows and columns are the board (``vision.window``), all crossings that can be seen give its corners to a fraction of a
-pixel (``vision.refine``) and with the sides of squares say how far off they may be (``vision.joint``), and pieces in
-the start position tell where a1 is (``vision.orientation``). Where it is not certain which squares are the board there
+Saddle points (``vision.board.saddles``) grow into lattices (``vision.board.lattice``), the squares that alternate tell which eight
+rows and columns are the board (``vision.board.window``), all crossings that can be seen give its corners to a fraction of a
+pixel (``vision.board.crossings``) and with the sides of squares say how far off they may be (``vision.board.joint_fit``), and pieces in
+the start position tell where a1 is (``vision.board.orientation``). Where it is not certain which squares are the board there
 is none: a wrong one is worse than none. Where only its corners are less exact than they should be, that is said.
 """
 
@@ -16,15 +16,15 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.board import BoardNotFound
-from vision.grid import CORNERS, Grid, fit_grid
-from vision.joint import JointFit, fit_jointly
-from vision.lattice import Lattice, fit_homography, grow_lattices
-from vision.orientation import orient
-from vision.refine import refine_grid, working_scale
-from vision.saddles import Picture, find_saddles, levels
-from vision.squares import channel_weights, compare_sides, look_into
-from vision.window import LEAST_MEAN, Window, best_window, judge
+from vision.board.alternation import channel_weights, compare_sides, look_into
+from vision.board.crossings import refine_grid, working_scale
+from vision.board.grid import CORNERS, Grid, fit_grid
+from vision.board.joint_fit import JointFit, fit_jointly
+from vision.board.lattice import Lattice, fit_homography, grow_lattices
+from vision.board.orientation import orient
+from vision.board.saddles import Picture, find_saddles, levels
+from vision.board.view import BoardNotFound
+from vision.board.window import LEAST_MEAN, Window, best_window, judge
 
 Array = NDArray[np.float64]
 Colour = NDArray[np.uint8]

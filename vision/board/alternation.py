@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.grid import Grid
+from vision.board.grid import Grid
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.float32]

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import TableSettings
-from vision.board import CORNER_NAMES, BoardNotFound
-from vision.find import FoundBoard
-from vision.grid import CORNERS, fit_grid
+from vision.board.find import FoundBoard
+from vision.board.grid import CORNERS, fit_grid
+from vision.board.view import CORNER_NAMES, BoardNotFound
 
 Array = NDArray[np.float64]
 

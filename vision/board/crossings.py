@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.grid import CORNERS, Grid, GridFit, fit_grid
-from vision.squares import Look
+from vision.board.alternation import Look
+from vision.board.grid import CORNERS, Grid, GridFit, fit_grid
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.vision.drawing import START, Drawing, corners_of, draw, pose
-from vision.orientation import orient
+from vision.board.orientation import orient
 
 SIZE = (640, 480)
 SEEN = pose(0.4, 0.3, 0.65, SIZE)

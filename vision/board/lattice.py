@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from vision.saddles import Saddles
+from vision.board.saddles import Saddles
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from hardware.table import TableSettings
 from tests.vision.drawing import CORNERS, corners_of, pose
-from vision.board import BoardNotFound
-from vision.markers import MarkerSettings, find_markers, write_sheet
+from vision.board.markers import MarkerSettings, find_markers, write_sheet
+from vision.board.view import BoardNotFound
 
 TABLE = TableSettings()
 SETTINGS = MarkerSettings.beside(TABLE)
