@@ -16,8 +16,8 @@ from hardware.interfaces import Frame
 from vision.board.view import BoardView
 from vision.centres import piece_centres
 from vision.fit import PieceLike
-from vision.situations import Finding, States, explain
-from vision.verdict import Situation
+from vision.reading.diagnosis import Finding, States, explain
+from vision.reading.outcome import Situation
 
 SHIFTED: Final = 0.0017
 """A piece that nobody has touched is seen no further than this from where it was, with its neighbours' light [m]."""

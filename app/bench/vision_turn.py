@@ -29,8 +29,8 @@ from hardware.interfaces import DepthFrame, Frame, HardwareError
 from hardware.sim.hand_actions import HandSettings, Withdraw
 from hardware.sim.hand_client import SimHand
 from hardware.table import Colour, TableSettings
-from vision.observer import Look
-from vision.verdict import Verdict
+from vision.reading.observer import Look
+from vision.reading.outcome import Verdict
 from vision.watch import Seen, Watch
 
 SEED: Final = 31

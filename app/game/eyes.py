@@ -25,20 +25,20 @@ from app.repair.sighting import HEIGHTS, Chances
 from app.righting import Strayed
 from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
-from vision.appearance import BLACK, EMPTY, WHITE
 from vision.board.anchor import Anchor
 from vision.board.find import find_board
 from vision.board.orientation import orient
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.centres import piece_centres
-from vision.evidence import codes_of
 from vision.fallen import find_strays
-from vision.moves import Decision
-from vision.observer import Look, Observer
+from vision.reading.appearance import BLACK, EMPTY, WHITE
+from vision.reading.diagnosis import Finding, explain
+from vision.reading.evidence import codes_of
+from vision.reading.moves import Decision
+from vision.reading.observer import Look, Observer
+from vision.reading.outcome import Situation, Verdict
+from vision.reading.rectified_view import sight_of_frame
 from vision.replaced import Sighted, looked_closer
-from vision.sight import sight_of_frame
-from vision.situations import Finding, explain
-from vision.verdict import Situation, Verdict
 from vision.verify import Fault, FaultKind, examine_board
 
 States = NDArray[np.intp]
@@ -58,7 +58,7 @@ class Reading:
     Attributes:
         decision: what was played since the known position, or doubt.
         finding: what is the matter, and what to do; for people.
-        states: what stands on each square as it is seen, shape (64,): ``vision.appearance`` EMPTY, WHITE, BLACK.
+        states: what stands on each square as it is seen, shape (64,): ``vision.reading.appearance`` EMPTY, WHITE, BLACK.
         look: to be confirmed.
     """
 

@@ -30,12 +30,12 @@ from app.records.events import Result
 from app.time_control import clock_text
 from engine.errors import EngineProblem
 from hardware.interfaces import HardwareError
-from vision.verdict import LOOKS, Situation, Verdict
+from vision.reading.outcome import LOOKS, Situation, Verdict
 
 if TYPE_CHECKING:
     from app.game.eyes import Reading
     from app.righting import Strayed
-    from vision.situations import Finding
+    from vision.reading.diagnosis import Finding
 
 POLL: Final = 0.2
 """So often it is looked whether the person has done something by themselves [s, wall]."""

@@ -16,11 +16,11 @@ import numpy as np
 from app.layout import colour_of, kind_of
 from hardware.interfaces import Frame
 from hardware.table import PieceSpec, square_place
-from vision.appearance import BLACK, WHITE
 from vision.board.view import BoardView
-from vision.evidence import codes_of
-from vision.observer import likelihood_by_others
-from vision.sight import sight_of_frame
+from vision.reading.appearance import BLACK, WHITE
+from vision.reading.evidence import codes_of
+from vision.reading.observer import likelihood_by_others
+from vision.reading.rectified_view import sight_of_frame
 from vision.verify import Fault, FaultKind, examine_board
 
 NEAR: Final = 0.25

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from app.game.mending import Mender
     from app.guarding import GameGuard
     from app.righting import Strayed
-    from vision.situations import Finding
+    from vision.reading.diagnosis import Finding
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from app.manipulation import Inventory
 from app.rearrange.order import Point
 from hardware.table import PIECE_SHAPES, Colour, Kind, square_place
-from vision.appearance import BLACK, WHITE
 from vision.centres import Centre
-from vision.kinds import SPREAD
+from vision.reading.appearance import BLACK, WHITE
+from vision.reading.piece_kinds import SPREAD
 from vision.verify import Fault, FaultKind
 
 Chances = Mapping[Kind, float]

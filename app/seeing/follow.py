@@ -15,11 +15,11 @@ from app.seeing.labels import FrameLabel, Labels
 from app.seeing.pictures import Picture
 from app.seeing.report import Event, Score, VisionReport
 from vision.board.view import BoardNotFound
-from vision.evidence import codes_of, states_of
-from vision.moves import Decision
-from vision.observer import Look, Observer
-from vision.sight import sight_of_picture
-from vision.verdict import Verdict
+from vision.reading.evidence import codes_of, states_of
+from vision.reading.moves import Decision
+from vision.reading.observer import Look, Observer
+from vision.reading.outcome import Verdict
+from vision.reading.rectified_view import sight_of_picture
 
 PLIES: Final = 2
 """A settled view may be a move and its answer away from the one before: the other player answered at once."""

@@ -37,8 +37,8 @@ from app.repair import Sighting
 from app.righting import Strayed
 from hardware.parameters import load_parameters
 from hardware.table import PieceSpec, Place, TableSettings, square_place
-from vision.appearance import BLACK, EMPTY, WHITE
 from vision.lying import Pose
+from vision.reading.appearance import BLACK, EMPTY, WHITE
 from vision.verify import Fault, FaultKind
 
 TABLE = TableSettings()

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.vision.synthetic import camera_matrix, corners_of, draw
-from vision.evidence import Evidence, codes_of, states_of
-from vision.moves import decide
-from vision.observer import Observer
-from vision.sight import sight_of_picture
-from vision.solids import Solids
-from vision.verdict import Verdict
+from vision.reading.evidence import Evidence, codes_of, states_of
+from vision.reading.moves import decide
+from vision.reading.observer import Observer
+from vision.reading.outcome import Verdict
+from vision.reading.rectified_view import sight_of_picture
+from vision.reading.solids import Solids
 
 ABOVE = camera_matrix(0.35)
 OBLIQUE = camera_matrix(0.75, distance=14.5)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from vision.brightness import LOGARITHM
 from vision.loops import slopes_of
-from vision.sight import MARGIN, PLAN_PX, SQUARE_PX, Field, Picture
+from vision.reading.rectified_view import MARGIN, PLAN_PX, SQUARE_PX, Field, Picture
 
 Array = NDArray[np.float64]
 

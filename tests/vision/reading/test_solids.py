@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 from hardware.interfaces import Frame
 from tests.vision.blocks import PINHOLE, scene, view_from
-from vision.appearance import BLACK, EMPTY, WHITE
 from vision.board.view import BoardView
-from vision.evidence import codes_of, states_of
-from vision.kinds import Kinds
-from vision.moves import Decision
-from vision.solids import CEILING, Solids, solids_of
-from vision.standing import HARDLY, Standing
-from vision.verdict import Verdict
+from vision.reading.appearance import BLACK, EMPTY, WHITE
+from vision.reading.evidence import codes_of, states_of
+from vision.reading.moves import Decision
+from vision.reading.occupancy import HARDLY, Standing
+from vision.reading.outcome import Verdict
+from vision.reading.piece_kinds import Kinds
+from vision.reading.solids import CEILING, Solids, solids_of
 
 
 @settings(max_examples=25, deadline=None)

@@ -14,9 +14,9 @@ from typing import Final
 import chess
 import numpy as np
 
-from vision.appearance import EMPTY
-from vision.evidence import Array, Codes, Evidence, codes_of
-from vision.verdict import Verdict
+from vision.reading.appearance import EMPTY
+from vision.reading.evidence import Array, Codes, Evidence, codes_of
+from vision.reading.outcome import Verdict
 
 MARGIN: Final = 6.0
 """By which a move must be better explained than any other legal move: e⁶ ≈ 400 times as likely [nat]."""

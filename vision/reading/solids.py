@@ -17,7 +17,7 @@ from hardware.interfaces import Frame
 from vision.board.view import BoardView
 from vision.brightness import LOGARITHM
 from vision.loops import colour_sums, lay_out, tops
-from vision.room import hidden_by, room_of
+from vision.reading.visibility import hidden_by, room_of
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
@@ -49,7 +49,7 @@ class Solids:
         seen: number of points over the square, but not hovering; shape (64,).
         standing: number of those that are no board and no hand; shape (64,).
         above: number of those above any piece, but not hovering; shape (64,).
-        room: how likely a piece would stand there and not be seen, 0 to 1; shape (64,). See ``vision.room``.
+        room: how likely a piece would stand there and not be seen, 0 to 1; shape (64,). See ``vision.reading.visibility``.
         other: where, in the picture, things that stand elsewhere hide the middle of each square, shape (64, cells).
         top: height of what stands there, shape (64,) [m]; 0 where nothing does.
         colour: mean of the natural logarithm of red, green and blue (0 to 1, plus ``DARKEST``) of the standing

@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.features import Light
 from vision.loops import changes
-from vision.sight import MARGIN, SQUARE_PX
+from vision.reading.features import Light
+from vision.reading.rectified_view import MARGIN, SQUARE_PX
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """What a person did that is no legal move: named, with the squares and what to do about it.
 
-Nothing here decides that a move was made; that is done in ``vision.moves``. Where it is in doubt, the placement that is
+Nothing here decides that a move was made; that is done in ``vision.reading.moves``. Where it is in doubt, the placement that is
 seen is compared with the one that should be there, and the commonest ways to the difference are tried in turn.
 """
 
@@ -14,9 +14,9 @@ import chess
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.appearance import BLACK, EMPTY, WHITE
-from vision.evidence import codes_of, states_of
-from vision.verdict import Situation
+from vision.reading.appearance import BLACK, EMPTY, WHITE
+from vision.reading.evidence import codes_of, states_of
+from vision.reading.outcome import Situation
 
 States = NDArray[np.intp]
 

@@ -9,9 +9,9 @@ import chess
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.evidence import Codes
-from vision.moves import Decision
-from vision.verdict import Verdict
+from vision.reading.evidence import Codes
+from vision.reading.moves import Decision
+from vision.reading.outcome import Verdict
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """What stands on a square, by depth: whether something does, and of which colour it is.
 
 Something stands there if points of the square stand up; nothing does if a piece would have been seen
-(:mod:`vision.room`). Where neither is so, depth says nothing. Its colour is told by the colour of just the points that
+(:mod:`vision.reading.visibility`). Where neither is so, depth says nothing. Its colour is told by the colour of just the points that
 stand up, so that neither light and dark squares nor pieces behind and before it matter. How many points stand up by
 error, and the colours, are learnt from positions that are known.
 """
@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.appearance import BLACK, EMPTY, MEMORY, WHITE
-from vision.solids import Solids
+from vision.reading.appearance import BLACK, EMPTY, MEMORY, WHITE
+from vision.reading.solids import Solids
 
 Array = NDArray[np.float64]
 

@@ -10,16 +10,16 @@ import chess
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.appearance import Appearance
-from vision.change import change_odds
-from vision.evidence import Codes, Cover, Evidence, codes_of, states_of
-from vision.features import Light, describe, exposure_step, light_of
-from vision.kinds import Kinds
-from vision.leaning import cover
-from vision.moves import Decision, decide
-from vision.sight import SQUARE_PX, Sight
-from vision.solids import Solids
-from vision.standing import Standing
+from vision.reading.appearance import Appearance
+from vision.reading.change import change_odds
+from vision.reading.evidence import Codes, Cover, Evidence, codes_of, states_of
+from vision.reading.features import Light, describe, exposure_step, light_of
+from vision.reading.moves import Decision, decide
+from vision.reading.occlusion import cover
+from vision.reading.occupancy import Standing
+from vision.reading.piece_kinds import Kinds
+from vision.reading.rectified_view import SQUARE_PX, Sight
+from vision.reading.solids import Solids
 
 _STEP: Final = SQUARE_PX // 10
 SHIFTS: Final = tuple((x, y) for x in (-_STEP, 0, _STEP) for y in (-_STEP, 0, _STEP))

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hardware.interfaces import Frame
 from vision.board.view import BoardNotFound, BoardView, playing_area
-from vision.solids import Solids, solids_of
+from vision.reading.solids import Solids, solids_of
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]

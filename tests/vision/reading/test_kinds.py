@@ -6,8 +6,8 @@ import chess
 import numpy as np
 import pytest
 
-from vision.evidence import codes_of
-from vision.kinds import Kinds
+from vision.reading.evidence import codes_of
+from vision.reading.piece_kinds import Kinds
 
 
 def test_heights_are_what_known_positions_have_shown() -> None:

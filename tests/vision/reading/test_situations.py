@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vision.evidence import codes_of, states_of
-from vision.situations import explain
-from vision.verdict import Situation
+from vision.reading.diagnosis import explain
+from vision.reading.evidence import codes_of, states_of
+from vision.reading.outcome import Situation
 
 
 def position(moves: str) -> chess.Board:

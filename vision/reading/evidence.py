@@ -14,8 +14,8 @@ import chess
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.appearance import BLACK, EMPTY, WHITE
-from vision.change import BOUND
+from vision.reading.appearance import BLACK, EMPTY, WHITE
+from vision.reading.change import BOUND
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
