@@ -25,8 +25,8 @@ from app.motion.upright import plan_upright, room_to_stand_up
 from app.motion.ways import Workcell
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, square_place
-from vision.lying import Pose
-from vision.pose_search import Stray
+from vision.pieces.pose_search import Stray
+from vision.pieces.poses import Pose
 
 _CLEAR: Final = 0.11
 """What makes way goes so far from where pieces lie [m]: they are up to 60 mm long, and the fingers need as much."""

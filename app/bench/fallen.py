@@ -33,7 +33,7 @@ from hardware.sim.standing import StandingPiece
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.board.view import BoardView
-from vision.fallen import find_strays
+from vision.pieces.fallen import find_strays
 
 SEED: Final = 11
 TRIALS: Final = {True: 4, False: 60}

@@ -15,11 +15,11 @@ from app.bench.vision_games import Eye, Scene, Tally, open_studio, random_game
 from app.layout import start_layout
 from hardware.sim.table_studio import Pose
 from hardware.table import PIECE_SHAPES, TableSettings, square_place
+from vision.pieces.swapped import Sighted, looked_closer
+from vision.pieces.verify import verify_board
 from vision.reading.diagnosis import explain
 from vision.reading.evidence import codes_of, states_of
 from vision.reading.outcome import Verdict
-from vision.replaced import Sighted, looked_closer
-from vision.verify import verify_board
 
 Progress = Callable[[str], None]
 Poses = dict[str, Pose]

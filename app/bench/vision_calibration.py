@@ -34,7 +34,7 @@ from hardware.sim.stage import Stage
 from hardware.sim.table_studio import Pose, TableStudio, true_camera
 from hardware.table import PieceSpec, TableSettings, square_place
 from vision.board.view import BoardView
-from vision.centres import piece_centres
+from vision.pieces.centres import piece_centres
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]

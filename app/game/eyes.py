@@ -29,8 +29,10 @@ from vision.board.anchor import Anchor
 from vision.board.find import find_board
 from vision.board.orientation import orient
 from vision.board.view import BoardNotFound, BoardView, playing_area
-from vision.centres import piece_centres
-from vision.fallen import find_strays
+from vision.pieces.centres import piece_centres
+from vision.pieces.fallen import find_strays
+from vision.pieces.swapped import Sighted, looked_closer
+from vision.pieces.verify import Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, EMPTY, WHITE
 from vision.reading.diagnosis import Finding, explain
 from vision.reading.evidence import codes_of
@@ -38,8 +40,6 @@ from vision.reading.moves import Decision
 from vision.reading.observer import Look, Observer
 from vision.reading.outcome import Situation, Verdict
 from vision.reading.rectified_view import sight_of_frame
-from vision.replaced import Sighted, looked_closer
-from vision.verify import Fault, FaultKind, examine_board
 
 States = NDArray[np.intp]
 Heights = NDArray[np.float64]

@@ -32,7 +32,7 @@ from app.repair.mending import SEEN_WITHIN, repair_towards
 from app.righting import Blocked, Strayed, in_order, leant_on
 from hardware.interfaces import Clock
 from hardware.table import square_place
-from vision.verify import Fault, FaultKind
+from vision.pieces.verify import Fault, FaultKind
 
 MOST_ROUNDS: Final = 40
 """Of mending by the arm, two or three for a piece that has fallen, and some more for each that is in its way; what is

@@ -17,11 +17,11 @@ from app.layout import colour_of, kind_of
 from hardware.interfaces import Frame
 from hardware.table import PieceSpec, square_place
 from vision.board.view import BoardView
+from vision.pieces.verify import Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, WHITE
 from vision.reading.evidence import codes_of
 from vision.reading.observer import likelihood_by_others
 from vision.reading.rectified_view import sight_of_frame
-from vision.verify import Fault, FaultKind, examine_board
 
 NEAR: Final = 0.25
 """So far off its square's centre along both axes a piece may be that a person has put there, in squares …"""

@@ -12,7 +12,7 @@ from app.manipulation import Inventory, Transfer
 from app.repair import Repair
 from app.righting import Strayed
 from hardware.table import Place, TableSettings
-from vision.verify import TOLERANCE
+from vision.pieces.verify import TOLERANCE
 
 
 @dataclass(frozen=True, slots=True)

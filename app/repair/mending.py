@@ -15,7 +15,7 @@ from app.repair.belief import Belief, believe
 from app.repair.sighting import KNOWN, Sighting
 from app.repair.twice import doubted
 from hardware.table import Colour, PieceSpec, Place, square_place
-from vision.verify import TOLERANCE
+from vision.pieces.verify import TOLERANCE
 
 SEEN_WITHIN: Final = 0.75
 """A piece stands no farther than this off the centre of the square where it is seen, along either axis [its sides]."""

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from app.manipulation import Inventory
 from app.rearrange.order import Point
 from hardware.table import PIECE_SHAPES, Colour, Kind, square_place
-from vision.centres import Centre
+from vision.pieces.centres import Centre
+from vision.pieces.verify import Fault, FaultKind
 from vision.reading.appearance import BLACK, WHITE
 from vision.reading.piece_kinds import SPREAD
-from vision.verify import Fault, FaultKind
 
 Chances = Mapping[Kind, float]
 """How likely each kind is; they add up to 1."""

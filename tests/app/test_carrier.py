@@ -22,7 +22,7 @@ from app.records import GameRecord, GameSetup
 from app.righting import Blocked, Strayed
 from hardware.parameters import load_parameters
 from hardware.table import Place, TableSettings
-from vision.lying import Pose
+from vision.pieces.poses import Pose
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()
 STANDS = Inventory.of(start_layout(chess.Board(), TABLE), TABLE)

@@ -9,7 +9,7 @@ from app.bench.vision_actions import Hands
 from app.bench.vision_games import Eye, Scene, open_studio, random_game
 from app.layout import start_layout
 from hardware.table import TableSettings
-from vision.verify import FaultKind, examine_board
+from vision.pieces.verify import FaultKind, examine_board
 
 TABLE = TableSettings()
 OFF = 0.02

@@ -37,9 +37,9 @@ from app.repair import Sighting
 from app.righting import Strayed
 from hardware.parameters import load_parameters
 from hardware.table import PieceSpec, Place, TableSettings, square_place
-from vision.lying import Pose
+from vision.pieces.poses import Pose
+from vision.pieces.verify import Fault, FaultKind
 from vision.reading.appearance import BLACK, EMPTY, WHITE
-from vision.verify import Fault, FaultKind
 
 TABLE = TableSettings()
 

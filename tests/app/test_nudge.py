@@ -29,7 +29,7 @@ from hardware.sim.plant import Plant
 from hardware.sim.scene import build_model
 from hardware.sim.standing import StandingPiece
 from hardware.table import PIECE_SHAPES, Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
-from vision.lying import Pose
+from vision.pieces.poses import Pose
 
 PARAMETERS, TABLE, SETTINGS = load_parameters(), TableSettings(), MotionSettings()
 CELL = Workcell.of(SETTINGS, PARAMETERS, TABLE)

@@ -20,8 +20,8 @@ from app.repair import Ask, Repair, Sighting, kinds_by_height, mend, repair_towa
 from app.repair.sighting import Chances
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, Place, TableSettings, square_place
-from vision.centres import Centre
-from vision.verify import Fault, FaultKind
+from vision.pieces.centres import Centre
+from vision.pieces.verify import Fault, FaultKind
 
 TABLE = TableSettings()
 SEEDS = st.integers(min_value=0, max_value=2**32)

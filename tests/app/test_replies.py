@@ -15,7 +15,7 @@ from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import PieceSpec, TableSettings, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
-from vision.verify import FaultKind, examine_board
+from vision.pieces.verify import FaultKind, examine_board
 
 TABLE = TableSettings()
 PERSON = 0.006

@@ -15,7 +15,7 @@ from app.motion.plan import Plan, PlanRefused
 from app.righting import Strayed, in_order, plan_making_way
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, Place, TableSettings
-from vision.lying import Pose
+from vision.pieces.poses import Pose
 
 TABLE = TableSettings()
 INVENTORY = Inventory.of(start_layout(chess.Board("4k3/8/8/8/3P4/4N3/8/4K3 w - - 0 1"), TABLE), TABLE)

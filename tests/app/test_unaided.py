@@ -13,7 +13,7 @@ from app.manipulation import Inventory, Transfer
 from app.repair import Repair
 from app.righting import Strayed
 from hardware.table import Place, TableSettings
-from vision.lying import Pose
+from vision.pieces.poses import Pose
 
 TABLE = TableSettings()
 STANDS = Inventory.of(start_layout(chess.Board("4k3/8/8/3p4/4P3/8/8/4K3 w - - 0 1"), TABLE), TABLE)

@@ -14,8 +14,8 @@ import chess
 
 from hardware.interfaces import Frame
 from vision.board.view import BoardView
-from vision.centres import piece_centres
-from vision.fit import PieceLike
+from vision.pieces.centres import piece_centres
+from vision.pieces.fit import PieceLike
 from vision.reading.diagnosis import Finding, States, explain
 from vision.reading.outcome import Situation
 

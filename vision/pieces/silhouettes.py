@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from hardware.table import Kind
 from vision.board.view import BoardView
-from vision.outline import CONTOUR_POINTS, INSIDE_POINTS, outline
-from vision.surface import Surface
+from vision.pieces.outline import CONTOUR_POINTS, INSIDE_POINTS, outline
+from vision.pieces.surface import Surface
 
 Array = NDArray[np.float64]
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from hardware.interfaces import Frame
 from hardware.table import PIECE_SHAPES, Colour, Kind, Place
 from vision.board.view import BoardView
-from vision.colours import MOST, colour_bins, evidence, looked_up, shares
-from vision.edges import Edges, along, edges_on_lines, line_samples, slopes
-from vision.silhouettes import Shapes, Silhouettes, labels
-from vision.surface import GROUNDS, Surface, heights, surface
+from vision.pieces.colours import MOST, colour_bins, evidence, looked_up, shares
+from vision.pieces.edges import Edges, along, edges_on_lines, line_samples, slopes
+from vision.pieces.silhouettes import Shapes, Silhouettes, labels
+from vision.pieces.surface import GROUNDS, Surface, heights, surface
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]

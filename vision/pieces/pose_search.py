@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, Colour, Kind, Place
 from vision.board.view import BoardView
-from vision.fit import FLAT, Fit, PieceLike
-from vision.lying import Pose, drawn, off_surface
+from vision.pieces.fit import FLAT, Fit, PieceLike
+from vision.pieces.poses import Pose, drawn, off_surface
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]

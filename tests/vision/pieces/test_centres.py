@@ -20,9 +20,9 @@ from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, piece_profile, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
-from vision.centres import piece_centres
-from vision.outline import outline
-from vision.verify import FaultKind, verify_board
+from vision.pieces.centres import piece_centres
+from vision.pieces.outline import outline
+from vision.pieces.verify import FaultKind, verify_board
 
 TABLE = TableSettings()
 PINHOLE = Intrinsics(640, 480, 617.0, 617.0, 319.5, 239.5)

@@ -1,7 +1,7 @@
 """Where pieces are that do not stand where they should: lying, or standing somewhere else; and which ones.
 
-Which pieces stand as expected is known from ``vision.fit``. What else looks like a piece is explained by the missing
-ones (``vision.pose_search``).
+Which pieces stand as expected is known from ``vision.pieces.fit``. What else looks like a piece is explained by the missing
+ones (``vision.pieces.pose_search``).
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from hardware.interfaces import Frame
 from hardware.table import PIECE_SHAPES, Place
 from vision.board.view import BoardView
-from vision.centres import Centre, centres_of, require_camera
-from vision.fit import Fit, PieceLike
-from vision.lying import Pose
-from vision.pose_search import Field, PoseSearch, Stray
-from vision.surface import raised
-from vision.verify import TOLERANCE
+from vision.pieces.centres import Centre, centres_of, require_camera
+from vision.pieces.fit import Fit, PieceLike
+from vision.pieces.pose_search import Field, PoseSearch, Stray
+from vision.pieces.poses import Pose
+from vision.pieces.surface import raised
+from vision.pieces.verify import TOLERANCE
 
 _BEFORE: Final = 0.012
 """A point further beyond a piece's foot than this, seen from above, is none of the piece's [m]."""

@@ -14,9 +14,9 @@ from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import PieceSpec, Place, TableSettings
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
+from vision.pieces.swapped import Sighted, looked_closer, replaced
 from vision.reading.diagnosis import Finding, explain
 from vision.reading.outcome import Situation
-from vision.replaced import Sighted, looked_closer, replaced
 
 pytestmark = pytest.mark.slow
 TABLE = TableSettings()

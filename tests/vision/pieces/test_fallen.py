@@ -18,9 +18,9 @@ from hardware.sim.table_studio import TableStudio
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, TableSettings, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
-from vision.fallen import find_strays
-from vision.lying import Pose, _profile, drawn, off_surface
-from vision.pose_search import Stray
+from vision.pieces.fallen import find_strays
+from vision.pieces.pose_search import Stray
+from vision.pieces.poses import Pose, _profile, drawn, off_surface
 
 TABLE = TableSettings()
 LINE = "e4 e5 Nf3 Nc6 Bc4 Bc5 d3 Nf6 Nc3 d6 Bg5 h6"

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from hardware.interfaces import Frame
 from hardware.table import square_place
 from vision.board.view import BoardView
-from vision.centres import Centre, centres_of, on_squares, require_camera
-from vision.fit import Fit, PieceLike
-from vision.surface import surface
+from vision.pieces.centres import Centre, centres_of, on_squares, require_camera
+from vision.pieces.fit import Fit, PieceLike
+from vision.pieces.surface import surface
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """Where exactly each piece stands: its outline, known from the table settings, laid over the picture.
 
-How (``vision.fit``): colours of pieces and board are learnt from the frame itself. Each piece's silhouette is tried at
+How (``vision.pieces.fit``): colours of pieces and board are learnt from the frame itself. Each piece's silhouette is tried at
 places around its square's centre, then moved until the picture's outline lies under the known one, by least squares
 over many short lines across the outline. What another piece hides does not count.
 
@@ -17,7 +17,7 @@ from typing import Final
 from hardware.interfaces import Frame
 from hardware.table import Place, square_place
 from vision.board.view import BoardView
-from vision.fit import LEAST_AGREEMENT, LEAST_SUPPORT, Fit, PieceLike
+from vision.pieces.fit import LEAST_AGREEMENT, LEAST_SUPPORT, Fit, PieceLike
 
 FLOOR: Final = 0.0002
 """No place is known better than this: shapes are not exact [m]."""
