@@ -21,7 +21,7 @@ from controller.protocol.messages import Telemetry
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, TableSettings
-from vision.arm_mask import Capsules
+from vision.hands.arm_mask import Capsules
 
 Array = NDArray[np.float64]
 

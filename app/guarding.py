@@ -19,7 +19,7 @@ from hardware.interfaces import HardwareError, Intrinsics
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 from vision.board.view import BoardView
-from vision.watch import Seen
+from vision.hands.stillness import Seen
 
 AGAIN: Final = 1.0
 """So often a camera that has fallen silent is asked again [s, wall]."""

@@ -25,9 +25,9 @@ from controller.errors import ControllerError
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
-from vision.arm_mask import Hidden, draw_mask
 from vision.board.view import BoardView
-from vision.watch import Seen, Watch
+from vision.hands.arm_mask import Hidden, draw_mask
+from vision.hands.stillness import Seen, Watch
 
 FRAME_AGE: Final = 1.0
 """Frames older than this say nothing about the present [s]; a late one is left out and told of."""

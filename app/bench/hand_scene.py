@@ -39,7 +39,7 @@ from hardware.sim.referee import Referee
 from hardware.sim.settings import Pace, WorldSettings
 from hardware.sim.watching import SimWatchCamera
 from hardware.table import TableSettings
-from vision.watch import Watch
+from vision.hands.stillness import Watch
 
 LOOKS: Final = Randomisation(
     light_brightness=0.3, light_colour=0.15, light_direction=0.6, exposure=0.2, white_balance=0.08, camera_noise=0.3,

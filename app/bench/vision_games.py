@@ -28,12 +28,12 @@ from vision.board.anchor import Anchor
 from vision.board.find import find_board
 from vision.board.orientation import orient
 from vision.board.view import BoardView
+from vision.hands.stillness import Watch
 from vision.reading.evidence import codes_of, states_of
 from vision.reading.moves import Decision
 from vision.reading.observer import Look, Observer
 from vision.reading.outcome import LOOKS, Verdict
 from vision.reading.rectified_view import Sight, sight_of_frame
-from vision.watch import Watch
 
 Progress = Callable[[str], None]
 

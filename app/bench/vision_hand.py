@@ -34,7 +34,7 @@ from hardware.interfaces import HardwareError
 from hardware.sim.hand_actions import HandSettings, Hover, Withdraw
 from hardware.sim.hand_client import SimHand
 from hardware.table import Colour
-from vision.watch import Watch, WatchSettings
+from vision.hands.stillness import Watch, WatchSettings
 
 SEED: Final = 11
 ENTRIES: Final = {True: 3, False: 200}

@@ -29,9 +29,9 @@ from hardware.interfaces import DepthFrame, Frame, HardwareError
 from hardware.sim.hand_actions import HandSettings, Withdraw
 from hardware.sim.hand_client import SimHand
 from hardware.table import Colour, TableSettings
+from vision.hands.stillness import Seen, Watch
 from vision.reading.observer import Look
 from vision.reading.outcome import Verdict
-from vision.watch import Seen, Watch
 
 SEED: Final = 31
 MOVES: Final = {True: 1, False: 40}

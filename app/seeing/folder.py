@@ -16,7 +16,7 @@ from app.seeing.labels import Labels, load_labels
 from app.seeing.pictures import VIDEOS, Picture, picture_files, read_picture, read_video
 from app.seeing.report import VisionReport
 from vision.board.view import BoardNotFound
-from vision.video_gate import VideoGate
+from vision.hands.video_gate import VideoGate
 
 LOOKED_THROUGH: Final = 200
 """Frames at the beginning of a video in which the board is looked for: hands may be over it at first."""

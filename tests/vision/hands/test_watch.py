@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from hardware.interfaces import DepthFrame, Frame, Intrinsics
 from hardware.table import TableSettings, square_place
 from tests.vision.views import looking_at
-from vision.arm_mask import Capsules, Hidden
 from vision.board.view import BoardView, playing_area
-from vision.video_gate import SettledView, VideoGate
-from vision.watch import ColourWatch, Seen, Watch, WatchSettings
+from vision.hands.arm_mask import Capsules, Hidden
+from vision.hands.stillness import ColourWatch, Seen, Watch, WatchSettings
+from vision.hands.video_gate import SettledView, VideoGate
 
 TABLE = TableSettings()
 PINHOLE = Intrinsics(640, 480, 617.0, 617.0, 319.5, 239.5)

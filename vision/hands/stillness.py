@@ -1,8 +1,8 @@
 """When to look at the board: whether a hand is over it, whether anything moves, and since when it is settled.
 
 Frame by frame and without any clock of its own: time is what frames are stamped with. With depth a hand is what stands
-higher than any piece, or reaches in from outside (:mod:`vision.heights`); without, it is what differs from the settled
-board, whatever the light does, and reaches in from outside (:mod:`vision.difference`). What is known to be before the
+higher than any piece, or reaches in from outside (:mod:`vision.hands.depth_changes`); without, it is what differs from the settled
+board, whatever the light does, and reaches in from outside (:mod:`vision.hands.colour_changes`). What is known to be before the
 table, such as the arm's links, is masked by whoever knows where it is. A frame of depth alone tells of hands just as
 well, but not whether anything moves: the board is not settled in it.
 """
@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hardware.interfaces import DepthFrame, Frame
-from vision.arm_mask import Hidden
 from vision.board.view import BoardView
-from vision.difference import Differences, Glance
-from vision.heights import Heights, Relief
-from vision.zone import Floats, Mask, Space, Zone, shrink
+from vision.hands.arm_mask import Hidden
+from vision.hands.colour_changes import Differences, Glance
+from vision.hands.depth_changes import Heights, Relief
+from vision.hands.watched_zone import Floats, Mask, Space, Zone, shrink
 
 Picture = NDArray[np.uint8]
 _T = TypeVar("_T", bound=np.generic)

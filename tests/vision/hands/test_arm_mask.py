@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from hardware.interfaces import Intrinsics
 from hardware.table import TableSettings
 from tests.vision.views import looking_at
-from vision.arm_mask import NEAREST, Capsules, draw_mask
 from vision.board.view import BoardView
+from vision.hands.arm_mask import NEAREST, Capsules, draw_mask
 
 PINHOLE = Intrinsics(320, 240, 300.0, 310.0, 159.5, 119.5)
 places = st.floats(-0.4, 0.4)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.watch import ColourWatch, Seen, WatchSettings
+from vision.hands.stillness import ColourWatch, Seen, WatchSettings
 
 STABLE_TIME = 0.1
 """Players of a quick game leave the board alone for hardly longer between two moves [s]."""

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, TableSettings
-from vision.arm_mask import Capsules
+from vision.hands.arm_mask import Capsules
+from vision.hands.watched_zone import Floats, Mask, Space
 from vision.loops import learn_heights, measure_parts, squares_under, stand_out
-from vision.zone import Floats, Mask, Space
 
 TALLEST: Final = max(shape.height for shape in PIECE_SHAPES.values())
 """Height of the tallest piece [m]."""

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.changes import Mask, Picture, differs, gain_between, moved, tidy
-from vision.zone import Zone
+from vision.hands.background import Mask, Picture, differs, gain_between, moved, tidy
+from vision.hands.watched_zone import Zone
 
 _LEARNING: Final = 0.2
 """Share of a settled picture in the new background."""
