@@ -34,8 +34,8 @@ from hardware.sim.settings import Pace, WorldSettings
 from hardware.table import TableSettings, square_place
 from vision.board.find import find_board
 from vision.board.view import BoardNotFound, BoardView, playing_area
-from vision.calibration import CalibrationFailed, CameraPose, depth_factor, solve_pose
-from vision.table_plane import board_place, find_plane, nominal_view
+from vision.camera.calibration import CalibrationFailed, CameraPose, depth_factor, solve_pose
+from vision.camera.table_plane import board_place, find_plane, nominal_view
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]

@@ -18,8 +18,8 @@ from app.records.files import recording, write_atomically
 from hardware.interfaces import Intrinsics
 from hardware.table import MOST_YAW, TableSettings
 from vision.board.view import BoardView
-from vision.calibration import CameraPose
-from vision.table_plane import BoardPlace
+from vision.camera.calibration import CameraPose
+from vision.camera.table_plane import BoardPlace
 
 Array = NDArray[np.float64]
 Row = tuple[float, float, float, float]

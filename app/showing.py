@@ -18,8 +18,8 @@ from app.motion import MotionSettings, Plan, PlanRefused, plan_return
 from hardware.interfaces import Camera, Frame, HardwareError
 from hardware.parameters import Marker, RobotParameters
 from hardware.table import PIECE_SHAPES, TableSettings
-from vision.calibration import CalibrationFailed
-from vision.marker import SeenMarker, find_marker
+from vision.camera.calibration import CalibrationFailed
+from vision.camera.marker import SeenMarker, find_marker
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]

@@ -34,7 +34,7 @@ from hardware.sim.scene import build_model
 from hardware.sim.settings import Pace, WorldSettings
 from hardware.sim.table_studio import true_camera
 from hardware.table import TableSettings
-from vision.calibration import CalibrationFailed
+from vision.camera.calibration import CalibrationFailed
 
 TABLE = TableSettings()
 PINHOLE = Intrinsics(640, 480, 617.0, 617.0, 319.5, 239.5)

@@ -18,9 +18,9 @@ from hardware.parameters import load_parameters
 from hardware.sim.marker import marker_picture
 from hardware.table import PIECE_SHAPES, TableSettings, square_place
 from vision.board.view import playing_area
-from vision.calibration import CalibrationFailed, CameraPose, depth_factor, solve_pose
-from vision.marker import find_marker
-from vision.table_plane import board_place, find_plane, nominal_view
+from vision.camera.calibration import CalibrationFailed, CameraPose, depth_factor, solve_pose
+from vision.camera.marker import find_marker
+from vision.camera.table_plane import board_place, find_plane, nominal_view
 
 Array = NDArray[np.float64]
 TABLE = TableSettings()

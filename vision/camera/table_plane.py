@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from hardware.interfaces import Frame
 from hardware.table import TableSettings
 from vision.board.view import BoardNotFound, BoardView, playing_area
-from vision.calibration import CameraPose
+from vision.camera.calibration import CameraPose
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def find_plane(frame: Frame, pose: CameraPose, table: TableSettings, factor: flo
         frame: of the calibrated camera, the arm out of the way; pieces may stand on the board.
         pose: of that camera.
         table: where the board should lie, within some centimetres.
-        factor: by which depth has to be multiplied (``vision.calibration.depth_factor``).
+        factor: by which depth has to be multiplied (``vision.camera.calibration.depth_factor``).
 
     Returns:
         None where the camera has no depth, or hardly any of the board's pixels has.
