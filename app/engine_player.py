@@ -9,7 +9,7 @@ import chess.engine
 
 from app.deciding import Decision
 from engine.book import Book
-from engine.manners import Manners
+from engine.policy import Manners
 from engine.stockfish import Engine, EngineMove
 
 EXPECTING: Final = 0.1

@@ -16,8 +16,8 @@ from app.players import EnginePlayer, LinePlayer, Player, Players
 from app.settings import PlayerKind, Settings
 from app.time_control import TimeControl
 from engine.book import Book, BookSettings
-from engine.manners import Manners
 from engine.openings import opening_engine, varied_opening
+from engine.policy import Manners
 from engine.settings import EngineSettings
 from engine.stockfish import Engine
 from hardware.sim.settings import Pace

@@ -14,7 +14,7 @@ from app.clock import ArmTime, ChessClock
 from app.engine_player import EnginePlayer
 from app.time_control import TimeControl
 from engine.answers import EngineMove
-from engine.manners import Manners
+from engine.policy import Manners
 from engine.stockfish import DEBIAN_PATH, Engine, EngineSettings
 
 Limit = chess.engine.Limit
