@@ -30,7 +30,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, NonNegativeIn
 
 from app import UserError
 from controller.settings import ControllerSettings
-from hardware.camera_settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
+from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.looks import CameraSettings, LightSettings
 from hardware.sim.randomisation import Randomisation

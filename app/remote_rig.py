@@ -21,7 +21,7 @@ from controller.errors import ControllerError
 from controller.link import Listener
 from controller.protocol.key import KeyFileError, load_key
 from controller.states import State
-from hardware.cameras import open_camera
+from hardware.camera.factory import open_camera
 from hardware.interfaces import Camera, Clock, HardwareError
 from hardware.sim.clients import SimCamera, SimClock
 from hardware.sim.referee import Referee

@@ -19,7 +19,7 @@ from app.settings import PadKind, RigSection
 from app.sim_settings import SimRigSettings
 from controller.link import Listener
 from controller.settings import ControllerSettings
-from hardware.camera_settings import NoCameraSettings
+from hardware.camera.settings import NoCameraSettings
 from hardware.parameters import DEFAULT_FILE, FLAT_PADS_FILE, RobotParameters, load_parameters
 from hardware.sim.hand_actions import HandSettings
 from hardware.sim.randomisation import Randomisation

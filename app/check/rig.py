@@ -22,7 +22,7 @@ from controller.model.constants import DeltaModel
 from controller.model.workspace import BoardDoesNotFit, require_fit
 from engine.errors import EngineProblem
 from engine.stockfish import Engine, EngineSettings
-from hardware.cameras import open_camera
+from hardware.camera.factory import open_camera
 from hardware.interfaces import HardwareError
 from hardware.parameters import ParametersError, RobotParameters, load_parameters
 from hardware.sim.clients import SimCamera

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.framesets import FrameMaker
+from hardware.camera.framesets import FrameMaker
+from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.interfaces import CameraClosed, Frame, HardwareError, Intrinsics, StaleFrame
 from hardware.sim import wire
 from hardware.sim.renderer import HEIGHT, WIDTH, frame_path, load_pictures
-from hardware.software_device import DepthStream, SoftwareCamera
 
 
 class SimClock:

@@ -18,7 +18,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.framesets import FrameMaker
+from hardware.camera.framesets import FrameMaker
+from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
 from hardware.sim.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
@@ -29,7 +30,6 @@ from hardware.sim.mount import Mount
 from hardware.sim.renderer import MODEL_FILE, Renderer, Sensor, Shot, frame_path, load_pictures
 from hardware.sim.scene import build_model
 from hardware.sim.standing import StandingPiece
-from hardware.software_device import DepthStream, SoftwareCamera
 from hardware.table import Colour, PieceSpec, TableSettings
 
 VIEW = "camera"

@@ -7,12 +7,12 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from hardware.framesets import FrameMaker
+from hardware.camera.framesets import FrameMaker
+from hardware.camera.software_device import SoftwareCamera
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics, StaleFrame
 from hardware.sim import wire
 from hardware.sim.clients import connect_camera, depth_stream
 from hardware.sim.renderer import frame_path, load_pictures
-from hardware.software_device import SoftwareCamera
 
 _GLANCE = 0.1
 """How long a reader that was closed by another thread goes on waiting [s, wall]."""

@@ -12,7 +12,7 @@ import pytest
 from app.config import ConfigError, DrivesSection, RigFile, WorldSection, load_rig
 from app.devices import RigFailed
 from app.rig import choose_rig
-from hardware.camera_settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
+from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.settings import Pace
 from hardware.table import TableSettings

@@ -1,4 +1,4 @@
-"""Settings of a lab's cameras, one class a kind. Nothing here opens anything: ``hardware.cameras`` does."""
+"""Settings of a lab's cameras, one class a kind. Nothing here opens anything: ``hardware.camera.factory`` does."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Play(StrEnum):
 
 
 class FolderSettings(_Frozen):
-    """``kind = "folder"``: frames in a folder, as ``hardware.folder`` writes them."""
+    """``kind = "folder"``: frames in a folder, as ``hardware.camera.folder`` writes them."""
 
     kind: Literal["folder"] = "folder"
     path: Path

@@ -13,15 +13,15 @@ import cv2
 import numpy as np
 import pytest
 
-from hardware.camera_settings import RealSenseSettings, WebcamSettings
-from hardware.cameras import open_recorder
-from hardware.db3 import Db3Recording
-from hardware.folder import FolderRecording
+from hardware.camera.db3 import Db3Recording
+from hardware.camera.factory import open_recorder
+from hardware.camera.folder import FolderRecording
+from hardware.camera.realsense import RealSenseCamera
+from hardware.camera.recorded import RecordedCamera
+from hardware.camera.settings import RealSenseSettings, WebcamSettings
+from hardware.camera.webcam import WebcamCamera
 from hardware.interfaces import Camera, CameraClosed, Frame, HardwareError, StaleFrame
-from hardware.realsense import RealSenseCamera
-from hardware.recorded import RecordedCamera
 from hardware.sim.clients import SimCamera
-from hardware.webcam import WebcamCamera
 from tests.hardware.cameras import HandClock, SoftwareRealSense, WallClock, colour_picture, made_up_frame
 from tests.hardware.test_world import Controller, WorldProcess, settings_for
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hardware.cameras import open_recorder
-from hardware.db3 import Db3Recorder, Db3Recording
-from hardware.folder import FRAMES_FILE, FolderRecorder, FolderRecording
+from hardware.camera.db3 import Db3Recorder, Db3Recording
+from hardware.camera.factory import open_recorder
+from hardware.camera.folder import FRAMES_FILE, FolderRecorder, FolderRecording
+from hardware.camera.recorded import RecordedCamera, Recording
 from hardware.interfaces import Frame, HardwareError, StaleFrame
-from hardware.recorded import RecordedCamera, Recording
 from tests.hardware.cameras import PINHOLE, HandClock, made_up_frame
 
 STAMPS = (4.0, 4.033, 9.5, 9.50088, 60.0)

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hardware.camera_settings import (
+from hardware.camera.db3 import Db3Recorder, Db3Recording
+from hardware.camera.folder import FolderRecorder, FolderRecording
+from hardware.camera.realsense import RealSenseCamera
+from hardware.camera.recorded import RecordedCamera
+from hardware.camera.settings import (
     FolderSettings,
     LabCamera,
     NoCameraSettings,
@@ -13,12 +17,8 @@ from hardware.camera_settings import (
     RecordingSettings,
     WebcamSettings,
 )
-from hardware.db3 import Db3Recorder, Db3Recording
-from hardware.folder import FolderRecorder, FolderRecording
+from hardware.camera.webcam import WebcamCamera
 from hardware.interfaces import Camera, Clock
-from hardware.realsense import RealSenseCamera
-from hardware.recorded import RecordedCamera
-from hardware.webcam import WebcamCamera
 
 
 def open_camera(settings: LabCamera, clock: Clock) -> Camera | None:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt, ValidationError
 
+from hardware.camera.recorded import Shot
 from hardware.interfaces import Frame, HardwareError, Intrinsics
-from hardware.recorded import Shot
 
 CAMERA_FILE: Final = "camera.json"
 FRAMES_FILE: Final = "frames.jsonl"

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.background import Background, Newest
-from hardware.camera_settings import WebcamSettings
+from hardware.camera.background import Background, Newest
+from hardware.camera.settings import WebcamSettings
 from hardware.interfaces import CameraClosed, Clock, Frame, HardwareError, Intrinsics, StaleFrame
 
 FIRST_FRAME: Final = 5.0

@@ -11,7 +11,10 @@ import cv2
 import numpy as np
 import pytest
 
-from hardware.camera_settings import (
+from hardware.camera.factory import open_camera, open_recorder
+from hardware.camera.realsense import NoRealSense
+from hardware.camera.recorded import RecordedCamera
+from hardware.camera.settings import (
     FolderSettings,
     NoCameraSettings,
     Play,
@@ -19,11 +22,8 @@ from hardware.camera_settings import (
     RecordingSettings,
     WebcamSettings,
 )
-from hardware.cameras import open_camera, open_recorder
+from hardware.camera.webcam import WebcamCamera, pinhole
 from hardware.interfaces import HardwareError
-from hardware.realsense import NoRealSense
-from hardware.recorded import RecordedCamera
-from hardware.webcam import WebcamCamera, pinhole
 from tests.hardware.cameras import WallClock, colour_picture, made_up_frame
 
 
@@ -67,8 +67,8 @@ def test_colours_are_rgb(tmp_path: Path) -> None:
 
 
 def test_a_pulled_webcam_is_named_and_used_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hardware.webcam.cv2.VideoCapture", Device)
-    monkeypatch.setattr("hardware.webcam.RETRY", 0.05)
+    monkeypatch.setattr("hardware.camera.webcam.cv2.VideoCapture", Device)
+    monkeypatch.setattr("hardware.camera.webcam.RETRY", 0.05)
     with closing(WebcamCamera(WebcamSettings(device=3, focal=500.0), WallClock())) as camera:
         before = camera.read(10.0).stamp
         Device.plugged = False
@@ -95,8 +95,8 @@ def read_on(camera: WebcamCamera) -> None:
 def test_a_webcam_that_is_not_there_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(HardwareError, match=r"none\.avi cannot be opened: check its cable and its number"):
         WebcamCamera(WebcamSettings(device=tmp_path / "none.avi", focal=500.0), WallClock())
-    monkeypatch.setattr("hardware.webcam.FIRST_FRAME", 0.1)
-    monkeypatch.setattr("hardware.webcam.cv2.VideoCapture", type("Mute", (Device,), {"read": mute}))
+    monkeypatch.setattr("hardware.camera.webcam.FIRST_FRAME", 0.1)
+    monkeypatch.setattr("hardware.camera.webcam.cv2.VideoCapture", type("Mute", (Device,), {"read": mute}))
     with pytest.raises(HardwareError, match="webcam 0 sends no pictures"):
         WebcamCamera(WebcamSettings(focal=500.0), WallClock())
 

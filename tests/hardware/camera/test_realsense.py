@@ -11,11 +11,11 @@ import numpy as np
 import pyrealsense2 as rs
 import pytest
 
-from hardware.camera_settings import RealSenseSettings
-from hardware.framesets import FrameMaker, pinhole_of
+from hardware.camera.framesets import FrameMaker, pinhole_of
+from hardware.camera.realsense import NoRealSense, RealSenseCamera, apply_options, choose_serial, exposure_time
+from hardware.camera.settings import RealSenseSettings
+from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.interfaces import Frame, HardwareError
-from hardware.realsense import NoRealSense, RealSenseCamera, apply_options, choose_serial, exposure_time
-from hardware.software_device import DepthStream, SoftwareCamera
 from tests.hardware.cameras import DEPTH, PINHOLE, Plugs, SoftwareRealSense, WallClock, colour_picture
 
 
@@ -67,7 +67,7 @@ def test_a_pulled_camera_is_named_and_used_again_once_it_is_plugged_in(device: S
 
 
 def test_a_camera_that_sends_nothing_is_refused(device: SoftwareRealSense, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hardware.realsense.FIRST_FRAME", 0.3)
+    monkeypatch.setattr("hardware.camera.realsense.FIRST_FRAME", 0.3)
     device.sending.clear()
     with pytest.raises(HardwareError, match="8899 sends no pictures: plug it into a USB 3 port"):
         RealSenseCamera(RealSenseSettings(), WallClock(), device.plugs)

@@ -13,11 +13,11 @@ from typing import Any, Final
 
 import pyrealsense2 as rs
 
-from hardware.folder import DEPTH_UNIT, whole_units
-from hardware.framesets import FrameMaker
+from hardware.camera.folder import DEPTH_UNIT, whole_units
+from hardware.camera.framesets import FrameMaker
+from hardware.camera.recorded import Shot
+from hardware.camera.software_device import DepthStream, Join, SoftwareDevice
 from hardware.interfaces import Frame, HardwareError, Intrinsics
-from hardware.recorded import Shot
-from hardware.software_device import DepthStream, Join, SoftwareDevice
 
 TOGETHER_MS: Final = 20.0
 """Colour and depth that were exposed within this belong together: a little more than half a period [ms]."""

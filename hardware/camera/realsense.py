@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import pyrealsense2 as rs
 
-from hardware.background import Background, Newest
-from hardware.camera_settings import RealSenseSettings
-from hardware.framesets import FrameMaker
+from hardware.camera.background import Background, Newest
+from hardware.camera.framesets import FrameMaker
+from hardware.camera.settings import RealSenseSettings
 from hardware.interfaces import CameraClosed, Clock, Frame, HardwareError, StaleFrame
 
 FIRST_FRAME: Final = 5.0
