@@ -11,7 +11,7 @@ import av
 
 from app.records import RecordError, recording
 from hardware.sim.clients import FrameStream
-from hardware.sim.renderer import HEIGHT, WIDTH
+from hardware.sim.render.renderer import HEIGHT, WIDTH
 from hardware.sim.settings import Pace
 
 FRAME_TICKS = {Pace.FAST: 45, Pace.REAL: 135}

@@ -26,8 +26,8 @@ from controller.protocol import CommandCode
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.grip_faults import GripFaults
 from hardware.sim.imperfections import Flaws, Imperfections
-from hardware.sim.looks import Looks
 from hardware.sim.plant import Plant
+from hardware.sim.render.appearance import Looks
 from hardware.sim.scene import build_model
 from hardware.sim.standing import StandingPiece
 from hardware.sim.table_studio import Pose, TableStudio

@@ -27,7 +27,7 @@ from app.sim_rig import SimRig
 from app.sim_settings import SimRigSettings
 from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
-from hardware.sim.looks import ExposureSettings, LightSettings, Looks, MountSettings
+from hardware.sim.render.appearance import ExposureSettings, LightSettings, Looks, MountSettings
 from hardware.sim.scene import build_model
 from hardware.sim.settings import Pace, WorldSettings
 from hardware.sim.stage import Stage

@@ -21,7 +21,7 @@ from app.layout import start_layout
 from app.motion import MotionSettings
 from hardware.interfaces import Frame
 from hardware.sim.hand_body import Pose as HandPose
-from hardware.sim.looks import LightSettings, Looks, MountSettings
+from hardware.sim.render.appearance import LightSettings, Looks, MountSettings
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, TableSettings
 from vision.board.anchor import Anchor

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from hardware.sim.construction import Construction
-from hardware.sim.drawing import draw_rods
+from hardware.sim.render.drawing import draw_rods
 from hardware.sim.settings import load_settings
 from hardware.sim.snapshot import STATE_FILE
 

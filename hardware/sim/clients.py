@@ -16,7 +16,7 @@ from hardware.camera.framesets import FrameMaker
 from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.interfaces import CameraClosed, Frame, HardwareError, Intrinsics, StaleFrame
 from hardware.sim import wire
-from hardware.sim.renderer import HEIGHT, WIDTH, frame_path, load_pictures
+from hardware.sim.render.renderer import HEIGHT, WIDTH, frame_path, load_pictures
 
 
 class SimClock:

@@ -11,9 +11,9 @@ import numpy as np
 from hardware.parameters import load_parameters
 from hardware.sim.hand_body import add_hand
 from hardware.sim.imperfections import Flaws
-from hardware.sim.looks import CameraSettings, Looks
 from hardware.sim.plant import Plant
 from hardware.sim.randomisation import Draw, draw
+from hardware.sim.render.appearance import CameraSettings, Looks
 from hardware.sim.scene import build_model
 from hardware.sim.settings import WorldSettings
 from hardware.sim.snapshot import Snapshot

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat
 
 from hardware.parameters import RobotParameters
 from hardware.sim.imperfections import PERFECT, Imperfections
-from hardware.sim.looks import CameraSettings, LightSettings
+from hardware.sim.render.appearance import CameraSettings, LightSettings
 from hardware.sim.standing import BoardOffset, StandingPiece
 from hardware.table import PieceSpec, TableSettings
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from hardware.parameters import RobotParameters
 from hardware.sim.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics, stiffen_closures
 from hardware.sim.contact import Contact
-from hardware.sim.d435 import COLOUR_FIELD_OF_VIEW
-from hardware.sim.lamps import lamps, set_ambient
-from hardware.sim.looks import LightSettings
+from hardware.sim.render.appearance import LightSettings
+from hardware.sim.render.d435 import COLOUR_FIELD_OF_VIEW
+from hardware.sim.render.lamps import lamps, set_ambient
 from hardware.sim.standing import AS_BELIEVED, BoardOffset, StandingPiece
 from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, LINED, WALL, WOOD_FRICTION, give_stiffness
 from hardware.sim.turning import turned_mesh
@@ -138,7 +138,7 @@ def _add_surroundings(spec: mujoco.MjSpec, table: TableSettings, offset: BoardOf
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:
-    """Lamps as ``LightSettings`` has them by default; the renderer sets them as they are (``hardware.sim.lamps``)."""
+    """Lamps as ``LightSettings`` has them by default; the renderer sets them as they are (``hardware.sim.render.lamps``)."""
     for lamp in lamps(LightSettings()):
         spec.worldbody.add_light(**asdict(lamp), ambient=[0.0, 0.0, 0.0])
     set_ambient(spec.visual.headlight, LightSettings())

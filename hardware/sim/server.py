@@ -32,7 +32,7 @@ from hardware.sim.journal import Journal
 from hardware.sim.live_state import LIVE_FILE, LiveState, load_live_state
 from hardware.sim.pacing import Metronome, SpeedMeter
 from hardware.sim.pictures import CameraService
-from hardware.sim.renderer import MODEL_FILE, Renderer
+from hardware.sim.render.renderer import MODEL_FILE, Renderer
 from hardware.sim.services import NEVER, ClockService, Drives, RefereeService
 from hardware.sim.settings import END_FILE, Pace, WorldSettings, load_settings
 from hardware.sim.snapshot import STATE_FILE, load_snapshot, save_snapshot

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from hardware.sim import wire
-from hardware.sim.looks import ExposureSettings, LightSettings, Looks, MountSettings
 from hardware.sim.plant import Plant
+from hardware.sim.render.appearance import ExposureSettings, LightSettings, Looks, MountSettings
 from hardware.sim.visitors import Visitor
 
 

@@ -11,9 +11,9 @@ from typing import Any, Final
 import mujoco
 
 from hardware.interfaces import HardwareError
-from hardware.sim.drawing import draw_rods
 from hardware.sim.referee import Referee
-from hardware.sim.renderer import MODEL_FILE
+from hardware.sim.render.drawing import draw_rods
+from hardware.sim.render.renderer import MODEL_FILE
 
 REFRESH: Final = 1.0 / 30.0
 """[s, wall]"""

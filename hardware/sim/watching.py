@@ -12,7 +12,7 @@ from hardware.camera.software_device import SoftwareCamera
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics, StaleFrame
 from hardware.sim import wire
 from hardware.sim.clients import connect_camera, depth_stream
-from hardware.sim.renderer import frame_path, load_pictures
+from hardware.sim.render.renderer import frame_path, load_pictures
 
 _GLANCE = 0.1
 """How long a reader that was closed by another thread goes on waiting [s, wall]."""

@@ -19,7 +19,7 @@ from typing import Any, Final, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from hardware.interfaces import Command, DriveStatus, HardwareError, Measurement
-from hardware.sim.looks import ExposureSettings, LightSettings, MountSettings
+from hardware.sim.render.appearance import ExposureSettings, LightSettings, MountSettings
 
 SOCKET_NAME = "world.sock"
 LARGEST_MESSAGE = 1 << 16

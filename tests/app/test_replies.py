@@ -10,7 +10,7 @@ import pytest
 
 from app.game.replies import pieces_of, reply_shown
 from app.layout import start_layout
-from hardware.sim.looks import Looks
+from hardware.sim.render.appearance import Looks
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import PieceSpec, TableSettings, square_place
 from tests.vision.rendering import studio_of

@@ -16,8 +16,8 @@ from app.layout import start_layout
 from hardware.parameters import load_parameters
 from hardware.sim.construction import Construction
 from hardware.sim.imperfections import Imperfections
-from hardware.sim.looks import CameraSettings, LightSettings
 from hardware.sim.randomisation import Draw, Randomisation, draw
+from hardware.sim.render.appearance import CameraSettings, LightSettings
 from hardware.sim.scene import build_model
 from hardware.sim.settings import WorldSettings
 from hardware.sim.standing import BoardOffset

@@ -13,7 +13,7 @@ import pytest
 from hardware.interfaces import HardwareError
 from hardware.sim import wire
 from hardware.sim.clients import SimCamera
-from hardware.sim.looks import CameraSettings, ExposureSettings, LightSettings, MountSettings
+from hardware.sim.render.appearance import CameraSettings, ExposureSettings, LightSettings, MountSettings
 from hardware.sim.stage import Stage
 from tests.hardware.test_world import Controller, WorldProcess, settings_for
 

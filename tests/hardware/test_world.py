@@ -27,7 +27,7 @@ from hardware.sim.live_state import LIVE_FILE, load_live_state
 from hardware.sim.pacing import CATCH_UP, Metronome
 from hardware.sim.plant import Plant
 from hardware.sim.referee import Referee
-from hardware.sim.renderer import HEIGHT, WIDTH
+from hardware.sim.render.renderer import HEIGHT, WIDTH
 from hardware.sim.scene import build_model
 from hardware.sim.server import serve
 from hardware.sim.settings import END_FILE, FILE_NAME, Pace, WorldSettings, load_settings, stand_pieces

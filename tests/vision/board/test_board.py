@@ -20,8 +20,8 @@ from app.layout import start_layout
 from app.motion import MotionSettings
 from hardware.interfaces import Frame, Intrinsics
 from hardware.parameters import load_parameters
-from hardware.sim.drawing import draw_rods
-from hardware.sim.renderer import HEIGHT, WIDTH, intrinsics_for
+from hardware.sim.render.drawing import draw_rods
+from hardware.sim.render.renderer import HEIGHT, WIDTH, intrinsics_for
 from hardware.sim.scene import CAMERAS, build_model
 from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.sim.standing import StandingPiece

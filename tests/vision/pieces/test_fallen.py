@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.layout import start_layout
-from hardware.sim.looks import Looks
+from hardware.sim.render.appearance import Looks
 from hardware.sim.table_studio import Pose as Put
 from hardware.sim.table_studio import TableStudio
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, TableSettings, square_place

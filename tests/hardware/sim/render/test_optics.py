@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hardware.interfaces import Intrinsics
-from hardware.sim.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
-from hardware.sim.optics import (
+from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
+from hardware.sim.render.sensor_model import (
     ColourSensor,
     colour_picture,
     correlated,
@@ -18,7 +18,7 @@ from hardware.sim.optics import (
     seen_from_left,
     whole_units,
 )
-from hardware.sim.sensors import COLOUR, STEREO
+from hardware.sim.render.sensors import COLOUR, STEREO
 
 UNIT = 1e-4
 SHAPE = (480, 848)

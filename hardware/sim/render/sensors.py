@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from hardware.sim.d435 import depth_intrinsics
-from hardware.sim.optics import ColourSensor, StereoSensor
+from hardware.sim.render.d435 import depth_intrinsics
+from hardware.sim.render.sensor_model import ColourSensor, StereoSensor
 
 STEREO: Final = StereoSensor(depth_intrinsics())
 COLOUR: Final = ColourSensor()

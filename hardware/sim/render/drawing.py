@@ -12,12 +12,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.d435 import DEPTH_HEIGHT, DEPTH_WIDTH, LEFT_IMAGER, colour_intrinsics
-from hardware.sim.lamps import set_lamps
-from hardware.sim.looks import Looks
-from hardware.sim.mount import Mount
-from hardware.sim.optics import colour_picture, depth_picture, seen_from_left, whole_units
-from hardware.sim.renderer import (
+from hardware.sim.render.appearance import Looks
+from hardware.sim.render.camera_mount import Mount
+from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH, LEFT_IMAGER, colour_intrinsics
+from hardware.sim.render.lamps import set_lamps
+from hardware.sim.render.renderer import (
     DEPTH_BYTES,
     FRAME_BYTES,
     HEIGHT,
@@ -30,7 +29,8 @@ from hardware.sim.renderer import (
     frame_path,
     unpack_request,
 )
-from hardware.sim.sensors import COLOUR, STEREO
+from hardware.sim.render.sensor_model import colour_picture, depth_picture, seen_from_left, whole_units
+from hardware.sim.render.sensors import COLOUR, STEREO
 
 ROD_HALF_DISTANCE = 0.024
 """Between the rods of a pair, each from the middle [m]; they are drawn, the physics lumps them."""

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from hardware.interfaces import HardwareError, Intrinsics
-from hardware.sim.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
-from hardware.sim.looks import CameraSettings, Looks
+from hardware.sim.render.appearance import CameraSettings, Looks
+from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
 
 MODEL_FILE = "world.mjb"
 WIDTH, HEIGHT = 640, 480
@@ -125,7 +125,7 @@ class Renderer:
         environment = {**os.environ, "MUJOCO_GL": "egl", "LP_NUM_THREADS": "1"}
         with (run_dir / "renderer.log").open("wb") as log:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "hardware.sim.drawing", str(run_dir), str(far.fileno())],
+                [sys.executable, "-m", "hardware.sim.render.drawing", str(run_dir), str(far.fileno())],
                 pass_fds=[far.fileno()], stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment,
             )  # fmt: skip
         far.close()
