@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hardware.interfaces import Intrinsics
-from hardware.sim.scene import camera_poses
+from hardware.sim.bodies.scene import camera_poses
 from hardware.table import TableSettings
 from vision.board.view import BoardView
 

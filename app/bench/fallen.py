@@ -24,12 +24,12 @@ from app.motion.planner import plan_return
 from app.righting import Strayed, in_order, plan_making_way, plan_righting
 from controller.protocol import CommandCode
 from hardware.parameters import RobotParameters, load_parameters
+from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.grip_faults import GripFaults
 from hardware.sim.imperfections import Flaws, Imperfections
 from hardware.sim.plant import Plant
 from hardware.sim.render.appearance import Looks
-from hardware.sim.scene import build_model
-from hardware.sim.standing import StandingPiece
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.board.view import BoardView

@@ -21,9 +21,9 @@ from app.motion import PROFILES, Motion, MotionSettings, Profile, plan_ply
 from app.motion.path import Vector
 from app.motion.reference import Bounds, join, line, to_samples
 from hardware.parameters import RobotParameters, load_parameters
+from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant import Plant
-from hardware.sim.scene import build_model
-from hardware.sim.standing import StandingPiece
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 
 SEED: Final = 7

@@ -24,9 +24,9 @@ from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters
+from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant import Plant
-from hardware.sim.scene import build_model
-from hardware.sim.standing import StandingPiece
 from hardware.table import Kind, PieceSpec, TableSettings
 
 PLIES_A_WORLD = 6

@@ -27,8 +27,8 @@ from app.sim_rig import SimRig
 from app.sim_settings import SimRigSettings
 from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.render.appearance import ExposureSettings, LightSettings, Looks, MountSettings
-from hardware.sim.scene import build_model
 from hardware.sim.settings import Pace, WorldSettings
 from hardware.sim.stage import Stage
 from hardware.sim.table_studio import Pose, TableStudio, true_camera

@@ -20,7 +20,7 @@ from app.bench.vision_calibration import OFF, random_looks, random_mount
 from app.layout import start_layout
 from app.motion import MotionSettings
 from hardware.interfaces import Frame
-from hardware.sim.hand_body import Pose as HandPose
+from hardware.sim.bodies.hand import Pose as HandPose
 from hardware.sim.render.appearance import LightSettings, Looks, MountSettings
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, TableSettings

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from app.figures.grasp import Grasp
 from app.figures.grasp_mujoco import block_world
 from controller.model.compiled import FloatArray
-from hardware.sim.grasp_world import build_block_world, save_model
+from hardware.sim.bodies.grasp_world import build_block_world, save_model
 from hardware.sim.render.renderer import HEIGHT, MODEL_FILE, WIDTH, Renderer, Shot, frame_path, load_pictures
 
 _SLOT = 0

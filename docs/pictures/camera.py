@@ -19,10 +19,10 @@ from app.motion import MotionSettings
 from hardware.camera.framesets import FrameMaker
 from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.parameters import load_parameters
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.render.appearance import CameraSettings, Looks
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.render.renderer import MODEL_FILE, Renderer, Sensor, Shot, frame_path, load_pictures
-from hardware.sim.scene import build_model
 from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.table import TableSettings
 

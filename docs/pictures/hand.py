@@ -16,11 +16,11 @@ import numpy as np
 from app.layout import start_layout
 from app.motion import MotionSettings
 from hardware.parameters import load_parameters
+from hardware.sim.bodies.hand import add_hand
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.hand import Hand
 from hardware.sim.hand_actions import Action, HandSettings, Put, Rest, Take
-from hardware.sim.hand_body import add_hand
 from hardware.sim.plant import Plant
-from hardware.sim.scene import build_model
 from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.table import Place, TableSettings
 

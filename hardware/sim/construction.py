@@ -9,12 +9,12 @@ import mujoco
 import numpy as np
 
 from hardware.parameters import load_parameters
-from hardware.sim.hand_body import add_hand
+from hardware.sim.bodies.hand import add_hand
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.imperfections import Flaws
 from hardware.sim.plant import Plant
 from hardware.sim.randomisation import Draw, draw
 from hardware.sim.render.appearance import CameraSettings, Looks
-from hardware.sim.scene import build_model
 from hardware.sim.settings import WorldSettings
 from hardware.sim.snapshot import Snapshot
 

@@ -13,8 +13,8 @@ from typing import Final
 import mujoco
 import numpy as np
 
+from hardware.sim.bodies.hand import JOINTS, NAME, Pose, parked, servo_constants
 from hardware.sim.hand_actions import Action, HandSettings, Withdraw
-from hardware.sim.hand_body import JOINTS, NAME, Pose, parked, servo_constants
 from hardware.sim.hand_motion import Program
 from hardware.sim.hand_routines import HandFailed, Routines, View
 from hardware.sim.hand_sight import SeenPiece, Sight

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.hand_body import Pose
+from hardware.sim.bodies.hand import Pose
 
 PEAK: Final = 1.875
 """Highest speed of a minimum-jerk stroke over its mean speed."""

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from hardware.sim.hand_body import TIP_RADIUS, Pose
+from hardware.sim.bodies.hand import TIP_RADIUS, Pose
 from hardware.sim.hand_motion import Program, Sketch
 from hardware.sim.hand_sight import SeenPiece, Sight
 from hardware.sim.hand_ways import CLEARANCE, EMPTY_WIDTH, ENOUGH_ARM_ROOM, LEAST_LIFT, Hold, Traveller

@@ -13,6 +13,8 @@ from typing import Final
 
 import numpy as np
 
+from hardware.sim.bodies.hand import TIP_RADIUS, Pose, parked
+from hardware.sim.bodies.scene import deck_half_size
 from hardware.sim.hand_actions import (
     Action,
     HandSettings,
@@ -27,12 +29,10 @@ from hardware.sim.hand_actions import (
     Take,
     Withdraw,
 )
-from hardware.sim.hand_body import TIP_RADIUS, Pose, parked
 from hardware.sim.hand_motion import Program, Sketch
 from hardware.sim.hand_plan import Held, Person, held_now
 from hardware.sim.hand_sight import SeenPiece, Sight
 from hardware.sim.hand_ways import LEAST_LIFT
-from hardware.sim.scene import deck_half_size
 from hardware.table import TableSettings
 
 NEAR: Final = 0.020

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.hand_body import FOREARM, PALM, SLEEVE, Bone, Pose, finger_bones
+from hardware.sim.bodies.hand import FOREARM, PALM, SLEEVE, Bone, Pose, finger_bones
 from hardware.table import PIECE_SHAPES, Kind, PieceShape
 
 UPRIGHT: Final = 0.30

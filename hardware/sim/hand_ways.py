@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.hand_body import TIP_RADIUS, Pose
+from hardware.sim.bodies.hand import TIP_RADIUS, Pose
 from hardware.sim.hand_motion import Program, Sketch
 from hardware.sim.hand_sight import Sight
 from hardware.table import Colour

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters
 from hardware.sim import tick
-from hardware.sim.hand_body import JOINTS, SPRINGS, felt_force
-from hardware.sim.hand_body import SENSOR as HAND_SENSOR
+from hardware.sim.bodies.hand import JOINTS, SPRINGS, felt_force
+from hardware.sim.bodies.hand import SENSOR as HAND_SENSOR
 from hardware.sim.imperfections import PERFECT, Flaws
 from hardware.sim.snapshot import STATE, Snapshot
 from hardware.sim.truth import PiecePose, Truth

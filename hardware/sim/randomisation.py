@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat
 
 from hardware.parameters import RobotParameters
+from hardware.sim.bodies.placed import BoardOffset, StandingPiece
 from hardware.sim.imperfections import PERFECT, Imperfections
 from hardware.sim.render.appearance import CameraSettings, LightSettings
-from hardware.sim.standing import BoardOffset, StandingPiece
 from hardware.table import PieceSpec, TableSettings
 
 Share = Annotated[float, Field(ge=0.0, lt=1.0)]

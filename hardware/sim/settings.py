@@ -18,10 +18,10 @@ from pydantic import (
 
 from hardware.interfaces import HardwareError
 from hardware.parameters import DEFAULT_FILE
+from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.hand_actions import HandSettings
 from hardware.sim.randomisation import Randomisation, stand
 from hardware.sim.render.appearance import CameraSettings, LightSettings
-from hardware.sim.standing import StandingPiece
 from hardware.table import PieceSpec, TableSettings
 
 FILE_NAME = "world.json"

@@ -22,14 +22,14 @@ from hardware.camera.framesets import FrameMaker
 from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
-from hardware.sim.hand_body import JOINTS, add_hand
-from hardware.sim.hand_body import Pose as HandPose
+from hardware.sim.bodies.hand import JOINTS, add_hand
+from hardware.sim.bodies.hand import Pose as HandPose
+from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.render.appearance import CameraSettings, Looks, MountSettings
 from hardware.sim.render.camera_mount import Mount
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.render.renderer import MODEL_FILE, Renderer, Sensor, Shot, frame_path, load_pictures
-from hardware.sim.scene import build_model
-from hardware.sim.standing import StandingPiece
 from hardware.table import Colour, PieceSpec, TableSettings
 
 VIEW = "camera"

@@ -17,7 +17,7 @@ from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at
 from controller.protocol.messages import Telemetry
 from hardware.parameters import load_parameters
-from hardware.sim.arm import add_arm, inverse_kinematics
+from hardware.sim.bodies.arm import add_arm, inverse_kinematics
 from hardware.table import TableSettings
 
 PARAMETERS, TABLE = load_parameters(), TableSettings()

@@ -29,8 +29,8 @@ from app.sim_rig import SimRig
 from app.sim_settings import SimRigSettings
 from hardware.interfaces import Intrinsics
 from hardware.parameters import load_parameters
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.render.appearance import CameraSettings, MountSettings
-from hardware.sim.scene import build_model
 from hardware.sim.settings import Pace, WorldSettings
 from hardware.sim.table_studio import true_camera
 from hardware.table import TableSettings

@@ -25,9 +25,9 @@ from app.motion.upright import room_to_stand_up
 from app.motion.ways import Workcell
 from app.righting import Blocked, Strayed, plan_pushing
 from hardware.parameters import load_parameters
+from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant import Plant
-from hardware.sim.scene import build_model
-from hardware.sim.standing import StandingPiece
 from hardware.table import PIECE_SHAPES, Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.pieces.poses import Pose
 

@@ -17,9 +17,9 @@ from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
+from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant import Plant
-from hardware.sim.scene import build_model
-from hardware.sim.standing import StandingPiece
 from hardware.table import PIECE_SHAPES, TableSettings, square_place
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()

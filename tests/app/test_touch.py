@@ -14,8 +14,8 @@ from app.motion.reference import Bounds, Vector, dwell, join, line, to_samples
 from controller.protocol import Guard, Result
 from controller.states import State
 from hardware.parameters import load_parameters
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant import Plant
-from hardware.sim.scene import build_model
 from hardware.table import TableSettings
 
 PARAMETERS = load_parameters()

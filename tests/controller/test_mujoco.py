@@ -16,7 +16,7 @@ from controller.model.constants import STANDARD_GRAVITY, DeltaModel
 from controller.model.second_order import arm_drift
 from controller.model.simulation import ArmMotion, ConstrainedArm, Moment
 from hardware.parameters import load_parameters
-from hardware.sim.scene import build_model
+from hardware.sim.bodies.scene import build_model
 from hardware.table import TableSettings
 
 PARAMETERS = load_parameters()

@@ -18,7 +18,10 @@ from controller.law import TaskSpaceController, pack_reference
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Command, Triple
 from hardware.parameters import load_parameters
-from hardware.sim.finger_world import MASS, STIFFNESS, Finger, build_finger_world, finger_force
+from hardware.sim.bodies.finger_world import MASS, STIFFNESS, Finger, build_finger_world, finger_force
+from hardware.sim.bodies.hand import JOINTS, SKIN_MASS, STRENGTH, add_hand, parked, seen_from_above
+from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.hand import Hand
 from hardware.sim.hand_actions import (
     Action,
@@ -33,13 +36,10 @@ from hardware.sim.hand_actions import (
     Take,
     Withdraw,
 )
-from hardware.sim.hand_body import JOINTS, SKIN_MASS, STRENGTH, add_hand, parked, seen_from_above
 from hardware.sim.hand_routines import HandFailed, Routines, View
 from hardware.sim.plant import Plant
-from hardware.sim.scene import build_model
 from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.sim.snapshot import load_snapshot, save_snapshot
-from hardware.sim.standing import StandingPiece
 from hardware.sim.truth import PiecePose
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings
 

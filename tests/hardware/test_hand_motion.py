@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from hardware.sim.bodies.hand import Pose
 from hardware.sim.hand_actions import REACH
-from hardware.sim.hand_body import Pose
 from hardware.sim.hand_motion import PEAK, Program, Sketch
 from hardware.sim.hand_plan import Person, grip_height, held_now
 from hardware.sim.hand_sight import SeenPiece, Sight

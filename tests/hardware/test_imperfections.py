@@ -9,9 +9,9 @@ import pytest
 
 from hardware.interfaces import Command
 from hardware.parameters import load_parameters
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.imperfections import PERFECT, Flaws, Imperfections
 from hardware.sim.plant import Plant
-from hardware.sim.scene import build_model
 from hardware.table import TableSettings
 
 PARAMETERS = load_parameters()

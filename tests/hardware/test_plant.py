@@ -12,9 +12,9 @@ from controller.law import TaskSpaceController, pack_reference
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters, load_parameters
+from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant import REST_SPEED, REST_TICKS, Plant
-from hardware.sim.scene import build_model
-from hardware.sim.standing import StandingPiece
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, TableSettings, square_place
 
 TABLE = TableSettings()

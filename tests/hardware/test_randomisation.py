@@ -14,13 +14,13 @@ from pydantic import ValidationError
 from app.config import ConfigError, load_randomisation
 from app.layout import start_layout
 from hardware.parameters import load_parameters
+from hardware.sim.bodies.placed import BoardOffset
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.construction import Construction
 from hardware.sim.imperfections import Imperfections
 from hardware.sim.randomisation import Draw, Randomisation, draw
 from hardware.sim.render.appearance import CameraSettings, LightSettings
-from hardware.sim.scene import build_model
 from hardware.sim.settings import WorldSettings
-from hardware.sim.standing import BoardOffset
 from hardware.table import PIECE_SHAPES, TableSettings
 
 TABLE, PARAMETERS = TableSettings(), load_parameters()

@@ -24,8 +24,8 @@ from app.motion import MotionSettings
 from hardware.interfaces import Command
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim import plant as plant_module
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant import Plant
-from hardware.sim.scene import build_model
 from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.table import PIECE_SHAPES, TableSettings
 

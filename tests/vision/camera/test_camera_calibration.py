@@ -15,7 +15,7 @@ from app.motion import MotionSettings
 from app.showing import Setup, showing_points
 from hardware.interfaces import Frame, Intrinsics
 from hardware.parameters import load_parameters
-from hardware.sim.marker import marker_picture
+from hardware.sim.bodies.marker import marker_picture
 from hardware.table import PIECE_SHAPES, TableSettings, square_place
 from vision.board.view import playing_area
 from vision.camera.calibration import CalibrationFailed, CameraPose, depth_factor, solve_pose

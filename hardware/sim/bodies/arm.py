@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
-from hardware.sim.marker import add_marker, add_marker_looks
+from hardware.sim.bodies.marker import add_marker, add_marker_looks
 
 ARM_ANGLES = (0.0, -2.0 * math.pi / 3.0, 2.0 * math.pi / 3.0)
 """Rotation of arms 1, 2, 3 about z₃ [rad]."""

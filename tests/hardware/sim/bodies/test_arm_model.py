@@ -16,9 +16,9 @@ from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Command
 from hardware.parameters import load_parameters
-from hardware.sim.arm import GRIPPER_BODY_CLEARANCE, inverse_kinematics
+from hardware.sim.bodies.arm import GRIPPER_BODY_CLEARANCE, inverse_kinematics
+from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant import Plant
-from hardware.sim.scene import build_model
 from hardware.table import PIECE_SHAPES, Kind, TableSettings, square_place
 
 PARAMETERS = load_parameters()

@@ -19,8 +19,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.arm import TOOL_BITS
-from hardware.sim.finger_world import MASS, STIFFNESS
+from hardware.sim.bodies.arm import TOOL_BITS
+from hardware.sim.bodies.finger_world import MASS, STIFFNESS
 from hardware.table import Colour
 
 NAME: Final = "hand"

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
-from hardware.sim.arm import SCENE_BITS, TOOL_BITS
-from hardware.sim.contact import Contact
-from hardware.sim.scene import build_model
-from hardware.sim.standing import StandingPiece
-from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD
+from hardware.sim.bodies.arm import SCENE_BITS, TOOL_BITS
+from hardware.sim.bodies.contact import Contact
+from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.bodies.scene import build_model
+from hardware.sim.bodies.surfaces import FOOT_FRICTION, FOOT_ON_BOARD
 from hardware.table import TableSettings
 
 SUBSTEPS: Final = 8

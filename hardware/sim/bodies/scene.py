@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
-from hardware.sim.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics, stiffen_closures
-from hardware.sim.contact import Contact
+from hardware.sim.bodies.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics, stiffen_closures
+from hardware.sim.bodies.board_texture import board_png
+from hardware.sim.bodies.contact import Contact
+from hardware.sim.bodies.placed import AS_BELIEVED, BoardOffset, StandingPiece
+from hardware.sim.bodies.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, LINED, WALL, WOOD_FRICTION, give_stiffness
+from hardware.sim.bodies.turned_shapes import turned_mesh
 from hardware.sim.render.appearance import LightSettings
 from hardware.sim.render.d435 import COLOUR_FIELD_OF_VIEW
 from hardware.sim.render.lamps import lamps, set_ambient
-from hardware.sim.standing import AS_BELIEVED, BoardOffset, StandingPiece
-from hardware.sim.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, LINED, WALL, WOOD_FRICTION, give_stiffness
-from hardware.sim.turning import turned_mesh
-from hardware.sim.wood import board_png
 from hardware.table import FELT_HEIGHT, FELT_RADIUS, PIECE_SHAPES, Colour, Kind, PieceShape, TableSettings
 
 FOOT_SIDE = 0.85

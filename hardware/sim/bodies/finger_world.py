@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
-from hardware.sim.arm import TOOL_BITS
-from hardware.sim.scene import build_model
+from hardware.sim.bodies.arm import TOOL_BITS
+from hardware.sim.bodies.scene import build_model
 from hardware.table import TableSettings
 
 STIFFNESS: Final = 75e3

@@ -1,4 +1,4 @@
-"""A world for the soft grasp in MuJoCo: the arm of ``hardware.sim.arm`` with flat pads, a surface and one block."""
+"""A world for the soft grasp in MuJoCo: the arm of ``hardware.sim.bodies.arm`` with flat pads, a surface and one block."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
-from hardware.sim.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics
+from hardware.sim.bodies.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics
 
 SUBSTEPS: Final = 8
 """Steps of MuJoCo in a tick; the light block between stiff pads wants short ones."""
