@@ -21,9 +21,9 @@ from controller.settings import ControllerSettings
 from hardware.interfaces import ServoBus
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.hand_actions import HandSettings
-from hardware.sim.live_state import LIVE_FILE
+from hardware.sim.plant.live_state import LIVE_FILE
+from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.settings import FILE_NAME, WorldSettings, load_settings
-from hardware.sim.snapshot import STATE_FILE
 from hardware.sim.wire import world_pid
 
 CONTROLLER_SETTINGS_FILE = "controller_settings.json"

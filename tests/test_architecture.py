@@ -87,11 +87,11 @@ KNOW_THE_TRUTH = {
     "app.judging",
     "app.remote_rig",
     "app.sim_rig",
-    "hardware.sim.plant",
+    "hardware.sim.plant.plant",
     "hardware.sim.referee",
     "hardware.sim.view",  # a window for people
 }
-"""The only modules that may import ``hardware.sim.referee`` or ``hardware.sim.truth``."""
+"""The only modules that may import ``hardware.sim.referee`` or ``hardware.sim.plant.truth``."""
 
 CHOOSERS = (
     "app.arm",
@@ -304,7 +304,7 @@ def test_few_know_the_simulation() -> None:
 
 
 def test_few_know_the_truth() -> None:
-    doors = ("hardware.sim.referee", "hardware.sim.truth")
+    doors = ("hardware.sim.referee", "hardware.sim.plant.truth")
     assert {one.importer for one in all_imports() if below(one.imported, *doors)} <= KNOW_THE_TRUTH
 
 

@@ -22,7 +22,7 @@ from controller.states import State
 from controller.supervisor import Ended, Supervisor
 from hardware.interfaces import Command, Measurement
 from hardware.parameters import RobotParameters
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.table import TableSettings
 
 LEAD: Final = 8

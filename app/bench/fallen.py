@@ -26,9 +26,9 @@ from controller.protocol import CommandCode
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.grip_faults import GripFaults
-from hardware.sim.imperfections import Flaws, Imperfections
-from hardware.sim.plant import Plant
+from hardware.sim.plant.grip_faults import GripFaults
+from hardware.sim.plant.imperfections import Flaws, Imperfections
+from hardware.sim.plant.plant import Plant
 from hardware.sim.render.appearance import Looks
 from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place

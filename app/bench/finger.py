@@ -23,7 +23,7 @@ from controller.states import State
 from controller.supervisor import Ended
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.finger_world import RADIUS, Finger, build_finger_world, finger_force
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.table import ContactLimits, TableSettings
 
 SEED: Final = 1

@@ -23,7 +23,7 @@ from app.motion.reference import Bounds, join, line, to_samples
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 
 SEED: Final = 7

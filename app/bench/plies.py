@@ -26,7 +26,7 @@ from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.table import Kind, PieceSpec, TableSettings
 
 PLIES_A_WORLD = 6

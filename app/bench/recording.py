@@ -22,7 +22,7 @@ from controller.model.kinematics import Status
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.table import TableSettings
 

@@ -15,7 +15,7 @@ from controller.protocol import Guard
 from hardware.parameters import RobotParameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.touchdown_world import FELT_STIFFNESS, WOOD_STIFFNESS, board_force, build_touchdown_world
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 
 FELT, WOOD = FELT_STIFFNESS, WOOD_STIFFNESS

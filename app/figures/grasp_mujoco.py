@@ -16,7 +16,7 @@ from controller.model.constants import DeltaModel
 from controller.model.kinematics import OK
 from hardware.interfaces import Command, Measurement, Triple
 from hardware.sim.bodies.grasp_world import SUBSTEPS, BlockWorld, build_block_world
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.table import TableSettings
 
 

@@ -16,9 +16,9 @@ import mujoco
 import numpy as np
 
 from hardware.sim.construction import Construction
+from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.render.drawing import draw_rods
 from hardware.sim.settings import load_settings
-from hardware.sim.snapshot import STATE_FILE
 
 TARGET = Path(__file__).with_name("boxes.jpg")
 

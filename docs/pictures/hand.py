@@ -20,7 +20,7 @@ from hardware.sim.bodies.hand import add_hand
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.hand import Hand
 from hardware.sim.hand_actions import Action, HandSettings, Put, Rest, Take
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.table import Place, TableSettings
 

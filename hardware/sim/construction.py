@@ -11,12 +11,12 @@ import numpy as np
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.hand import add_hand
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.imperfections import Flaws
-from hardware.sim.plant import Plant
+from hardware.sim.plant.imperfections import Flaws
+from hardware.sim.plant.plant import Plant
+from hardware.sim.plant.snapshot import Snapshot
 from hardware.sim.randomisation import Draw, draw
 from hardware.sim.render.appearance import CameraSettings, Looks
 from hardware.sim.settings import WorldSettings
-from hardware.sim.snapshot import Snapshot
 
 
 class Construction(NamedTuple):

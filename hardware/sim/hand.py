@@ -18,7 +18,7 @@ from hardware.sim.hand_actions import Action, HandSettings, Withdraw
 from hardware.sim.hand_motion import Program
 from hardware.sim.hand_routines import HandFailed, Routines, View
 from hardware.sim.hand_sight import SeenPiece, Sight
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.table import PieceSpec, TableSettings
 
 _STREAM: Final = 0x68616E64

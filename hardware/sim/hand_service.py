@@ -7,7 +7,7 @@ from typing import Any
 from hardware.sim.hand import Hand
 from hardware.sim.hand_actions import REQUEST, Perform
 from hardware.sim.hand_routines import HandFailed
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.sim.visitors import Refused, Visitor
 
 

@@ -8,7 +8,7 @@ from typing import Final
 
 from hardware.interfaces import Command, HardwareError
 from hardware.sim import wire
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 
 JOURNAL_FILE: Final = "commands.bin"
 _ENTRY: Final = struct.Struct(f"<BB{wire.COMMAND.size}s")

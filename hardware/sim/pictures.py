@@ -16,7 +16,7 @@ from typing import Any
 from hardware.interfaces import HardwareError
 from hardware.sim import wire
 from hardware.sim.bodies.scene import CAMERAS
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.sim.render.appearance import CameraSettings
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.render.renderer import Renderer, Sensor, Shot, frame_path, intrinsics_for

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat
 
 from hardware.parameters import RobotParameters
 from hardware.sim.bodies.placed import BoardOffset, StandingPiece
-from hardware.sim.imperfections import PERFECT, Imperfections
+from hardware.sim.plant.imperfections import PERFECT, Imperfections
 from hardware.sim.render.appearance import CameraSettings, LightSettings
 from hardware.table import PieceSpec, TableSettings
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.sim import wire
-from hardware.sim.truth import PiecePose, Truth
+from hardware.sim.plant.truth import PiecePose, Truth
 
 
 @dataclass(frozen=True, slots=True)

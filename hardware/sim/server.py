@@ -29,13 +29,13 @@ from hardware.sim.construction import Construction
 from hardware.sim.hand import Hand
 from hardware.sim.hand_service import HandService
 from hardware.sim.journal import Journal
-from hardware.sim.live_state import LIVE_FILE, LiveState, load_live_state
 from hardware.sim.pacing import Metronome, SpeedMeter
 from hardware.sim.pictures import CameraService
+from hardware.sim.plant.live_state import LIVE_FILE, LiveState, load_live_state
+from hardware.sim.plant.snapshot import STATE_FILE, load_snapshot, save_snapshot
 from hardware.sim.render.renderer import MODEL_FILE, Renderer
 from hardware.sim.services import NEVER, ClockService, Drives, RefereeService
 from hardware.sim.settings import END_FILE, Pace, WorldSettings, load_settings
-from hardware.sim.snapshot import STATE_FILE, load_snapshot, save_snapshot
 from hardware.sim.stage import StageService
 from hardware.sim.visitors import Service, Visitors
 

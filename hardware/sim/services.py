@@ -10,7 +10,7 @@ from typing import Any, Final
 from hardware.interfaces import Command
 from hardware.sim import wire
 from hardware.sim.pacing import SpeedMeter
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.sim.visitors import Refused, Visitor
 
 SILENCE = 2.0

@@ -13,7 +13,7 @@ from app.bench.finger import PROFILES, RELEASED, WITHIN, Missed, Trial, in_the_a
 from controller.safety import Limits, default_limits
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.finger_world import STIFFNESS, Finger, build_finger_world, finger_force
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.table import TableSettings
 
 PARAMETERS = load_parameters()

@@ -28,7 +28,7 @@ from app.venue import venue_of
 from controller.safety import default_limits
 from controller.sample_check import SampleCheck
 from hardware.parameters import load_parameters
-from hardware.sim.truth import PiecePose, Truth
+from hardware.sim.plant.truth import PiecePose, Truth
 from hardware.table import PIECE_SHAPES, Captured, Colour, Kind, Place, TableSettings, square_place
 
 PARAMETERS = load_parameters()

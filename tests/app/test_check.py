@@ -20,7 +20,7 @@ from app.cli import app
 from hardware.interfaces import BusLost, Command, DriveStatus, Frame, HardwareError, Intrinsics, Measurement
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.table import TableSettings
 
 PARAMETERS, TABLE = load_parameters(), TableSettings()

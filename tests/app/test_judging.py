@@ -12,7 +12,7 @@ import pytest
 from app.judging import judge
 from app.layout import start_layout
 from app.manipulation import Inventory
-from hardware.sim.truth import PiecePose, Truth
+from hardware.sim.plant.truth import PiecePose, Truth
 from hardware.table import TableSettings, square_place
 
 TABLE = TableSettings()

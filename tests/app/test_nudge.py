@@ -27,7 +27,7 @@ from app.righting import Blocked, Strayed, plan_pushing
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.table import PIECE_SHAPES, Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.pieces.poses import Pose
 

@@ -19,7 +19,7 @@ from controller.protocol import Guard
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.table import PIECE_SHAPES, TableSettings, square_place
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()

@@ -15,7 +15,7 @@ from controller.protocol import Guard, Result
 from controller.states import State
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.table import TableSettings
 
 PARAMETERS = load_parameters()

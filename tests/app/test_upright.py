@@ -21,7 +21,7 @@ from controller.safety import default_limits
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, TableSettings, square_place
 
 PARAMETERS, TABLE, SETTINGS = load_parameters(), TableSettings(), MotionSettings()

@@ -37,10 +37,10 @@ from hardware.sim.hand_actions import (
     Withdraw,
 )
 from hardware.sim.hand_routines import HandFailed, Routines, View
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
+from hardware.sim.plant.snapshot import load_snapshot, save_snapshot
+from hardware.sim.plant.truth import PiecePose
 from hardware.sim.settings import WorldSettings, stand_pieces
-from hardware.sim.snapshot import load_snapshot, save_snapshot
-from hardware.sim.truth import PiecePose
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings
 
 TABLE = TableSettings()

@@ -21,9 +21,9 @@ from hardware.sim import wire
 from hardware.sim.bus import SimServoBus
 from hardware.sim.hand_actions import Hover, Move, Take, Withdraw
 from hardware.sim.hand_client import HandRefused, SimHand
+from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.referee import Referee
 from hardware.sim.settings import END_FILE, FILE_NAME, WorldSettings
-from hardware.sim.snapshot import STATE_FILE
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings
 
 TABLE = TableSettings()

@@ -17,7 +17,7 @@ from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import BoardOffset
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.construction import Construction
-from hardware.sim.imperfections import Imperfections
+from hardware.sim.plant.imperfections import Imperfections
 from hardware.sim.randomisation import Draw, Randomisation, draw
 from hardware.sim.render.appearance import CameraSettings, LightSettings
 from hardware.sim.settings import WorldSettings

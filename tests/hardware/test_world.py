@@ -24,14 +24,14 @@ from hardware.sim import wire
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.bus import SimServoBus
 from hardware.sim.clients import FrameStream, SimCamera, SimClock
-from hardware.sim.live_state import LIVE_FILE, load_live_state
 from hardware.sim.pacing import CATCH_UP, Metronome
-from hardware.sim.plant import Plant
+from hardware.sim.plant.live_state import LIVE_FILE, load_live_state
+from hardware.sim.plant.plant import Plant
+from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.referee import Referee
 from hardware.sim.render.renderer import HEIGHT, WIDTH
 from hardware.sim.server import serve
 from hardware.sim.settings import END_FILE, FILE_NAME, Pace, WorldSettings, load_settings, stand_pieces
-from hardware.sim.snapshot import STATE_FILE
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
 
 TABLE = TableSettings()

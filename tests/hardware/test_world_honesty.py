@@ -23,9 +23,9 @@ from app.layout import start_layout
 from app.motion import MotionSettings
 from hardware.interfaces import Command
 from hardware.parameters import RobotParameters, load_parameters
-from hardware.sim import plant as plant_module
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.plant import Plant
+from hardware.sim.plant import plant as plant_module
+from hardware.sim.plant.plant import Plant
 from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.table import PIECE_SHAPES, TableSettings
 

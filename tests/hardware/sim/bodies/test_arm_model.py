@@ -18,7 +18,7 @@ from hardware.interfaces import Command
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.arm import GRIPPER_BODY_CLEARANCE, inverse_kinematics
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.plant import Plant
+from hardware.sim.plant.plant import Plant
 from hardware.table import PIECE_SHAPES, Kind, TableSettings, square_place
 
 PARAMETERS = load_parameters()

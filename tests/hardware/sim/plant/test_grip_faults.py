@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from hardware.sim.grip_faults import NEVER, GripFault, GripFaults
-from hardware.sim.imperfections import Imperfections
+from hardware.sim.plant.grip_faults import NEVER, GripFault, GripFaults
+from hardware.sim.plant.imperfections import Imperfections
 
 TICK = 0.00088
 CLOSING = -0.03

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware.interfaces import HardwareError
-from hardware.sim.live_state import LIVE_FILE, SLOTS, LiveState, load_live_state
+from hardware.sim.plant.live_state import LIVE_FILE, SLOTS, LiveState, load_live_state
 
 BALL = "<mujoco><worldbody><body><freejoint/><geom size='0.1'/></body></worldbody></mujoco>"
 """It falls."""
@@ -24,7 +24,7 @@ MODEL = mujoco.MjModel.from_xml_string(BALL)
 WRITER = """
 import sys, mujoco
 from pathlib import Path
-from hardware.sim.live_state import LiveState
+from hardware.sim.plant.live_state import LiveState
 model = mujoco.MjModel.from_xml_string(sys.argv[3])
 data = mujoco.MjData(model)
 live = LiveState(Path(sys.argv[1]), model, data, 0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveInt
 
 from hardware.interfaces import Triple
-from hardware.sim.grip_faults import NEVER, GripFault, GripFaults
+from hardware.sim.plant.grip_faults import NEVER, GripFault, GripFaults
 
 _NOISE_TICKS: Final = 1 << 15
 """Noise repeats after so many ticks, half a minute: longer than anything that filters it."""

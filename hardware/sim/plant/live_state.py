@@ -21,7 +21,7 @@ import mujoco
 import numpy as np
 
 from hardware.interfaces import HardwareError
-from hardware.sim.snapshot import STATE, Snapshot
+from hardware.sim.plant.snapshot import STATE, Snapshot
 
 LIVE_FILE: Final = "world_live.bin"
 _HEAD: Final = struct.Struct("<4sIQQ")

@@ -10,8 +10,8 @@ import pytest
 from hardware.interfaces import Command
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.imperfections import PERFECT, Flaws, Imperfections
-from hardware.sim.plant import Plant
+from hardware.sim.plant.imperfections import PERFECT, Flaws, Imperfections
+from hardware.sim.plant.plant import Plant
 from hardware.table import TableSettings
 
 PARAMETERS = load_parameters()
