@@ -14,7 +14,7 @@ import chess
 
 from app import UserError
 from app.manipulation import Inventory, Ply, Transfer, transfers
-from hardware.sim.hand_actions import Action, Move, Withdraw
+from hardware.sim.hand.actions import Action, Move, Withdraw
 from hardware.table import Place, TableSettings
 
 

@@ -20,7 +20,7 @@ from controller.protocol.key import KEY_FILE, KeyFileError, create_key
 from controller.settings import ControllerSettings
 from hardware.interfaces import ServoBus
 from hardware.parameters import RobotParameters, load_parameters
-from hardware.sim.hand_actions import HandSettings
+from hardware.sim.hand.actions import HandSettings
 from hardware.sim.plant.live_state import LIVE_FILE
 from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.settings import FILE_NAME, WorldSettings, load_settings

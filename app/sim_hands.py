@@ -7,7 +7,7 @@ from pathlib import Path
 from app.game.commands import HandVerb, MoveHand
 from app.hand_moves import hand_transfers
 from app.manipulation import Inventory, Ply
-from hardware.sim.hand_actions import Action, Hover, Knock, Move, Rest, Withdraw
+from hardware.sim.hand.actions import Action, Hover, Knock, Move, Rest, Withdraw
 from hardware.sim.hand_client import HandRefused, SimHand
 
 

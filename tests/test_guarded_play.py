@@ -15,7 +15,7 @@ from pathlib import Path
 import chess
 import pytest
 
-from hardware.sim.hand_actions import Move, Withdraw
+from hardware.sim.hand.actions import Move, Withdraw
 from hardware.sim.hand_client import SimHand
 from hardware.table import TableSettings, square_place
 

@@ -33,7 +33,7 @@ from controller.states import State
 from hardware.interfaces import Intrinsics
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.hand import seen_from_above
-from hardware.sim.hand_actions import HandSettings
+from hardware.sim.hand.actions import HandSettings
 from hardware.sim.randomisation import Randomisation
 from hardware.sim.referee import Referee
 from hardware.sim.settings import Pace, WorldSettings

@@ -26,7 +26,7 @@ from app.hand_guard import HandGuard, Listener
 from app.hand_moves import hand_transfers
 from app.manipulation import transfers
 from hardware.interfaces import DepthFrame, Frame, HardwareError
-from hardware.sim.hand_actions import HandSettings, Withdraw
+from hardware.sim.hand.actions import HandSettings, Withdraw
 from hardware.sim.hand_client import SimHand
 from hardware.table import Colour, TableSettings
 from vision.hands.stillness import Seen, Watch

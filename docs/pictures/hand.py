@@ -18,8 +18,8 @@ from app.motion import MotionSettings
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.hand import add_hand
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.hand import Hand
-from hardware.sim.hand_actions import Action, HandSettings, Put, Rest, Take
+from hardware.sim.hand.actions import Action, HandSettings, Put, Rest, Take
+from hardware.sim.hand.hand import Hand
 from hardware.sim.plant.plant import Plant
 from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.table import Place, TableSettings

@@ -8,7 +8,7 @@ from typing import Any
 
 from hardware.interfaces import HardwareError
 from hardware.sim import wire
-from hardware.sim.hand_actions import Action, Perform
+from hardware.sim.hand.actions import Action, Perform
 
 
 class HandRefused(HardwareError):

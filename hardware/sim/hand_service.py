@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from hardware.sim.hand import Hand
-from hardware.sim.hand_actions import REQUEST, Perform
-from hardware.sim.hand_routines import HandFailed
+from hardware.sim.hand.actions import REQUEST, Perform
+from hardware.sim.hand.hand import Hand
+from hardware.sim.hand.routines import HandFailed
 from hardware.sim.plant.plant import Plant
 from hardware.sim.visitors import Refused, Visitor
 

@@ -26,7 +26,7 @@ from hardware.interfaces import Command, HardwareError
 from hardware.realtime import real_time
 from hardware.sim import wire
 from hardware.sim.construction import Construction
-from hardware.sim.hand import Hand
+from hardware.sim.hand.hand import Hand
 from hardware.sim.hand_service import HandService
 from hardware.sim.journal import Journal
 from hardware.sim.pacing import Metronome, SpeedMeter

@@ -19,7 +19,7 @@ from pydantic import (
 from hardware.interfaces import HardwareError
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.bodies.placed import StandingPiece
-from hardware.sim.hand_actions import HandSettings
+from hardware.sim.hand.actions import HandSettings
 from hardware.sim.randomisation import Randomisation, stand
 from hardware.sim.render.appearance import CameraSettings, LightSettings
 from hardware.table import PieceSpec, TableSettings

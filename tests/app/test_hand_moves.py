@@ -8,7 +8,7 @@ import pytest
 from app.hand_moves import hand_move, hand_transfers
 from app.layout import start_layout
 from app.manipulation import IllegalPly, Inventory, Transfer
-from hardware.sim.hand_actions import Move, Withdraw
+from hardware.sim.hand.actions import Move, Withdraw
 from hardware.table import Colour, Kind, Place, TableSettings
 
 TABLE = TableSettings()

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from hardware.sim.bodies.hand import TIP_RADIUS, Pose
-from hardware.sim.hand_motion import Program, Sketch
-from hardware.sim.hand_sight import SeenPiece, Sight
-from hardware.sim.hand_ways import CLEARANCE, EMPTY_WIDTH, ENOUGH_ARM_ROOM, LEAST_LIFT, Hold, Traveller
+from hardware.sim.hand.motion import Program, Sketch
+from hardware.sim.hand.paths import CLEARANCE, EMPTY_WIDTH, ENOUGH_ARM_ROOM, LEAST_LIFT, Hold, Traveller
+from hardware.sim.hand.sight import SeenPiece, Sight
 from hardware.table import Colour, PieceShape
 
 SQUEEZE: Final = 0.0035

@@ -22,8 +22,7 @@ from hardware.sim.bodies.finger_world import MASS, STIFFNESS, Finger, build_fing
 from hardware.sim.bodies.hand import JOINTS, SKIN_MASS, STRENGTH, add_hand, parked, seen_from_above
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.hand import Hand
-from hardware.sim.hand_actions import (
+from hardware.sim.hand.actions import (
     Action,
     HandSettings,
     Hesitate,
@@ -36,7 +35,8 @@ from hardware.sim.hand_actions import (
     Take,
     Withdraw,
 )
-from hardware.sim.hand_routines import HandFailed, Routines, View
+from hardware.sim.hand.hand import Hand
+from hardware.sim.hand.routines import HandFailed, Routines, View
 from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.snapshot import load_snapshot, save_snapshot
 from hardware.sim.plant.truth import PiecePose

@@ -19,7 +19,7 @@ from pydantic import ValidationError
 from hardware.interfaces import Command, DriveStatus, HardwareError
 from hardware.sim import wire
 from hardware.sim.bus import SimServoBus
-from hardware.sim.hand_actions import Hover, Move, Take, Withdraw
+from hardware.sim.hand.actions import Hover, Move, Take, Withdraw
 from hardware.sim.hand_client import HandRefused, SimHand
 from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.referee import Referee

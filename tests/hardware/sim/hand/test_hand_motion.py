@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from hardware.sim.bodies.hand import Pose
-from hardware.sim.hand_actions import REACH
-from hardware.sim.hand_motion import PEAK, Program, Sketch
-from hardware.sim.hand_plan import Person, grip_height, held_now
-from hardware.sim.hand_sight import SeenPiece, Sight
+from hardware.sim.hand.actions import REACH
+from hardware.sim.hand.motion import PEAK, Program, Sketch
+from hardware.sim.hand.plan import Person, grip_height, held_now
+from hardware.sim.hand.sight import SeenPiece, Sight
 from hardware.table import PIECE_SHAPES, Colour, Kind, Place, TableSettings
 
 TABLE = TableSettings()

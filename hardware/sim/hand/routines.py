@@ -15,7 +15,7 @@ import numpy as np
 
 from hardware.sim.bodies.hand import TIP_RADIUS, Pose, parked
 from hardware.sim.bodies.scene import deck_half_size
-from hardware.sim.hand_actions import (
+from hardware.sim.hand.actions import (
     Action,
     HandSettings,
     Hesitate,
@@ -29,10 +29,10 @@ from hardware.sim.hand_actions import (
     Take,
     Withdraw,
 )
-from hardware.sim.hand_motion import Program, Sketch
-from hardware.sim.hand_plan import Held, Person, held_now
-from hardware.sim.hand_sight import SeenPiece, Sight
-from hardware.sim.hand_ways import LEAST_LIFT
+from hardware.sim.hand.motion import Program, Sketch
+from hardware.sim.hand.paths import LEAST_LIFT
+from hardware.sim.hand.plan import Held, Person, held_now
+from hardware.sim.hand.sight import SeenPiece, Sight
 from hardware.table import TableSettings
 
 NEAR: Final = 0.020

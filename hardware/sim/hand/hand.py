@@ -14,10 +14,10 @@ import mujoco
 import numpy as np
 
 from hardware.sim.bodies.hand import JOINTS, NAME, Pose, parked, servo_constants
-from hardware.sim.hand_actions import Action, HandSettings, Withdraw
-from hardware.sim.hand_motion import Program
-from hardware.sim.hand_routines import HandFailed, Routines, View
-from hardware.sim.hand_sight import SeenPiece, Sight
+from hardware.sim.hand.actions import Action, HandSettings, Withdraw
+from hardware.sim.hand.motion import Program
+from hardware.sim.hand.routines import HandFailed, Routines, View
+from hardware.sim.hand.sight import SeenPiece, Sight
 from hardware.sim.plant.plant import Plant
 from hardware.table import PieceSpec, TableSettings
 

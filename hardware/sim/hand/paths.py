@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.sim.bodies.hand import TIP_RADIUS, Pose
-from hardware.sim.hand_motion import Program, Sketch
-from hardware.sim.hand_sight import Sight
+from hardware.sim.hand.motion import Program, Sketch
+from hardware.sim.hand.sight import Sight
 from hardware.table import Colour
 
 CLEARANCE: Final = 0.010
