@@ -20,11 +20,11 @@ from controller.protocol.key import KEY_FILE, KeyFileError, create_key
 from controller.settings import ControllerSettings
 from hardware.interfaces import ServoBus
 from hardware.parameters import RobotParameters, load_parameters
+from hardware.sim.clients.wire import world_pid
 from hardware.sim.hand.actions import HandSettings
 from hardware.sim.plant.live_state import LIVE_FILE
 from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.settings import FILE_NAME, WorldSettings, load_settings
-from hardware.sim.wire import world_pid
 
 CONTROLLER_SETTINGS_FILE = "controller_settings.json"
 RIG_FILE: Final = "rig.toml"
@@ -78,7 +78,7 @@ def view_world(game: Path | None, progress: Callable[[str], None]) -> int:
         UserError: none runs.
         HardwareError: there is no screen, or the viewer is not installed.
     """
-    from hardware.sim.view import watch_world
+    from hardware.sim.clients.viewer import watch_world
 
     games = sorted(GAMES.glob("*/run"), reverse=True) if game is None else [game / "run", game]
     running = next((folder for folder in games if folder.is_dir() and world_pid(folder) is not None), None)
@@ -216,7 +216,7 @@ def drives_of(rig: RigFile, progress: Callable[[str], None]) -> Iterator[Callabl
 
 
 def _simulated_bus(run_dir: Path) -> ServoBus:
-    from hardware.sim.bus import SimServoBus
+    from hardware.sim.clients.bus import SimServoBus
 
     return SimServoBus(run_dir)
 

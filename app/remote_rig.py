@@ -23,9 +23,9 @@ from controller.protocol.key import KeyFileError, load_key
 from controller.states import State
 from hardware.camera.factory import open_camera
 from hardware.interfaces import Camera, Clock, HardwareError
-from hardware.sim.clients import SimCamera, SimClock
-from hardware.sim.referee import Referee
-from hardware.sim.watching import SimWatchCamera
+from hardware.sim.clients.camera import SimCamera, SimClock
+from hardware.sim.clients.referee import Referee
+from hardware.sim.clients.video_stream import SimWatchCamera
 
 RESTING: Final = 0.005
 """A tool slower than this is at rest [m/s]: the noise of the encoders makes less than a tenth of it."""

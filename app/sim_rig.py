@@ -32,13 +32,13 @@ from controller.protocol.key import KEY_FILE, KeyFileError, create_key
 from controller.settings import CONTROLLER_FILE
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
-from hardware.sim.clients import SimCamera, SimClock
+from hardware.sim.clients.camera import SimCamera, SimClock
+from hardware.sim.clients.referee import Referee
+from hardware.sim.clients.video_stream import SimWatchCamera
+from hardware.sim.clients.wire import world_pid
 from hardware.sim.plant.live_state import LIVE_FILE, load_live_state
 from hardware.sim.plant.snapshot import STATE_FILE, load_snapshot
-from hardware.sim.referee import Referee
 from hardware.sim.settings import END_FILE, FILE_NAME, WorldSettings, load_settings
-from hardware.sim.watching import SimWatchCamera
-from hardware.sim.wire import world_pid
 from hardware.table import PIECE_SHAPES
 
 _AHEAD = 10

@@ -10,7 +10,7 @@ from pathlib import Path
 import av
 
 from app.records import RecordError, recording
-from hardware.sim.clients import FrameStream
+from hardware.sim.clients.camera import FrameStream
 from hardware.sim.render.renderer import HEIGHT, WIDTH
 from hardware.sim.settings import Pace
 

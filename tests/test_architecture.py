@@ -88,10 +88,10 @@ KNOW_THE_TRUTH = {
     "app.remote_rig",
     "app.sim_rig",
     "hardware.sim.plant.plant",
-    "hardware.sim.referee",
-    "hardware.sim.view",  # a window for people
+    "hardware.sim.clients.referee",
+    "hardware.sim.clients.viewer",  # a window for people
 }
-"""The only modules that may import ``hardware.sim.referee`` or ``hardware.sim.plant.truth``."""
+"""The only modules that may import ``hardware.sim.clients.referee`` or ``hardware.sim.plant.truth``."""
 
 CHOOSERS = (
     "app.arm",
@@ -230,7 +230,7 @@ def test_the_walk_reaches_all_rooms() -> None:
     assert {name.split(".")[0] for name in sources()} == set(ROOMS)
     assert len(all_imports()) > 100
     reached = reached_from("app.cli")
-    assert {"hardware.sim.server", "controller.law", "engine.process", "hardware.sim.referee"} <= set(reached)
+    assert {"hardware.sim.server", "controller.law", "engine.process", "hardware.sim.clients.referee"} <= set(reached)
     assert way(reached, "app.cli", "engine.process").startswith("app.cli → ")
 
 
@@ -304,7 +304,7 @@ def test_few_know_the_simulation() -> None:
 
 
 def test_few_know_the_truth() -> None:
-    doors = ("hardware.sim.referee", "hardware.sim.plant.truth")
+    doors = ("hardware.sim.clients.referee", "hardware.sim.plant.truth")
     assert {one.importer for one in all_imports() if below(one.imported, *doors)} <= KNOW_THE_TRUTH
 
 

@@ -33,11 +33,11 @@ from controller.states import State
 from hardware.interfaces import Intrinsics
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.hand import seen_from_above
+from hardware.sim.clients.referee import Referee
+from hardware.sim.clients.video_stream import SimWatchCamera
 from hardware.sim.hand.actions import HandSettings
 from hardware.sim.randomisation import Randomisation
-from hardware.sim.referee import Referee
 from hardware.sim.settings import Pace, WorldSettings
-from hardware.sim.watching import SimWatchCamera
 from hardware.table import TableSettings
 from vision.hands.stillness import Watch
 

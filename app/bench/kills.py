@@ -38,8 +38,8 @@ from controller.states import BRAKED, State
 from controller.watch import TelemetryWatch
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
-from hardware.sim.referee import Referee
-from hardware.sim.wire import world_pid
+from hardware.sim.clients.referee import Referee
+from hardware.sim.clients.wire import world_pid
 from hardware.table import TableSettings
 
 SEED: Final = 1

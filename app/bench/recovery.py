@@ -28,8 +28,8 @@ from app.records import EVENTS_FILE, PlyEvent, read_events
 from app.session import SessionResult
 from app.settings import Settings
 from hardware.interfaces import HardwareError
+from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import Action, Knock, Move, Withdraw
-from hardware.sim.hand_client import SimHand
 from hardware.sim.settings import END_FILE
 from hardware.table import Colour, TableSettings, square_place
 

@@ -31,8 +31,8 @@ from app.motion import Motion, MotionSettings, Plan, plan_ply
 from controller.causes import Cause
 from controller.errors import MotionRefused, MotionStopped
 from hardware.interfaces import HardwareError
+from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import HandSettings, Hover, Withdraw
-from hardware.sim.hand_client import SimHand
 from hardware.table import Colour
 from vision.hands.stillness import Watch, WatchSettings
 

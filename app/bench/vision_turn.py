@@ -26,8 +26,8 @@ from app.hand_guard import HandGuard, Listener
 from app.hand_moves import hand_transfers
 from app.manipulation import transfers
 from hardware.interfaces import DepthFrame, Frame, HardwareError
+from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import HandSettings, Withdraw
-from hardware.sim.hand_client import SimHand
 from hardware.table import Colour, TableSettings
 from vision.hands.stillness import Seen, Watch
 from vision.reading.observer import Look

@@ -25,7 +25,7 @@ from engine.stockfish import Engine, EngineSettings
 from hardware.camera.factory import open_camera
 from hardware.interfaces import HardwareError
 from hardware.parameters import ParametersError, RobotParameters, load_parameters
-from hardware.sim.clients import SimCamera
+from hardware.sim.clients.camera import SimCamera
 from hardware.sim.settings import Pace
 from hardware.table import PIECE_SHAPES
 

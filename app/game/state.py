@@ -16,7 +16,7 @@ from app.records.events import Result
 from app.records.history import Unfinished
 from controller.errors import ControllerError
 from hardware.interfaces import Camera, Clock, HardwareError
-from hardware.sim.referee import Referee
+from hardware.sim.clients.referee import Referee
 from hardware.table import Place
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from hardware.interfaces import Command, HardwareError
-from hardware.sim import wire
+from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
 
 JOURNAL_FILE: Final = "commands.bin"

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from hardware.interfaces import HardwareError
-from hardware.sim import wire
 from hardware.sim.bodies.scene import CAMERAS
+from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
 from hardware.sim.render.appearance import CameraSettings
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics

@@ -24,7 +24,7 @@ import mujoco
 
 from hardware.interfaces import Command, HardwareError
 from hardware.realtime import real_time
-from hardware.sim import wire
+from hardware.sim.clients import wire
 from hardware.sim.construction import Construction
 from hardware.sim.hand.hand import Hand
 from hardware.sim.hand_service import HandService

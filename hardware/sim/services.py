@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any, Final
 
 from hardware.interfaces import Command
-from hardware.sim import wire
+from hardware.sim.clients import wire
 from hardware.sim.pacing import SpeedMeter
 from hardware.sim.plant.plant import Plant
 from hardware.sim.visitors import Refused, Visitor

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from hardware.sim import wire
+from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
 from hardware.sim.render.appearance import ExposureSettings, LightSettings, Looks, MountSettings
 from hardware.sim.visitors import Visitor

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from pydantic import ValidationError
 
-from hardware.sim import wire
+from hardware.sim.clients import wire
 
 
 class Refused(Exception):

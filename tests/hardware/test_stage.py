@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from hardware.interfaces import HardwareError
-from hardware.sim import wire
-from hardware.sim.clients import SimCamera
+from hardware.sim.clients import wire
+from hardware.sim.clients.camera import SimCamera
 from hardware.sim.render.appearance import CameraSettings, ExposureSettings, LightSettings, MountSettings
 from hardware.sim.stage import Stage
 from tests.hardware.test_world import Controller, WorldProcess, settings_for

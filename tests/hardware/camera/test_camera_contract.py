@@ -21,7 +21,7 @@ from hardware.camera.recorded import RecordedCamera
 from hardware.camera.settings import RealSenseSettings, WebcamSettings
 from hardware.camera.webcam import WebcamCamera
 from hardware.interfaces import Camera, CameraClosed, Frame, HardwareError, StaleFrame
-from hardware.sim.clients import SimCamera
+from hardware.sim.clients.camera import SimCamera
 from tests.hardware.cameras import HandClock, SoftwareRealSense, WallClock, colour_picture, made_up_frame
 from tests.hardware.test_world import Controller, WorldProcess, settings_for
 

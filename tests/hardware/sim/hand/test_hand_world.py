@@ -17,12 +17,12 @@ import pytest
 from pydantic import ValidationError
 
 from hardware.interfaces import Command, DriveStatus, HardwareError
-from hardware.sim import wire
-from hardware.sim.bus import SimServoBus
+from hardware.sim.clients import wire
+from hardware.sim.clients.bus import SimServoBus
+from hardware.sim.clients.hand import HandRefused, SimHand
+from hardware.sim.clients.referee import Referee
 from hardware.sim.hand.actions import Hover, Move, Take, Withdraw
-from hardware.sim.hand_client import HandRefused, SimHand
 from hardware.sim.plant.snapshot import STATE_FILE
-from hardware.sim.referee import Referee
 from hardware.sim.settings import END_FILE, FILE_NAME, WorldSettings
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings
 

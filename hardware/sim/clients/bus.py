@@ -8,7 +8,7 @@ import struct
 from pathlib import Path
 
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement
-from hardware.sim import wire
+from hardware.sim.clients import wire
 
 SILENCE = 5.0
 """Without an answer for this long the world is lost [s, wall]."""

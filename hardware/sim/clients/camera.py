@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from hardware.camera.framesets import FrameMaker
 from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.interfaces import CameraClosed, Frame, HardwareError, Intrinsics, StaleFrame
-from hardware.sim import wire
+from hardware.sim.clients import wire
 from hardware.sim.render.renderer import HEIGHT, WIDTH, frame_path, load_pictures
 
 

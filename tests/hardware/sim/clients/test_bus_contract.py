@@ -17,7 +17,7 @@ import pytest
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, ServoBus
 from hardware.parameters import load_parameters
 from hardware.recorded_bus import RecordedServoBus
-from hardware.sim.bus import SimServoBus
+from hardware.sim.clients.bus import SimServoBus
 from hardware.sim.settings import FILE_NAME, Pace, WorldSettings
 
 PARAMETERS = load_parameters()

@@ -11,7 +11,7 @@ from typing import Any, Final
 import mujoco
 
 from hardware.interfaces import HardwareError
-from hardware.sim.referee import Referee
+from hardware.sim.clients.referee import Referee
 from hardware.sim.render.drawing import draw_rods
 from hardware.sim.render.renderer import MODEL_FILE
 

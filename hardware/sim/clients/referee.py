@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim import wire
+from hardware.sim.clients import wire
 from hardware.sim.plant.truth import PiecePose, Truth
 
 

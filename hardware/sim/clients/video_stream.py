@@ -10,8 +10,8 @@ from typing import Any
 from hardware.camera.framesets import FrameMaker
 from hardware.camera.software_device import SoftwareCamera
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics, StaleFrame
-from hardware.sim import wire
-from hardware.sim.clients import connect_camera, depth_stream
+from hardware.sim.clients import wire
+from hardware.sim.clients.camera import connect_camera, depth_stream
 from hardware.sim.render.renderer import frame_path, load_pictures
 
 _GLANCE = 0.1

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hardware.interfaces import HardwareError
-from hardware.sim import wire
+from hardware.sim.clients import wire
 from hardware.sim.hand.actions import Action, Perform
 
 
