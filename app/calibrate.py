@@ -30,7 +30,7 @@ from app.sim_settings import SimRigSettings
 from controller.errors import ControllerError
 from hardware.interfaces import Frame, HardwareError
 from hardware.parameters import load_parameters
-from hardware.sim.settings import Pace, WorldSettings
+from hardware.sim.process.settings import Pace, WorldSettings
 from hardware.table import TableSettings, square_place
 from vision.board.find import find_board
 from vision.board.view import BoardNotFound, BoardView, playing_area

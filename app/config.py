@@ -32,9 +32,9 @@ from app import UserError
 from controller.settings import ControllerSettings
 from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
 from hardware.parameters import DEFAULT_FILE
-from hardware.sim.randomisation import Randomisation
+from hardware.sim.process.randomisation import Randomisation
+from hardware.sim.process.settings import Pace
 from hardware.sim.render.appearance import CameraSettings, LightSettings
-from hardware.sim.settings import Pace
 from hardware.table import Colour, TableSettings
 
 SIMULATED: Final = "sim"

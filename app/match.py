@@ -31,7 +31,7 @@ from app.records.events import Result
 from app.records.history import counted_plies, persons_side
 from app.session import Round
 from app.settings_file import SETTINGS_FILE
-from hardware.sim.settings import Pace
+from hardware.sim.process.settings import Pace
 from hardware.table import Colour
 
 PERSON: Final = "Human"

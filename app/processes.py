@@ -24,7 +24,7 @@ from hardware.sim.clients.wire import world_pid
 from hardware.sim.hand.actions import HandSettings
 from hardware.sim.plant.live_state import LIVE_FILE
 from hardware.sim.plant.snapshot import STATE_FILE
-from hardware.sim.settings import FILE_NAME, WorldSettings, load_settings
+from hardware.sim.process.settings import FILE_NAME, WorldSettings, load_settings
 
 CONTROLLER_SETTINGS_FILE = "controller_settings.json"
 RIG_FILE: Final = "rig.toml"
@@ -61,7 +61,7 @@ def last_words(log: Path) -> str | None:
 
 def run_world(run_dir: Path) -> int:
     """The simulated world until it is no longer needed; exit status."""
-    from hardware.sim.server import serve
+    from hardware.sim.process.server import serve
 
     serve(run_dir)
     return 0

@@ -21,7 +21,7 @@ from controller.link import Listener
 from controller.protocol.messages import Telemetry
 from engine.errors import EngineProblem
 from hardware.interfaces import Camera, HardwareError
-from hardware.sim.settings import Pace
+from hardware.sim.process.settings import Pace
 
 if TYPE_CHECKING:
     from app.guarding import GameGuard, Guarding

@@ -17,7 +17,7 @@ from app.config import SIMULATED
 from app.motion import Profile
 from app.time_control import ArmTime
 from engine.settings import OptionValue
-from hardware.sim.settings import Pace
+from hardware.sim.process.settings import Pace
 from hardware.table import Captured, Colour
 
 

@@ -38,7 +38,7 @@ from hardware.sim.clients.video_stream import SimWatchCamera
 from hardware.sim.clients.wire import world_pid
 from hardware.sim.plant.live_state import LIVE_FILE, load_live_state
 from hardware.sim.plant.snapshot import STATE_FILE, load_snapshot
-from hardware.sim.settings import END_FILE, FILE_NAME, WorldSettings, load_settings
+from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings, load_settings
 from hardware.table import PIECE_SHAPES
 
 _AHEAD = 10

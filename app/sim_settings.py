@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import BaseModel, ConfigDict
 
 from controller.settings import ControllerSettings
-from hardware.sim.settings import WorldSettings
+from hardware.sim.process.settings import WorldSettings
 
 
 class SimRigSettings(BaseModel):

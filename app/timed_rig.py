@@ -20,7 +20,7 @@ from app.sim_rig import SimRig
 from app.sim_settings import SimRigSettings
 from controller.clock import PULSE_FILE
 from controller.settings import ControllerSettings
-from hardware.sim.settings import Pace, WorldSettings
+from hardware.sim.process.settings import Pace, WorldSettings
 from hardware.table import TableSettings
 
 

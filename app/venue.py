@@ -22,8 +22,8 @@ from controller.settings import ControllerSettings
 from hardware.camera.settings import NoCameraSettings
 from hardware.parameters import DEFAULT_FILE, FLAT_PADS_FILE, RobotParameters, load_parameters
 from hardware.sim.hand.actions import HandSettings
-from hardware.sim.randomisation import Randomisation
-from hardware.sim.settings import Pace, WorldSettings
+from hardware.sim.process.randomisation import Randomisation
+from hardware.sim.process.settings import Pace, WorldSettings
 from hardware.table import PIECE_SHAPES, Captured, Colour, TableSettings
 
 if TYPE_CHECKING:

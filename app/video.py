@@ -11,8 +11,8 @@ import av
 
 from app.records import RecordError, recording
 from hardware.sim.clients.camera import FrameStream
+from hardware.sim.process.settings import Pace
 from hardware.sim.render.renderer import HEIGHT, WIDTH
-from hardware.sim.settings import Pace
 
 FRAME_TICKS = {Pace.FAST: 45, Pace.REAL: 135}
 """A frame each so many ticks of 0.88 ms: 25 a second; in pace real 8, to leave the cores to the plant's ticks."""

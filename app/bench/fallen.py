@@ -29,8 +29,8 @@ from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.grip_faults import GripFaults
 from hardware.sim.plant.imperfections import Flaws, Imperfections
 from hardware.sim.plant.plant import Plant
+from hardware.sim.process.table_studio import Pose, TableStudio
 from hardware.sim.render.appearance import Looks
-from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.board.view import BoardView
 from vision.pieces.fallen import find_strays

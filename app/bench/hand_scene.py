@@ -36,8 +36,8 @@ from hardware.sim.bodies.hand import seen_from_above
 from hardware.sim.clients.referee import Referee
 from hardware.sim.clients.video_stream import SimWatchCamera
 from hardware.sim.hand.actions import HandSettings
-from hardware.sim.randomisation import Randomisation
-from hardware.sim.settings import Pace, WorldSettings
+from hardware.sim.process.randomisation import Randomisation
+from hardware.sim.process.settings import Pace, WorldSettings
 from hardware.table import TableSettings
 from vision.hands.stillness import Watch
 

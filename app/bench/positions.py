@@ -9,7 +9,7 @@ import chess
 import numpy as np
 
 from app.layout import start_layout
-from hardware.sim.table_studio import Pose
+from hardware.sim.process.table_studio import Pose
 from hardware.table import Place, TableSettings
 
 

@@ -23,7 +23,7 @@ from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.plant import Plant
-from hardware.sim.settings import WorldSettings, stand_pieces
+from hardware.sim.process.settings import WorldSettings, stand_pieces
 from hardware.table import TableSettings
 
 LINE = "e4 d5 exd5 Qxd5 Nc3 Qxg2 Bxg2"

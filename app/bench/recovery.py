@@ -30,7 +30,7 @@ from app.settings import Settings
 from hardware.interfaces import HardwareError
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import Action, Knock, Move, Withdraw
-from hardware.sim.settings import END_FILE
+from hardware.sim.process.settings import END_FILE
 from hardware.table import Colour, TableSettings, square_place
 
 SEED: Final = 31

@@ -25,9 +25,9 @@ from app.records import Report
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
 from app.settings_file import settings_of
 from controller.settings import ControllerSettings
-from hardware.sim.construction import Construction
-from hardware.sim.journal import Replay
-from hardware.sim.settings import END_FILE, Pace, load_settings
+from hardware.sim.process.construction import Construction
+from hardware.sim.process.journal import Replay
+from hardware.sim.process.settings import END_FILE, Pace, load_settings
 
 SEED: Final = 1
 PLIES: Final = 24

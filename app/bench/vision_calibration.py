@@ -28,10 +28,10 @@ from app.sim_settings import SimRigSettings
 from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
+from hardware.sim.process.scene_control import Stage
+from hardware.sim.process.settings import Pace, WorldSettings
+from hardware.sim.process.table_studio import Pose, TableStudio, true_camera
 from hardware.sim.render.appearance import ExposureSettings, LightSettings, Looks, MountSettings
-from hardware.sim.settings import Pace, WorldSettings
-from hardware.sim.stage import Stage
-from hardware.sim.table_studio import Pose, TableStudio, true_camera
 from hardware.table import PieceSpec, TableSettings, square_place
 from vision.board.view import BoardView
 from vision.pieces.centres import piece_centres

@@ -21,8 +21,8 @@ from app.layout import start_layout
 from app.motion import MotionSettings
 from hardware.interfaces import Frame
 from hardware.sim.bodies.hand import Pose as HandPose
+from hardware.sim.process.table_studio import Pose, TableStudio
 from hardware.sim.render.appearance import LightSettings, Looks, MountSettings
-from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, TableSettings
 from vision.board.anchor import Anchor
 from vision.board.find import find_board

@@ -26,7 +26,7 @@ from hardware.camera.factory import open_camera
 from hardware.interfaces import HardwareError
 from hardware.parameters import ParametersError, RobotParameters, load_parameters
 from hardware.sim.clients.camera import SimCamera
-from hardware.sim.settings import Pace
+from hardware.sim.process.settings import Pace
 from hardware.table import PIECE_SHAPES
 
 NODES = 2000

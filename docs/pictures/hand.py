@@ -21,7 +21,7 @@ from hardware.sim.bodies.scene import build_model
 from hardware.sim.hand.actions import Action, HandSettings, Put, Rest, Take
 from hardware.sim.hand.hand import Hand
 from hardware.sim.plant.plant import Plant
-from hardware.sim.settings import WorldSettings, stand_pieces
+from hardware.sim.process.settings import WorldSettings, stand_pieces
 from hardware.table import Place, TableSettings
 
 POSITION = "r1bqkbnr/pppp1ppp/2n5/4p3/4P3/5N2/PPPP1PPP/RNBQKB1R w KQkq - 2 3"

@@ -17,7 +17,7 @@ from app.motion import Motion, MotionSettings, Plan, plan_ply, plan_return
 from app.sim_rig import SimRig
 from app.sim_settings import SimRigSettings
 from hardware.parameters import load_parameters
-from hardware.sim.settings import Pace, WorldSettings
+from hardware.sim.process.settings import Pace, WorldSettings
 from hardware.table import TableSettings
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()

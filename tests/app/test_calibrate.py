@@ -30,9 +30,9 @@ from app.sim_settings import SimRigSettings
 from hardware.interfaces import Intrinsics
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
+from hardware.sim.process.settings import Pace, WorldSettings
+from hardware.sim.process.table_studio import true_camera
 from hardware.sim.render.appearance import CameraSettings, MountSettings
-from hardware.sim.settings import Pace, WorldSettings
-from hardware.sim.table_studio import true_camera
 from hardware.table import TableSettings
 from vision.camera.calibration import CalibrationFailed
 

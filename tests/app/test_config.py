@@ -14,7 +14,7 @@ from app.devices import RigFailed
 from app.rig import choose_rig
 from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
 from hardware.parameters import DEFAULT_FILE
-from hardware.sim.settings import Pace
+from hardware.sim.process.settings import Pace
 from hardware.table import TableSettings
 
 CONTROLLER = '[controller]\nhost = "192.168.7.2"\nport = 47100\n'

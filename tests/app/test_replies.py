@@ -10,8 +10,8 @@ import pytest
 
 from app.game.replies import pieces_of, reply_shown
 from app.layout import start_layout
+from hardware.sim.process.table_studio import Pose, TableStudio
 from hardware.sim.render.appearance import Looks
-from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import PieceSpec, TableSettings, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView

@@ -11,7 +11,7 @@ from app.devices import RigFailed
 from app.sim_rig import SimRig, require_present
 from app.sim_settings import SimRigSettings
 from hardware.sim.plant.live_state import LIVE_FILE, LiveState
-from hardware.sim.settings import WorldSettings
+from hardware.sim.process.settings import WorldSettings
 from hardware.table import TableSettings
 
 

@@ -16,7 +16,7 @@ from app.config import ConfigError
 from app.motion import Profile
 from app.settings import PlayerKind, Settings
 from app.settings_file import as_toml, load_settings, settings_of
-from hardware.sim.settings import Pace
+from hardware.sim.process.settings import Pace
 
 TEXT = st.text(st.characters(codec="utf-8"), max_size=9)
 CHANGES = st.fixed_dictionaries(

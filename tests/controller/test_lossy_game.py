@@ -13,7 +13,7 @@ from app.games import run_games
 from app.settings_file import settings_of
 from controller.client import ControllerClient
 from controller.contact import find_controller
-from hardware.sim.settings import Pace
+from hardware.sim.process.settings import Pace
 
 LINE = "e4 d5"
 

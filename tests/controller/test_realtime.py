@@ -17,7 +17,7 @@ import hardware.realtime as realtime
 from controller.realtime import set_up_real_time
 from controller.settings import ControllerSettings
 from hardware.realtime import RealTime, exact_timers, quiet_memory, real_time
-from hardware.sim.server import World
+from hardware.sim.process.server import World
 
 ORDINARY = (os.SCHED_OTHER, 0)
 

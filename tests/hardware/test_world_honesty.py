@@ -26,7 +26,7 @@ from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant import plant as plant_module
 from hardware.sim.plant.plant import Plant
-from hardware.sim.settings import WorldSettings, stand_pieces
+from hardware.sim.process.settings import WorldSettings, stand_pieces
 from hardware.table import PIECE_SHAPES, TableSettings
 
 SOURCES = sorted(Path(hardware.sim.__file__).parent.glob("*.py"))

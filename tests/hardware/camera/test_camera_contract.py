@@ -23,7 +23,7 @@ from hardware.camera.webcam import WebcamCamera
 from hardware.interfaces import Camera, CameraClosed, Frame, HardwareError, StaleFrame
 from hardware.sim.clients.camera import SimCamera
 from tests.hardware.cameras import HandClock, SoftwareRealSense, WallClock, colour_picture, made_up_frame
-from tests.hardware.test_world import Controller, WorldProcess, settings_for
+from tests.hardware.sim.process.test_world import Controller, WorldProcess, settings_for
 
 YOUNG = 10.0
 """Nothing is older than this here, however loaded the machine is [s]."""

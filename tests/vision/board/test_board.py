@@ -22,9 +22,9 @@ from hardware.interfaces import Frame, Intrinsics
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import CAMERAS, build_model
+from hardware.sim.process.settings import WorldSettings, stand_pieces
 from hardware.sim.render.drawing import draw_rods
 from hardware.sim.render.renderer import HEIGHT, WIDTH, intrinsics_for
-from hardware.sim.settings import WorldSettings, stand_pieces
 from hardware.table import PieceSpec, TableSettings, square_place
 from tests.vision.views import looking_at
 from vision.board.view import BoardNotFound, BoardView, playing_area

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from app.bench.vision_calibration import random_looks, random_mount, random_position
 from app.layout import start_layout
 from hardware.interfaces import Frame, Intrinsics
+from hardware.sim.process.table_studio import Pose, TableStudio
 from hardware.sim.render.appearance import Looks, MountSettings
-from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, piece_profile, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from app.layout import start_layout
+from hardware.sim.process.table_studio import Pose as Put
+from hardware.sim.process.table_studio import TableStudio
 from hardware.sim.render.appearance import Looks
-from hardware.sim.table_studio import Pose as Put
-from hardware.sim.table_studio import TableStudio
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, TableSettings, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from app.layout import start_layout
+from hardware.sim.process.table_studio import Pose, TableStudio
 from hardware.sim.render.appearance import Looks
-from hardware.sim.table_studio import Pose, TableStudio
 from hardware.table import PieceSpec, Place, TableSettings
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView

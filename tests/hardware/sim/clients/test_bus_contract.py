@@ -18,7 +18,7 @@ from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Serv
 from hardware.parameters import load_parameters
 from hardware.recorded_bus import RecordedServoBus
 from hardware.sim.clients.bus import SimServoBus
-from hardware.sim.settings import FILE_NAME, Pace, WorldSettings
+from hardware.sim.process.settings import FILE_NAME, Pace, WorldSettings
 
 PARAMETERS = load_parameters()
 HOME = (0.0, 0.075, 0.325)

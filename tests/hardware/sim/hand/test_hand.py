@@ -40,7 +40,7 @@ from hardware.sim.hand.routines import HandFailed, Routines, View
 from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.snapshot import load_snapshot, save_snapshot
 from hardware.sim.plant.truth import PiecePose
-from hardware.sim.settings import WorldSettings, stand_pieces
+from hardware.sim.process.settings import WorldSettings, stand_pieces
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings
 
 TABLE = TableSettings()

@@ -23,7 +23,7 @@ from hardware.sim.clients.hand import HandRefused, SimHand
 from hardware.sim.clients.referee import Referee
 from hardware.sim.hand.actions import Hover, Move, Take, Withdraw
 from hardware.sim.plant.snapshot import STATE_FILE
-from hardware.sim.settings import END_FILE, FILE_NAME, WorldSettings
+from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings
 
 TABLE = TableSettings()

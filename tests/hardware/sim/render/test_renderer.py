@@ -16,14 +16,14 @@ from pydantic import ValidationError
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import CAMERAS, build_model
-from hardware.sim.randomisation import Randomisation
+from hardware.sim.process.randomisation import Randomisation
+from hardware.sim.process.settings import stand_pieces
 from hardware.sim.render.appearance import CameraSettings, ExposureSettings, LightSettings, Looks, MountSettings
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
 from hardware.sim.render.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, Sensor, Shot, frame_path
 from hardware.sim.render.sensors import STEREO
-from hardware.sim.settings import stand_pieces
 from hardware.table import TableSettings
-from tests.hardware.test_world import settings_for
+from tests.hardware.sim.process.test_world import settings_for
 
 TABLE = TableSettings()
 IDEAL = CameraSettings(noise=False, depth_unit=1e-4)

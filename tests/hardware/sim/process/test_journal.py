@@ -10,8 +10,8 @@ import pytest
 from hardware.interfaces import Command, HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.journal import JOURNAL_FILE, Journal, Replay
 from hardware.sim.plant.plant import Plant
+from hardware.sim.process.journal import JOURNAL_FILE, Journal, Replay
 from hardware.table import TableSettings
 
 PARAMETERS = load_parameters()

@@ -25,19 +25,19 @@ import mujoco
 from hardware.interfaces import Command, HardwareError
 from hardware.realtime import real_time
 from hardware.sim.clients import wire
-from hardware.sim.construction import Construction
 from hardware.sim.hand.hand import Hand
-from hardware.sim.hand_service import HandService
-from hardware.sim.journal import Journal
-from hardware.sim.pacing import Metronome, SpeedMeter
-from hardware.sim.pictures import CameraService
 from hardware.sim.plant.live_state import LIVE_FILE, LiveState, load_live_state
 from hardware.sim.plant.snapshot import STATE_FILE, load_snapshot, save_snapshot
+from hardware.sim.process.camera_service import CameraService
+from hardware.sim.process.connections import Service, Visitors
+from hardware.sim.process.construction import Construction
+from hardware.sim.process.hand_service import HandService
+from hardware.sim.process.journal import Journal
+from hardware.sim.process.pacing import Metronome, SpeedMeter
+from hardware.sim.process.scene_control import StageService
+from hardware.sim.process.services import NEVER, ClockService, Drives, RefereeService
+from hardware.sim.process.settings import END_FILE, Pace, WorldSettings, load_settings
 from hardware.sim.render.renderer import MODEL_FILE, Renderer
-from hardware.sim.services import NEVER, ClockService, Drives, RefereeService
-from hardware.sim.settings import END_FILE, Pace, WorldSettings, load_settings
-from hardware.sim.stage import StageService
-from hardware.sim.visitors import Service, Visitors
 
 STANDING_WAIT = 0.001
 """Pace fast: how long a standing plant listens to others before it answers the controller [s]."""

@@ -14,9 +14,9 @@ from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.imperfections import Flaws
 from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.snapshot import Snapshot
-from hardware.sim.randomisation import Draw, draw
+from hardware.sim.process.randomisation import Draw, draw
+from hardware.sim.process.settings import WorldSettings
 from hardware.sim.render.appearance import CameraSettings, Looks
-from hardware.sim.settings import WorldSettings
 
 
 class Construction(NamedTuple):

@@ -7,9 +7,9 @@ from typing import Any, cast
 
 import pytest
 
-from hardware.sim import watchers
-from hardware.sim.visitors import Visitor
-from hardware.sim.watchers import Watcher
+from hardware.sim.process import video_stream as watchers
+from hardware.sim.process.connections import Visitor
+from hardware.sim.process.video_stream import Watcher
 
 
 class Person:

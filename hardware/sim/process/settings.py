@@ -20,7 +20,7 @@ from hardware.interfaces import HardwareError
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.hand.actions import HandSettings
-from hardware.sim.randomisation import Randomisation, stand
+from hardware.sim.process.randomisation import Randomisation, stand
 from hardware.sim.render.appearance import CameraSettings, LightSettings
 from hardware.table import PieceSpec, TableSettings
 
@@ -67,7 +67,7 @@ class WorldSettings(BaseModel):
     hand: HandSettings | None = None
     """The hand of a person who plays; None: nobody sits at the board, and nothing is different for it."""
     journal: bool = False
-    """Keep every command in the run directory, so that the run can be done again; see ``hardware.sim.journal``."""
+    """Keep every command in the run directory, so that the run can be done again; see ``hardware.sim.process.journal``."""
     realtime: bool = False
     """Pace real: as punctual as a motion board, by real time where the system grants it; for measurements. Otherwise
     the world is an ordinary program."""

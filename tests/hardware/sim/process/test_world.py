@@ -25,13 +25,13 @@ from hardware.sim.clients import wire
 from hardware.sim.clients.bus import SimServoBus
 from hardware.sim.clients.camera import FrameStream, SimCamera, SimClock
 from hardware.sim.clients.referee import Referee
-from hardware.sim.pacing import CATCH_UP, Metronome
 from hardware.sim.plant.live_state import LIVE_FILE, load_live_state
 from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.snapshot import STATE_FILE
+from hardware.sim.process.pacing import CATCH_UP, Metronome
+from hardware.sim.process.server import serve
+from hardware.sim.process.settings import END_FILE, FILE_NAME, Pace, WorldSettings, load_settings, stand_pieces
 from hardware.sim.render.renderer import HEIGHT, WIDTH
-from hardware.sim.server import serve
-from hardware.sim.settings import END_FILE, FILE_NAME, Pace, WorldSettings, load_settings, stand_pieces
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
 
 TABLE = TableSettings()

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from hardware.sim.visitors import Visitor
+from hardware.sim.process.connections import Visitor
 
 PATIENCE = 20.0
 """Pace fast: who keeps plant time waiting for longer is dismissed [s, wall]."""

@@ -16,11 +16,11 @@ from app.layout import start_layout
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import BoardOffset
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.construction import Construction
 from hardware.sim.plant.imperfections import Imperfections
-from hardware.sim.randomisation import Draw, Randomisation, draw
+from hardware.sim.process.construction import Construction
+from hardware.sim.process.randomisation import Draw, Randomisation, draw
+from hardware.sim.process.settings import WorldSettings
 from hardware.sim.render.appearance import CameraSettings, LightSettings
-from hardware.sim.settings import WorldSettings
 from hardware.table import PIECE_SHAPES, TableSettings
 
 TABLE, PARAMETERS = TableSettings(), load_parameters()

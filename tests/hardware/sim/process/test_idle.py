@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from hardware.interfaces import Command
-from hardware.sim import server
+from hardware.sim.process import server
 
 IDLE = Command((0.0, 0.0, 0.0), 0.0, False, True, False)
 BUSY = IDLE._replace(busy=True)

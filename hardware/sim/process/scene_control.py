@@ -7,8 +7,8 @@ from typing import Any
 
 from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
+from hardware.sim.process.connections import Visitor
 from hardware.sim.render.appearance import ExposureSettings, LightSettings, Looks, MountSettings
-from hardware.sim.visitors import Visitor
 
 
 class StageService:

@@ -8,7 +8,7 @@ from hardware.sim.hand.actions import REQUEST, Perform
 from hardware.sim.hand.hand import Hand
 from hardware.sim.hand.routines import HandFailed
 from hardware.sim.plant.plant import Plant
-from hardware.sim.visitors import Refused, Visitor
+from hardware.sim.process.connections import Refused, Visitor
 
 
 class HandService:

@@ -1,7 +1,7 @@
 """What the world does for cameras: single frames, delivered a latency after their exposure, and streams for films.
 
 A single frame lets plant time run until it is due. A stream takes frames of whatever happens, and lets nothing happen;
-so do watchers (``hardware.sim.watchers``), unless they wake the plant up.
+so do watchers (``hardware.sim.process.video_stream``), unless they wake the plant up.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from hardware.interfaces import HardwareError
 from hardware.sim.bodies.scene import CAMERAS
 from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
+from hardware.sim.process.connections import Refused, Visitor
+from hardware.sim.process.scene_control import StageService
+from hardware.sim.process.services import NEVER, SILENCE
+from hardware.sim.process.video_stream import Watcher
 from hardware.sim.render.appearance import CameraSettings
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.render.renderer import Renderer, Sensor, Shot, frame_path, intrinsics_for
-from hardware.sim.services import NEVER, SILENCE
-from hardware.sim.stage import StageService
-from hardware.sim.visitors import Refused, Visitor
-from hardware.sim.watchers import Watcher
 
 RGBD = "camera"
 """The view of the board's RGB-D camera; the others show the world to people."""

@@ -9,9 +9,9 @@ from typing import Any, Final
 
 from hardware.interfaces import Command
 from hardware.sim.clients import wire
-from hardware.sim.pacing import SpeedMeter
 from hardware.sim.plant.plant import Plant
-from hardware.sim.visitors import Refused, Visitor
+from hardware.sim.process.connections import Refused, Visitor
+from hardware.sim.process.pacing import SpeedMeter
 
 SILENCE = 2.0
 """A controller that says nothing for so long, in wall time, is lost [s]."""
