@@ -10,9 +10,9 @@ import numpy as np
 
 from app import UserError
 from app.manipulation import Stage
-from controller.causes import Cause
 from controller.client import ControllerClient, MotionOutcome
 from controller.errors import MotionRefused, MotionStopped
+from controller.protocol.causes import Cause
 
 if TYPE_CHECKING:
     from app.motion.plan import Motion, Plan

@@ -15,7 +15,7 @@ from controller.client import ControllerClient
 from controller.errors import ControllerError
 from controller.protocol.key import KeyFileError, load_key
 from controller.protocol.messages import Telemetry
-from controller.states import BRAKED
+from controller.protocol.states import BRAKED
 from controller.watch import TelemetryWatch
 
 _ORDERS: Final[dict[str, Callable[[ControllerClient], None]]] = {

@@ -20,7 +20,7 @@ from controller.client import ControllerClient
 from controller.errors import ControllerError
 from controller.link import Listener
 from controller.protocol.key import KeyFileError, load_key
-from controller.states import State
+from controller.protocol.states import State
 from hardware.camera.factory import open_camera
 from hardware.interfaces import Camera, Clock, HardwareError
 from hardware.sim.clients.camera import SimCamera, SimClock

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.causes import Cause
 from controller.contact import find_controller
 from controller.errors import CommandFailed, ControllerLost, MotionRefused, MotionStopped
 from controller.link import REPEAT, Link, Listener
+from controller.protocol.causes import Cause
 from controller.protocol.layout import (
     COMMAND,
     SAMPLE,
@@ -28,7 +28,7 @@ from controller.protocol.layout import (
     Result,
 )
 from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
-from controller.states import State
+from controller.protocol.states import State
 from hardware.interfaces import Triple
 
 _RESEND = 0.06

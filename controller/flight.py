@@ -25,9 +25,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.causes import Cause
 from controller.flight_file import FLIGHT, FlightHead, Order, Trigger, write_flight
 from controller.model.state import POSITION, TORQUE, VELOCITY
+from controller.protocol.causes import Cause
 from controller.protocol.layout import CommandCode
 from controller.protocol.messages import Announce
 from controller.supervisor import Supervisor

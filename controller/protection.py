@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from controller.causes import Cause
 from controller.model.compiled import FloatArray
+from controller.protocol.causes import Cause
 from controller.safety import Limits, Violation, axis_beyond, check_joints
 from controller.screen import Screen
 from hardware.interfaces import Measurement, Triple

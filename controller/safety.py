@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.causes import Cause
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import OK, inverse_kinematics
+from controller.protocol.causes import Cause
 from hardware.interfaces import DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings

@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.causes import Cause
 from controller.model.compiled import FINDING, ROW, TABLE, TRUTH, FloatArray, compiled, compiled_as
+from controller.protocol.causes import Cause
 from controller.protocol.layout import Guard
 from controller.safety import Limits, Violation
 

@@ -8,14 +8,15 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from controller.causes import Cause
 from controller.force import ForceObserver
 from controller.law import TaskSpaceController
 from controller.model.kinematics import Status
 from controller.motion import MotionBuffer
 from controller.protection import Protection
+from controller.protocol.causes import Cause
 from controller.protocol.layout import CommandCode, Guard, Result
 from controller.protocol.messages import Announce, Samples
+from controller.protocol.states import BRAKED, Event, State, next_state
 from controller.reference import Reference
 from controller.safety import (
     REACTIONS,
@@ -29,7 +30,6 @@ from controller.safety import (
 )
 from controller.sample_check import SampleCheck
 from controller.settings import ControllerSettings
-from controller.states import BRAKED, Event, State, next_state
 from controller.tare import Tare
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 

@@ -11,14 +11,14 @@ from typing import Any, Final
 from numpy.typing import NDArray
 
 from app.motion import Motion
-from controller.causes import explain
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
 from controller.protocol import MotionFlag
+from controller.protocol.causes import explain
 from controller.protocol.messages import Announce, Samples
+from controller.protocol.states import State
 from controller.safety import default_limits
 from controller.settings import ControllerSettings
-from controller.states import State
 from controller.supervisor import Ended, Supervisor
 from hardware.interfaces import Command, Measurement
 from hardware.parameters import RobotParameters

@@ -29,7 +29,7 @@ from app.sim_rig import SimRig
 from app.sim_settings import SimRigSettings
 from app.watch_view import nominal_view
 from controller.protocol.messages import Telemetry
-from controller.states import State
+from controller.protocol.states import State
 from hardware.interfaces import Intrinsics
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.hand import seen_from_above

@@ -32,9 +32,9 @@ from controller.contact import find_controller
 from controller.errors import ControllerError
 from controller.protocol.key import KeyFileError
 from controller.protocol.messages import Telemetry
+from controller.protocol.states import BRAKED, State
 from controller.safety import default_limits
 from controller.settings import CONTROLLER_FILE
-from controller.states import BRAKED, State
 from controller.watch import TelemetryWatch
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters

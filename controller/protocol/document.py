@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from enum import IntEnum, IntFlag
 from pathlib import Path
 
-from controller.causes import Cause, template
 from controller.flight_file import FLIGHT
+from controller.protocol.causes import Cause, template
 from controller.protocol.envelope import Envelope
 from controller.protocol.layout import (
     HEADER,
@@ -29,8 +29,8 @@ from controller.protocol.layout import (
     MotionFlag,
     Result,
 )
+from controller.protocol.states import TRANSITIONS, Event, State
 from controller.safety import REACTIONS, WHY, Limits, Reaction, default_limits
-from controller.states import TRANSITIONS, Event, State
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from controller.causes import Cause
-from controller.states import State
+from controller.protocol.causes import Cause
+from controller.protocol.states import State
 
 MAGIC = b"TMCP"
 TAG_SIZE = 16

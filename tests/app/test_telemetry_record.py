@@ -26,11 +26,11 @@ from app.records.telemetry import (
     read_telemetry,
     telemetry_schema,
 )
-from controller.causes import Cause
 from controller.protocol import Flag, Result
+from controller.protocol.causes import Cause
 from controller.protocol.layout import TELEMETRY
 from controller.protocol.messages import Telemetry
-from controller.states import State
+from controller.protocol.states import State
 from hardware.interfaces import DriveStatus
 
 PERIOD = 0.00088

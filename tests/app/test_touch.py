@@ -12,7 +12,7 @@ from app.bench.cell import Cell
 from app.motion.gains import critical
 from app.motion.reference import Bounds, Vector, dwell, join, line, to_samples
 from controller.protocol import Guard, Result
-from controller.states import State
+from controller.protocol.states import State
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.plant import Plant

@@ -19,7 +19,6 @@ import pytest
 from numpy.typing import NDArray
 
 from controller import flight as flight_module
-from controller.causes import Cause
 from controller.errors import ControllerError
 from controller.flight import AFTERMATH, FlightRecorder
 from controller.flight_file import (
@@ -35,11 +34,12 @@ from controller.flight_file import (
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
 from controller.protocol import CommandCode, MotionFlag
+from controller.protocol.causes import Cause
 from controller.protocol.document import refresh
 from controller.protocol.messages import Announce, Samples
+from controller.protocol.states import State
 from controller.safety import Violation, default_limits
 from controller.settings import ControllerSettings
-from controller.states import State
 from controller.supervisor import Supervisor
 from hardware.interfaces import DriveStatus
 from hardware.parameters import load_parameters

@@ -17,7 +17,7 @@ from controller.protocol import CommandCode, Kind, Result
 from controller.protocol.envelope import Drop, Envelope, Opened
 from controller.protocol.layout import ANNOUNCE, CHALLENGE, COMMAND, HEARTBEAT, PAYLOADS, WATCH
 from controller.protocol.messages import Telemetry
-from controller.states import State
+from controller.protocol.states import State
 from controller.watch import TelemetryWatch
 
 HOME, AWAY = (0.0, 0.0, 0.35), (0.10, 0.05, 0.40)

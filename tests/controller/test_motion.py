@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from controller.causes import Cause
 from controller.motion import MotionBuffer
 from controller.protocol import SAMPLE, MotionFlag
+from controller.protocol.causes import Cause
 from controller.protocol.messages import Announce, Samples
 from controller.safety import default_limits
 from controller.sample_check import SampleCheck, rows_from_samples

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controller.causes import Cause
 from controller.protection import Encoders, MeanTorque, Overload, Protection
+from controller.protocol.causes import Cause
 from controller.safety import REACTIONS, Limits, Reaction, axis_beyond, check_joints, default_limits
 from hardware.interfaces import DriveStatus, Measurement, Triple
 from hardware.parameters import load_parameters

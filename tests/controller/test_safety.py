@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from controller.causes import Cause, explain, template
 from controller.protocol import SAMPLE
+from controller.protocol.causes import Cause, explain, template
 from controller.safety import (
     WHY,
     Limits,

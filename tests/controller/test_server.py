@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from controller.causes import Cause
 from controller.client import ControllerClient
 from controller.errors import (
     CommandFailed,
@@ -28,13 +27,14 @@ from controller.errors import (
     MotionStopped,
 )
 from controller.protocol import SAMPLE, CommandCode, Flag, Kind, Result
+from controller.protocol.causes import Cause
 from controller.protocol.envelope import Envelope
 from controller.protocol.key import KEY_FILE, create_key
 from controller.protocol.layout import CHALLENGE, COMMAND, HEARTBEAT
 from controller.protocol.messages import Hello, Telemetry
+from controller.protocol.states import State
 from controller.server import serve
 from controller.settings import CONTROLLER_FILE, ControllerSettings
-from controller.states import State
 from hardware.interfaces import Command, DriveStatus
 from hardware.parameters import load_parameters
 

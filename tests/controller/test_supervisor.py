@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from controller.causes import Cause, explain
 from controller.clock import Pulse
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
 from controller.protocol import CommandCode, Guard, MotionFlag, Result
+from controller.protocol.causes import Cause, explain
 from controller.protocol.messages import Announce, Samples
+from controller.protocol.states import Event, State
 from controller.report import report
 from controller.safety import Violation, default_limits
 from controller.settings import ControllerSettings
-from controller.states import Event, State
 from controller.supervisor import Supervisor
 from hardware.interfaces import Command, DriveStatus, Measurement
 from hardware.parameters import load_parameters

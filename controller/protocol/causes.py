@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import IntEnum, unique
 
-from controller.states import Event, State
+from controller.protocol.states import Event, State
 from hardware.interfaces import DriveStatus
 
 

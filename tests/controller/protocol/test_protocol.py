@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.causes import Cause
 from controller.protocol import SAMPLE, SAMPLES_PER_DATAGRAM, VERSION, Flag, Guard, Kind, MotionFlag, Result
+from controller.protocol.causes import Cause
 from controller.protocol.document import refresh
 from controller.protocol.envelope import Drop, Envelope, Opened, SequenceWindow
 from controller.protocol.key import KeyFileError, create_key, load_key
@@ -33,11 +33,11 @@ from controller.protocol.layout import (
     layout_version,
 )
 from controller.protocol.messages import Announce, Busy, Hello, Samples, Telemetry, Welcome
-from controller.states import State
+from controller.protocol.states import State
 from hardware.interfaces import DriveStatus
 
 KEY = bytes(range(32))
-PAGE = Path(__file__).parents[2] / "docs" / "protocol.md"
+PAGE = Path(__file__).parents[3] / "docs" / "protocol.md"
 EVERY_LAYOUT = (HEADER, SAMPLE_LAYOUT, *PAYLOADS.values())
 
 u16, u32, u64 = st.integers(0, 2**16 - 1), st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)

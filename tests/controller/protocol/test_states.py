@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from controller.states import BRAKED, TRANSITIONS, Event, State, next_state
+from controller.protocol.states import BRAKED, TRANSITIONS, Event, State, next_state
 
 PAIRS = [(state, event) for state in State for event in Event]
 
