@@ -149,7 +149,7 @@ def _serve(rig: RigFile, open_bus: Callable[[RobotParameters], ServoBus], ready:
     """
     from controller.law import TaskSpaceController
     from controller.model.constants import DeltaModel
-    from controller.safety import default_limits
+    from controller.protection.limits import default_limits
     from controller.server import serve
 
     parameters = load_parameters(rig.parameters)

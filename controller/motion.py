@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.protection.limits import Violation
+from controller.protection.reference_check import COLUMNS, SampleCheck, rows_from_samples
 from controller.protocol.messages import Announce, Samples
-from controller.safety import Violation
-from controller.sample_check import COLUMNS, SampleCheck, rows_from_samples
 
 _ROW_BYTES = 8 * COLUMNS
 

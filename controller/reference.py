@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.model.state import REFERENCE_SIZE
-from controller.sample_check import DAMPING, POSITION, STIFFNESS
+from controller.protection.reference_check import DAMPING, POSITION, STIFFNESS
 from controller.settings import ControllerSettings
 from controller.stopping import StopPath, plan_stop
 

@@ -23,6 +23,7 @@ from controller.door import Door, PortInUse
 from controller.flight import FlightRecorder
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
+from controller.protection.limits import Limits, Violation, check_limits, default_limits
 from controller.protocol.causes import Cause, explain
 from controller.protocol.key import KEY_FILE, KeyFileError, load_key
 from controller.protocol.layout import COMMAND, HEARTBEAT, VERSION, CommandCode, Kind
@@ -30,7 +31,6 @@ from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
 from controller.protocol.states import State
 from controller.realtime import set_up_real_time
 from controller.report import report
-from controller.safety import Limits, Violation, check_limits, default_limits
 from controller.settings import CONTROLLER_FILE, ControllerSettings
 from controller.supervisor import Supervisor
 from hardware.interfaces import BusLost, Command, ServoBus

@@ -12,13 +12,7 @@ from controller.force import ForceObserver
 from controller.law import TaskSpaceController
 from controller.model.kinematics import Status
 from controller.motion import MotionBuffer
-from controller.protection import Protection
-from controller.protocol.causes import Cause
-from controller.protocol.layout import CommandCode, Guard, Result
-from controller.protocol.messages import Announce, Samples
-from controller.protocol.states import BRAKED, Event, State, next_state
-from controller.reference import Reference
-from controller.safety import (
+from controller.protection.limits import (
     REACTIONS,
     Limits,
     Reaction,
@@ -28,7 +22,13 @@ from controller.safety import (
     check_tracking,
     clamp_torque,
 )
-from controller.sample_check import SampleCheck
+from controller.protection.monitor import Protection
+from controller.protection.reference_check import SampleCheck
+from controller.protocol.causes import Cause
+from controller.protocol.layout import CommandCode, Guard, Result
+from controller.protocol.messages import Announce, Samples
+from controller.protocol.states import BRAKED, Event, State, next_state
+from controller.reference import Reference
 from controller.settings import ControllerSettings
 from controller.tare import Tare
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from app.motion import Motion
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
+from controller.protection.limits import default_limits
 from controller.protocol import MotionFlag
 from controller.protocol.causes import explain
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import State
-from controller.safety import default_limits
 from controller.settings import ControllerSettings
 from controller.supervisor import Ended, Supervisor
 from hardware.interfaces import Command, Measurement

@@ -30,10 +30,10 @@ from app.processes import last_words
 from app.remote_rig import RESTING
 from controller.contact import find_controller
 from controller.errors import ControllerError
+from controller.protection.limits import default_limits
 from controller.protocol.key import KeyFileError
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import BRAKED, State
-from controller.safety import default_limits
 from controller.settings import CONTROLLER_FILE
 from controller.watch import TelemetryWatch
 from hardware.interfaces import HardwareError

@@ -24,7 +24,7 @@ from app.motion.settings import MotionSettings
 from app.motion.time_law import Bounds
 from app.motion.torque import TorqueModel
 from controller.model.compiled import PAIR, ROW, FloatArray, compiled, compiled_as
-from controller.safety import Limits, default_limits
+from controller.protection.limits import Limits, default_limits
 from hardware.parameters import RobotParameters
 from hardware.table import Kind, PieceShape, Place, TableSettings
 

@@ -12,6 +12,7 @@ from enum import IntEnum, IntFlag
 from pathlib import Path
 
 from controller.flight_file import FLIGHT
+from controller.protection.limits import REACTIONS, WHY, Limits, Reaction, default_limits
 from controller.protocol.causes import Cause, template
 from controller.protocol.envelope import Envelope
 from controller.protocol.layout import (
@@ -30,7 +31,6 @@ from controller.protocol.layout import (
     Result,
 )
 from controller.protocol.states import TRANSITIONS, Event, State
-from controller.safety import REACTIONS, WHY, Limits, Reaction, default_limits
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from app.bench.finger import PROFILES, RELEASED, WITHIN, Missed, Trial, in_the_air, meet, on_the_board
-from controller.safety import Limits, default_limits
+from controller.protection.limits import Limits, default_limits
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.finger_world import STIFFNESS, Finger, build_finger_world, finger_force
 from hardware.sim.plant.plant import Plant

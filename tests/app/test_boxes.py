@@ -25,8 +25,8 @@ from app.recovery import PieceLost, Progress, progress_of
 from app.settings import Settings
 from app.settings_file import settings_of
 from app.venue import venue_of
-from controller.safety import default_limits
-from controller.sample_check import SampleCheck
+from controller.protection.limits import default_limits
+from controller.protection.reference_check import SampleCheck
 from hardware.parameters import load_parameters
 from hardware.sim.plant.truth import PiecePose, Truth
 from hardware.table import PIECE_SHAPES, Captured, Colour, Kind, Place, TableSettings, square_place

@@ -18,9 +18,9 @@ from app.motion.gains import Softness, scheduled
 from app.motion.obstacles import Crowd, Moving, Standing, blocking_neighbour, closed_position, needed_heights
 from app.motion.path import Vector
 from app.motion.settings import Gains
+from controller.protection.limits import default_limits
+from controller.protection.reference_check import SampleCheck
 from controller.protocol import Guard
-from controller.safety import default_limits
-from controller.sample_check import SampleCheck
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, Colour, Kind, Place, TableSettings, square_place
 

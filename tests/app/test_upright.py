@@ -16,8 +16,8 @@ from app.motion.lying import Lying, Strip
 from app.motion.obstacles import Standing
 from app.motion.plan import InTheWay, Motion, Plan, Style
 from app.motion.upright import Uprighted, plan_upright
+from controller.protection.limits import default_limits
 from controller.protocol import SAMPLE
-from controller.safety import default_limits
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model

@@ -23,9 +23,9 @@ from controller.client import ControllerClient
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at
+from controller.protection.limits import Limits
 from controller.protocol import SAMPLE, Guard
 from controller.protocol.key import KEY_FILE, create_key
-from controller.safety import Limits
 from controller.server import serve
 from controller.settings import CONTROLLER_FILE, ControllerSettings
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Triple

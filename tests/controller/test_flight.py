@@ -33,12 +33,12 @@ from controller.flight_file import (
 )
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
+from controller.protection.limits import Violation, default_limits
 from controller.protocol import CommandCode, MotionFlag
 from controller.protocol.causes import Cause
 from controller.protocol.document import refresh
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import State
-from controller.safety import Violation, default_limits
 from controller.settings import ControllerSettings
 from controller.supervisor import Supervisor
 from hardware.interfaces import DriveStatus

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from controller.motion import MotionBuffer
+from controller.protection.limits import default_limits
+from controller.protection.reference_check import SampleCheck, rows_from_samples
 from controller.protocol import SAMPLE, MotionFlag
 from controller.protocol.causes import Cause
 from controller.protocol.messages import Announce, Samples
-from controller.safety import default_limits
-from controller.sample_check import SampleCheck, rows_from_samples
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from controller.clock import Pulse
 from controller.law import TaskSpaceController
 from controller.model.constants import DeltaModel
+from controller.protection.limits import Violation, default_limits
 from controller.protocol import CommandCode, Guard, MotionFlag, Result
 from controller.protocol.causes import Cause, explain
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import Event, State
 from controller.report import report
-from controller.safety import Violation, default_limits
 from controller.settings import ControllerSettings
 from controller.supervisor import Supervisor
 from hardware.interfaces import Command, DriveStatus, Measurement

@@ -13,9 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from controller.protocol import SAMPLE
-from controller.protocol.causes import Cause, explain, template
-from controller.safety import (
+from controller.protection.limits import (
     WHY,
     Limits,
     check_drives,
@@ -25,7 +23,9 @@ from controller.safety import (
     clamp_torque,
     default_limits,
 )
-from controller.sample_check import COLUMNS, SampleCheck, rows_from_samples
+from controller.protection.reference_check import COLUMNS, SampleCheck, rows_from_samples
+from controller.protocol import SAMPLE
+from controller.protocol.causes import Cause, explain, template
 from hardware.interfaces import DriveStatus, Measurement
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings

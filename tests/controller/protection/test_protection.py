@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controller.protection import Encoders, MeanTorque, Overload, Protection
+from controller.protection.limits import REACTIONS, Limits, Reaction, axis_beyond, check_joints, default_limits
+from controller.protection.monitor import Encoders, MeanTorque, Overload, Protection
 from controller.protocol.causes import Cause
-from controller.safety import REACTIONS, Limits, Reaction, axis_beyond, check_joints, default_limits
 from hardware.interfaces import DriveStatus, Measurement, Triple
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings

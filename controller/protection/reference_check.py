@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.model.compiled import FINDING, ROW, TABLE, TRUTH, FloatArray, compiled, compiled_as
+from controller.protection.limits import Limits, Violation
 from controller.protocol.causes import Cause
 from controller.protocol.layout import Guard
-from controller.safety import Limits, Violation
 
 POSITION = slice(0, 3)
 VELOCITY = slice(3, 6)

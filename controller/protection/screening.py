@@ -1,6 +1,6 @@
 """A quick look at a tick, compiled, which tells whether anybody has to look closer.
 
-Nearly every tick is. The checks of `controller.safety` and `controller.protection` say what is wrong, with numbers, and
+Nearly every tick is. The checks of `controller.protection.limits` and `controller.protection.monitor` say what is wrong, with numbers, and
 remember what lasts; they are Python, and together cost a third of a tick's work, more than that where another program
 has driven them out of the processor's cache. Here the same limits are compared once, in a microsecond, and nothing is
 said but yes or no: after a no they all are asked. A yes therefore means exactly that each of them has nothing to say;
@@ -16,7 +16,7 @@ import numpy as np
 
 from controller.model.compiled import PAIR, ROW, STATUS, TABLE, VECTOR, FloatArray, Vector, compiled_as, direct
 from controller.model.state import POSITION, VELOCITY
-from controller.safety import Limits
+from controller.protection.limits import Limits
 from hardware.interfaces import Triple
 
 # What the compiled functions are given beside the tick: one array, as each array costs a tenth of a microsecond.
@@ -118,7 +118,7 @@ class Screen:
         period: of a tick [s].
 
     Attributes:
-        squares: the servomotors' mean squares, shape (3,), shared with `controller.protection` [N² m²].
+        squares: the servomotors' mean squares, shape (3,), shared with `controller.protection.monitor` [N² m²].
     """
 
     def __init__(self, limits: Limits, period: float) -> None:

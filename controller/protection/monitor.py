@@ -1,8 +1,8 @@
 """Protection that looks at how the arm is doing, tick by tick, below the law and independent of it.
 
-Pure checks of single numbers are in `controller.safety`; here is what needs the ticks before: durations, means over a
+Pure checks of single numbers are in `controller.protection.limits`; here is what needs the ticks before: durations, means over a
 window, encoders that contradict themselves. Whatever is found names its cause; what follows from it is `REACTIONS`. A
-quick look, `controller.screen`, tells the ticks in which nothing is to be found.
+quick look, `controller.protection.screening`, tells the ticks in which nothing is to be found.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 
 from controller.model.compiled import FloatArray
+from controller.protection.limits import Limits, Violation, axis_beyond, check_joints
+from controller.protection.screening import Screen
 from controller.protocol.causes import Cause
-from controller.safety import Limits, Violation, axis_beyond, check_joints
-from controller.screen import Screen
 from hardware.interfaces import Measurement, Triple
 
 _NOWHERE: Final = (math.nan, math.nan, math.nan)

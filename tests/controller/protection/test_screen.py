@@ -10,9 +10,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from controller.model.state import POSITION, VELOCITY, blank_state
-from controller.protection import Encoders, MeanTorque, Protection
-from controller.safety import check_joints, check_tracking, default_limits
-from controller.screen import Screen, arm_well, joints_well
+from controller.protection.limits import check_joints, check_tracking, default_limits
+from controller.protection.monitor import Encoders, MeanTorque, Protection
+from controller.protection.screening import Screen, arm_well, joints_well
 from hardware.interfaces import DriveStatus, Measurement
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
