@@ -21,7 +21,7 @@ from typing import Final
 from controller.clock import LoopClock, write_pulse
 from controller.door import Door, PortInUse
 from controller.flight import FlightRecorder
-from controller.law import TaskSpaceController
+from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from controller.protection.limits import Limits, Violation, check_limits, default_limits
 from controller.protocol.causes import Cause, explain

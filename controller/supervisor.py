@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from controller.force import ForceObserver
-from controller.law import TaskSpaceController
+from controller.law.force_observer import ForceObserver
+from controller.law.tare import Tare
+from controller.law.task_space import TaskSpaceController
 from controller.model.kinematics import Status
 from controller.motion import MotionBuffer
 from controller.protection.limits import (
@@ -30,7 +31,6 @@ from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import BRAKED, Event, State, next_state
 from controller.reference import Reference
 from controller.settings import ControllerSettings
-from controller.tare import Tare
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 
 _NO_TORQUE: Triple = (0.0, 0.0, 0.0)

@@ -230,9 +230,12 @@ def test_the_walk_reaches_all_rooms() -> None:
     assert {name.split(".")[0] for name in sources()} == set(ROOMS)
     assert len(all_imports()) > 100
     reached = reached_from("app.cli")
-    assert {"hardware.sim.process.server", "controller.law", "engine.process", "hardware.sim.clients.referee"} <= set(
-        reached
-    )
+    assert {
+        "hardware.sim.process.server",
+        "controller.law.task_space",
+        "engine.process",
+        "hardware.sim.clients.referee",
+    } <= set(reached)
     assert way(reached, "app.cli", "engine.process").startswith("app.cli → ")
 
 

@@ -17,7 +17,7 @@ from app.bench.parts import Poses, nothing, time_parts
 from app.bench.recording import Recording, Tick, found, record
 from app.bench.report import BenchReport, Row, machine, row
 from app.bench.start import measure_starts
-from controller.law import TaskSpaceController, pack_reference
+from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.compiled import FloatArray
 from controller.model.constants import DISTAL, DeltaModel
 from controller.model.kinematics import arm_directions

@@ -20,7 +20,7 @@ from app.layout import start_layout
 from app.manipulation import Inventory, MoveKind, Ply, transfers
 from app.motion import MotionSettings, Plan, plan_ply
 from app.motion.path import Vector
-from controller.law import TaskSpaceController
+from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters

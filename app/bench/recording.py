@@ -15,7 +15,7 @@ from app.layout import start_layout
 from app.lines import parse_line
 from app.manipulation import Inventory, transfers
 from app.motion import MotionSettings, plan_ply
-from controller.law import TaskSpaceController
+from controller.law.task_space import TaskSpaceController
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import Status

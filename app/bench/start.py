@@ -11,7 +11,7 @@ from typing import NamedTuple
 FIRST_TICK = """
 import time
 start = time.perf_counter()
-from controller.law import TaskSpaceController, pack_reference
+from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.constants import DeltaModel
 from hardware.parameters import load_parameters
 law = TaskSpaceController(DeltaModel(load_parameters()))

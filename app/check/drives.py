@@ -13,7 +13,7 @@ import numpy as np
 
 from app.check.report import Finding, Judge
 from app.motion.path import Vector
-from controller.law import TaskSpaceController
+from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, ServoBus
 from hardware.parameters import RobotParameters

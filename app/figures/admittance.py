@@ -17,11 +17,11 @@ from app.figures.drawing import DARK, WITH, WITHOUT, axes, picture
 from app.figures.gripper import SPEED, Fingers, TactileLaw, effective_mass, push
 from app.figures.linear import ComplexArray, Linear, linearised
 from app.figures.result import Bar, Picture, Progress, Result
-from controller.law import pack_reference
+from controller.law.tactile import Pair, admittance
+from controller.law.task_space import pack_reference
 from controller.model.compiled import FloatArray, Vector
 from controller.model.constants import DeltaModel
 from controller.model.simulation import ArmMotion, ConstrainedArm, Moment, Trajectory
-from controller.tactile import Pair, admittance
 from hardware.parameters import RobotParameters, load_parameters
 
 POINT = (0.0, 0.0, 0.4575)
@@ -130,7 +130,7 @@ def _harmonic(path: Trajectory, omega: float) -> complex:
 
 
 def closed_form(parameters: RobotParameters, mass: float, tactile_gain: float) -> ComplexArray:
-    """A(jω) at ``OMEGA`` of an arm that is one mass [kg] under (23), see `controller.tactile.admittance`."""
+    """A(jω) at ``OMEGA`` of an arm that is one mass [kg] under (23), see `controller.law.tactile.admittance`."""
     return np.array([admittance(parameters, mass, STIFFNESS, DAMPING, tactile_gain, 1j * w) for w in OMEGA.tolist()])
 
 

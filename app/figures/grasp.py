@@ -16,7 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
-from controller.law import LawSettings, pack_reference
+from controller.law.task_space import LawSettings, pack_reference
 from controller.model.compiled import FloatArray
 from controller.model.constants import STANDARD_GRAVITY
 from hardware.parameters import RobotParameters, load_parameters

@@ -15,8 +15,8 @@ from app.figures.grasp_mujoco import MujocoRun, run_mujoco
 from app.figures.gripper import effective_mass
 from app.figures.result import Bar, Picture, Progress, Result
 from app.figures.sensitivity import GAINS, Case, draw_study, study
+from controller.law.tactile import grip_force, least_contact_damping
 from controller.model.constants import DeltaModel
-from controller.tactile import grip_force, least_contact_damping
 
 FINER = 16
 """Steps a tick of a second run of each model: what its own steps do to the result."""

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.figures.grasp import POINT, START, Grasp, Run
-from controller.law import TaskSpaceController
+from controller.law.task_space import TaskSpaceController
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import OK

@@ -1,6 +1,6 @@
 """The gripper and its tactile sensors as something attached to the simulated arm, as in Fig. 4 of the paper.
 
-What a finger or a sensor does stands in `controller.tactile`; here are their states and the law that reads them.
+What a finger or a sensor does stands in `controller.law.tactile`; here are their states and the law that reads them.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from typing import Final
 
 import numpy as np
 
-from controller.law import LawSettings, TaskSpaceController
+from controller.law.tactile import Pair, force_on_tool, gripper_acceleration, sensor_rate
+from controller.law.task_space import LawSettings, TaskSpaceController
 from controller.model.compiled import FloatArray, Vector
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import OK
 from controller.model.reach import posture_at
 from controller.model.trajectory import Moment
-from controller.tactile import Pair, force_on_tool, gripper_acceleration, sensor_rate
 from hardware.parameters import RobotParameters
 
 Z4, SPEED, RIGHT, LEFT = 0, 1, 2, 3

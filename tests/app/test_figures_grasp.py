@@ -12,9 +12,9 @@ from app.figures.grasp_mujoco import run_mujoco
 from app.figures.grasp_pictures import figure_7
 from app.figures.gripper import STATES, Z4, effective_mass
 from app.figures.sensitivity import study
+from controller.law.tactile import grip_force
 from controller.model.constants import DeltaModel
 from controller.model.simulation import ConstrainedArm, Moment
-from controller.tactile import grip_force
 
 MASS = effective_mass(DeltaModel(Grasp(0.0).parameters), POINT)
 

@@ -13,7 +13,7 @@ from app.hand_moves import hand_transfers
 from app.layout import start_layout
 from app.manipulation import Inventory, InventoryError, Transfer
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
-from controller.law import TaskSpaceController
+from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from controller.protocol import Guard
 from hardware.parameters import load_parameters

@@ -20,7 +20,7 @@ import pytest
 from numpy.typing import NDArray
 
 from controller.client import ControllerClient
-from controller.law import TaskSpaceController
+from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at
 from controller.protection.limits import Limits

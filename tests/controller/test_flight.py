@@ -31,7 +31,7 @@ from controller.flight_file import (
     load_flight,
     write_flight,
 )
-from controller.law import TaskSpaceController
+from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from controller.protection.limits import Violation, default_limits
 from controller.protocol import CommandCode, MotionFlag

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from controller.law import TaskSpaceController, pack_reference
+from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model import constrained
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from controller.clock import Pulse
-from controller.law import TaskSpaceController
+from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from controller.protection.limits import Violation, default_limits
 from controller.protocol import CommandCode, Guard, MotionFlag, Result

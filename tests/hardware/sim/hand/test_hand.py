@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from app.layout import start_layout
-from controller.law import TaskSpaceController, pack_reference
+from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Command, Triple
 from hardware.parameters import load_parameters

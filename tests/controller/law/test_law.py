@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python
 
-from controller import law
-from controller.law import LawSettings, TaskSpaceController, pack_reference
+from controller.law import task_space as law
+from controller.law.task_space import LawSettings, TaskSpaceController, pack_reference
 from controller.model import constrained
 from controller.model.compiled import PAIR, ROW, STATUS, TABLE, VECTOR, FloatArray, Vector, compiled_as
 from controller.model.constants import DeltaModel

@@ -1,6 +1,6 @@
 """Exact feedback linearisation: (20) in joint space, and (23) in task space with what the paper leaves out of it.
 
-Pure functions of an estimated state, see `controller.law.estimate`, and a reference, see `controller.law`; compiled
+Pure functions of an estimated state, see `controller.law.task_space.estimate`, and a reference, see `controller.law.task_space`; compiled
 when first called. Gravity (15) and the friction D are part of every torque.
 """
 

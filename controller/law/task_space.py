@@ -12,7 +12,7 @@ then accelerates the tool by (1/m + k*) F: the admittance grows by 1 + k* m.
 
 Two compiled calls make a tick, `TaskSpaceController.update` and `.torque`; protection reads `.state` in between.
 
-The exact laws are in `controller.exact_law`; the server does not call them.
+The exact laws are in `controller.law.exact_linearisation`; the server does not call them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 from pydantic import BaseModel, ConfigDict, PositiveFloat
 
-from controller.exact_law import exact_joint_law, exact_task_law, neglected_acceleration
+from controller.law.exact_linearisation import exact_joint_law, exact_task_law, neglected_acceleration
 from controller.model.compiled import (
     PAIR,
     ROW,

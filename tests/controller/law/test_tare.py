@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controller.tare import AVERAGE, FREE_AFTER, LARGEST_OFFSET, Tare
+from controller.law.tare import AVERAGE, FREE_AFTER, LARGEST_OFFSET, Tare
 
 PERIOD = 0.00088
 OPEN, CLOSING = 0.0, -0.03

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from controller.force import ForceObserver
-from controller.law import TaskSpaceController, pack_reference
+from controller.law.force_observer import ForceObserver
+from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import OK

@@ -49,7 +49,7 @@ def observe(memory: FloatArray, state: FloatArray, velocity: Vector, acting: Vec
 
     Args:
         memory: shape (13,), in and out; the first three are the force on the tool, base frame [N].
-        state: shape (24, 3), as `controller.law.estimate` left it at the tick before; not changed.
+        state: shape (24, 3), as `controller.law.task_space.estimate` left it at the tick before; not changed.
         velocity: ẏ of this tick [rad/s].
         acting: torque of the servomotors during this tick [N m]; not finite where it is not known (brakes).
 

@@ -10,7 +10,7 @@ import pytest
 from ruckig import InputParameter, Result, Ruckig
 from ruckig import Trajectory as Profile
 
-from controller.law import LawSettings, TaskSpaceController, pack_reference
+from controller.law.task_space import LawSettings, TaskSpaceController, pack_reference
 from controller.model import constrained
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel

@@ -5,12 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controller.law import TaskSpaceController, pack_reference
-from controller.model.compiled import FloatArray
-from controller.model.constants import DeltaModel
-from controller.model.kinematics import Status
-from controller.model.simulation import ConstrainedArm, Moment
-from controller.tactile import (
+from controller.law.tactile import (
     Pair,
     admittance,
     force_on_tool,
@@ -22,6 +17,11 @@ from controller.tactile import (
     sensor_step,
     tactile_acceleration,
 )
+from controller.law.task_space import TaskSpaceController, pack_reference
+from controller.model.compiled import FloatArray
+from controller.model.constants import DeltaModel
+from controller.model.kinematics import Status
+from controller.model.simulation import ConstrainedArm, Moment
 from hardware.parameters import load_parameters
 
 PARAMETERS = load_parameters()

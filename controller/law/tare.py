@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from controller.tactile import Pair
+from controller.law.tactile import Pair
 
 LARGEST_OFFSET: Final = 0.6
 """A free finger reads no more than this [N]: else it touches something, or its sensor is broken."""
