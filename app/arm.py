@@ -10,9 +10,9 @@ import numpy as np
 
 from app import UserError
 from app.manipulation import Stage
-from controller.client import ControllerClient, MotionOutcome
-from controller.errors import MotionRefused, MotionStopped
 from controller.protocol.causes import Cause
+from controller.wire.client import ControllerClient, MotionOutcome
+from controller.wire.errors import MotionRefused, MotionStopped
 
 if TYPE_CHECKING:
     from app.motion.plan import Motion, Plan

@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable
 
 from app.devices import RigFailed
-from controller.client import ControllerClient
-from controller.errors import ControllerBusy
 from controller.protocol.causes import explain
 from controller.protocol.layout import Flag
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import BRAKED, State
+from controller.wire.client import ControllerClient
+from controller.wire.errors import ControllerBusy
 
 PATIENCE = 3.0
 """A client that was killed keeps its lease until it has been silent for a second; so long we wait for it [s, wall]."""

@@ -27,7 +27,7 @@ from app.records.files import GAMES
 from app.rig import choose_rig, open_rig
 from app.showing import Setup, Sighting, fresh_frame, show
 from app.sim_settings import SimRigSettings
-from controller.errors import ControllerError
+from controller.wire.errors import ControllerError
 from hardware.interfaces import Frame, HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.process.settings import Pace, WorldSettings

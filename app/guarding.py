@@ -13,8 +13,8 @@ from app.arm_view import ArmHistory
 from app.depth_scale import scaled_frames
 from app.devices import Holder, Rig, RigFailed, WatchedFrames
 from app.hand_guard import ArmMasks, Blind, GuardStop, HandGuard
-from controller.errors import ControllerError
 from controller.protocol.messages import Telemetry
+from controller.wire.errors import ControllerError
 from hardware.interfaces import HardwareError, Intrinsics
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings

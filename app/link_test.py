@@ -21,10 +21,10 @@ from app.config import ControllerSection
 from app.processor import ProcessorTime, stolen_share
 from app.rig import choose_rig
 from app.timed_rig import GrantedRealTime, timed_rig
-from controller.errors import ControllerError
-from controller.probe import PATIENCE, Probe, ProbeFigures
 from controller.protocol.key import KEY_FILE, KeyFileError, load_key
 from controller.settings import CONTROLLER_FILE
+from controller.wire.errors import ControllerError
+from controller.wire.probe import PATIENCE, Probe, ProbeFigures
 
 SEED: Final = 1
 ROUND_TRIP: Final = 13.0

@@ -11,12 +11,12 @@ from rich.table import Table
 
 from app import UserError
 from app.config import SIMULATED, load_rig
-from controller.client import ControllerClient
-from controller.errors import ControllerError
 from controller.protocol.key import KeyFileError, load_key
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import BRAKED
-from controller.watch import TelemetryWatch
+from controller.wire.client import ControllerClient
+from controller.wire.errors import ControllerError
+from controller.wire.listener import TelemetryWatch
 
 _ORDERS: Final[dict[str, Callable[[ControllerClient], None]]] = {
     "enable": ControllerClient.enable,

@@ -16,11 +16,11 @@ from app.attach import attach
 from app.config import RigFile
 from app.devices import EndState, RigFailed, Watched
 from app.steady_frames import SteadyFrames
-from controller.client import ControllerClient
-from controller.errors import ControllerError
-from controller.link import Listener
 from controller.protocol.key import KeyFileError, load_key
 from controller.protocol.states import State
+from controller.wire.client import ControllerClient
+from controller.wire.errors import ControllerError
+from controller.wire.link import Listener
 from hardware.camera.factory import open_camera
 from hardware.interfaces import Camera, Clock, HardwareError
 from hardware.sim.clients.camera import SimCamera, SimClock

@@ -10,7 +10,7 @@ from app.devices import Rig, RigFailed
 from app.remote_rig import RemoteRig
 from app.sim_rig import SimRig
 from app.sim_settings import SimRigSettings
-from controller.link import Listener
+from controller.wire.link import Listener
 
 
 def choose_rig(name: str) -> RigFile | None:

@@ -16,9 +16,9 @@ from app.game import EXPECTED_FAILURES, Devices, GameEnd
 from app.game.state import LEFT
 from app.records import GameRecord, RecordError, Report
 from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
-from controller.errors import ControllerError
-from controller.link import Listener
 from controller.protocol.messages import Telemetry
+from controller.wire.errors import ControllerError
+from controller.wire.link import Listener
 from engine.errors import EngineProblem
 from hardware.interfaces import Camera, HardwareError
 from hardware.sim.process.settings import Pace

@@ -23,13 +23,13 @@ from app.devices import EndState, RigFailed, Watched
 from app.processes import CONTROLLER_SETTINGS_FILE, last_words, log_of, spawn
 from app.records import recording
 from app.sim_settings import SimRigSettings
-from controller.client import ControllerClient
-from controller.errors import ControllerError
-from controller.link import Listener
 from controller.model.constants import DeltaModel
 from controller.model.workspace import BoardDoesNotFit, require_fit
 from controller.protocol.key import KEY_FILE, KeyFileError, create_key
 from controller.settings import CONTROLLER_FILE
+from controller.wire.client import ControllerClient
+from controller.wire.errors import ControllerError
+from controller.wire.link import Listener
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.clients.camera import SimCamera, SimClock

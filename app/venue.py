@@ -17,8 +17,8 @@ from app.manipulation import Inventory
 from app.motion import PROFILES, MotionSettings, contact_limits
 from app.settings import PadKind, RigSection
 from app.sim_settings import SimRigSettings
-from controller.link import Listener
 from controller.settings import ControllerSettings
+from controller.wire.link import Listener
 from hardware.camera.settings import NoCameraSettings
 from hardware.parameters import DEFAULT_FILE, FLAT_PADS_FILE, RobotParameters, load_parameters
 from hardware.sim.hand.actions import HandSettings

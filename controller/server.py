@@ -19,7 +19,6 @@ from types import FrameType
 from typing import Final
 
 from controller.clock import LoopClock, write_pulse
-from controller.door import Door, PortInUse
 from controller.flight import FlightRecorder
 from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
@@ -33,6 +32,7 @@ from controller.realtime import set_up_real_time
 from controller.report import report
 from controller.settings import CONTROLLER_FILE, ControllerSettings
 from controller.supervisor import Supervisor
+from controller.wire.endpoint import Door, PortInUse
 from hardware.interfaces import BusLost, Command, ServoBus
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings

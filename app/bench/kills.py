@@ -28,14 +28,14 @@ from app.arm import FELT
 from app.bench.report import BenchReport, Row, machine, row
 from app.processes import last_words
 from app.remote_rig import RESTING
-from controller.contact import find_controller
-from controller.errors import ControllerError
 from controller.protection.limits import default_limits
 from controller.protocol.key import KeyFileError
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import BRAKED, State
 from controller.settings import CONTROLLER_FILE
-from controller.watch import TelemetryWatch
+from controller.wire.address import find_controller
+from controller.wire.errors import ControllerError
+from controller.wire.listener import TelemetryWatch
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.clients.referee import Referee

@@ -25,7 +25,7 @@ from app.motion.gains import critical
 from app.motion.reference import Bounds, Vector, dwell, join, line, to_samples
 from app.processor import ProcessorTime, stolen_share
 from app.timed_rig import RunEnd, Statistics, TimedRig, timed_rig
-from controller.errors import ControllerError
+from controller.wire.errors import ControllerError
 from engine.errors import EngineProblem
 from engine.stockfish import Engine, EngineSettings
 

@@ -28,8 +28,8 @@ from app.bench.loop import straight
 from app.bench.report import Row, row
 from app.manipulation import transfers
 from app.motion import Motion, MotionSettings, Plan, plan_ply
-from controller.errors import MotionRefused, MotionStopped
 from controller.protocol.causes import Cause
+from controller.wire.errors import MotionRefused, MotionStopped
 from hardware.interfaces import HardwareError
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import HandSettings, Hover, Withdraw

@@ -14,7 +14,7 @@ from app.manipulation import Inventory, Transfer
 from app.records import History
 from app.records.events import Result
 from app.records.history import Unfinished
-from controller.errors import ControllerError
+from controller.wire.errors import ControllerError
 from hardware.interfaces import Camera, Clock, HardwareError
 from hardware.sim.clients.referee import Referee
 from hardware.table import Place

@@ -25,7 +25,7 @@ from app.motion.plan import Plan
 from app.processor import ProcessorTime, stolen_share
 from app.timed_rig import GrantedRealTime, NoStatistics, RunEnd, RunPulse, Statistics, read_pulse
 from controller.clock import PULSE_FILE
-from controller.errors import ControllerError, ControllerLost
+from controller.wire.errors import ControllerError, ControllerLost
 from hardware.table import TableSettings
 
 NONE = Statistics(n=0, mean=0.0, p50=0.0, p99=0.0, max=0.0)

@@ -14,7 +14,7 @@ from app import UserError
 from app.cli import app as command_line
 from app.link_test import LinkReport, link_checks, link_test, real_time_check, receive_buffer
 from app.timed_rig import GrantedRealTime
-from controller.probe import ProbeFigures
+from controller.wire.probe import ProbeFigures
 
 GOOD = ProbeFigures(
     pings=500, round_trips=(0.0013,) * 499, telemetry=600, overtaken=0, repeated=0, ticks=10_000, skipped=0,

@@ -12,8 +12,8 @@ from app.arm import ControllerArm, PieceSlipped
 from app.layout import start_layout
 from app.manipulation import Inventory, Stage, transfers
 from app.motion import MotionSettings, Plan, plan_ply, plan_return
-from controller.client import MotionOutcome
 from controller.protocol.layout import Result
+from controller.wire.client import MotionOutcome
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 

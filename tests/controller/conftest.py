@@ -19,7 +19,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from controller.client import ControllerClient
 from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at
@@ -28,6 +27,7 @@ from controller.protocol import SAMPLE, Guard
 from controller.protocol.key import KEY_FILE, create_key
 from controller.server import serve
 from controller.settings import CONTROLLER_FILE, ControllerSettings
+from controller.wire.client import ControllerClient
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters, load_parameters
 

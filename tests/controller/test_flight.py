@@ -19,7 +19,6 @@ import pytest
 from numpy.typing import NDArray
 
 from controller import flight as flight_module
-from controller.errors import ControllerError
 from controller.flight import AFTERMATH, FlightRecorder
 from controller.flight_file import (
     FLIGHT,
@@ -41,6 +40,7 @@ from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import State
 from controller.settings import ControllerSettings
 from controller.supervisor import Supervisor
+from controller.wire.errors import ControllerError
 from hardware.interfaces import DriveStatus
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings

@@ -17,15 +17,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from controller.client import ControllerClient
-from controller.errors import (
-    CommandFailed,
-    ControllerBusy,
-    ControllerLost,
-    ControllerUnavailable,
-    MotionRefused,
-    MotionStopped,
-)
 from controller.protocol import SAMPLE, CommandCode, Flag, Kind, Result
 from controller.protocol.causes import Cause
 from controller.protocol.envelope import Envelope
@@ -35,6 +26,15 @@ from controller.protocol.messages import Hello, Telemetry
 from controller.protocol.states import State
 from controller.server import serve
 from controller.settings import CONTROLLER_FILE, ControllerSettings
+from controller.wire.client import ControllerClient
+from controller.wire.errors import (
+    CommandFailed,
+    ControllerBusy,
+    ControllerLost,
+    ControllerUnavailable,
+    MotionRefused,
+    MotionStopped,
+)
 from hardware.interfaces import Command, DriveStatus
 from hardware.parameters import load_parameters
 
@@ -255,7 +255,7 @@ def test_commands_are_idempotent_and_acknowledged(launch: Launch, line: Line) ->
 
 
 def test_a_fault_is_told_and_can_be_cleared(launch: Launch, line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("controller.client._COMMAND_TIMEOUT", 0.2)
+    monkeypatch.setattr("controller.wire.client._COMMAND_TIMEOUT", 0.2)
     running = launch()
     with running.client() as client:
         running.bus.on_tick = _At(1400, lambda: setattr(running.bus, "status", DriveStatus.FAULT))

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controller.door import Door
 from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.layout import COMMAND, HEARTBEAT, PAYLOADS, SAMPLE, CommandCode, Kind
 from controller.protocol.messages import Announce, Hello, MotionFlag, Samples, Welcome
+from controller.wire.endpoint import Door
 
 KEY, WRONG_KEY = bytes(range(32)), bytes(32)
 CLIENT, STRANGER = ("127.0.0.1", 4000), ("127.0.0.1", 4001)

@@ -8,10 +8,10 @@ import time
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from controller.errors import ControllerBusy, ControllerLost, ControllerUnavailable
 from controller.protocol.envelope import Drop, Envelope, Opened
 from controller.protocol.layout import CHALLENGE, HEARTBEAT, MAX_DATAGRAM, Kind
 from controller.protocol.messages import Busy, Hello, Telemetry, Welcome
+from controller.wire.errors import ControllerBusy, ControllerLost, ControllerUnavailable
 
 PATIENCE = 0.050
 """A ping whose echo takes longer counts as lost [s]."""

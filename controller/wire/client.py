@@ -13,9 +13,6 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.contact import find_controller
-from controller.errors import CommandFailed, ControllerLost, MotionRefused, MotionStopped
-from controller.link import REPEAT, Link, Listener
 from controller.protocol.causes import Cause
 from controller.protocol.layout import (
     COMMAND,
@@ -29,6 +26,9 @@ from controller.protocol.layout import (
 )
 from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
 from controller.protocol.states import State
+from controller.wire.address import find_controller
+from controller.wire.errors import CommandFailed, ControllerLost, MotionRefused, MotionStopped
+from controller.wire.link import REPEAT, Link, Listener
 from hardware.interfaces import Triple
 
 _RESEND = 0.06

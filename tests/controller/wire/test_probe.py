@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from controller.errors import ControllerBusy, ControllerLost, ControllerUnavailable
-from controller.probe import PATIENCE, Probe
+from controller.wire.errors import ControllerBusy, ControllerLost, ControllerUnavailable
+from controller.wire.probe import PATIENCE, Probe
 
 Launch = Callable[..., Any]
 

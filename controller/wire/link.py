@@ -7,11 +7,11 @@ import threading
 import time
 from collections.abc import Callable
 
-from controller.contact import open_socket
-from controller.errors import ControllerBusy, ControllerLost, ControllerUnavailable
 from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.layout import CHALLENGE, HEARTBEAT, MAX_DATAGRAM, Kind
 from controller.protocol.messages import Busy, Hello, Telemetry, Welcome
+from controller.wire.address import open_socket
+from controller.wire.errors import ControllerBusy, ControllerLost, ControllerUnavailable
 
 HEARTBEAT_INTERVAL = 0.1
 """[s]"""

@@ -11,8 +11,8 @@ import pytest
 from app.faces import Quiet
 from app.games import run_games
 from app.settings_file import settings_of
-from controller.client import ControllerClient
-from controller.contact import find_controller
+from controller.wire.address import find_controller
+from controller.wire.client import ControllerClient
 from hardware.sim.process.settings import Pace
 
 LINE = "e4 d5"

@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 from numpy.typing import NDArray
 
-from controller.audience import MAX_LISTENERS, SILENCE, Audience
-from controller.errors import ControllerLost, ControllerUnavailable
 from controller.protocol import CommandCode, Kind, Result
 from controller.protocol.envelope import Drop, Envelope, Opened
 from controller.protocol.layout import ANNOUNCE, CHALLENGE, COMMAND, HEARTBEAT, PAYLOADS, WATCH
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import State
-from controller.watch import TelemetryWatch
+from controller.wire.errors import ControllerLost, ControllerUnavailable
+from controller.wire.listener import TelemetryWatch
+from controller.wire.subscribers import MAX_LISTENERS, SILENCE, Audience
 
 HOME, AWAY = (0.0, 0.0, 0.35), (0.10, 0.05, 0.40)
 HERE, THERE = ("127.0.0.1", 1), ("127.0.0.1", 2)

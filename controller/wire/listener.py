@@ -10,12 +10,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from controller.contact import find_controller, open_socket
-from controller.errors import ControllerLost, ControllerUnavailable
-from controller.link import HEARTBEAT_INTERVAL, REPEAT, SILENCE, Listener
 from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, WATCH, Kind
 from controller.protocol.messages import Telemetry
+from controller.wire.address import find_controller, open_socket
+from controller.wire.errors import ControllerLost, ControllerUnavailable
+from controller.wire.link import HEARTBEAT_INTERVAL, REPEAT, SILENCE, Listener
 
 
 class TelemetryWatch:

@@ -2,7 +2,7 @@
 
 One client holds the lease, from its HELLO until it has been silent for ``lease`` seconds of wall time. A HELLO needs
 the cookie of a CHALLENGE, so that a recorded one opens nothing. Everything that does not belong is counted and dropped.
-Listeners, `controller.audience`, get the telemetry too and have no other effect.
+Listeners, `controller.wire.subscribers`, get the telemetry too and have no other effect.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import socket
 from collections.abc import Callable
 from typing import Final
 
-from controller.audience import Address, Audience
 from controller.protocol.envelope import Drop, Envelope, Opened, SequenceWindow
 from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, Kind
 from controller.protocol.messages import Busy, Hello
+from controller.wire.subscribers import Address, Audience
 
 Handler = Callable[[int, memoryview], bool]
 """Takes kind and payload of a datagram; false where its content is impossible."""
