@@ -148,9 +148,9 @@ def _serve(rig: RigFile, open_bus: Callable[[RobotParameters], ServoBus], ready:
     The law is compiled before the drives are opened: they would brake on a controller that says nothing for so long.
     """
     from controller.law.task_space import TaskSpaceController
+    from controller.loop.server import serve
     from controller.model.constants import DeltaModel
     from controller.protection.limits import default_limits
-    from controller.server import serve
 
     parameters = load_parameters(rig.parameters)
     TaskSpaceController(DeltaModel(parameters))

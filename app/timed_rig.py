@@ -18,7 +18,7 @@ from app.manipulation import Inventory
 from app.motion import MotionSettings
 from app.sim_rig import SimRig
 from app.sim_settings import SimRigSettings
-from controller.clock import PULSE_FILE
+from controller.loop.statistics import PULSE_FILE
 from controller.settings import ControllerSettings
 from hardware.sim.process.settings import Pace, WorldSettings
 from hardware.table import TableSettings

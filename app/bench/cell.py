@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from app.motion import Motion
 from controller.law.task_space import TaskSpaceController
+from controller.loop.supervisor import Ended, Supervisor
 from controller.model.constants import DeltaModel
 from controller.protection.limits import default_limits
 from controller.protocol import MotionFlag
@@ -19,7 +20,6 @@ from controller.protocol.causes import explain
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import State
 from controller.settings import ControllerSettings
-from controller.supervisor import Ended, Supervisor
 from hardware.interfaces import Command, Measurement
 from hardware.parameters import RobotParameters
 from hardware.sim.plant.plant import Plant

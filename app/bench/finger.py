@@ -16,11 +16,11 @@ from app.bench.report import BenchReport, Row, machine, row
 from app.motion import MotionSettings
 from app.motion.gains import critical
 from app.motion.reference import Bounds, Vector, dwell, join, line, to_samples
+from controller.loop.supervisor import Ended
 from controller.protection.limits import REACTIONS, Reaction
 from controller.protocol import Result
 from controller.protocol.causes import explain
 from controller.protocol.states import State
-from controller.supervisor import Ended
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.finger_world import RADIUS, Finger, build_finger_world, finger_force
 from hardware.sim.plant.plant import Plant

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from enum import IntEnum, IntFlag
 from pathlib import Path
 
-from controller.flight_file import FLIGHT
+from controller.loop.flight_file import FLIGHT
 from controller.protection.limits import REACTIONS, WHY, Limits, Reaction, default_limits
 from controller.protocol.causes import Cause, template
 from controller.protocol.envelope import Envelope

@@ -24,7 +24,7 @@ from app.motion import MotionSettings
 from app.motion.plan import Plan
 from app.processor import ProcessorTime, stolen_share
 from app.timed_rig import GrantedRealTime, NoStatistics, RunEnd, RunPulse, Statistics, read_pulse
-from controller.clock import PULSE_FILE
+from controller.loop.statistics import PULSE_FILE
 from controller.wire.errors import ControllerError, ControllerLost
 from hardware.table import TableSettings
 

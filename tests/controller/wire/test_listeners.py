@@ -361,7 +361,7 @@ def test_a_watch_finds_a_new_controller_at_the_old_address(
     with TelemetryWatch("127.0.0.1", port, key, heard.append) as watch:
         running.kill()
         until(lambda: _lost(watch))
-        monkeypatch.setattr("controller.server.load_key", lambda path: key)
+        monkeypatch.setattr("controller.loop.server.load_key", lambda path: key)
         again = launch(port=port)
         count = len(heard)
         until(lambda: len(heard) > count)

@@ -11,8 +11,9 @@ from typing import NamedTuple
 from controller.law.force_observer import ForceObserver
 from controller.law.tare import Tare
 from controller.law.task_space import TaskSpaceController
+from controller.loop.motion import MotionBuffer
+from controller.loop.reference import Reference
 from controller.model.kinematics import Status
-from controller.motion import MotionBuffer
 from controller.protection.limits import (
     REACTIONS,
     Limits,
@@ -29,7 +30,6 @@ from controller.protocol.causes import Cause
 from controller.protocol.layout import CommandCode, Guard, Result
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import BRAKED, Event, State, next_state
-from controller.reference import Reference
 from controller.settings import ControllerSettings
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from controller.clock import Pulse
 from controller.law.task_space import TaskSpaceController
+from controller.loop.statistics import Pulse
+from controller.loop.supervisor import Supervisor
+from controller.loop.telemetry import report
 from controller.model.constants import DeltaModel
 from controller.protection.limits import Violation, default_limits
 from controller.protocol import CommandCode, Guard, MotionFlag, Result
 from controller.protocol.causes import Cause, explain
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import Event, State
-from controller.report import report
 from controller.settings import ControllerSettings
-from controller.supervisor import Supervisor
 from hardware.interfaces import Command, DriveStatus, Measurement
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings

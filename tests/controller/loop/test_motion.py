@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from controller.motion import MotionBuffer
+from controller.loop.motion import MotionBuffer
 from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck, rows_from_samples
 from controller.protocol import SAMPLE, MotionFlag

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-import controller.clock as clock_module
-from controller.clock import PULSE_FILE, Histogram, LoopClock, Pulse, say_at_once, write_pulse
+import controller.loop.statistics as clock_module
+from controller.loop.statistics import PULSE_FILE, Histogram, LoopClock, Pulse, say_at_once, write_pulse
 
 PERIOD = 0.001
 LAW, WORK = 20e-6, 100e-6

@@ -18,9 +18,12 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
-from controller.clock import LoopClock, write_pulse
-from controller.flight import FlightRecorder
 from controller.law.task_space import TaskSpaceController
+from controller.loop.flight import FlightRecorder
+from controller.loop.realtime import set_up_real_time
+from controller.loop.statistics import LoopClock, write_pulse
+from controller.loop.supervisor import Supervisor
+from controller.loop.telemetry import report
 from controller.model.constants import DeltaModel
 from controller.protection.limits import Limits, Violation, check_limits, default_limits
 from controller.protocol.causes import Cause, explain
@@ -28,10 +31,7 @@ from controller.protocol.key import KEY_FILE, KeyFileError, load_key
 from controller.protocol.layout import COMMAND, HEARTBEAT, VERSION, CommandCode, Kind
 from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
 from controller.protocol.states import State
-from controller.realtime import set_up_real_time
-from controller.report import report
 from controller.settings import CONTROLLER_FILE, ControllerSettings
-from controller.supervisor import Supervisor
 from controller.wire.endpoint import Door, PortInUse
 from hardware.interfaces import BusLost, Command, ServoBus
 from hardware.parameters import RobotParameters

@@ -5,7 +5,7 @@ so that the file also tells what the arm did next; then it takes the spare ring,
 to ``flight-<tick>.npz`` in the run directory. A file so begins where the one before it ended, or half a minute earlier.
 The loop never waits: while a file is being written further faults are noted and their ticks kept for the next one.
 
-`controller.flight_file` says what a row holds, and reads the files.
+`controller.loop.flight_file` says what a row holds, and reads the files.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.flight_file import FLIGHT, FlightHead, Order, Trigger, write_flight
+from controller.loop.flight_file import FLIGHT, FlightHead, Order, Trigger, write_flight
+from controller.loop.supervisor import Supervisor
 from controller.model.state import POSITION, TORQUE, VELOCITY
 from controller.protocol.causes import Cause
 from controller.protocol.layout import CommandCode
 from controller.protocol.messages import Announce
-from controller.supervisor import Supervisor
 
 ORDERLY: Final = frozenset({Cause.NONE, Cause.HOLD_COMMAND, Cause.STOP_COMMAND, Cause.SHUTDOWN})
 """Causes that somebody asked for; every other one is written to disk."""

@@ -18,9 +18,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from controller import flight as flight_module
-from controller.flight import AFTERMATH, FlightRecorder
-from controller.flight_file import (
+from controller.law.task_space import TaskSpaceController
+from controller.loop import flight as flight_module
+from controller.loop.flight import AFTERMATH, FlightRecorder
+from controller.loop.flight_file import (
     FLIGHT,
     Flight,
     FlightFileError,
@@ -30,7 +31,7 @@ from controller.flight_file import (
     load_flight,
     write_flight,
 )
-from controller.law.task_space import TaskSpaceController
+from controller.loop.supervisor import Supervisor
 from controller.model.constants import DeltaModel
 from controller.protection.limits import Violation, default_limits
 from controller.protocol import CommandCode, MotionFlag
@@ -39,7 +40,6 @@ from controller.protocol.document import refresh
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import State
 from controller.settings import ControllerSettings
-from controller.supervisor import Supervisor
 from controller.wire.errors import ControllerError
 from hardware.interfaces import DriveStatus
 from hardware.parameters import load_parameters
@@ -394,7 +394,7 @@ def test_a_defect_leaves_one_with_the_tick_it_happened_in(
         raise ZeroDivisionError
 
     with running.client() as client:
-        monkeypatch.setattr("controller.supervisor.Supervisor.advance", fail)
+        monkeypatch.setattr("controller.loop.supervisor.Supervisor.advance", fail)
         with pytest.raises(ControllerError):
             client.execute(line(HOME, AWAY, 400))
     running.kill()
@@ -465,5 +465,5 @@ def test_what_is_no_flight_is_said(tmp_path: Path) -> None:
 
 
 def test_the_page_of_the_recorder_is_up_to_date() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "flight.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "flight.md").read_text(encoding="utf-8")
     assert refresh(page) == page, "run python -m controller.protocol.document docs/flight.md"

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 import hardware.realtime as realtime
-from controller.realtime import set_up_real_time
+from controller.loop.realtime import set_up_real_time
 from controller.settings import ControllerSettings
 from hardware.realtime import RealTime, exact_timers, quiet_memory, real_time
 from hardware.sim.process.server import World

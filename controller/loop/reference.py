@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.loop.stopping import StopPath, plan_stop
 from controller.model.state import REFERENCE_SIZE
 from controller.protection.reference_check import DAMPING, POSITION, STIFFNESS
 from controller.settings import ControllerSettings
-from controller.stopping import StopPath, plan_stop
 
 _RATES = slice(3, 9)
 _BYTES: Final = 8 * REFERENCE_SIZE

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from controller.loop.server import serve
 from controller.protocol import SAMPLE, CommandCode, Flag, Kind, Result
 from controller.protocol.causes import Cause
 from controller.protocol.envelope import Envelope
@@ -24,7 +25,6 @@ from controller.protocol.key import KEY_FILE, create_key
 from controller.protocol.layout import CHALLENGE, COMMAND, HEARTBEAT
 from controller.protocol.messages import Hello, Telemetry
 from controller.protocol.states import State
-from controller.server import serve
 from controller.settings import CONTROLLER_FILE, ControllerSettings
 from controller.wire.client import ControllerClient
 from controller.wire.errors import (
@@ -547,7 +547,7 @@ def test_an_exception_in_the_loop_still_brakes(launch: Launch, line: Line, monke
     running = launch()
     with running.client() as client:
         client.execute(line(HOME, AWAY, 400))
-        monkeypatch.setattr("controller.supervisor.Supervisor.advance", lambda self, measurement: 1 / 0)
+        monkeypatch.setattr("controller.loop.supervisor.Supervisor.advance", lambda self, measurement: 1 / 0)
         with pytest.raises(ControllerLost):
             client.execute(line(AWAY, HOME, 400))
     running.kill()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from controller.clock import Pulse
+from controller.loop.statistics import Pulse
+from controller.loop.supervisor import Supervisor
 from controller.protocol.layout import Flag
 from controller.protocol.messages import Telemetry
-from controller.supervisor import Supervisor
 from hardware.interfaces import DriveStatus, Triple
 
 _STANDING = int(DriveStatus.STANDING)
