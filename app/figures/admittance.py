@@ -21,7 +21,7 @@ from controller.law.tactile import Pair, admittance
 from controller.law.task_space import pack_reference
 from controller.model.compiled import FloatArray, Vector
 from controller.model.constants import DeltaModel
-from controller.model.simulation import ArmMotion, ConstrainedArm, Moment, Trajectory
+from controller.offline.simulation import ArmMotion, ConstrainedArm, Moment, Trajectory
 from hardware.parameters import RobotParameters, load_parameters
 
 POINT = (0.0, 0.0, 0.4575)

@@ -12,8 +12,8 @@ from app.figures.result import Bar, Picture, Progress, Result
 from app.figures.table_grid import TableGrid, table_grid
 from app.motion.reference import Vector
 from controller.model.constants import DeltaModel
-from controller.model.linear import pose_at
 from controller.model.reach import posture_at
+from controller.offline.linear import pose_at
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 

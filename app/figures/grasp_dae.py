@@ -16,7 +16,7 @@ from app.figures.gripper import LEFT, RIGHT, STATES, Z4, Fingers, TactileLaw, pu
 from controller.law.tactile import Pair
 from controller.model.compiled import FloatArray, Vector
 from controller.model.constants import DeltaModel
-from controller.model.simulation import ConstrainedArm, Moment
+from controller.offline.simulation import ConstrainedArm, Moment
 
 PLACE, PACE, BRISTLE = STATES, STATES + 1, STATES + 2
 """Places of the block's middle [m] and speed [m/s] along z1 and the bristle's deflection [m] among the states."""

@@ -16,7 +16,7 @@ from controller.model.compiled import FloatArray, Vector
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import OK
 from controller.model.reach import posture_at
-from controller.model.trajectory import Moment
+from controller.offline.trajectory import Moment
 from hardware.parameters import RobotParameters
 
 Z4, SPEED, RIGHT, LEFT = 0, 1, 2, 3

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.figures.gripper import SPEED, STATES, Fingers, TactileLaw, push
-from controller.model import constrained
 from controller.model.compiled import FloatArray
-from controller.model.simulation import ArmMotion, ConstrainedArm, Moment
+from controller.offline import constrained
+from controller.offline.simulation import ArmMotion, ConstrainedArm, Moment
 
 ComplexArray = NDArray[np.complex128]
 

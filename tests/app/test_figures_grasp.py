@@ -14,7 +14,7 @@ from app.figures.gripper import STATES, Z4, effective_mass
 from app.figures.sensitivity import study
 from controller.law.tactile import grip_force
 from controller.model.constants import DeltaModel
-from controller.model.simulation import ConstrainedArm, Moment
+from controller.offline.simulation import ConstrainedArm, Moment
 
 MASS = effective_mass(DeltaModel(Grasp(0.0).parameters), POINT)
 

@@ -9,10 +9,10 @@ from app.figures.encoder import encoder, resolutions
 from app.figures.newton import DECIMALS, ENOUGH, counted, fast_way, newton, newton_along
 from app.figures.table_grid import TableGrid, table_grid
 from app.figures.workspace import maps, workspace
-from controller.model import constrained
 from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at, tool_point_at
 from controller.model.workspace import survey
+from controller.offline import constrained
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from controller.model import constrained
 from controller.model.compiled import FloatArray
 from controller.model.constants import PLATFORM_MASS, STANDARD_GRAVITY, DeltaModel
 from controller.model.dynamics import (
@@ -21,6 +20,7 @@ from controller.model.dynamics import (
 )
 from controller.model.kinematics import Status, arm_directions, control_jacobian
 from controller.model.reach import posture_at
+from controller.offline import constrained
 from hardware.parameters import load_parameters
 
 MODEL = DeltaModel(load_parameters())

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from controller.model import constrained
 from controller.model.compiled import FloatArray
 from controller.model.constants import DISTAL, DeltaModel
 from controller.model.kinematics import (
@@ -31,6 +30,7 @@ from controller.model.kinematics import (
 )
 from controller.model.nearest import LEAST_TRANSMISSION, nearest_point, room
 from controller.model.reach import Posture, Singular, Unreachable, jacobians_at, posture_at, tool_point_at
+from controller.offline import constrained
 from hardware.parameters import load_parameters
 
 MODEL = DeltaModel(load_parameters())

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from controller.law.task_space import TaskSpaceController, pack_reference
-from controller.model import constrained
 from controller.model.compiled import FloatArray
 from controller.model.constants import STANDARD_GRAVITY, DeltaModel
 from controller.model.second_order import arm_drift
-from controller.model.simulation import ArmMotion, ConstrainedArm, Moment
+from controller.offline import constrained
+from controller.offline.simulation import ArmMotion, ConstrainedArm, Moment
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.table import TableSettings

@@ -18,10 +18,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from controller.model import constrained
 from controller.model.compiled import FloatArray
 from controller.model.constants import STANDARD_GRAVITY, DeltaModel
-from controller.model.simulation import ArmMotion, ConstrainedArm
+from controller.offline import constrained
+from controller.offline.simulation import ArmMotion, ConstrainedArm
 from hardware.parameters import load_parameters
 
 PARAMETERS = load_parameters()

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controller.model import constrained
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.dynamics import joint_inertia
 from controller.model.kinematics import arm_directions
-from controller.model.linear import linearise, pose_at, tool_hessian
 from controller.model.reach import jacobians_at, posture_at, tool_point_at
 from controller.model.second_order import arm_hessian, tool_drift, unmeasured_drift, velocity_torque
-from controller.model.simulation import ConstrainedArm
+from controller.offline import constrained
+from controller.offline.linear import linearise, pose_at, tool_hessian
+from controller.offline.simulation import ConstrainedArm
 from hardware.parameters import load_parameters
 
 MODEL = DeltaModel(load_parameters())

@@ -7,10 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from controller.model import constrained
 from controller.model.constants import DeltaModel
 from controller.model.reach import jacobians_at
-from controller.model.simulation import ConstrainedArm
 from controller.model.workspace import (
     LARGEST_CONDITION,
     NO_WORK,
@@ -20,6 +18,8 @@ from controller.model.workspace import (
     survey_point,
     working_heights,
 )
+from controller.offline import constrained
+from controller.offline.simulation import ConstrainedArm
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, Kind, TableSettings
 

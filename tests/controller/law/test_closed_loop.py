@@ -11,12 +11,12 @@ from ruckig import InputParameter, Result, Ruckig
 from ruckig import Trajectory as Profile
 
 from controller.law.task_space import LawSettings, TaskSpaceController, pack_reference
-from controller.model import constrained
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import Status
 from controller.model.reach import posture_at
-from controller.model.simulation import ConstrainedArm, Moment, Trajectory
+from controller.offline import constrained
+from controller.offline.simulation import ConstrainedArm, Moment, Trajectory
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings, square_place
 

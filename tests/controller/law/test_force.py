@@ -12,7 +12,7 @@ from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import OK
-from controller.model.simulation import ConstrainedArm, Moment
+from controller.offline.simulation import ConstrainedArm, Moment
 from hardware.interfaces import Triple
 from hardware.parameters import load_parameters
 

@@ -11,13 +11,13 @@ from numba.core.runtime import _nrt_python
 
 from controller.law import task_space as law
 from controller.law.task_space import LawSettings, TaskSpaceController, pack_reference
-from controller.model import constrained
 from controller.model.compiled import PAIR, ROW, STATUS, TABLE, VECTOR, FloatArray, Vector, compiled_as
 from controller.model.constants import DeltaModel
 from controller.model.demand import torque_demand
 from controller.model.kinematics import Status
 from controller.model.reach import posture_at
 from controller.model.state import REFERENCE_SIZE, blank_state, load_model
+from controller.offline import constrained
 from hardware.parameters import load_parameters
 
 MODEL = DeltaModel(load_parameters())

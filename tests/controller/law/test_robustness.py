@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from controller.law.task_space import TaskSpaceController, pack_reference
-from controller.model import constrained
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import Status
-from controller.model.linear import linearise, sampled_loop
 from controller.model.reach import posture_at
-from controller.model.simulation import ConstrainedArm, Moment
 from controller.model.workspace import working_heights
+from controller.offline import constrained
+from controller.offline.linear import linearise, sampled_loop
+from controller.offline.simulation import ConstrainedArm, Moment
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.table import TableSettings, square_place
 

@@ -21,7 +21,7 @@ from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import Status
-from controller.model.simulation import ConstrainedArm, Moment
+from controller.offline.simulation import ConstrainedArm, Moment
 from hardware.parameters import load_parameters
 
 PARAMETERS = load_parameters()

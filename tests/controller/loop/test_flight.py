@@ -33,10 +33,10 @@ from controller.loop.flight_file import (
 )
 from controller.loop.supervisor import Supervisor
 from controller.model.constants import DeltaModel
+from controller.offline.document import refresh
 from controller.protection.limits import Violation, default_limits
 from controller.protocol import CommandCode, MotionFlag
 from controller.protocol.causes import Cause
-from controller.protocol.document import refresh
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import State
 from controller.settings import ControllerSettings
@@ -466,4 +466,4 @@ def test_what_is_no_flight_is_said(tmp_path: Path) -> None:
 
 def test_the_page_of_the_recorder_is_up_to_date() -> None:
     page = (Path(__file__).parents[3] / "docs" / "flight.md").read_text(encoding="utf-8")
-    assert refresh(page) == page, "run python -m controller.protocol.document docs/flight.md"
+    assert refresh(page) == page, "run python -m controller.offline.document docs/flight.md"

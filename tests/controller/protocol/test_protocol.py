@@ -14,9 +14,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from controller.offline.document import refresh
 from controller.protocol import SAMPLE, SAMPLES_PER_DATAGRAM, VERSION, Flag, Guard, Kind, MotionFlag, Result
 from controller.protocol.causes import Cause
-from controller.protocol.document import refresh
 from controller.protocol.envelope import Drop, Envelope, Opened, SequenceWindow
 from controller.protocol.key import KeyFileError, create_key, load_key
 from controller.protocol.layout import (
@@ -255,7 +255,7 @@ def test_a_missing_or_short_key_is_named(tmp_path: Path) -> None:
 
 def test_the_page_is_up_to_date() -> None:
     page = PAGE.read_text(encoding="utf-8")
-    assert refresh(page) == page, "run python -m controller.protocol.document docs/protocol.md"
+    assert refresh(page) == page, "run python -m controller.offline.document docs/protocol.md"
 
 
 def test_the_page_has_every_layout_with_its_size() -> None:

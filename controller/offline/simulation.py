@@ -21,13 +21,13 @@ from typing import Final, Literal, NamedTuple, get_args
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from controller.model import constrained
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
-from controller.model.forward import applied_torque, constrained_acceleration
 from controller.model.kinematics import OK, forward_kinematics
 from controller.model.reach import posture_at
-from controller.model.trajectory import ArmMotion, Attachment, Law, Moment, Trajectory
+from controller.offline import constrained
+from controller.offline.forward import applied_torque, constrained_acceleration
+from controller.offline.trajectory import ArmMotion, Attachment, Law, Moment, Trajectory
 
 __all__ = [
     "Accelerations",

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from controller.law.task_space import TaskSpaceController, pack_reference
-from controller.model import constrained
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import Status
-from controller.model.linear import linearise
 from controller.model.reach import Unreachable
-from controller.model.simulation import ArmMotion, ConstrainedArm, Method, Moment, SimulationFailed, Trajectory
+from controller.offline import constrained
+from controller.offline.linear import linearise
+from controller.offline.simulation import ArmMotion, ConstrainedArm, Method, Moment, SimulationFailed, Trajectory
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.table import TableSettings, square_place
 

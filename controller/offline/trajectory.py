@@ -9,10 +9,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from controller.model import constrained
 from controller.model.compiled import FloatArray, Vector
 from controller.model.constants import DeltaModel
-from controller.model.forward import tool_motion, total_energy
+from controller.offline import constrained
+from controller.offline.forward import tool_motion, total_energy
 
 
 class ArmMotion(NamedTuple):

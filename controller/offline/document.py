@@ -1,6 +1,6 @@
 """The generated parts of ``docs/protocol.md`` and ``docs/flight.md``: layouts, numbers, states, causes and limits.
 
-``python -m controller.protocol.document docs/protocol.md docs/flight.md`` brings the pages up to date; tests compare.
+``python -m controller.offline.document docs/protocol.md docs/flight.md`` brings the pages up to date; tests compare.
 """
 
 from __future__ import annotations
