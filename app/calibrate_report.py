@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict
 from rich.console import Group, RenderableType
 from rich.table import Table
 
-from app.calibration import Calibration
+from app.settings.calibration import Calibration
 
 
 class _Frozen(BaseModel):

@@ -19,7 +19,7 @@ import chess.engine
 from pydantic import BaseModel, ConfigDict, FiniteFloat, NonNegativeFloat
 
 from app.records.events import Result
-from app.time_control import ArmTime, Extra, TimeControl
+from app.settings.time_control import ArmTime, Extra, TimeControl
 
 ARM_LEAVES: Final = 5.0
 """The arm's motion never takes the last of a side's time: this much, or what there was, is left [s]."""

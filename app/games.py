@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, TextIO
 import chess
 
 from app import UserError
-from app.config import BOARD
 from app.faces import Face
 from app.game import GameEnd, Position
 from app.game.human import Human
@@ -26,8 +25,9 @@ from app.records.events import EndEvent
 from app.records.files import GAMES
 from app.replay import RecordedGame, recorded_games
 from app.session import Filming, SessionResult, Sight, run_session
-from app.settings import PlayerKind, Settings
-from app.settings_file import keep_settings, kept_settings
+from app.settings.files import keep_settings, kept_settings
+from app.settings.rig_file import BOARD
+from app.settings.tree import PlayerKind, Settings
 from app.sim_hands import SimHands
 from app.typed_lines import TypedLines
 from app.venue import Venue, start_board, venue_of

@@ -30,7 +30,7 @@ from app.records import EVENTS_FILE, GameRecord, GameSetup
 from app.records.events import Result
 from app.records.history import counted_plies, persons_side
 from app.session import Round
-from app.settings_file import SETTINGS_FILE
+from app.settings.files import SETTINGS_FILE
 from hardware.sim.process.settings import Pace
 from hardware.table import Colour
 

@@ -10,7 +10,7 @@ from typing import Final
 from rich.table import Table
 
 from app import UserError
-from app.config import SIMULATED, load_rig
+from app.settings.rig_file import SIMULATED, load_rig
 from controller.protocol.key import KeyFileError, load_key
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import BRAKED

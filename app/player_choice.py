@@ -13,8 +13,8 @@ from app import UserError
 from app.clock import ChessClock
 from app.faces import Face
 from app.players import EnginePlayer, LinePlayer, Player, Players
-from app.settings import PlayerKind, Settings
-from app.time_control import TimeControl
+from app.settings.time_control import TimeControl
+from app.settings.tree import PlayerKind, Settings
 from engine.book import Book, BookSettings
 from engine.openings import opening_engine, varied_opening
 from engine.policy import Manners

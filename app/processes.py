@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Final
 
 from app import UserError
-from app.config import SIMULATED, ConfigError, ControllerSection, RigFile, load_rig
 from app.records.files import GAMES
+from app.settings.rig_file import SIMULATED, ConfigError, ControllerSection, RigFile, load_rig
 from controller.protocol.key import KEY_FILE, KeyFileError, create_key
 from controller.settings import ControllerSettings
 from hardware.interfaces import ServoBus

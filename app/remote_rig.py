@@ -13,8 +13,8 @@ from typing import Final, Self
 
 from app.arm import Arm, ControllerArm
 from app.attach import attach
-from app.config import RigFile
 from app.devices import EndState, RigFailed, Watched
+from app.settings.rig_file import RigFile
 from app.steady_frames import SteadyFrames
 from controller.protocol.key import KeyFileError, load_key
 from controller.protocol.states import State

@@ -11,11 +11,11 @@ import chess
 
 from app import UserError
 from app.board_rig import BoardRig
-from app.config import BOARD, SIMULATED, RigFile, load_randomisation, load_rig
 from app.devices import Rig
 from app.manipulation import Inventory
 from app.motion import PROFILES, MotionSettings, contact_limits
-from app.settings import PadKind, RigSection
+from app.settings.rig_file import BOARD, SIMULATED, RigFile, load_randomisation, load_rig
+from app.settings.tree import PadKind, RigSection
 from app.sim_settings import SimRigSettings
 from controller.settings import ControllerSettings
 from controller.wire.link import Listener
@@ -27,7 +27,7 @@ from hardware.sim.process.settings import Pace, WorldSettings
 from hardware.table import PIECE_SHAPES, Captured, Colour, TableSettings
 
 if TYPE_CHECKING:
-    from app.calibration import Calibration
+    from app.settings.calibration import Calibration
 
 _ROBOTS: Final = {PadKind.GROOVED: DEFAULT_FILE, PadKind.FLAT: FLAT_PADS_FILE}
 
@@ -151,7 +151,7 @@ def venue_of(section: RigSection, calibration_file: Path | None = None) -> Venue
             calibration_file = file.calibration
     calibration, table = None, meant
     if calibration_file is not None:
-        from app.calibration import load_calibration  # what sees takes a second to load
+        from app.settings.calibration import load_calibration  # what sees takes a second to load
 
         calibration = load_calibration(calibration_file)
         table = calibration.table(meant)

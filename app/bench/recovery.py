@@ -26,7 +26,7 @@ from app.faces import Quiet
 from app.games import run_games
 from app.records import EVENTS_FILE, PlyEvent, read_events
 from app.session import SessionResult
-from app.settings import Settings
+from app.settings.tree import Settings
 from hardware.interfaces import HardwareError
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import Action, Knock, Move, Withdraw

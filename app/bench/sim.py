@@ -23,7 +23,7 @@ from app.faces import Quiet
 from app.games import run_games
 from app.records import Report
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
-from app.settings_file import settings_of
+from app.settings.files import settings_of
 from controller.settings import ControllerSettings
 from hardware.sim.process.construction import Construction
 from hardware.sim.process.journal import Replay

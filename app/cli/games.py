@@ -94,7 +94,7 @@ def play(
         fail(f"--color is '{color}', choose white or black")
 
     from app.games import run_games
-    from app.settings import PlayerKind
+    from app.settings.tree import PlayerKind
 
     also: dict[str, object] = {"rig.video": False}
     believed = options.settings_of_command(context, config, also)
@@ -196,7 +196,7 @@ def show_config(
     file: Annotated[Path | None, typer.Argument(help="TOML file with settings; the defaults if left out.")] = None,
 ) -> None:
     """Print the settings that are in force, as a TOML file that says what each of them means."""
-    from app.settings_file import as_toml
+    from app.settings.files import as_toml
 
     print(as_toml(options.settings_or_end({}, file)), end="")
 

@@ -27,7 +27,7 @@ from app.manipulation import transfers
 from app.players import Players
 from app.records import RecordError
 from app.records.events import Result
-from app.time_control import clock_text
+from app.settings.time_control import clock_text
 from engine.errors import EngineProblem
 from hardware.interfaces import HardwareError
 from vision.reading.outcome import LOOKS, Situation, Verdict

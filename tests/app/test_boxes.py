@@ -12,7 +12,6 @@ import pytest
 
 from app import UserError
 from app.arm import FELT, ArmState
-from app.config import load_rig
 from app.faces import Quiet
 from app.games import run_games
 from app.hand_moves import HandDropsNothing, hand_move
@@ -22,8 +21,9 @@ from app.manipulation import Inventory, InventoryError, NoSpare, PieceBoxed, Ply
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from app.motion.drop import fall_time, tool_height
 from app.recovery import PieceLost, Progress, progress_of
-from app.settings import Settings
-from app.settings_file import settings_of
+from app.settings.files import settings_of
+from app.settings.rig_file import load_rig
+from app.settings.tree import Settings
 from app.venue import venue_of
 from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck

@@ -13,7 +13,9 @@ from typer.testing import CliRunner
 
 from app.bench.vision_calibration import square_errors
 from app.calibrate import calibrate_rig, corners_near
-from app.calibration import (
+from app.cli import app
+from app.motion import MotionSettings
+from app.settings.calibration import (
     CalibratedBoard,
     Calibration,
     CalibrationUnusable,
@@ -22,8 +24,6 @@ from app.calibration import (
     load_calibration,
     write_calibration,
 )
-from app.cli import app
-from app.motion import MotionSettings
 from app.showing import Setup
 from app.sim_rig import SimRig
 from app.sim_settings import SimRigSettings

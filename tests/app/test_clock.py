@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.clock import ARM_LEAVES, LEAST_SHARE, OVERHEAD, ChessClock, ClockError
-from app.time_control import ArmTime, TimeControl
+from app.settings.time_control import ArmTime, TimeControl
 
 WHITE, BLACK = chess.WHITE, chess.BLACK
 

@@ -21,7 +21,7 @@ from app.games import resume_games, run_games
 from app.match import last_round
 from app.records import EVENTS_FILE, read_events, read_history
 from app.session import SessionResult
-from app.settings_file import settings_of
+from app.settings.files import settings_of
 from hardware.table import Captured, TableSettings
 
 TABLE = TableSettings()

@@ -7,7 +7,7 @@ import pytest
 
 from app.clock import ChessClock
 from app.game.timing import Timing, clock_of
-from app.time_control import ArmTime, TimeControl
+from app.settings.time_control import ArmTime, TimeControl
 
 
 class Times:

@@ -10,7 +10,7 @@ import pytest
 
 from app.faces import Quiet
 from app.games import run_games
-from app.settings_file import settings_of
+from app.settings.files import settings_of
 from controller.wire.address import find_controller
 from controller.wire.client import ControllerClient
 from hardware.sim.process.settings import Pace

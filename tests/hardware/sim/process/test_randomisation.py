@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from app.config import ConfigError, load_randomisation
 from app.layout import start_layout
+from app.settings.rig_file import ConfigError, load_randomisation
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import BoardOffset
 from hardware.sim.bodies.scene import build_model

@@ -9,9 +9,9 @@ from typing import get_args
 import chess
 import pytest
 
-from app.config import ConfigError, DrivesSection, RigFile, WorldSection, load_rig
 from app.devices import RigFailed
 from app.rig import choose_rig
+from app.settings.rig_file import ConfigError, DrivesSection, RigFile, WorldSection, load_rig
 from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.process.settings import Pace
@@ -114,7 +114,7 @@ def test_a_rig_is_sim_or_a_file(tmp_path: Path) -> None:
 
 
 def test_the_file_on_the_page_is_a_rig(tmp_path: Path) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "rigs.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "rigs.md").read_text(encoding="utf-8")
     block = page.split("## The file")[1].split("```toml\n")[1].split("```")[0]
     rig = load_rig(write(tmp_path, block))
     assert chess.Board(rig.world_section.fen).is_valid()
@@ -125,7 +125,7 @@ def test_the_file_on_the_page_is_a_rig(tmp_path: Path) -> None:
 
 
 def test_the_cameras_on_the_page_are_cameras(tmp_path: Path) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "rigs.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "rigs.md").read_text(encoding="utf-8")
     shown = {}
     for block in page.split("## A lab's camera")[1].split("```toml\n")[1:]:
         text = block.split("```")[0]

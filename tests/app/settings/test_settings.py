@@ -12,10 +12,10 @@ from pydantic import BaseModel
 from typer.testing import CliRunner
 
 from app.cli import app
-from app.config import ConfigError
 from app.motion import Profile
-from app.settings import PlayerKind, Settings
-from app.settings_file import as_toml, load_settings, settings_of
+from app.settings.files import as_toml, load_settings, settings_of
+from app.settings.rig_file import ConfigError
+from app.settings.tree import PlayerKind, Settings
 from hardware.sim.process.settings import Pace
 
 TEXT = st.text(st.characters(codec="utf-8"), max_size=9)

@@ -13,9 +13,9 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from app.config import SIMULATED
 from app.motion import Profile
-from app.time_control import ArmTime
+from app.settings.rig_file import SIMULATED
+from app.settings.time_control import ArmTime
 from engine.settings import OptionValue
 from hardware.sim.process.settings import Pace
 from hardware.table import Captured, Colour

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app import UserError
-from app.time_control import Extra, Period, TimeControl, clock_text
+from app.settings.time_control import Extra, Period, TimeControl, clock_text
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,9 @@ from typing import Any, Final
 from pydantic import BaseModel, ValidationError
 
 from app import UserError
-from app.config import ConfigError, load_toml
 from app.records.files import write_atomically
-from app.settings import Settings
+from app.settings.rig_file import ConfigError, load_toml
+from app.settings.tree import Settings
 
 SETTINGS_FILE: Final = "settings.json"
 """In the folder of a match: what it was started with."""
