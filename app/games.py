@@ -14,10 +14,10 @@ from app.faces import Face
 from app.game import GameEnd, Position
 from app.game.human import Human
 from app.game.seating import Seating
-from app.layout import start_layout
 from app.lines import parse_line
-from app.manipulation import Inventory
 from app.match import Fixture, Match, Start, last_round, match_of
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory
 from app.player_choice import engine_players, line_players, start_clock
 from app.players import Players
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now

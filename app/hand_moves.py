@@ -1,6 +1,6 @@
 """What a simulated person does at the board for a move of chess; pure functions.
 
-The order is that of :mod:`app.manipulation`: a captured piece first, then a promoted pawn and its spare; in castling
+The order is that of :mod:`app.pieces.manipulation`: a captured piece first, then a promoted pawn and its spare; in castling
 the king first. The hand is told points, near which it takes what it sees there.
 """
 
@@ -13,7 +13,7 @@ from typing import Final
 import chess
 
 from app import UserError
-from app.manipulation import Inventory, Ply, Transfer, transfers
+from app.pieces.manipulation import Inventory, Ply, Transfer, transfers
 from hardware.sim.hand.actions import Action, Move, Withdraw
 from hardware.table import Place, TableSettings
 

@@ -24,7 +24,7 @@ from app.game.seating import Seating
 from app.game.state import WRONG
 from app.game.table import Table
 from app.game.timing import Timing, clock_of
-from app.manipulation import Inventory
+from app.pieces.manipulation import Inventory
 from app.players import Players
 from app.records import EVENTS_FILE, GameRecord, GameSetup
 from app.records.events import Result

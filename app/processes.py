@@ -241,8 +241,8 @@ def _start_world(rig: RigFile) -> None:
     """Start a simulated world that ends with its controller, and wait until it answers; the pieces are set up anew."""
     import chess
 
-    from app.layout import start_layout
     from app.motion import MotionSettings
+    from app.pieces.layout import start_layout
 
     world = rig.world_section
     try:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from app import UserError
 from app.arm import FELT, ArmState
-from app.manipulation import Stage, Transfer
+from app.pieces.manipulation import Stage, Transfer
 from hardware.table import TableSettings
 
 ABOVE = 0.003

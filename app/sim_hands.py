@@ -6,7 +6,7 @@ from pathlib import Path
 
 from app.game.commands import HandVerb, MoveHand
 from app.hand_moves import hand_transfers
-from app.manipulation import Inventory, Ply
+from app.pieces.manipulation import Inventory, Ply
 from hardware.sim.clients.hand import HandRefused, SimHand
 from hardware.sim.hand.actions import Action, Hover, Knock, Move, Rest, Withdraw
 

@@ -13,9 +13,9 @@ import chess
 from pydantic import BaseModel, ConfigDict
 
 from app import UserError
-from app.layout import start_layout
-from app.manipulation import Inventory
 from app.motion import MotionSettings
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory
 from app.sim_rig import SimRig
 from app.sim_settings import SimRigSettings
 from controller.loop.statistics import PULSE_FILE

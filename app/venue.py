@@ -12,8 +12,8 @@ import chess
 from app import UserError
 from app.board_rig import BoardRig
 from app.devices import Rig
-from app.manipulation import Inventory
 from app.motion import PROFILES, MotionSettings, contact_limits
+from app.pieces.manipulation import Inventory
 from app.settings.rig_file import BOARD, SIMULATED, RigFile, load_randomisation, load_rig
 from app.settings.tree import PadKind, RigSection
 from app.sim_settings import SimRigSettings

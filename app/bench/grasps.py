@@ -10,8 +10,8 @@ import chess
 import numpy as np
 
 from app.bench.plies import Bed, Disorder, positions
-from app.manipulation import MoveKind
 from app.motion import MotionSettings, plan_return
+from app.pieces.manipulation import MoveKind
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 

@@ -22,9 +22,9 @@ import numpy as np
 from app import UserError
 from app.arm_view import ArmHistory
 from app.hand_guard import ArmMasks, HandGuard, Listener
-from app.layout import start_layout
-from app.manipulation import Inventory
 from app.motion import MotionSettings
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory
 from app.sim_rig import SimRig
 from app.sim_settings import SimRigSettings
 from app.watch_view import nominal_view

@@ -16,11 +16,11 @@ from app.bench.optimum import NoOptimum, optimal_duration
 from app.bench.plies import Disorder, Done, Games
 from app.bench.report import BenchReport, Row, machine, row
 from app.bench.touchdown import TARGET, Touchdown, set_down
-from app.manipulation import MoveKind
 from app.motion import PROFILES, Motion, MotionSettings, Profile
 from app.motion.path import STRAIGHT, Path, Vector, blend, turns
 from app.motion.settings import Law
 from app.motion.time_law import Bounds, bounds_of_pieces, time_law
+from app.pieces.manipulation import MoveKind
 from controller.protocol import Guard
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.table import CONTACT_PROFILES, Kind, TableSettings, square_place

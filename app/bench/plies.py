@@ -16,10 +16,10 @@ import chess
 import numpy as np
 
 from app.bench.cell import LEAD, Cell
-from app.layout import start_layout
-from app.manipulation import Inventory, MoveKind, Ply, transfers
 from app.motion import MotionSettings, Plan, plan_ply
 from app.motion.path import Vector
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, MoveKind, Ply, transfers
 from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Triple

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import chess
 import numpy as np
 
-from app.layout import start_layout
+from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import Pose
 from hardware.table import Place, TableSettings
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.bench.cell import LEAD, Cell
-from app.manipulation import Inventory, Stage, Transfer
 from app.motion import Motion, MotionSettings, plan_ply
+from app.pieces.manipulation import Inventory, Stage, Transfer
 from controller.protocol import Guard
 from hardware.parameters import RobotParameters
 from hardware.sim.bodies.placed import StandingPiece

@@ -12,7 +12,7 @@ import numpy as np
 from app.bench.positions import Table
 from app.bench.report import Row, row
 from app.bench.vision_games import Eye, Scene, Tally, open_studio, random_game
-from app.layout import start_layout
+from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import Pose
 from hardware.table import PIECE_SHAPES, TableSettings, square_place
 from vision.pieces.swapped import Sighted, looked_closer

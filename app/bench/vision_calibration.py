@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from app.bench.report import Row, row
 from app.calibrate import calibrate_rig, corners_near
-from app.layout import start_layout
 from app.motion import MotionSettings
+from app.pieces.layout import start_layout
 from app.showing import Setup
 from app.sim_rig import SimRig
 from app.sim_settings import SimRigSettings

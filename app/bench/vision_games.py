@@ -17,8 +17,8 @@ import numpy as np
 from app.bench.positions import Table
 from app.bench.report import Row, row
 from app.bench.vision_calibration import OFF, random_looks, random_mount
-from app.layout import start_layout
 from app.motion import MotionSettings
+from app.pieces.layout import start_layout
 from hardware.interfaces import Frame
 from hardware.sim.bodies.hand import Pose as HandPose
 from hardware.sim.process.table_studio import Pose, TableStudio

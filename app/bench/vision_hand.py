@@ -26,8 +26,8 @@ from app.arm import ArmHeld
 from app.bench.hand_scene import INTERVAL, Follower, HandScene, hand_scene, until
 from app.bench.loop import straight
 from app.bench.report import Row, row
-from app.manipulation import transfers
 from app.motion import Motion, MotionSettings, Plan, plan_ply
+from app.pieces.manipulation import transfers
 from controller.protocol.causes import Cause
 from controller.wire.errors import MotionRefused, MotionStopped
 from hardware.interfaces import HardwareError

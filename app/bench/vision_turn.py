@@ -24,7 +24,7 @@ from app.bench.report import Row, row
 from app.bench.vision_games import Eye, Tally
 from app.hand_guard import HandGuard, Listener
 from app.hand_moves import hand_transfers
-from app.manipulation import transfers
+from app.pieces.manipulation import transfers
 from hardware.interfaces import DepthFrame, Frame, HardwareError
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import HandSettings, Withdraw

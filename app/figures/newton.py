@@ -10,10 +10,10 @@ from pydantic import JsonValue
 
 from app.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
 from app.figures.result import Bar, Picture, Progress, Result
-from app.layout import start_layout
-from app.manipulation import Inventory, transfers
 from app.motion import MotionSettings, plan_ply
 from app.motion.reference import Vector
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, transfers
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import TOLERANCE, newton_step
 from controller.model.reach import posture_at

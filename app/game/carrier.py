@@ -22,7 +22,7 @@ from app.arm import (
 )
 from app.faces import Face
 from app.game.state import Clearance, Devices, Job, moved_all
-from app.manipulation import Inventory, Stage, Transfer
+from app.pieces.manipulation import Inventory, Stage, Transfer
 from app.records import GameRecord
 from app.recovery import PieceLost, Progress, progress_of
 from hardware.parameters import RobotParameters

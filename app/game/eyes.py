@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from app.arm import Arm
 from app.game.replies import pieces_of, reply_shown
 from app.game.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
-from app.layout import KINDS, PIECE_TYPES
-from app.manipulation import Inventory
+from app.pieces.layout import KINDS, PIECE_TYPES
+from app.pieces.manipulation import Inventory
 from app.repair import Sighting, kinds_by_height
 from app.repair.sighting import HEIGHTS, Chances
 from app.righting import Strayed

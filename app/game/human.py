@@ -9,7 +9,7 @@ import chess
 
 from app import UserError
 from app.game.commands import MoveHand
-from app.manipulation import Inventory, Ply
+from app.pieces.manipulation import Inventory, Ply
 
 
 class PersonGone(UserError):

@@ -23,7 +23,7 @@ from app.game.person import NeedsHand
 from app.game.state import LEFT, WRONG, GameEnd
 from app.game.table import Remark, Table
 from app.game.timing import Timing
-from app.manipulation import transfers
+from app.pieces.manipulation import transfers
 from app.players import Players
 from app.records import RecordError
 from app.records.events import Result

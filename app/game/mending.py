@@ -22,9 +22,9 @@ from app.game.carrier import BoardTouched, Carrier, CarryFailed
 from app.game.eyes import Eyes
 from app.game.state import AwaitedReply, Job, changed, moved_all
 from app.game.unaided import Fallen, unaided, with_missing
-from app.manipulation import Inventory, Transfer
 from app.motion.plan import InTheWay, PlanRefused
-from app.rearrange import rearrange
+from app.pieces.manipulation import Inventory, Transfer
+from app.pieces.order import rearrange
 from app.records import GameRecord
 from app.records.events import Purpose
 from app.repair import Ask, Repair, mend

@@ -13,7 +13,7 @@ from typing import Final
 import chess
 import numpy as np
 
-from app.layout import colour_of, kind_of
+from app.pieces.layout import colour_of, kind_of
 from hardware.interfaces import Frame
 from hardware.table import PieceSpec, square_place
 from vision.board.view import BoardView

@@ -10,7 +10,7 @@ import chess
 
 from app import UserError
 from app.arm import Arm
-from app.manipulation import Inventory, Transfer
+from app.pieces.manipulation import Inventory, Transfer
 from app.records import History
 from app.records.events import Result
 from app.records.history import Unfinished

@@ -18,9 +18,9 @@ from app import UserError
 from app.faces import Face
 from app.game.carrier import Begun, BoardTouched, Carried, Carrier, CarryFailed
 from app.game.state import FRAME_AGE, AwaitedReply, Devices, Job, Position, changed, moved_all
-from app.judging import Verdict, judge
-from app.layout import colour_of
-from app.manipulation import Inventory, Ply, Transfer, move_kind, transfers
+from app.pieces.judging import Verdict, judge
+from app.pieces.layout import colour_of
+from app.pieces.manipulation import Inventory, Ply, Transfer, move_kind, transfers
 from app.records import GameRecord, PlyOutcome, recording
 from app.records.events import Purpose
 from app.records.history import Unfinished, transfer_of
@@ -403,7 +403,7 @@ class _Done:
 
 def _arranged(inventory: Inventory, board: chess.Board) -> tuple[Transfer, ...]:
     """Transfers that put a position on the board."""
-    from app.rearrange import set_up  # SciPy takes a second to load: not before something is to be set up
+    from app.pieces.position import set_up  # SciPy takes a second to load: not before something is to be set up
 
     return set_up(inventory, board)
 

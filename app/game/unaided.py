@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.manipulation import Inventory, Transfer
+from app.pieces.manipulation import Inventory, Transfer
 from app.repair import Repair
 from app.righting import Strayed
 from hardware.table import Place, TableSettings

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app import UserError
-from app.manipulation import Stage
 from app.motion.path import Path, Vector
 from app.motion.route import Route, timed
 from app.motion.settings import MotionSettings
+from app.pieces.manipulation import Stage
 from controller.protocol import Result
 from hardware.table import TableSettings
 

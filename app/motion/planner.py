@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.manipulation import Inventory, PieceBoxed, Stage, Transfer
 from app.motion.drop import fall_time
 from app.motion.gains import Softness
 from app.motion.loosened import loosened
@@ -23,6 +22,7 @@ from app.motion.plan import InTheWay, Motion, Plan, PlanRefused, Style
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
 from app.motion.ways import Hop, Workcell, over, polygon
+from app.pieces.manipulation import Inventory, PieceBoxed, Stage, Transfer
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, Kind, Place, TableSettings
 

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
 
-from app.manipulation import Inventory, MoveKind, Stage, Transfer
+from app.pieces.manipulation import Inventory, MoveKind, Stage, Transfer
 from app.records.files import RecordError
 from hardware.table import Colour, Kind
 

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, NonNegativeInt, ValidationError
 
 from app import UserError
-from app.manipulation import Stage
 from app.motion.gains import Softness
 from app.motion.path import Path as Way
 from app.motion.plan import Motion, Plan, Style
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
 from app.motion.time_law import Bounds
+from app.pieces.manipulation import Stage
 from app.records.files import write_atomically
 from controller.protocol import SAMPLE
 from hardware.table import TableSettings

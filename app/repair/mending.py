@@ -9,8 +9,8 @@ from typing import Final
 
 import chess
 
-from app.manipulation import Inventory, Transfer
-from app.rearrange.order import Point, rearrange
+from app.pieces.manipulation import Inventory, Transfer
+from app.pieces.order import Point, rearrange
 from app.repair.belief import Belief, believe
 from app.repair.sighting import KNOWN, Sighting
 from app.repair.twice import doubted

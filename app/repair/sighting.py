@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.manipulation import Inventory
-from app.rearrange.order import Point
+from app.pieces.manipulation import Inventory
+from app.pieces.order import Point
 from hardware.table import PIECE_SHAPES, Colour, Kind, square_place
 from vision.pieces.centres import Centre
 from vision.pieces.verify import Fault, FaultKind

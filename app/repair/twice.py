@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 
 import chess
 
-from app.layout import kind_of
+from app.pieces.layout import kind_of
 from app.repair.belief import SURE
 from app.repair.sighting import FLUKE, Chances
 from hardware.table import Colour, Kind

@@ -14,8 +14,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from app.layout import start_layout
 from app.motion import MotionSettings
+from app.pieces.layout import start_layout
 from hardware.camera.framesets import FrameMaker
 from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.parameters import load_parameters

@@ -13,8 +13,8 @@ import cv2
 import mujoco
 import numpy as np
 
-from app.layout import start_layout
 from app.motion import MotionSettings
+from app.pieces.layout import start_layout
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.hand import add_hand
 from hardware.sim.bodies.scene import build_model

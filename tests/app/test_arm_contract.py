@@ -11,9 +11,9 @@ import pytest
 from app.arm import FELT, Arm
 from app.board_rig import BoardRig
 from app.devices import Rig
-from app.layout import start_layout
-from app.manipulation import Inventory, Ply, Stage, transfers
 from app.motion import Motion, MotionSettings, Plan, plan_ply, plan_return
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, Ply, Stage, transfers
 from app.sim_rig import SimRig
 from app.sim_settings import SimRigSettings
 from hardware.parameters import load_parameters

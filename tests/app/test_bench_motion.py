@@ -12,11 +12,11 @@ from app.bench import motion
 from app.bench.optimum import optimal_duration
 from app.bench.plies import Bed, Disorder, positions
 from app.bench.touchdown import WOOD, Touchdown, set_down
-from app.manipulation import MoveKind
 from app.motion import PROFILES, Profile
 from app.motion.path import blend
 from app.motion.route import timed
 from app.motion.time_law import Bounds, time_law
+from app.pieces.manipulation import MoveKind
 from controller.protocol import Guard, Result
 from hardware.parameters import load_parameters
 from hardware.table import Kind, TableSettings

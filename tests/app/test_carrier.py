@@ -15,9 +15,9 @@ from app.arm import ArmState, Outcome
 from app.faces import Quiet
 from app.game.carrier import BoardTouched, Carrier
 from app.game.state import Clearance, Devices, Job
-from app.layout import start_layout
-from app.manipulation import Inventory, transfers
 from app.motion import Motion, MotionSettings, Plan
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, transfers
 from app.records import GameRecord, GameSetup
 from app.righting import Blocked, Strayed
 from hardware.parameters import load_parameters

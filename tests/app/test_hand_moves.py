@@ -6,8 +6,8 @@ import chess
 import pytest
 
 from app.hand_moves import hand_move, hand_transfers
-from app.layout import start_layout
-from app.manipulation import IllegalPly, Inventory, Transfer
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import IllegalPly, Inventory, Transfer
 from hardware.sim.hand.actions import Move, Withdraw
 from hardware.table import Colour, Kind, Place, TableSettings
 

@@ -9,8 +9,8 @@ import chess
 import chess.pgn
 import pytest
 
-from app.layout import start_layout
-from app.manipulation import Inventory, Stage, transfers
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, Stage, transfers
 from app.records import EVENTS_FILE, GameRecord, GameSetup, PlyOutcome, RecordError, read_events, read_history
 from hardware.table import TableSettings
 

@@ -7,7 +7,7 @@ import pytest
 
 from app.bench.vision_actions import Hands
 from app.bench.vision_games import Eye, Scene, open_studio, random_game
-from app.layout import start_layout
+from app.pieces.layout import start_layout
 from hardware.table import TableSettings
 from vision.pieces.verify import FaultKind, examine_board
 

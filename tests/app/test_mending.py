@@ -25,11 +25,11 @@ from app.game.mending import MOST_ROUNDS, Mender
 from app.game.person import NeedsHand, UnattendedAsker
 from app.game.state import AwaitedReply, Devices, Job, Position
 from app.game.table import Table
-from app.layout import start_layout
-from app.manipulation import Inventory, Transfer, transfers
 from app.motion import MotionSettings
 from app.motion.obstacles import Standing
 from app.motion.plan import InTheWay, PlanRefused
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, Transfer, transfers
 from app.records import EVENTS_FILE, GameRecord, GameSetup, read_history
 from app.records.events import TroubleEvent
 from app.records.history import Unfinished

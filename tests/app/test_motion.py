@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.layout import start_layout
-from app.manipulation import Inventory, Ply, Stage, Transfer, transfers
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply, plan_return
 from app.motion.gains import Softness, scheduled
 from app.motion.obstacles import Crowd, Moving, Standing, blocking_neighbour, closed_position, needed_heights
 from app.motion.path import Vector
 from app.motion.settings import Gains
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, Ply, Stage, Transfer, transfers
 from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck
 from controller.protocol import Guard

@@ -12,8 +12,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from app.bench.cell import LEAD, Cell
-from app.layout import start_layout
-from app.manipulation import Inventory
 from app.motion import MotionSettings
 from app.motion.heel import reach
 from app.motion.lying import Lying, Strewn, crowd_of, discs_of
@@ -23,6 +21,8 @@ from app.motion.plan import PlanRefused
 from app.motion.planner import fits_around
 from app.motion.upright import room_to_stand_up
 from app.motion.ways import Workcell
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory
 from app.righting import Blocked, Strayed, plan_pushing
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece

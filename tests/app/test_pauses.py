@@ -16,10 +16,10 @@ from app.faces import Quiet
 from app.game import Devices, Game, Position
 from app.game.carrier import MOST_PAUSES, Carrier
 from app.game.table import Table
-from app.layout import start_layout
-from app.manipulation import Inventory, Stage
 from app.motion import Motion, MotionSettings, Plan
 from app.motion.obstacles import closed_position
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, Stage
 from app.players import Decision, LinePlayer, Player, Players
 from app.records import GameRecord, GameSetup, PlyEvent, StepEvent, read_events
 from controller.protocol import Guard

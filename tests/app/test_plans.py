@@ -11,9 +11,9 @@ import pytest
 
 from app import UserError
 from app.bench.plies import Bed, Disorder
-from app.layout import start_layout
-from app.manipulation import Inventory, transfers
 from app.motion import PROFILES, Plan, Profile, plan_ply
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, transfers
 from app.records.plans import PlanUnreadable, load_plan, save_plan
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings

@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from app.layout import start_layout
-from app.manipulation import Inventory, Ply, transfers
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, Ply, transfers
 from app.records import (
     EndEvent,
     GameRecord,

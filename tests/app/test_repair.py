@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.layout import colour_of, start_layout
-from app.manipulation import Inventory, NoSpare, transfers
 from app.motion import MotionSettings, plan_ply
+from app.pieces.layout import colour_of, start_layout
+from app.pieces.manipulation import Inventory, NoSpare, transfers
 from app.repair import Ask, Repair, Sighting, kinds_by_height, mend, repair_towards
 from app.repair.sighting import Chances
 from hardware.parameters import load_parameters

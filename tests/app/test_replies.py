@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.game.replies import pieces_of, reply_shown
-from app.layout import start_layout
+from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import Pose, TableStudio
 from hardware.sim.render.appearance import Looks
 from hardware.table import PieceSpec, TableSettings, square_place

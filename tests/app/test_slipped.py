@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from app.arm import ControllerArm, PieceSlipped
-from app.layout import start_layout
-from app.manipulation import Inventory, Stage, transfers
 from app.motion import MotionSettings, Plan, plan_ply, plan_return
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, Stage, transfers
 from controller.protocol.layout import Result
 from controller.wire.client import MotionOutcome
 from hardware.parameters import load_parameters

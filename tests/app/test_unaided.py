@@ -8,8 +8,8 @@ import chess
 import pytest
 
 from app.game.unaided import Fallen, unaided, with_missing
-from app.layout import start_layout
-from app.manipulation import Inventory, Transfer
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, Transfer
 from app.repair import Repair
 from app.righting import Strayed
 from hardware.table import Place, TableSettings

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 import hardware.sim
-from app.layout import start_layout
 from app.motion import MotionSettings
+from app.pieces.layout import start_layout
 from hardware.interfaces import Command
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.scene import build_model

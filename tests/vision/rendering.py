@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.layout import start_layout
 from app.motion import MotionSettings
+from app.pieces.layout import start_layout
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import CAMERAS, build_model

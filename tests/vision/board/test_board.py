@@ -16,8 +16,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from app.layout import start_layout
 from app.motion import MotionSettings
+from app.pieces.layout import start_layout
 from hardware.interfaces import Frame, Intrinsics
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from app.bench.vision_calibration import random_looks, random_mount, random_position
-from app.layout import start_layout
+from app.pieces.layout import start_layout
 from hardware.interfaces import Frame, Intrinsics
 from hardware.sim.process.table_studio import Pose, TableStudio
 from hardware.sim.render.appearance import Looks, MountSettings

@@ -11,7 +11,7 @@ import chess
 import numpy as np
 import pytest
 
-from app.layout import start_layout
+from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import Pose as Put
 from hardware.sim.process.table_studio import TableStudio
 from hardware.sim.render.appearance import Looks

@@ -8,7 +8,7 @@ import chess
 import numpy as np
 import pytest
 
-from app.layout import start_layout
+from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import Pose, TableStudio
 from hardware.sim.render.appearance import Looks
 from hardware.table import PieceSpec, Place, TableSettings

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.layout import start_layout
+from app.pieces.layout import start_layout
 from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Command, Triple

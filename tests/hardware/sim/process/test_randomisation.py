@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from app.layout import start_layout
+from app.pieces.layout import start_layout
 from app.settings.rig_file import ConfigError, load_randomisation
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import BoardOffset

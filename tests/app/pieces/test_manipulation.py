@@ -8,8 +8,8 @@ import re
 import chess
 import pytest
 
-from app.layout import start_layout
-from app.manipulation import (
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import (
     IllegalPly,
     Inventory,
     InventoryError,

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from app.manipulation import Inventory, expected
+from app.pieces.manipulation import Inventory, expected
 from hardware.sim.plant.truth import PiecePose, Truth
 from hardware.table import Box, PieceSpec, Place, TableSettings
 

@@ -15,11 +15,11 @@ from app.arm import FELT, ArmState
 from app.faces import Quiet
 from app.games import run_games
 from app.hand_moves import HandDropsNothing, hand_move
-from app.judging import judge
-from app.layout import BoxesTooSmall, TraysTooSmall, physical_set, start_layout
-from app.manipulation import Inventory, InventoryError, NoSpare, PieceBoxed, Ply, Stage, Transfer, transfers
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from app.motion.drop import fall_time, tool_height
+from app.pieces.judging import judge
+from app.pieces.layout import BoxesTooSmall, TraysTooSmall, physical_set, start_layout
+from app.pieces.manipulation import Inventory, InventoryError, NoSpare, PieceBoxed, Ply, Stage, Transfer, transfers
 from app.recovery import PieceLost, Progress, progress_of
 from app.settings.files import settings_of
 from app.settings.rig_file import load_rig

@@ -18,9 +18,9 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from app import UserError
-from app.layout import SPARES, colour_of, kind_of, physical_set
-from app.manipulation import Inventory, Transfer
-from app.rearrange.order import NOWHERE_ELSE, Point, rearrange, rings_of
+from app.pieces.layout import SPARES, colour_of, kind_of, physical_set
+from app.pieces.manipulation import Inventory, Transfer
+from app.pieces.order import NOWHERE_ELSE, Point, rearrange, rings_of
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 
 Array = NDArray[np.float64]

@@ -14,17 +14,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.layout import colour_of, kind_of, start_layout
-from app.manipulation import Inventory, InventoryError, NoSpare, Transfer, transfers
 from app.motion import MotionSettings, plan_ply
-from app.rearrange import (
-    NowhereAside,
-    PiecesMissing,
-    PlacesMissing,
-    arranged,
-    rearrange,
-    set_up,
-)
+from app.pieces.layout import colour_of, kind_of, start_layout
+from app.pieces.manipulation import Inventory, InventoryError, NoSpare, Transfer, transfers
+from app.pieces.order import NowhereAside, rearrange
+from app.pieces.position import PiecesMissing, PlacesMissing, arranged, set_up
 from hardware.parameters import load_parameters
 from hardware.table import Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
 

@@ -10,8 +10,8 @@ import chess
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.layout import colour_of, kind_of, start_layout
-from app.manipulation import Inventory, MoveKind, NoSpare, Ply, transfers
+from app.pieces.layout import colour_of, kind_of, start_layout
+from app.pieces.manipulation import Inventory, MoveKind, NoSpare, Ply, transfers
 from hardware.table import Place, TableSettings
 
 TABLE = TableSettings()

@@ -9,7 +9,7 @@ from collections import Counter
 import chess
 import pytest
 
-from app.layout import (
+from app.pieces.layout import (
     KINDS,
     SPARES,
     PositionImpossible,

@@ -9,9 +9,9 @@ import re
 import chess
 import pytest
 
-from app.judging import judge
-from app.layout import start_layout
-from app.manipulation import Inventory
+from app.pieces.judging import judge
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory
 from hardware.sim.plant.truth import PiecePose, Truth
 from hardware.table import TableSettings, square_place
 

@@ -22,7 +22,7 @@ from types import MappingProxyType
 import chess
 
 from app import UserError
-from app.layout import KINDS, colour_of, kind_of
+from app.pieces.layout import KINDS, colour_of, kind_of
 from hardware.table import (
     PIECE_SHAPES,
     Captured,
