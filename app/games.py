@@ -12,14 +12,14 @@ import chess
 from app import UserError
 from app.faces import Face
 from app.game import GameEnd, Position
-from app.game.human import Human
 from app.game.seating import Seating
-from app.lines import parse_line
 from app.match import Fixture, Match, Start, last_round, match_of
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory
 from app.player_choice import engine_players, line_players, start_clock
-from app.players import Players
+from app.players.given_line import parse_line
+from app.players.person import Human
+from app.players.players import Players
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
 from app.records.events import EndEvent
 from app.records.files import GAMES

@@ -19,13 +19,13 @@ from app.clock import ChessClock
 from app.faces import Face
 from app.game import Devices, Game, GameEnd, Position
 from app.game.game import require_empty_fingers
-from app.game.human import Human
 from app.game.seating import Seating
 from app.game.state import WRONG
 from app.game.table import Table
 from app.game.timing import Timing, clock_of
 from app.pieces.manipulation import Inventory
-from app.players import Players
+from app.players.person import Human
+from app.players.players import Players
 from app.records import EVENTS_FILE, GameRecord, GameSetup
 from app.records.events import Result
 from app.records.history import counted_plies, persons_side

@@ -12,7 +12,7 @@ import chess
 from app import UserError
 from app.clock import ChessClock
 from app.faces import Face
-from app.players import EnginePlayer, LinePlayer, Player, Players
+from app.players.players import EnginePlayer, LinePlayer, Player, Players
 from app.settings.time_control import TimeControl
 from app.settings.tree import PlayerKind, Settings
 from engine.book import Book, BookSettings

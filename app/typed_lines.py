@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from typing import Final, TextIO
 
-from app.game.human import PersonGone
+from app.players.person import PersonGone
 
 _END: Final = None
 

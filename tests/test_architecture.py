@@ -96,10 +96,10 @@ KNOW_THE_TRUTH = {
 CHOOSERS = (
     "app.arm",
     "app.pieces.layout",
-    "app.lines",
+    "app.players.given_line",
     "app.pieces.manipulation",
     "app.motion",
-    "app.players",
+    "app.players.players",
     "app.pieces.order",
     "app.repair",
     "controller",

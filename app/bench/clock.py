@@ -16,7 +16,7 @@ import chess
 
 from app.bench.report import BenchReport, Row, machine, row
 from app.clock import ChessClock
-from app.players import EnginePlayer, Players
+from app.players.players import EnginePlayer, Players
 from app.settings.time_control import ArmTime, TimeControl
 from engine.openings import opening_engine, varied_opening
 from engine.stockfish import Engine, EngineSettings

@@ -11,10 +11,10 @@ import chess
 import numpy as np
 
 from app.bench.cell import LEAD, Cell
-from app.lines import parse_line
 from app.motion import MotionSettings, plan_ply
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, transfers
+from app.players.given_line import parse_line
 from controller.law.task_space import TaskSpaceController
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel

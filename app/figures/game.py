@@ -10,9 +10,9 @@ import numpy as np
 from app.bench.plies import Bed, Disorder
 from app.figures.drawing import GREY, WITH, WITHOUT, axes, picture
 from app.figures.result import Bar, Picture, Progress, Result
-from app.lines import parse_line
 from app.motion import PROFILES, Profile
 from app.motion.path import Vector
+from app.players.given_line import parse_line
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 

@@ -15,11 +15,11 @@ from pydantic import JsonValue
 from app import UserError
 from app.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
 from app.figures.result import Bar, Picture, Progress, Result
-from app.lines import parse_line
 from app.motion import PROFILES, MotionSettings, Plan, Profile, contact_limits, plan_ply
 from app.motion.path import Vector
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, Ply, Stage, transfers
+from app.players.given_line import parse_line
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, TableSettings
 

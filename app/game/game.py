@@ -9,12 +9,12 @@ import chess
 from app import UserError
 from app.arm import FELT
 from app.faces import Face
-from app.game.human import Human
 from app.game.human_turn import HumanTurn
 from app.game.state import WRONG, GameEnd
 from app.game.table import Remark, Table
 from app.game.timing import Timing
-from app.players import Decision, Players
+from app.players.person import Human
+from app.players.players import Decision, Players
 from app.records.events import Result
 from engine.errors import EngineProblem
 

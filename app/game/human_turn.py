@@ -16,15 +16,15 @@ import chess
 from app import UserError
 from app.arm import ArmPaused
 from app.faces import Face
-from app.game.commands import Command, MoveHand, PlayMove, Word, help_text, parse_command
 from app.game.hand_notice import HandNotice
-from app.game.human import Human, PersonGone
 from app.game.person import NeedsHand
 from app.game.state import LEFT, WRONG, GameEnd
 from app.game.table import Remark, Table
 from app.game.timing import Timing
 from app.pieces.manipulation import transfers
-from app.players import Players
+from app.players.commands import Command, MoveHand, PlayMove, Word, help_text, parse_command
+from app.players.person import Human, PersonGone
+from app.players.players import Players
 from app.records import RecordError
 from app.records.events import Result
 from app.settings.time_control import clock_text

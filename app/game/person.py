@@ -6,7 +6,7 @@ from typing import Final
 
 from app import UserError
 from app.faces import Face
-from app.game.human import Lines
+from app.players.person import Lines
 
 POLL: Final = 0.2
 """How long is waited for words at a time [s, wall]."""

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from app.faces import Face
 from app.game.carrier import Carrier
-from app.game.human import Human
 from app.game.person import PersonAsker, UnattendedAsker
 from app.game.state import Devices, Position
 from app.game.table import Table
+from app.players.person import Human
 from app.records import GameRecord
 from hardware.interfaces import Intrinsics
 from hardware.parameters import RobotParameters

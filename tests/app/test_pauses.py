@@ -20,7 +20,7 @@ from app.motion import Motion, MotionSettings, Plan
 from app.motion.obstacles import closed_position
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, Stage
-from app.players import Decision, LinePlayer, Player, Players
+from app.players.players import Decision, LinePlayer, Player, Players
 from app.records import GameRecord, GameSetup, PlyEvent, StepEvent, read_events
 from controller.protocol import Guard
 from hardware.parameters import load_parameters

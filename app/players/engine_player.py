@@ -7,7 +7,7 @@ from typing import Final
 import chess
 import chess.engine
 
-from app.deciding import Decision
+from app.players.decision import Decision
 from engine.book import Book
 from engine.policy import Manners
 from engine.stockfish import Engine, EngineMove

@@ -8,8 +8,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import chess
 import chess.engine
 
-from app.deciding import Decision, Player, Thinker
-from app.engine_player import EnginePlayer
+from app.players.decision import Decision, Player, Thinker
+from app.players.engine_player import EnginePlayer
 from engine.errors import EngineRefused
 
 __all__ = ["Decision", "EnginePlayer", "LinePlayer", "Player", "Players", "Thinker"]

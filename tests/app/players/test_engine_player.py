@@ -11,7 +11,7 @@ import pytest
 
 from app.bench.clock import play
 from app.clock import ArmTime, ChessClock
-from app.engine_player import EnginePlayer
+from app.players.engine_player import EnginePlayer
 from app.settings.time_control import TimeControl
 from engine.answers import EngineMove
 from engine.policy import Manners

@@ -8,8 +8,8 @@ from typing import Protocol
 import chess
 
 from app import UserError
-from app.game.commands import MoveHand
 from app.pieces.manipulation import Inventory, Ply
+from app.players.commands import MoveHand
 
 
 class PersonGone(UserError):

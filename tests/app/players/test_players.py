@@ -9,7 +9,7 @@ import chess
 import chess.engine
 import pytest
 
-from app.players import Decision, LinePlayer, Players
+from app.players.players import Decision, LinePlayer, Players
 from engine.errors import EngineFailed, EngineRefused
 
 

@@ -11,7 +11,7 @@ from types import MappingProxyType
 import chess
 
 from app import UserError
-from app.lines import MoveError, parse_move, tokens_of
+from app.players.given_line import MoveError, parse_move, tokens_of
 from hardware.table import Place
 
 

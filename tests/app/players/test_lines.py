@@ -7,7 +7,7 @@ import re
 import chess
 import pytest
 
-from app.lines import LineError, parse_line
+from app.players.given_line import LineError, parse_line
 
 
 def ucis(text: str, fen: str = chess.STARTING_FEN) -> list[str]:
