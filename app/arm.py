@@ -16,7 +16,7 @@ from controller.wire.errors import MotionRefused, MotionStopped
 
 if TYPE_CHECKING:
     from app.motion.plan import Motion, Plan
-    from app.motion.reference import Vector
+    from app.motion.timing.reference import Vector
 
 FELT: Final = 0.5
 """Both pads feel more than this where something is between them; what they are commanded to press with is 4 N [N]."""

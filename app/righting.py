@@ -13,15 +13,15 @@ from typing import Final
 
 import numpy as np
 
-from app.motion.lying import Lying, Strewn, crowd_of
-from app.motion.nudge import Nudge, find_nudge, plan_nudge
+from app.motion.arcs import Workcell
+from app.motion.fallen.lying import Lying, Strewn, crowd_of
+from app.motion.fallen.push import Nudge, find_nudge, plan_nudge
+from app.motion.fallen.stand_up import plan_upright, room_to_stand_up
 from app.motion.obstacles import Standing
 from app.motion.path import Vector
 from app.motion.plan import Plan, PlanRefused
 from app.motion.planner import fits_around, plan_ply
 from app.motion.settings import MotionSettings
-from app.motion.upright import plan_upright, room_to_stand_up
-from app.motion.ways import Workcell
 from app.pieces.manipulation import Inventory, Transfer
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, square_place

@@ -15,7 +15,7 @@ from app.bench.cell import Cell
 from app.bench.report import BenchReport, Row, machine, row
 from app.motion import MotionSettings
 from app.motion.gains import critical
-from app.motion.reference import Bounds, Vector, dwell, join, line, to_samples
+from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
 from controller.loop.supervisor import Ended
 from controller.protection.limits import REACTIONS, Reaction
 from controller.protocol import Result

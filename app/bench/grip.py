@@ -18,7 +18,7 @@ from app.bench.cell import LEAD, Cell
 from app.bench.report import BenchReport, machine, row
 from app.motion import PROFILES, Motion, MotionSettings, Profile, plan_ply
 from app.motion.path import Vector
-from app.motion.reference import Bounds, join, line, to_samples
+from app.motion.timing.reference import Bounds, join, line, to_samples
 from app.pieces.manipulation import Inventory, Stage, Transfer
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.placed import StandingPiece

@@ -22,7 +22,7 @@ from app.arm import ArmPaused
 from app.bench.report import BenchReport, Row, machine, row
 from app.motion import Motion, MotionSettings, Plan
 from app.motion.gains import critical
-from app.motion.reference import Bounds, Vector, dwell, join, line, to_samples
+from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
 from app.processor import ProcessorTime, stolen_share
 from app.timed_rig import RunEnd, Statistics, TimedRig, timed_rig
 from controller.wire.errors import ControllerError

@@ -19,7 +19,7 @@ from app.bench.touchdown import TARGET, Touchdown, set_down
 from app.motion import PROFILES, Motion, MotionSettings, Profile
 from app.motion.path import STRAIGHT, Path, Vector, blend, turns
 from app.motion.settings import Law
-from app.motion.time_law import Bounds, bounds_of_pieces, time_law
+from app.motion.timing.time_law import Bounds, bounds_of_pieces, time_law
 from app.pieces.manipulation import MoveKind
 from controller.protocol import Guard
 from hardware.parameters import RobotParameters, load_parameters

@@ -14,7 +14,7 @@ import numpy as np
 
 from app import UserError
 from app.motion.path import Path
-from app.motion.time_law import Bounds
+from app.motion.timing.time_law import Bounds
 
 INTERVALS: Final = 20
 """In each piece."""

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from app.figures.result import Picture
-from app.motion.reference import Vector
+from app.motion.timing.reference import Vector
 from hardware.table import TableSettings, square_place
 
 WITHOUT, WITH = "#2b5fa8", "#c23b2e"

@@ -10,7 +10,7 @@ from pydantic import JsonValue
 from app.figures.drawing import axes, board_map, picture
 from app.figures.result import Bar, Picture, Progress, Result
 from app.figures.table_grid import TableGrid, table_grid
-from app.motion.reference import Vector
+from app.motion.timing.reference import Vector
 from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at
 from controller.offline.linear import pose_at

@@ -11,7 +11,7 @@ from pydantic import JsonValue
 from app.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
 from app.figures.result import Bar, Picture, Progress, Result
 from app.motion import MotionSettings, plan_ply
-from app.motion.reference import Vector
+from app.motion.timing.reference import Vector
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, transfers
 from controller.model.constants import DeltaModel

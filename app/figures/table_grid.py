@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.motion.reference import Vector
+from app.motion.timing.reference import Vector
 from hardware.table import TableSettings
 
 SPACING = 0.010

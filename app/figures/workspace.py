@@ -11,7 +11,7 @@ from app.figures.drawing import axes, board_map, picture
 from app.figures.result import Bar, Picture, Progress, Result
 from app.figures.table_grid import TableGrid, table_grid
 from app.motion import MotionSettings
-from app.motion.reference import Vector
+from app.motion.timing.reference import Vector
 from controller.model.constants import DeltaModel
 from controller.model.workspace import (
     LARGEST_CONDITION,

@@ -11,17 +11,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.motion.arcs import Hop, Workcell, over, polygon
 from app.motion.drop import fall_time
+from app.motion.fallen.lying import NOTHING_STREWN, Strewn, standing_near
 from app.motion.gains import Softness
-from app.motion.loosened import loosened
-from app.motion.lying import NOTHING_STREWN, Strewn, standing_near
+from app.motion.lift_off import loosened
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd, Standing, blocking_neighbour, box_in_the_way, closed_position
 from app.motion.path import Vector
 from app.motion.plan import InTheWay, Motion, Plan, PlanRefused, Style
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
-from app.motion.ways import Hop, Workcell, over, polygon
 from app.pieces.manipulation import Inventory, PieceBoxed, Stage, Transfer
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, Kind, Place, TableSettings

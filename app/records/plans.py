@@ -19,7 +19,7 @@ from app.motion.path import Path as Way
 from app.motion.plan import Motion, Plan, Style
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
-from app.motion.time_law import Bounds
+from app.motion.timing.time_law import Bounds
 from app.pieces.manipulation import Stage
 from app.records.files import write_atomically
 from controller.protocol import SAMPLE

@@ -15,7 +15,7 @@ from app.bench.touchdown import WOOD, Touchdown, set_down
 from app.motion import PROFILES, Profile
 from app.motion.path import blend
 from app.motion.route import timed
-from app.motion.time_law import Bounds, time_law
+from app.motion.timing.time_law import Bounds, time_law
 from app.pieces.manipulation import MoveKind
 from controller.protocol import Guard, Result
 from hardware.parameters import load_parameters

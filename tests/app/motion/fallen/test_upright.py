@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from app.bench.cell import LEAD, Cell
 from app.motion import MotionSettings
-from app.motion.heel import Heeling, circle, eased, heel_of, reach
-from app.motion.lying import Lying, Strip
+from app.motion.fallen.lying import Lying, Strip
+from app.motion.fallen.pivot_edge import Heeling, circle, eased, heel_of, reach
+from app.motion.fallen.stand_up import Uprighted, plan_upright
 from app.motion.obstacles import Standing
 from app.motion.plan import InTheWay, Motion, Plan, Style
-from app.motion.upright import Uprighted, plan_upright
 from controller.protection.limits import default_limits
 from controller.protocol import SAMPLE
 from hardware.parameters import load_parameters

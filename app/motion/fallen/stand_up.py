@@ -19,16 +19,16 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from app.motion.heel import Heel, Heeling, circle, eased, heel_of, reach, sweep
-from app.motion.lying import Lying, Strip, in_the_strip, standing_near
+from app.motion.arcs import Hop, Workcell, over, polygon
+from app.motion.fallen.lying import Lying, Strip, in_the_strip, standing_near
+from app.motion.fallen.pivot_edge import Heel, Heeling, circle, eased, heel_of, reach, sweep
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd, Standing
 from app.motion.path import Vector
 from app.motion.plan import InTheWay, Motion, Plan, Style
-from app.motion.reference import Segment, dwell, join, to_samples
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
-from app.motion.ways import Hop, Workcell, over, polygon
+from app.motion.timing.reference import Segment, dwell, join, to_samples
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, TableSettings
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.motion.path import Path, Vector, blend
-from app.motion.time_law import Bounds, TimeLaw, line_law, time_law
+from app.motion.timing.time_law import Bounds, TimeLaw, line_law, time_law
 from controller.protocol import SAMPLE
 
 __all__ = ["Bounds", "Segment", "Vector", "along", "dwell", "glide", "join", "line", "to_samples"]

@@ -3,7 +3,7 @@
 A single line is Ruckig's. Along a path with corners Ruckig can take each line from one corner's speed to the next, and
 corners at a constant speed, as fast as curvature and its rate admit (`Law.RUCKIG`). That obeys all bounds but loses
 time, since it may not accelerate in corners: on transfers of chess pieces it takes a fifth longer than the optimum.
-So there `app.motion.refine` finds the law, which takes about two percent longer (``touchmove bench motion``).
+So there `app.motion.timing.interior_point` finds the law, which takes about two percent longer (``touchmove bench motion``).
 
 Acceleration and jerk are bounded along each axis of the base frame; speed as the length of its vector, and downwards.
 """
@@ -20,10 +20,10 @@ import numpy as np
 import ruckig
 
 from app.motion.curves import begins, trace
-from app.motion.grid import grid
 from app.motion.path import Path, Vector
-from app.motion.refine import constant_speed, excess, limits, quickest
 from app.motion.settings import Law
+from app.motion.timing.grid import grid
+from app.motion.timing.interior_point import constant_speed, excess, limits, quickest
 
 GAP: Final = 0.003
 """How far from the optimum the refinement may stop, as a share of the duration."""

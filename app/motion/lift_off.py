@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from app.motion.heel import eased
+from app.motion.arcs import Workcell
+from app.motion.fallen.pivot_edge import eased
 from app.motion.path import Vector
 from app.motion.plan import Motion
-from app.motion.reference import Segment, dwell, join, to_samples
-from app.motion.ways import Workcell
+from app.motion.timing.reference import Segment, dwell, join, to_samples
 
 _TIME: Final = 0.4
 """For the way, and as long again at its end: the tool, as soft as it is, comes to rest [s]."""

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from app.motion.curves import widest_corner
 from app.motion.path import blend, clothoid, corner_shape, turns
-from app.motion.reference import Bounds, along, glide, line
 from app.motion.settings import Law
-from app.motion.time_law import reachable, time_law
+from app.motion.timing.reference import Bounds, along, glide, line
+from app.motion.timing.time_law import reachable, time_law
 
 TICK = 0.00088
 BOUNDS = Bounds(0.8, 15.0, 500.0)

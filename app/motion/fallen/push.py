@@ -15,15 +15,15 @@ from typing import Final
 
 import numpy as np
 
-from app.motion.heel import MASS_HEIGHT, reach
-from app.motion.lying import Strewn, Strip, crowd_of, discs_of, in_the_strip
+from app.motion.arcs import Hop, Way, Workcell, over, polygon
+from app.motion.fallen.lying import Strewn, Strip, crowd_of, discs_of, in_the_strip
+from app.motion.fallen.pivot_edge import MASS_HEIGHT, reach
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd
 from app.motion.path import Vector
 from app.motion.plan import Motion, Plan, Style
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
-from app.motion.ways import Hop, Way, Workcell, over, polygon
 from hardware.parameters import Pads, RobotParameters
 from hardware.table import PIECE_SHAPES, TableSettings
 

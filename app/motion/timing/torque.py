@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from app.motion.reference import Segment
+from app.motion.timing.reference import Segment
 from controller.law.task_space import LawSettings
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel

@@ -21,8 +21,8 @@ from app.motion.path import Vector
 from app.motion.plan import PlanRefused
 from app.motion.route import NEAR
 from app.motion.settings import MotionSettings
-from app.motion.time_law import Bounds
-from app.motion.torque import TorqueModel
+from app.motion.timing.time_law import Bounds
+from app.motion.timing.torque import TorqueModel
 from controller.model.compiled import PAIR, ROW, FloatArray, compiled, compiled_as
 from controller.protection.limits import Limits, default_limits
 from hardware.parameters import RobotParameters

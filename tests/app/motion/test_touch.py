@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from app.bench.cell import Cell
 from app.motion.gains import critical
-from app.motion.reference import Bounds, Vector, dwell, join, line, to_samples
+from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
 from controller.protocol import Guard, Result
 from controller.protocol.states import State
 from hardware.parameters import load_parameters

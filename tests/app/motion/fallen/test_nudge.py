@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 
 from app.bench.cell import LEAD, Cell
 from app.motion import MotionSettings
-from app.motion.heel import reach
-from app.motion.lying import Lying, Strewn, crowd_of, discs_of
-from app.motion.nudge import Nudge, find_nudge, plan_nudge
+from app.motion.arcs import Workcell
+from app.motion.fallen.lying import Lying, Strewn, crowd_of, discs_of
+from app.motion.fallen.pivot_edge import reach
+from app.motion.fallen.push import Nudge, find_nudge, plan_nudge
+from app.motion.fallen.stand_up import room_to_stand_up
 from app.motion.obstacles import Standing
 from app.motion.plan import PlanRefused
 from app.motion.planner import fits_around
-from app.motion.upright import room_to_stand_up
-from app.motion.ways import Workcell
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory
 from app.righting import Blocked, Strayed, plan_pushing
