@@ -97,7 +97,7 @@ def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> Sessi
         match = stack.enter_context(_match(settings, venue, games, folder, face))
         match.go_on(Start(number, sets_up, GameRecord.go_on(path, history), position))
         if venue.own:
-            from app.sim_rig import require_present  # devices take seconds to load
+            from app.rig.sim import require_present  # devices take seconds to load
 
             require_present(venue.run_dir(folder), history.events[-1].plant_time, venue.parameters.drive.tick)
         return run_session(
@@ -208,7 +208,7 @@ def _believed_view(venue: Venue, intrinsics: Intrinsics) -> BoardView | None:
         return venue.calibration.board_view(venue.table)
     if not venue.simulated:
         return None
-    from app.watch_view import nominal_view
+    from app.rig.nominal_view import nominal_view
 
     return nominal_view(intrinsics, venue.table)
 
@@ -239,7 +239,7 @@ def _sight(settings: Settings, venue: Venue, human: Human | None, face: Face) ->
         )  # fmt: skip
     if factor == 1.0:
         return Sight(guarding=guarding)
-    from app.depth_scale import scaled_camera
+    from app.rig.depth_scale import scaled_camera
 
     return Sight(lambda camera: scaled_camera(camera, factor), guarding)
 

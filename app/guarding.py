@@ -10,9 +10,9 @@ from types import TracebackType
 from typing import Final, Self
 
 from app.arm_view import ArmHistory
-from app.depth_scale import scaled_frames
-from app.devices import Holder, Rig, RigFailed, WatchedFrames
 from app.hand_guard import ArmMasks, Blind, GuardStop, HandGuard
+from app.rig.depth_scale import scaled_frames
+from app.rig.devices import Holder, Rig, RigFailed, WatchedFrames
 from controller.protocol.messages import Telemetry
 from controller.wire.errors import ControllerError
 from hardware.interfaces import HardwareError, Intrinsics

@@ -20,7 +20,7 @@ from typing import Final, Self
 
 from app import UserError
 from app.arm_view import ArmHistory, Pose, arm_capsules
-from app.devices import Holder, WatchedFrames
+from app.rig.devices import Holder, WatchedFrames
 from controller.wire.errors import ControllerError
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError
 from hardware.parameters import RobotParameters

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app import UserError
-from app.arm import FELT, ArmState
 from app.pieces.manipulation import Stage, Transfer
+from app.rig.arm import FELT, ArmState
 from hardware.table import TableSettings
 
 ABOVE = 0.003

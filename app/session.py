@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Protocol
 
 from pydantic import JsonValue
 
-from app.devices import Rig, RigFailed
 from app.faces import Face
 from app.game import EXPECTED_FAILURES, Devices, GameEnd
 from app.game.state import LEFT
 from app.records import GameRecord, RecordError, Report
 from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
+from app.rig.devices import Rig, RigFailed
 from controller.protocol.messages import Telemetry
 from controller.wire.errors import ControllerError
 from controller.wire.link import Listener

@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.devices import Rig
 from app.motion import MotionSettings, Plan, PlanRefused, plan_return
+from app.rig.devices import Rig
 from hardware.interfaces import Camera, Frame, HardwareError
 from hardware.parameters import Marker, RobotParameters
 from hardware.table import PIECE_SHAPES, TableSettings

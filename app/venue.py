@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
-from app.board_rig import BoardRig
-from app.devices import Rig
 from app.motion import PROFILES, MotionSettings, contact_limits
 from app.pieces.manipulation import Inventory
+from app.rig.board import BoardRig
+from app.rig.devices import Rig
+from app.rig.sim_settings import SimRigSettings
 from app.settings.rig_file import BOARD, SIMULATED, RigFile, load_randomisation, load_rig
 from app.settings.tree import PadKind, RigSection
-from app.sim_settings import SimRigSettings
 from controller.settings import ControllerSettings
 from controller.wire.link import Listener
 from hardware.camera.settings import NoCameraSettings
@@ -124,7 +124,7 @@ class Venue:
         """
         if self.section.name == BOARD:
             return BoardRig(self.motion.home, self.parameters)
-        from app.rig import open_rig  # devices take seconds to load
+        from app.rig.factory import open_rig  # devices take seconds to load
 
         return open_rig(self.file, self.run_dir(folder), world, progress, listener)
 

@@ -37,19 +37,19 @@ ALLOWED = {
 """The arrows: a room and the modules, with all below them, that it may import."""
 
 KNOW_THE_SIMULATION = {
-    "app.sim_settings": "names the settings of the world",
+    "app.rig.sim_settings": "names the settings of the world",
     "app.venue": "composes the settings of the world",
     "app.settings.tree": "names the paces among its settings",
     "app.match": "keeps the pace with each record",
     "app.player_choice": "in pace fast nobody thinks ahead",
     "app.sim_hands": "has the simulated person do what is typed",
-    "app.processes": "runs world and controller in their processes",
+    "app.rig.processes": "runs world and controller in their processes",
     "app.settings.rig_file": "a rig file says how its world is",
-    "app.devices": "hands the referee on to whoever may ask it",
-    "app.sim_rig": "starts, takes over and ends simulated devices",
-    "app.remote_rig": "connects to them",
+    "app.rig.devices": "hands the referee on to whoever may ask it",
+    "app.rig.sim": "starts, takes over and ends simulated devices",
+    "app.rig.remote": "connects to them",
     "app.session": "has a world filmed",
-    "app.timed_rig": "composes the settings of a world in pace real",
+    "app.rig.timed": "composes the settings of a world in pace real",
     "app.video": "films the world",
     "app.game.state": "has the referee among the devices",
     "app.pieces.judging": "compares truth and game",
@@ -72,7 +72,7 @@ KNOW_THE_SIMULATION = {
     "app.bench.hand_scene": "has hands come in worlds of its own, and asks the referee when they did",
     "app.bench.vision_hand": "says where hands come to",
     "app.bench.vision_turn": "has a person play by hand",
-    "app.watch_view": "knows where the rig's camera is meant to hang",
+    "app.rig.nominal_view": "knows where the rig's camera is meant to hang",
     "app.bench.recording": "records the law over a plant in the same process",
     "app.figures.grasp_mujoco": "computes a figure on the plant",
     "app.figures.grasp_views": "has the plant of a figure drawn",
@@ -82,11 +82,11 @@ KNOW_THE_SIMULATION = {
 KNOW_THE_TRUTH = {
     "app.bench.kills",
     "app.bench.hand_scene",
-    "app.devices",
+    "app.rig.devices",
     "app.game.state",
     "app.pieces.judging",
-    "app.remote_rig",
-    "app.sim_rig",
+    "app.rig.remote",
+    "app.rig.sim",
     "hardware.sim.plant.plant",
     "hardware.sim.clients.referee",
     "hardware.sim.clients.viewer",  # a window for people
@@ -94,7 +94,7 @@ KNOW_THE_TRUTH = {
 """The only modules that may import ``hardware.sim.clients.referee`` or ``hardware.sim.plant.truth``."""
 
 CHOOSERS = (
-    "app.arm",
+    "app.rig.arm",
     "app.pieces.layout",
     "app.players.given_line",
     "app.pieces.manipulation",
@@ -273,7 +273,7 @@ LOAD_LATE = {
     "app.cli.games": "the same",
     "app.cli.measuring": "the same",
     "app.cli.options": "the same",
-    "app.processes": "each process loads only what it needs",
+    "app.rig.processes": "each process loads only what it needs",
     "app.motion": "planning takes seconds to load, and is not needed before something moves",
     "app.game.carrier": "plans",
     "app.game.seating": "has the camera look, where it does",

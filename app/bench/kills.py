@@ -24,10 +24,10 @@ from typing import Final
 import chess
 
 from app import UserError
-from app.arm import FELT
 from app.bench.report import BenchReport, Row, machine, row
-from app.processes import last_words
-from app.remote_rig import RESTING
+from app.rig.arm import FELT
+from app.rig.processes import last_words
+from app.rig.remote import RESTING
 from controller.protection.limits import default_limits
 from controller.protocol.key import KeyFileError
 from controller.protocol.messages import Telemetry

@@ -22,9 +22,9 @@ from app.bench.report import Row, row
 from app.calibrate import calibrate_rig, corners_near
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
+from app.rig.sim import SimRig
+from app.rig.sim_settings import SimRigSettings
 from app.showing import Setup
-from app.sim_rig import SimRig
-from app.sim_settings import SimRigSettings
 from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model

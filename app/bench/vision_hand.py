@@ -22,12 +22,12 @@ import chess
 import numpy as np
 
 from app import UserError
-from app.arm import ArmHeld
 from app.bench.hand_scene import INTERVAL, Follower, HandScene, hand_scene, until
 from app.bench.loop import straight
 from app.bench.report import Row, row
 from app.motion import Motion, MotionSettings, Plan, plan_ply
 from app.pieces.manipulation import transfers
+from app.rig.arm import ArmHeld
 from controller.protocol.causes import Cause
 from controller.wire.errors import MotionRefused, MotionStopped
 from hardware.interfaces import HardwareError

@@ -16,7 +16,7 @@ from app.check.cameras import check_camera
 from app.check.drives import check_drives
 from app.check.report import CheckReport, Finding, Judge
 from app.operate import STATUS, operate
-from app.processes import drives_of, require_world
+from app.rig.processes import drives_of, require_world
 from app.settings.rig_file import SIMULATED, ControllerSection, RigFile, WorldSection, load_rig
 from controller.model.constants import DeltaModel
 from controller.model.workspace import BoardDoesNotFit, require_fit

@@ -9,7 +9,12 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from app import UserError
-from app.arm import (
+from app.faces import Face
+from app.game.state import Clearance, Devices, Job, moved_all
+from app.pieces.manipulation import Inventory, Stage, Transfer
+from app.records import GameRecord
+from app.recovery import PieceLost, Progress, progress_of
+from app.rig.arm import (
     FELT,
     ArmHeld,
     ArmPaused,
@@ -20,11 +25,6 @@ from app.arm import (
     PieceSlipped,
     TouchedElsewhere,
 )
-from app.faces import Face
-from app.game.state import Clearance, Devices, Job, moved_all
-from app.pieces.manipulation import Inventory, Stage, Transfer
-from app.records import GameRecord
-from app.recovery import PieceLost, Progress, progress_of
 from hardware.parameters import RobotParameters
 from hardware.table import Kind
 

@@ -7,7 +7,6 @@ import time
 import chess
 
 from app import UserError
-from app.arm import FELT
 from app.faces import Face
 from app.game.human_turn import HumanTurn
 from app.game.state import WRONG, GameEnd
@@ -16,6 +15,7 @@ from app.game.timing import Timing
 from app.players.person import Human
 from app.players.players import Decision, Players
 from app.records.events import Result
+from app.rig.arm import FELT
 from engine.errors import EngineProblem
 
 

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
-from app.arm import ArmPaused
 from app.faces import Face
 from app.game.hand_notice import HandNotice
 from app.game.person import NeedsHand
@@ -27,6 +26,7 @@ from app.players.person import Human, PersonGone
 from app.players.players import Players
 from app.records import RecordError
 from app.records.events import Result
+from app.rig.arm import ArmPaused
 from app.settings.time_control import clock_text
 from engine.errors import EngineProblem
 from hardware.interfaces import HardwareError

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
-from app.arm import Arm
 from app.pieces.manipulation import Inventory, Transfer
 from app.records import History
 from app.records.events import Result
 from app.records.history import Unfinished
+from app.rig.arm import Arm
 from controller.wire.errors import ControllerError
 from hardware.interfaces import Camera, Clock, HardwareError
 from hardware.sim.clients.referee import Referee

@@ -17,13 +17,13 @@ import pytest
 
 import app.bench.loop as loop_bench
 from app import UserError
-from app.arm import ArmState
 from app.bench import run_bench
 from app.bench.loop import WAY, loop_rows, straight, sweep, thinking
 from app.motion import MotionSettings
 from app.motion.plan import Plan
 from app.processor import ProcessorTime, stolen_share
-from app.timed_rig import GrantedRealTime, NoStatistics, RunEnd, RunPulse, Statistics, read_pulse
+from app.rig.arm import ArmState
+from app.rig.timed import GrantedRealTime, NoStatistics, RunEnd, RunPulse, Statistics, read_pulse
 from controller.loop.statistics import PULSE_FILE
 from controller.wire.errors import ControllerError, ControllerLost
 from hardware.table import TableSettings

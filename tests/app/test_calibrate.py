@@ -15,6 +15,8 @@ from app.bench.vision_calibration import square_errors
 from app.calibrate import calibrate_rig, corners_near
 from app.cli import app
 from app.motion import MotionSettings
+from app.rig.sim import SimRig
+from app.rig.sim_settings import SimRigSettings
 from app.settings.calibration import (
     CalibratedBoard,
     Calibration,
@@ -25,8 +27,6 @@ from app.settings.calibration import (
     write_calibration,
 )
 from app.showing import Setup
-from app.sim_rig import SimRig
-from app.sim_settings import SimRigSettings
 from hardware.interfaces import Intrinsics
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model

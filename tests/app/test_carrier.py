@@ -11,7 +11,6 @@ import chess
 import numpy as np
 import pytest
 
-from app.arm import ArmState, Outcome
 from app.faces import Quiet
 from app.game.carrier import BoardTouched, Carrier
 from app.game.state import Clearance, Devices, Job
@@ -19,6 +18,7 @@ from app.motion import Motion, MotionSettings, Plan
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, transfers
 from app.records import GameRecord, GameSetup
+from app.rig.arm import ArmState, Outcome
 from app.righting import Blocked, Strayed
 from hardware.parameters import load_parameters
 from hardware.table import Place, TableSettings

@@ -10,8 +10,8 @@ import pytest
 from app.arm_view import ArmHistory
 from app.guarding import GameGuard
 from app.hand_guard import Blind
-from app.steady_frames import SteadyFrames
-from app.watch_view import nominal_view
+from app.rig.nominal_view import nominal_view
+from app.rig.steady_frames import SteadyFrames
 from hardware.interfaces import CameraClosed, Frame, Intrinsics, StaleFrame
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings

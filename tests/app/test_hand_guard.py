@@ -15,7 +15,7 @@ from app.arm_view import ArmHistory
 from app.game.hand_notice import HandNotice
 from app.guarding import GameGuard
 from app.hand_guard import ArmMasks, Blind, HandGuard
-from app.watch_view import nominal_view
+from app.rig.nominal_view import nominal_view
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings

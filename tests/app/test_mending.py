@@ -16,8 +16,6 @@ import numpy as np
 import pytest
 
 from app import UserError
-from app.arm import Outcome
-from app.board_rig import BoardRig
 from app.faces import Quiet
 from app.game.carrier import BoardTouched, Carried, CarryFailed, Loss
 from app.game.eyes import Verification
@@ -34,6 +32,8 @@ from app.records import EVENTS_FILE, GameRecord, GameSetup, read_history
 from app.records.events import TroubleEvent
 from app.records.history import Unfinished
 from app.repair import Sighting
+from app.rig.arm import Outcome
+from app.rig.board import BoardRig
 from app.righting import Strayed
 from hardware.parameters import load_parameters
 from hardware.table import PieceSpec, Place, TableSettings, square_place

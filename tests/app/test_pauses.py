@@ -11,7 +11,6 @@ import chess
 import numpy as np
 import pytest
 
-from app.arm import ArmPaused, ArmState, Outcome
 from app.faces import Quiet
 from app.game import Devices, Game, Position
 from app.game.carrier import MOST_PAUSES, Carrier
@@ -22,6 +21,7 @@ from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, Stage
 from app.players.players import Decision, LinePlayer, Player, Players
 from app.records import GameRecord, GameSetup, PlyEvent, StepEvent, read_events
+from app.rig.arm import ArmPaused, ArmState, Outcome
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
 from hardware.table import Kind, TableSettings

@@ -8,10 +8,10 @@ import chess
 import numpy as np
 import pytest
 
-from app.arm import ControllerArm, PieceSlipped
 from app.motion import MotionSettings, Plan, plan_ply, plan_return
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, Stage, transfers
+from app.rig.arm import ControllerArm, PieceSlipped
 from controller.protocol.layout import Result
 from controller.wire.client import MotionOutcome
 from hardware.parameters import load_parameters

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from app import UserError
-from app.arm import FELT, ArmState
 from app.faces import Quiet
 from app.games import run_games
 from app.hand_moves import HandDropsNothing, hand_move
@@ -21,6 +20,7 @@ from app.pieces.judging import judge
 from app.pieces.layout import BoxesTooSmall, TraysTooSmall, physical_set, start_layout
 from app.pieces.manipulation import Inventory, InventoryError, NoSpare, PieceBoxed, Ply, Stage, Transfer, transfers
 from app.recovery import PieceLost, Progress, progress_of
+from app.rig.arm import FELT, ArmState
 from app.settings.files import settings_of
 from app.settings.rig_file import load_rig
 from app.settings.tree import Settings

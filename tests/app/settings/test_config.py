@@ -9,8 +9,8 @@ from typing import get_args
 import chess
 import pytest
 
-from app.devices import RigFailed
-from app.rig import choose_rig
+from app.rig.devices import RigFailed
+from app.rig.factory import choose_rig
 from app.settings.rig_file import ConfigError, DrivesSection, RigFile, WorldSection, load_rig
 from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
 from hardware.parameters import DEFAULT_FILE

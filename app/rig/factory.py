@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from app.devices import Rig, RigFailed
-from app.remote_rig import RemoteRig
+from app.rig.devices import Rig, RigFailed
+from app.rig.remote import RemoteRig
+from app.rig.sim import SimRig
+from app.rig.sim_settings import SimRigSettings
 from app.settings.rig_file import BOARD, SIMULATED, RigFile, load_rig
-from app.sim_rig import SimRig
-from app.sim_settings import SimRigSettings
 from controller.wire.link import Listener
 
 

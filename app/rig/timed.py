@@ -16,8 +16,8 @@ from app import UserError
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory
-from app.sim_rig import SimRig
-from app.sim_settings import SimRigSettings
+from app.rig.sim import SimRig
+from app.rig.sim_settings import SimRigSettings
 from controller.loop.statistics import PULSE_FILE
 from controller.settings import ControllerSettings
 from hardware.sim.process.settings import Pace, WorldSettings

@@ -7,9 +7,9 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from app.devices import RigFailed
-from app.sim_rig import SimRig, require_present
-from app.sim_settings import SimRigSettings
+from app.rig.devices import RigFailed
+from app.rig.sim import SimRig, require_present
+from app.rig.sim_settings import SimRigSettings
 from hardware.sim.plant.live_state import LIVE_FILE, LiveState
 from hardware.sim.process.settings import WorldSettings
 from hardware.table import TableSettings

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from app.devices import WatchedFrames
+from app.rig.devices import WatchedFrames
 from hardware.interfaces import Camera, DepthFrame, Frame
 
 _F = TypeVar("_F", bound=Frame | DepthFrame)

@@ -11,11 +11,11 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Final, Self
 
-from app.arm import Arm, ControllerArm
-from app.attach import attach
-from app.devices import EndState, RigFailed, Watched
+from app.rig.arm import Arm, ControllerArm
+from app.rig.attach import attach
+from app.rig.devices import EndState, RigFailed, Watched
+from app.rig.steady_frames import SteadyFrames
 from app.settings.rig_file import RigFile
-from app.steady_frames import SteadyFrames
 from controller.protocol.key import KeyFileError, load_key
 from controller.protocol.states import State
 from controller.wire.client import ControllerClient

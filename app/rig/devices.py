@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from app import UserError
-from app.arm import Arm
+from app.rig.arm import Arm
 from hardware.interfaces import Camera, Clock, DepthFrame, Frame
 from hardware.sim.clients.referee import Referee
 

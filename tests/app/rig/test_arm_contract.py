@@ -8,14 +8,14 @@ import chess
 import numpy as np
 import pytest
 
-from app.arm import FELT, Arm
-from app.board_rig import BoardRig
-from app.devices import Rig
 from app.motion import Motion, MotionSettings, Plan, plan_ply, plan_return
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, Ply, Stage, transfers
-from app.sim_rig import SimRig
-from app.sim_settings import SimRigSettings
+from app.rig.arm import FELT, Arm
+from app.rig.board import BoardRig
+from app.rig.devices import Rig
+from app.rig.sim import SimRig
+from app.rig.sim_settings import SimRigSettings
 from hardware.parameters import load_parameters
 from hardware.sim.process.settings import Pace, WorldSettings
 from hardware.table import TableSettings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from app.devices import RigFailed
+from app.rig.devices import RigFailed
 from controller.protocol.causes import explain
 from controller.protocol.layout import Flag
 from controller.protocol.messages import Telemetry

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from app.arm import Arm, ArmState, Outcome
-from app.devices import EndState, Watched
+from app.rig.arm import Arm, ArmState, Outcome
+from app.rig.devices import EndState, Watched
 from controller.protocol import Result
 from hardware.interfaces import Clock
 from hardware.parameters import RobotParameters
