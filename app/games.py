@@ -225,7 +225,7 @@ def _sight(settings: Settings, venue: Venue, human: Human | None, face: Face) ->
         raise UserError("this rig has no camera that could watch for hands: leave --guard out")
     guarding = None
     if venue.sees and (not venue.simulated if wanted is None else wanted):
-        from app.guarding import Guarding  # what sees takes a second to load
+        from app.guard.game_guard import Guarding  # what sees takes a second to load
 
         knows = venue.calibration is not None or venue.simulated or _looks(settings, venue, human)
         if not knows:

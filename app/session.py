@@ -24,7 +24,7 @@ from hardware.interfaces import Camera, HardwareError
 from hardware.sim.process.settings import Pace
 
 if TYPE_CHECKING:
-    from app.guarding import GameGuard, Guarding
+    from app.guard.game_guard import GameGuard, Guarding
 
 FAILED = GameEnd("*", "failed", complete=False)
 

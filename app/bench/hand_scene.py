@@ -20,8 +20,8 @@ import chess
 import numpy as np
 
 from app import UserError
-from app.arm_view import ArmHistory
-from app.hand_guard import ArmMasks, HandGuard, Listener
+from app.guard.arm_silhouette import ArmHistory
+from app.guard.hand_guard import ArmMasks, HandGuard, Listener
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory

@@ -22,7 +22,7 @@ from app import UserError
 from app.bench.hand_scene import Follower, HandScene, hand_scene, until
 from app.bench.report import Row, row
 from app.bench.vision_games import Eye, Tally
-from app.hand_guard import HandGuard, Listener
+from app.guard.hand_guard import HandGuard, Listener
 from app.hand_moves import hand_transfers
 from app.pieces.manipulation import transfers
 from hardware.interfaces import DepthFrame, Frame, HardwareError

@@ -15,11 +15,11 @@ import chess
 
 from app import UserError
 from app.faces import Face
-from app.game.hand_notice import HandNotice
 from app.game.person import NeedsHand
 from app.game.state import LEFT, WRONG, GameEnd
 from app.game.table import Remark, Table
 from app.game.timing import Timing
+from app.guard.hand_notice import HandNotice
 from app.pieces.manipulation import transfers
 from app.players.commands import Command, MoveHand, PlayMove, Word, help_text, parse_command
 from app.players.person import Human, PersonGone

@@ -20,7 +20,7 @@ from hardware.sim.clients.referee import Referee
 from hardware.table import Place
 
 if TYPE_CHECKING:
-    from app.guarding import GameGuard
+    from app.guard.game_guard import GameGuard
     from app.righting import Strayed
 
 

@@ -30,7 +30,7 @@ from hardware.table import Place
 if TYPE_CHECKING:
     from app.game.eyes import Eyes
     from app.game.mending import Mender
-    from app.guarding import GameGuard
+    from app.guard.game_guard import GameGuard
     from app.righting import Strayed
     from vision.reading.diagnosis import Finding
 

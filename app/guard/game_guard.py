@@ -9,8 +9,8 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Final, Self
 
-from app.arm_view import ArmHistory
-from app.hand_guard import ArmMasks, Blind, GuardStop, HandGuard
+from app.guard.arm_silhouette import ArmHistory
+from app.guard.hand_guard import ArmMasks, Blind, GuardStop, HandGuard
 from app.rig.depth_scale import scaled_frames
 from app.rig.devices import Holder, Rig, RigFailed, WatchedFrames
 from controller.protocol.messages import Telemetry

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from app.guarding import GameGuard
+    from app.guard.game_guard import GameGuard
 
 
 class HandNotice:

@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from app import UserError
-from app.arm_view import ArmHistory, Pose, arm_capsules
+from app.guard.arm_silhouette import ArmHistory, Pose, arm_capsules
 from app.rig.devices import Holder, WatchedFrames
 from controller.wire.errors import ControllerError
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.arm_view import ArmHistory
-from app.game.hand_notice import HandNotice
-from app.guarding import GameGuard
-from app.hand_guard import ArmMasks, Blind, HandGuard
+from app.guard.arm_silhouette import ArmHistory
+from app.guard.game_guard import GameGuard
+from app.guard.hand_guard import ArmMasks, Blind, HandGuard
+from app.guard.hand_notice import HandNotice
 from app.rig.nominal_view import nominal_view
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics
 from hardware.parameters import load_parameters
@@ -265,7 +265,7 @@ def test_frames_of_depth_alone_hold_the_arm_but_clear_nothing(
 @pytest.fixture
 def armless(monkeypatch: pytest.MonkeyPatch) -> None:
     """No arm is before the table, and no telemetry is waited for."""
-    monkeypatch.setattr("app.guarding.ArmMasks", lambda *_: Masks())
+    monkeypatch.setattr("app.guard.game_guard.ArmMasks", lambda *_: Masks())
 
 
 @pytest.mark.usefixtures("armless")
@@ -296,7 +296,7 @@ def test_a_hand_that_is_there_while_the_board_is_found_anew_is_not_forgotten(con
 def test_sight_is_waited_for_and_a_hand_that_stays_is_told_of(
     controller: Controller, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.guarding.SIGHT_PATIENCE", 0.2)
+    monkeypatch.setattr("app.guard.game_guard.SIGHT_PATIENCE", 0.2)
     frames = Frames()
     guard = GameGuard(lambda: frames, controller, (load_parameters(), TableSettings(), ArmHistory(0.001)))
     with guard:

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.arm_view import ArmHistory, Pose, arm_capsules
+from app.guard.arm_silhouette import ArmHistory, Pose, arm_capsules
 from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at
 from controller.protocol.messages import Telemetry
@@ -110,7 +110,7 @@ def test_between_two_telemetries_the_pose_is_between_them() -> None:
 
 
 def test_nobody_can_say_where_the_arm_was_before_the_first_telemetry(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.arm_view._MOST_WAIT", 0.01)
+    monkeypatch.setattr("app.guard.arm_silhouette._MOST_WAIT", 0.01)
     history = ArmHistory(TICK, kept=0.05)
     assert history.at(0.0) is None
     for tick in range(0, 200, 10):

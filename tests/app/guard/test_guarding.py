@@ -7,9 +7,9 @@ import threading
 import numpy as np
 import pytest
 
-from app.arm_view import ArmHistory
-from app.guarding import GameGuard
-from app.hand_guard import Blind
+from app.guard.arm_silhouette import ArmHistory
+from app.guard.game_guard import GameGuard
+from app.guard.hand_guard import Blind
 from app.rig.nominal_view import nominal_view
 from app.rig.steady_frames import SteadyFrames
 from hardware.interfaces import CameraClosed, Frame, Intrinsics, StaleFrame
