@@ -16,12 +16,12 @@ import numpy as np
 
 from app.bench.cell import LEAD, Cell
 from app.bench.report import BenchReport, machine, row
+from app.execution.recovery_plans import Strayed, in_order, plan_making_way, plan_righting
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from app.motion.path import Vector
 from app.motion.plan import InTheWay
 from app.motion.planner import plan_return
 from app.pieces.manipulation import Inventory, Transfer
-from app.righting import Strayed, in_order, plan_making_way, plan_righting
 from controller.protocol import CommandCode
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.placed import StandingPiece

@@ -7,10 +7,10 @@ import time
 import chess
 
 from app import UserError
+from app.execution.state import WRONG, GameEnd
+from app.execution.table import Remark, Table
 from app.faces import Face
 from app.game.human_turn import HumanTurn
-from app.game.state import WRONG, GameEnd
-from app.game.table import Remark, Table
 from app.game.timing import Timing
 from app.players.person import Human
 from app.players.players import Decision, Players

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
+from app.execution.state import LEFT, WRONG, GameEnd
+from app.execution.table import Remark, Table
 from app.faces import Face
 from app.game.person import NeedsHand
-from app.game.state import LEFT, WRONG, GameEnd
-from app.game.table import Remark, Table
 from app.game.timing import Timing
 from app.guard.hand_notice import HandNotice
 from app.pieces.manipulation import transfers
@@ -33,8 +33,8 @@ from hardware.interfaces import HardwareError
 from vision.reading.outcome import LOOKS, Situation, Verdict
 
 if TYPE_CHECKING:
-    from app.game.eyes import Reading
-    from app.righting import Strayed
+    from app.execution.observation import Reading
+    from app.execution.recovery_plans import Strayed
     from vision.reading.diagnosis import Finding
 
 POLL: Final = 0.2

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from app.execution.carrier import Carrier
+from app.execution.state import Devices, Position
+from app.execution.table import Table
 from app.faces import Face
-from app.game.carrier import Carrier
 from app.game.person import PersonAsker, UnattendedAsker
-from app.game.state import Devices, Position
-from app.game.table import Table
 from app.players.person import Human
 from app.records import GameRecord
 from hardware.interfaces import Intrinsics
@@ -51,8 +51,8 @@ class Seating:
         carrier = Carrier(devices, record, face, self.motion, self.parameters)
         mender = None
         if self.looks and devices.camera is not None:
-            from app.game.eyes import Eyes  # loads what sees: not where nobody looks
-            from app.game.mending import Mender
+            from app.execution.observation import Eyes  # loads what sees: not where nobody looks
+            from app.execution.recovery import Mender
 
             eyes = Eyes(devices, position.inventory.table, self.view)
             asker = UnattendedAsker() if human is None else PersonAsker(human.lines, face)

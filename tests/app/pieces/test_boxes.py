@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from app import UserError
+from app.execution.interruption import PieceLost, Progress, progress_of
 from app.faces import Quiet
 from app.games import run_games
 from app.hand_moves import HandDropsNothing, hand_move
@@ -19,7 +20,6 @@ from app.motion.drop import fall_time, tool_height
 from app.pieces.judging import judge
 from app.pieces.layout import BoxesTooSmall, TraysTooSmall, physical_set, start_layout
 from app.pieces.manipulation import Inventory, InventoryError, NoSpare, PieceBoxed, Ply, Stage, Transfer, transfers
-from app.recovery import PieceLost, Progress, progress_of
 from app.rig.arm import FELT, ArmState
 from app.settings.files import settings_of
 from app.settings.rig_file import load_rig

@@ -12,6 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from app.bench.cell import LEAD, Cell
+from app.execution.recovery_plans import Blocked, Strayed, plan_pushing
 from app.motion import MotionSettings
 from app.motion.arcs import Workcell
 from app.motion.fallen.lying import Lying, Strewn, crowd_of, discs_of
@@ -23,7 +24,6 @@ from app.motion.plan import PlanRefused
 from app.motion.planner import fits_around
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory
-from app.righting import Blocked, Strayed, plan_pushing
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model

@@ -11,10 +11,10 @@ import chess
 import numpy as np
 import pytest
 
+from app.execution.carrier import MOST_PAUSES, Carrier
+from app.execution.table import Table
 from app.faces import Quiet
 from app.game import Devices, Game, Position
-from app.game.carrier import MOST_PAUSES, Carrier
-from app.game.table import Table
 from app.motion import Motion, MotionSettings, Plan
 from app.motion.obstacles import closed_position
 from app.pieces.layout import start_layout

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from app.repair.sighting import FLUKE, Chances
+from app.execution.repair.observed import FLUKE, Chances
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
 
 Array = NDArray[np.float64]

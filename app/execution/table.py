@@ -15,9 +15,9 @@ import chess
 import chess.engine
 
 from app import UserError
+from app.execution.carrier import Begun, BoardTouched, Carried, Carrier, CarryFailed
+from app.execution.state import FRAME_AGE, AwaitedReply, Devices, Job, Position, changed, moved_all
 from app.faces import Face
-from app.game.carrier import Begun, BoardTouched, Carried, Carrier, CarryFailed
-from app.game.state import FRAME_AGE, AwaitedReply, Devices, Job, Position, changed, moved_all
 from app.pieces.judging import Verdict, judge
 from app.pieces.layout import colour_of
 from app.pieces.manipulation import Inventory, Ply, Transfer, move_kind, transfers
@@ -28,10 +28,10 @@ from hardware.interfaces import Frame
 from hardware.table import Place
 
 if TYPE_CHECKING:
-    from app.game.eyes import Eyes
-    from app.game.mending import Mender
+    from app.execution.observation import Eyes
+    from app.execution.recovery import Mender
+    from app.execution.recovery_plans import Strayed
     from app.guard.game_guard import GameGuard
-    from app.righting import Strayed
     from vision.reading.diagnosis import Finding
 
 

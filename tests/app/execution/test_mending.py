@@ -16,13 +16,15 @@ import numpy as np
 import pytest
 
 from app import UserError
+from app.execution.carrier import BoardTouched, Carried, CarryFailed, Loss
+from app.execution.observation import Verification
+from app.execution.recovery import MOST_ROUNDS, Mender
+from app.execution.recovery_plans import Strayed
+from app.execution.repair import Sighting
+from app.execution.state import AwaitedReply, Devices, Job, Position
+from app.execution.table import Table
 from app.faces import Quiet
-from app.game.carrier import BoardTouched, Carried, CarryFailed, Loss
-from app.game.eyes import Verification
-from app.game.mending import MOST_ROUNDS, Mender
 from app.game.person import NeedsHand, UnattendedAsker
-from app.game.state import AwaitedReply, Devices, Job, Position
-from app.game.table import Table
 from app.motion import MotionSettings
 from app.motion.obstacles import Standing
 from app.motion.plan import InTheWay, PlanRefused
@@ -31,10 +33,8 @@ from app.pieces.manipulation import Inventory, Transfer, transfers
 from app.records import EVENTS_FILE, GameRecord, GameSetup, read_history
 from app.records.events import TroubleEvent
 from app.records.history import Unfinished
-from app.repair import Sighting
 from app.rig.arm import Outcome
 from app.rig.board import BoardRig
-from app.righting import Strayed
 from hardware.parameters import load_parameters
 from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.pieces.poses import Pose

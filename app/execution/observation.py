@@ -15,14 +15,14 @@ import chess
 import numpy as np
 from numpy.typing import NDArray
 
-from app.game.replies import pieces_of, reply_shown
-from app.game.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
+from app.execution.recovery_plans import Strayed
+from app.execution.repair import Sighting, kinds_by_height
+from app.execution.repair.observed import HEIGHTS, Chances
+from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
+from app.execution.unseen_reply import pieces_of, reply_shown
 from app.pieces.layout import KINDS, PIECE_TYPES
 from app.pieces.manipulation import Inventory
-from app.repair import Sighting, kinds_by_height
-from app.repair.sighting import HEIGHTS, Chances
 from app.rig.arm import Arm
-from app.righting import Strayed
 from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
 from vision.board.anchor import Anchor

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.execution.recovery_plans import Strayed
+from app.execution.repair import Repair
 from app.pieces.manipulation import Inventory, Transfer
-from app.repair import Repair
-from app.righting import Strayed
 from hardware.table import Place, TableSettings
 from vision.pieces.verify import TOLERANCE
 

@@ -9,11 +9,11 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from app import UserError
+from app.execution.interruption import PieceLost, Progress, progress_of
+from app.execution.state import Clearance, Devices, Job, moved_all
 from app.faces import Face
-from app.game.state import Clearance, Devices, Job, moved_all
 from app.pieces.manipulation import Inventory, Stage, Transfer
 from app.records import GameRecord
-from app.recovery import PieceLost, Progress, progress_of
 from app.rig.arm import (
     FELT,
     ArmHeld,
@@ -29,8 +29,8 @@ from hardware.parameters import RobotParameters
 from hardware.table import Kind
 
 if TYPE_CHECKING:
+    from app.execution.recovery_plans import Blocked, Strayed
     from app.motion import Motion, MotionSettings, Plan
-    from app.righting import Blocked, Strayed
 
 MOST_PAUSES = 20
 """Within one job; a computer that is late so often will not get better by itself."""
@@ -199,7 +199,7 @@ class Carrier:
             BoardTouched: one was.
             PlanRefused: something is in the way; ``InTheWay`` says which piece.
         """
-        from app.righting import plan_righting
+        from app.execution.recovery_plans import plan_righting
 
         arm, state = self._devices.arm, self._devices.arm.state()
         plan = plan_righting(
@@ -229,7 +229,7 @@ class Carrier:
             BoardTouched: a hand was over the board since.
             PlanRefused: no push helps.
         """
-        from app.righting import plan_pushing
+        from app.execution.recovery_plans import plan_pushing
 
         arm, state = self._devices.arm, self._devices.arm.state()
         nudge, plan = plan_pushing(
@@ -276,7 +276,7 @@ class Carrier:
         Raises:
             PlanRefused: nowhere.
         """
-        from app.righting import plan_making_way
+        from app.execution.recovery_plans import plan_making_way
 
         arm, state = self._devices.arm, self._devices.arm.state()
         transfer, _ = plan_making_way(
@@ -291,8 +291,8 @@ class Carrier:
         inventory: Inventory,
         progress: Progress | None,
     ) -> tuple[float, Outcome]:
+        from app.execution.recovery_plans import strewn_of
         from app.motion import plan_ply, plan_return  # takes seconds to load: not before something moves
-        from app.righting import strewn_of
 
         arm, parameters = self._devices.arm, self._parameters
         done = 0 if progress is None else progress.done

@@ -8,7 +8,7 @@ import chess
 import numpy as np
 import pytest
 
-from app.game.replies import pieces_of, reply_shown
+from app.execution.unseen_reply import pieces_of, reply_shown
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import Pose, TableStudio
 from hardware.sim.render.appearance import Looks

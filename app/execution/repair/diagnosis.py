@@ -9,11 +9,11 @@ from typing import Final
 
 import chess
 
+from app.execution.repair.belief import Belief, believe
+from app.execution.repair.observed import KNOWN, Sighting
+from app.execution.repair.swaps import doubted
 from app.pieces.manipulation import Inventory, Transfer
 from app.pieces.order import Point, rearrange
-from app.repair.belief import Belief, believe
-from app.repair.sighting import KNOWN, Sighting
-from app.repair.twice import doubted
 from hardware.table import Colour, PieceSpec, Place, square_place
 from vision.pieces.verify import TOLERANCE
 

@@ -20,8 +20,8 @@ from hardware.sim.clients.referee import Referee
 from hardware.table import Place
 
 if TYPE_CHECKING:
+    from app.execution.recovery_plans import Strayed
     from app.guard.game_guard import GameGuard
-    from app.righting import Strayed
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,11 @@ from collections.abc import Set
 import chess
 import pytest
 
-from app.game.unaided import Fallen, unaided, with_missing
+from app.execution.fallen import Fallen, unaided, with_missing
+from app.execution.recovery_plans import Strayed
+from app.execution.repair import Repair
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, Transfer
-from app.repair import Repair
-from app.righting import Strayed
 from hardware.table import Place, TableSettings
 from vision.pieces.poses import Pose
 

@@ -6,10 +6,10 @@ import chess
 import numpy as np
 import pytest
 
+from app.execution.interruption import PieceLost, Progress, progress_of
 from app.motion.obstacles import closed_position
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, Ply, Stage, transfers
-from app.recovery import PieceLost, Progress, progress_of
 from app.rig.arm import ArmState
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, Kind, Place, TableSettings

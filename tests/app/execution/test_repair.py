@@ -13,11 +13,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.execution.repair import Ask, Repair, Sighting, kinds_by_height, mend, repair_towards
+from app.execution.repair.observed import Chances
 from app.motion import MotionSettings, plan_ply
 from app.pieces.layout import colour_of, start_layout
 from app.pieces.manipulation import Inventory, NoSpare, transfers
-from app.repair import Ask, Repair, Sighting, kinds_by_height, mend, repair_towards
-from app.repair.sighting import Chances
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.pieces.centres import Centre

@@ -5,7 +5,7 @@ moves would look the same, and ``mending`` says what the arm does and what a per
 moves.
 """
 
-from app.repair.mending import Ask, Repair, mend, repair_towards
-from app.repair.sighting import Sighting, kinds_by_height
+from app.execution.repair.diagnosis import Ask, Repair, mend, repair_towards
+from app.execution.repair.observed import Sighting, kinds_by_height
 
 __all__ = ["Ask", "Repair", "Sighting", "kinds_by_height", "mend", "repair_towards"]

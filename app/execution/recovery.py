@@ -17,19 +17,19 @@ import chess
 import numpy as np
 
 from app import UserError
+from app.execution.carrier import BoardTouched, Carrier, CarryFailed
+from app.execution.fallen import Fallen, unaided, with_missing
+from app.execution.observation import Eyes
+from app.execution.recovery_plans import Blocked, Strayed, in_order, leant_on
+from app.execution.repair import Ask, Repair, mend
+from app.execution.repair.diagnosis import SEEN_WITHIN, repair_towards
+from app.execution.state import AwaitedReply, Job, changed, moved_all
 from app.faces import Face
-from app.game.carrier import BoardTouched, Carrier, CarryFailed
-from app.game.eyes import Eyes
-from app.game.state import AwaitedReply, Job, changed, moved_all
-from app.game.unaided import Fallen, unaided, with_missing
 from app.motion.plan import InTheWay, PlanRefused
 from app.pieces.manipulation import Inventory, Transfer
 from app.pieces.order import rearrange
 from app.records import GameRecord
 from app.records.events import Purpose
-from app.repair import Ask, Repair, mend
-from app.repair.mending import SEEN_WITHIN, repair_towards
-from app.righting import Blocked, Strayed, in_order, leant_on
 from hardware.interfaces import Clock
 from hardware.table import square_place
 from vision.pieces.verify import Fault, FaultKind

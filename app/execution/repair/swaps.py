@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping
 
 import chess
 
+from app.execution.repair.belief import SURE
+from app.execution.repair.observed import FLUKE, Chances
 from app.pieces.layout import kind_of
-from app.repair.belief import SURE
-from app.repair.sighting import FLUKE, Chances
 from hardware.table import Colour, Kind
 
 
