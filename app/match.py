@@ -15,11 +15,11 @@ from typing import Final, Protocol
 
 import chess
 
-from app.clock import ChessClock
 from app.execution.state import WRONG
 from app.execution.table import Table
 from app.faces import Face
 from app.game import Devices, Game, GameEnd, Position
+from app.game.clock import ChessClock
 from app.game.game import require_empty_fingers
 from app.game.seating import Seating
 from app.game.timing import Timing, clock_of

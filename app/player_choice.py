@@ -10,8 +10,8 @@ from typing import Final
 import chess
 
 from app import UserError
-from app.clock import ChessClock
 from app.faces import Face
+from app.game.clock import ChessClock
 from app.players.players import EnginePlayer, LinePlayer, Player, Players
 from app.settings.time_control import TimeControl
 from app.settings.tree import PlayerKind, Settings

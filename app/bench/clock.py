@@ -15,7 +15,7 @@ from typing import NamedTuple
 import chess
 
 from app.bench.report import BenchReport, Row, machine, row
-from app.clock import ChessClock
+from app.game.clock import ChessClock
 from app.players.players import EnginePlayer, Players
 from app.settings.time_control import ArmTime, TimeControl
 from engine.openings import opening_engine, varied_opening

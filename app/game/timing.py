@@ -13,7 +13,7 @@ from contextlib import contextmanager
 import chess
 import chess.engine
 
-from app.clock import ChessClock, FlagFall, Move
+from app.game.clock import ChessClock, FlagFall, Move
 from app.records import PlyEvent
 from hardware.table import Colour
 

@@ -10,7 +10,7 @@ import chess.engine
 import pytest
 
 from app.bench.clock import play
-from app.clock import ArmTime, ChessClock
+from app.game.clock import ArmTime, ChessClock
 from app.players.engine_player import EnginePlayer
 from app.settings.time_control import TimeControl
 from engine.answers import EngineMove

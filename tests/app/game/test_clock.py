@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.clock import ARM_LEAVES, LEAST_SHARE, OVERHEAD, ChessClock, ClockError
+from app.game.clock import ARM_LEAVES, LEAST_SHARE, OVERHEAD, ChessClock, ClockError
 from app.settings.time_control import ArmTime, TimeControl
 
 WHITE, BLACK = chess.WHITE, chess.BLACK

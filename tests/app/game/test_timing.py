@@ -5,7 +5,7 @@ from __future__ import annotations
 import chess
 import pytest
 
-from app.clock import ChessClock
+from app.game.clock import ChessClock
 from app.game.timing import Timing, clock_of
 from app.settings.time_control import ArmTime, TimeControl
 
