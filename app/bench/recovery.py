@@ -23,9 +23,9 @@ from app import UserError
 from app.bench.report import BenchReport, machine, row
 from app.bench.vision_games import random_game
 from app.faces import Quiet
-from app.games import run_games
+from app.play.launch import run_games
+from app.play.session import SessionResult
 from app.records import EVENTS_FILE, PlyEvent, read_events
-from app.session import SessionResult
 from app.settings.tree import Settings
 from hardware.interfaces import HardwareError
 from hardware.sim.clients.hand import SimHand

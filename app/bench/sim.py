@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 from app import UserError
 from app.bench.report import BenchReport, Row, machine, row
 from app.faces import Quiet
-from app.games import run_games
+from app.play.launch import run_games
 from app.records import Report
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
 from app.settings.files import settings_of

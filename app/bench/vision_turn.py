@@ -23,8 +23,8 @@ from app.bench.hand_scene import Follower, HandScene, hand_scene, until
 from app.bench.report import Row, row
 from app.bench.vision_games import Eye, Tally
 from app.guard.hand_guard import HandGuard, Listener
-from app.hand_moves import hand_transfers
 from app.pieces.manipulation import transfers
+from app.play.hand_moves import hand_transfers
 from hardware.interfaces import DepthFrame, Frame, HardwareError
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import HandSettings, Withdraw

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from app.bench.cell import LEAD, Cell
-from app.hand_moves import hand_transfers
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, InventoryError, Transfer
+from app.play.hand_moves import hand_transfers
 from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from controller.protocol import Guard

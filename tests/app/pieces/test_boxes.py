@@ -13,18 +13,18 @@ import pytest
 from app import UserError
 from app.execution.interruption import PieceLost, Progress, progress_of
 from app.faces import Quiet
-from app.games import run_games
-from app.hand_moves import HandDropsNothing, hand_move
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from app.motion.drop import fall_time, tool_height
 from app.pieces.judging import judge
 from app.pieces.layout import BoxesTooSmall, TraysTooSmall, physical_set, start_layout
 from app.pieces.manipulation import Inventory, InventoryError, NoSpare, PieceBoxed, Ply, Stage, Transfer, transfers
+from app.play.game_setup import venue_of
+from app.play.hand_moves import HandDropsNothing, hand_move
+from app.play.launch import run_games
 from app.rig.arm import FELT, ArmState
 from app.settings.files import settings_of
 from app.settings.rig_file import load_rig
 from app.settings.tree import Settings
-from app.venue import venue_of
 from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck
 from hardware.parameters import load_parameters

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from app.faces import Quiet
-from app.games import run_games
+from app.play.launch import run_games
 from app.settings.files import settings_of
 from controller.wire.address import find_controller
 from controller.wire.client import ControllerClient

@@ -17,10 +17,10 @@ from typer.testing import CliRunner
 from app import UserError
 from app.cli import app
 from app.faces import Quiet
-from app.games import resume_games, run_games
-from app.match import last_round
+from app.play.launch import resume_games, run_games
+from app.play.match import last_round
+from app.play.session import SessionResult
 from app.records import EVENTS_FILE, read_events, read_history
-from app.session import SessionResult
 from app.settings.files import settings_of
 from hardware.table import Captured, TableSettings
 
@@ -29,7 +29,7 @@ ALL_KINDS = "e4 d5 exd5 c5 dxc6 a6 cxb7 Nf6 bxa8=Q e6 Nf3 Bc5 Bb5+ axb5 O-O O-O"
 """Every kind of move: quiet, capture, en passant, promotion with capture, castling."""
 
 
-MASTERS = Path(__file__).resolve().parents[1] / "data" / "master_games.pgn"
+MASTERS = Path(__file__).resolve().parents[2] / "data" / "master_games.pgn"
 
 
 def play(folder: Path, typed: str | None = None, **changes: Any) -> SessionResult:
@@ -238,7 +238,7 @@ def test_nobody_at_the_keyboard_leaves_a_game_that_goes_on(tmp_path: Path) -> No
 def test_what_only_devices_need_is_not_loaded_for_a_prompt() -> None:
     """So that the rig without devices asks for the first move within three seconds on a slow machine, too."""
     heavy = ("numba", "mujoco", "scipy", "cv2", "pyrealsense2", "av", "matplotlib")
-    script = f"import sys, app.games; print([name for name in {heavy} if name in sys.modules])"
+    script = f"import sys, app.play.launch; print([name for name in {heavy} if name in sys.modules])"
     loaded = subprocess.run([sys.executable, "-P", "-c", script], capture_output=True, text=True, check=True)
     assert loaded.stdout.strip() == "[]"
 

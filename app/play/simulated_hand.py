@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from app.hand_moves import hand_transfers
 from app.pieces.manipulation import Inventory, Ply
+from app.play.hand_moves import hand_transfers
 from app.players.commands import HandVerb, MoveHand
 from hardware.sim.clients.hand import HandRefused, SimHand
 from hardware.sim.hand.actions import Action, Hover, Knock, Move, Rest, Withdraw

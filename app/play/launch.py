@@ -12,25 +12,25 @@ import chess
 from app import UserError
 from app.faces import Face
 from app.game import GameEnd, Position
-from app.game.seating import Seating
-from app.match import Fixture, Match, Start, last_round, match_of
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory
-from app.player_choice import engine_players, line_players, start_clock
+from app.play.game_setup import Venue, start_board, venue_of
+from app.play.match import Fixture, Match, Start, last_round, match_of
+from app.play.player_selection import engine_players, line_players, start_clock
+from app.play.replay import RecordedGame, recorded_games
+from app.play.session import Filming, SessionResult, Sight, run_session
+from app.play.simulated_hand import SimHands
+from app.play.table_setup import Seating
 from app.players.given_line import parse_line
 from app.players.person import Human
 from app.players.players import Players
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
 from app.records.events import EndEvent
 from app.records.files import GAMES
-from app.replay import RecordedGame, recorded_games
-from app.session import Filming, SessionResult, Sight, run_session
 from app.settings.files import keep_settings, kept_settings
 from app.settings.rig_file import BOARD
 from app.settings.tree import PlayerKind, Settings
-from app.sim_hands import SimHands
 from app.typed_lines import TypedLines
-from app.venue import Venue, start_board, venue_of
 from hardware.interfaces import Intrinsics
 from hardware.table import Colour
 

@@ -237,7 +237,7 @@ def _filming(filming: Filming | None, tick: float) -> Iterator[None]:
     if filming is None:
         yield
         return
-    from app.video import Film  # loads an encoder: not where nothing is filmed
+    from app.play.film import Film  # loads an encoder: not where nothing is filmed
 
     film = Film(filming.run_dir, filming.path, filming.longest, filming.pace, tick)
     try:

@@ -21,15 +21,15 @@ from app.faces import Face
 from app.game import Devices, Game, GameEnd, Position
 from app.game.clock import ChessClock
 from app.game.game import require_empty_fingers
-from app.game.seating import Seating
 from app.game.timing import Timing, clock_of
 from app.pieces.manipulation import Inventory
+from app.play.session import Round
+from app.play.table_setup import Seating
 from app.players.person import Human
 from app.players.players import Players
 from app.records import EVENTS_FILE, GameRecord, GameSetup
 from app.records.events import Result
 from app.records.history import counted_plies, persons_side
-from app.session import Round
 from app.settings.files import SETTINGS_FILE
 from hardware.sim.process.settings import Pace
 from hardware.table import Colour

@@ -5,9 +5,9 @@ from __future__ import annotations
 import chess
 import pytest
 
-from app.hand_moves import hand_move, hand_transfers
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import IllegalPly, Inventory, Transfer
+from app.play.hand_moves import hand_move, hand_transfers
 from hardware.sim.hand.actions import Move, Withdraw
 from hardware.table import Colour, Kind, Place, TableSettings
 
