@@ -19,10 +19,10 @@ import numpy as np
 
 from app import UserError
 from app.bench.report import BenchReport, Row, machine, row
+from app.commissioning.processor import ProcessorTime, stolen_share
 from app.motion import Motion, MotionSettings, Plan
 from app.motion.gains import critical
 from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
-from app.processor import ProcessorTime, stolen_share
 from app.rig.arm import ArmPaused
 from app.rig.timed import RunEnd, Statistics, TimedRig, timed_rig
 from controller.wire.errors import ControllerError

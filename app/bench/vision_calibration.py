@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.bench.report import Row, row
-from app.calibrate import calibrate_rig, corners_near
+from app.commissioning.calibrate import calibrate_rig, corners_near
+from app.commissioning.marker_survey import Setup
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from app.rig.sim import SimRig
 from app.rig.sim_settings import SimRigSettings
-from app.showing import Setup
 from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model

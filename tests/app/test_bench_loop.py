@@ -19,9 +19,9 @@ import app.bench.loop as loop_bench
 from app import UserError
 from app.bench import run_bench
 from app.bench.loop import WAY, loop_rows, straight, sweep, thinking
+from app.commissioning.processor import ProcessorTime, stolen_share
 from app.motion import MotionSettings
 from app.motion.plan import Plan
-from app.processor import ProcessorTime, stolen_share
 from app.rig.arm import ArmState
 from app.rig.timed import GrantedRealTime, NoStatistics, RunEnd, RunPulse, Statistics, read_pulse
 from controller.loop.statistics import PULSE_FILE

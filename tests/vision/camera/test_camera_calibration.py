@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from app.commissioning.marker_survey import Setup, showing_points
 from app.motion import MotionSettings
-from app.showing import Setup, showing_points
 from hardware.interfaces import Frame, Intrinsics
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.marker import marker_picture

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from app.check.report import Finding, Judge
+from app.commissioning.check_report import Finding, Judge
 from app.motion.path import Vector
 from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
 from app import UserError
-from app.processor import ProcessorTime, stolen_share
+from app.commissioning.processor import ProcessorTime, stolen_share
 from app.rig.factory import choose_rig
 from app.rig.timed import GrantedRealTime, timed_rig
 from app.settings.rig_file import ControllerSection

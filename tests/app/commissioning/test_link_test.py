@@ -9,10 +9,10 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-import app.link_test as link_module
+import app.commissioning.link_test as link_module
 from app import UserError
 from app.cli import app as command_line
-from app.link_test import LinkReport, link_checks, link_test, real_time_check, receive_buffer
+from app.commissioning.link_test import LinkReport, link_checks, link_test, real_time_check, receive_buffer
 from app.rig.timed import GrantedRealTime
 from controller.wire.probe import ProbeFigures
 

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app import UserError
-from app.calibrate_report import CalibrateReport, ShownPoint
+from app.commissioning.calibrate_report import CalibrateReport, ShownPoint
+from app.commissioning.marker_survey import Setup, Sighting, fresh_frame, show
 from app.motion import MotionSettings
 from app.records.files import GAMES
 from app.rig.devices import Rig
@@ -26,7 +27,6 @@ from app.rig.factory import choose_rig, open_rig
 from app.rig.sim_settings import SimRigSettings
 from app.settings.calibration import CalibratedBoard, Calibration, Pinhole, as_rows, residuals, write_calibration
 from app.settings.rig_file import RigFile
-from app.showing import Setup, Sighting, fresh_frame, show
 from controller.wire.errors import ControllerError
 from hardware.interfaces import Frame, HardwareError
 from hardware.parameters import load_parameters

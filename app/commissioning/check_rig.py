@@ -12,10 +12,10 @@ from pathlib import Path
 import chess
 
 from app import UserError
-from app.check.cameras import check_camera
-from app.check.drives import check_drives
-from app.check.report import CheckReport, Finding, Judge
-from app.operate import STATUS, operate
+from app.commissioning.check_cameras import check_camera
+from app.commissioning.check_drives import check_drives
+from app.commissioning.check_report import CheckReport, Finding, Judge
+from app.commissioning.operate import STATUS, operate
 from app.rig.processes import drives_of, require_world
 from app.settings.rig_file import SIMULATED, ControllerSection, RigFile, WorldSection, load_rig
 from controller.model.constants import DeltaModel

@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from app.check import State
-from app.check.cameras import check_camera
-from app.check.drives import check_bus
-from app.check.report import CheckReport, Finding
 from app.cli import app
+from app.commissioning.check_cameras import check_camera
+from app.commissioning.check_drives import check_bus
+from app.commissioning.check_report import CheckReport, Finding, State
 from hardware.interfaces import BusLost, Command, DriveStatus, Frame, HardwareError, Intrinsics, Measurement
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
@@ -63,8 +62,8 @@ def by_name(findings: list[Finding]) -> dict[str, Finding]:
 
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.check.drives.DURATION", 0.15)
-    monkeypatch.setattr("app.check.drives.PERIOD_TOLERANCE", 0.4)  # these tests share their processor
+    monkeypatch.setattr("app.commissioning.check_drives.DURATION", 0.15)
+    monkeypatch.setattr("app.commissioning.check_drives.PERIOD_TOLERANCE", 0.4)  # these tests share their processor
 
 
 def test_good_drives_are_good_and_nothing_moves() -> None:

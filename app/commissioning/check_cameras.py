@@ -8,7 +8,7 @@ from typing import Final
 import cv2
 import numpy as np
 
-from app.check.report import Finding, Judge
+from app.commissioning.check_report import Finding, Judge
 from hardware.interfaces import Camera, Frame, HardwareError, StaleFrame
 
 FRAMES: Final = 6

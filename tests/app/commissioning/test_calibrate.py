@@ -12,8 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 from app.bench.vision_calibration import square_errors
-from app.calibrate import calibrate_rig, corners_near
 from app.cli import app
+from app.commissioning.calibrate import calibrate_rig, corners_near
+from app.commissioning.marker_survey import Setup
 from app.motion import MotionSettings
 from app.rig.sim import SimRig
 from app.rig.sim_settings import SimRigSettings
@@ -26,7 +27,6 @@ from app.settings.calibration import (
     load_calibration,
     write_calibration,
 )
-from app.showing import Setup
 from hardware.interfaces import Intrinsics
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
