@@ -22,11 +22,11 @@ import numpy as np
 from app import UserError
 from app.bench.report import BenchReport, machine, row
 from app.bench.vision_games import random_game
-from app.faces import Quiet
 from app.play.launch import run_games
 from app.play.session import SessionResult
 from app.records import EVENTS_FILE, PlyEvent, read_events
 from app.settings.tree import Settings
+from app.terminal.interface import Quiet
 from hardware.interfaces import HardwareError
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import Action, Knock, Move, Withdraw

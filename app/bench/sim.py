@@ -19,11 +19,11 @@ from typing import Final, NamedTuple
 
 from app import UserError
 from app.bench.report import BenchReport, Row, machine, row
-from app.faces import Quiet
 from app.play.launch import run_games
 from app.records import Report
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
 from app.settings.files import settings_of
+from app.terminal.interface import Quiet
 from controller.settings import ControllerSettings
 from hardware.sim.process.construction import Construction
 from hardware.sim.process.journal import Replay

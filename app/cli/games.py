@@ -18,8 +18,8 @@ from app.cli import options
 from app.cli.ending import fail, interrupt
 
 if TYPE_CHECKING:
-    from app.faces import Face
     from app.play.session import SessionResult
+    from app.terminal.interface import Face
 
 
 def demo(
@@ -179,7 +179,7 @@ def report(
 
     from app import UserError
     from app.records import EVENTS_FILE, read_events, summarise
-    from app.report_table import report_table
+    from app.terminal.report_table import report_table
 
     try:
         found = summarise(read_events(folder / EVENTS_FILE))
@@ -208,7 +208,7 @@ def _show_game(
     from rich.console import Console
 
     from app import UserError
-    from app.faces import Conversation, Quiet, Terminal
+    from app.terminal.interface import Conversation, Quiet, Terminal
     from engine.errors import EngineProblem
 
     console = Console(stderr=True)

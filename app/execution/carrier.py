@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from app import UserError
 from app.execution.interruption import PieceLost, Progress, progress_of
 from app.execution.state import Clearance, Devices, Job, moved_all
-from app.faces import Face
 from app.pieces.manipulation import Inventory, Stage, Transfer
 from app.records import GameRecord
 from app.rig.arm import (
@@ -25,6 +24,7 @@ from app.rig.arm import (
     PieceSlipped,
     TouchedElsewhere,
 )
+from app.terminal.interface import Face
 from hardware.parameters import RobotParameters
 from hardware.table import Kind
 

@@ -24,12 +24,12 @@ from app.execution.recovery_plans import Blocked, Strayed, in_order, leant_on
 from app.execution.repair import Ask, Repair, mend
 from app.execution.repair.diagnosis import SEEN_WITHIN, repair_towards
 from app.execution.state import AwaitedReply, Job, changed, moved_all
-from app.faces import Face
 from app.motion.plan import InTheWay, PlanRefused
 from app.pieces.manipulation import Inventory, Transfer
 from app.pieces.order import rearrange
 from app.records import GameRecord
 from app.records.events import Purpose
+from app.terminal.interface import Face
 from hardware.interfaces import Clock
 from hardware.table import square_place
 from vision.pieces.verify import Fault, FaultKind

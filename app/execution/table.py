@@ -17,13 +17,13 @@ import chess.engine
 from app import UserError
 from app.execution.carrier import Begun, BoardTouched, Carried, Carrier, CarryFailed
 from app.execution.state import FRAME_AGE, AwaitedReply, Devices, Job, Position, changed, moved_all
-from app.faces import Face
 from app.pieces.judging import Verdict, judge
 from app.pieces.layout import colour_of
 from app.pieces.manipulation import Inventory, Ply, Transfer, move_kind, transfers
 from app.records import GameRecord, PlyOutcome, recording
 from app.records.events import Purpose
 from app.records.history import Unfinished, transfer_of
+from app.terminal.interface import Face
 from hardware.interfaces import Frame
 from hardware.table import Place
 

@@ -9,13 +9,13 @@ import chess
 from app import UserError
 from app.execution.state import WRONG, GameEnd
 from app.execution.table import Remark, Table
-from app.faces import Face
 from app.game.human_turn import HumanTurn
 from app.game.timing import Timing
 from app.players.person import Human
 from app.players.players import Decision, Players
 from app.records.events import Result
 from app.rig.arm import FELT
+from app.terminal.interface import Face
 from engine.errors import EngineProblem
 
 

@@ -16,7 +16,6 @@ import chess
 from app import UserError
 from app.execution.state import LEFT, WRONG, GameEnd
 from app.execution.table import Remark, Table
-from app.faces import Face
 from app.game.person import NeedsHand
 from app.game.timing import Timing
 from app.guard.hand_notice import HandNotice
@@ -28,6 +27,7 @@ from app.records import RecordError
 from app.records.events import Result
 from app.rig.arm import ArmPaused
 from app.settings.time_control import clock_text
+from app.terminal.interface import Face
 from engine.errors import EngineProblem
 from hardware.interfaces import HardwareError
 from vision.reading.outcome import LOOKS, Situation, Verdict

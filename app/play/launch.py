@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, TextIO
 import chess
 
 from app import UserError
-from app.faces import Face
 from app.game import GameEnd, Position
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory
@@ -30,7 +29,8 @@ from app.records.files import GAMES
 from app.settings.files import keep_settings, kept_settings
 from app.settings.rig_file import BOARD
 from app.settings.tree import PlayerKind, Settings
-from app.typed_lines import TypedLines
+from app.terminal.interface import Face
+from app.terminal.typed_lines import TypedLines
 from hardware.interfaces import Intrinsics
 from hardware.table import Colour
 

@@ -17,7 +17,6 @@ import chess
 
 from app.execution.state import WRONG
 from app.execution.table import Table
-from app.faces import Face
 from app.game import Devices, Game, GameEnd, Position
 from app.game.clock import ChessClock
 from app.game.game import require_empty_fingers
@@ -31,6 +30,7 @@ from app.records import EVENTS_FILE, GameRecord, GameSetup
 from app.records.events import Result
 from app.records.history import counted_plies, persons_side
 from app.settings.files import SETTINGS_FILE
+from app.terminal.interface import Face
 from hardware.sim.process.settings import Pace
 from hardware.table import Colour
 

@@ -10,11 +10,11 @@ from typing import Final
 import chess
 
 from app import UserError
-from app.faces import Face
 from app.game.clock import ChessClock
 from app.players.players import EnginePlayer, LinePlayer, Player, Players
 from app.settings.time_control import TimeControl
 from app.settings.tree import PlayerKind, Settings
+from app.terminal.interface import Face
 from engine.book import Book, BookSettings
 from engine.openings import opening_engine, varied_opening
 from engine.policy import Manners

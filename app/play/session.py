@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Protocol
 from pydantic import JsonValue
 
 from app.execution.state import LEFT
-from app.faces import Face
 from app.game import EXPECTED_FAILURES, Devices, GameEnd
 from app.records import GameRecord, RecordError, Report
 from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
 from app.rig.devices import Rig, RigFailed
+from app.terminal.interface import Face
 from controller.protocol.messages import Telemetry
 from controller.wire.errors import ControllerError
 from controller.wire.link import Listener

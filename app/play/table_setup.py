@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from app.execution.carrier import Carrier
 from app.execution.state import Devices, Position
 from app.execution.table import Table
-from app.faces import Face
 from app.game.person import PersonAsker, UnattendedAsker
 from app.players.person import Human
 from app.records import GameRecord
+from app.terminal.interface import Face
 from hardware.interfaces import Intrinsics
 from hardware.parameters import RobotParameters
 

@@ -14,12 +14,12 @@ import pytest
 from app.execution.carrier import BoardTouched, Carrier
 from app.execution.recovery_plans import Blocked, Strayed
 from app.execution.state import Clearance, Devices, Job
-from app.faces import Quiet
 from app.motion import Motion, MotionSettings, Plan
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, transfers
 from app.records import GameRecord, GameSetup
 from app.rig.arm import ArmState, Outcome
+from app.terminal.interface import Quiet
 from hardware.parameters import load_parameters
 from hardware.table import Place, TableSettings
 from vision.pieces.poses import Pose

@@ -23,7 +23,6 @@ from app.execution.recovery_plans import Strayed
 from app.execution.repair import Sighting
 from app.execution.state import AwaitedReply, Devices, Job, Position
 from app.execution.table import Table
-from app.faces import Quiet
 from app.game.person import NeedsHand, UnattendedAsker
 from app.motion import MotionSettings
 from app.motion.obstacles import Standing
@@ -35,6 +34,7 @@ from app.records.events import TroubleEvent
 from app.records.history import Unfinished
 from app.rig.arm import Outcome
 from app.rig.board import BoardRig
+from app.terminal.interface import Quiet
 from hardware.parameters import load_parameters
 from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.pieces.poses import Pose

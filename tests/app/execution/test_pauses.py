@@ -13,7 +13,6 @@ import pytest
 
 from app.execution.carrier import MOST_PAUSES, Carrier
 from app.execution.table import Table
-from app.faces import Quiet
 from app.game import Devices, Game, Position
 from app.motion import Motion, MotionSettings, Plan
 from app.motion.obstacles import closed_position
@@ -22,6 +21,7 @@ from app.pieces.manipulation import Inventory, Stage
 from app.players.players import Decision, LinePlayer, Player, Players
 from app.records import GameRecord, GameSetup, PlyEvent, StepEvent, read_events
 from app.rig.arm import ArmPaused, ArmState, Outcome
+from app.terminal.interface import Quiet
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
 from hardware.table import Kind, TableSettings

@@ -12,7 +12,6 @@ import pytest
 
 from app import UserError
 from app.execution.interruption import PieceLost, Progress, progress_of
-from app.faces import Quiet
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from app.motion.drop import fall_time, tool_height
 from app.pieces.judging import judge
@@ -25,6 +24,7 @@ from app.rig.arm import FELT, ArmState
 from app.settings.files import settings_of
 from app.settings.rig_file import load_rig
 from app.settings.tree import Settings
+from app.terminal.interface import Quiet
 from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck
 from hardware.parameters import load_parameters

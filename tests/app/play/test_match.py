@@ -16,12 +16,12 @@ from typer.testing import CliRunner
 
 from app import UserError
 from app.cli import app
-from app.faces import Quiet
 from app.play.launch import resume_games, run_games
 from app.play.match import last_round
 from app.play.session import SessionResult
 from app.records import EVENTS_FILE, read_events, read_history
 from app.settings.files import settings_of
+from app.terminal.interface import Quiet
 from hardware.table import Captured, TableSettings
 
 TABLE = TableSettings()

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from app.faces import Quiet
 from app.play.launch import run_games
 from app.settings.files import settings_of
+from app.terminal.interface import Quiet
 from controller.wire.address import find_controller
 from controller.wire.client import ControllerClient
 from hardware.sim.process.settings import Pace

@@ -9,8 +9,8 @@ import chess
 import pytest
 from rich.console import Console
 
-from app.faces import Conversation, Quiet, Terminal, board_text
 from app.records import PlyEvent
+from app.terminal.interface import Conversation, Quiet, Terminal, board_text
 
 
 def event(**changes) -> PlyEvent:
