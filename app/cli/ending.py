@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from app.commissioning.calibrate_report import CalibrateReport
     from app.commissioning.check_report import CheckReport
     from app.commissioning.link_test import LinkReport
-    from app.seeing import VisionReport
+    from app.measure.photographs import VisionReport
 
 
 def fail(sentence: str, status: int = 2) -> NoReturn:

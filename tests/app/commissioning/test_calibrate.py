@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from app.bench.vision_calibration import square_errors
 from app.cli import app
 from app.commissioning.calibrate import calibrate_rig, corners_near
 from app.commissioning.marker_survey import Setup
+from app.measure.bench.vision_calibration import square_errors
 from app.motion import MotionSettings
 from app.rig.sim import SimRig
 from app.rig.sim_settings import SimRigSettings

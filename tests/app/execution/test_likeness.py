@@ -5,8 +5,8 @@ from __future__ import annotations
 import chess
 import pytest
 
-from app.bench.vision_actions import Hands
-from app.bench.vision_games import Eye, Scene, open_studio, random_game
+from app.measure.bench.vision_actions import Hands
+from app.measure.bench.vision_games import Eye, Scene, open_studio, random_game
 from app.pieces.layout import start_layout
 from hardware.table import TableSettings
 from vision.pieces.verify import FaultKind, examine_board

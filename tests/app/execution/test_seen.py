@@ -8,7 +8,7 @@ import chess
 import numpy as np
 import pytest
 
-from app.bench.cell import LEAD, Cell
+from app.measure.bench.cell import LEAD, Cell
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, InventoryError, Transfer

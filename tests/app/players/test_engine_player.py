@@ -9,8 +9,8 @@ import chess
 import chess.engine
 import pytest
 
-from app.bench.clock import play
 from app.game.clock import ArmTime, ChessClock
+from app.measure.bench.clock import play
 from app.players.engine_player import EnginePlayer
 from app.settings.time_control import TimeControl
 from engine.answers import EngineMove

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from app import UserError
-from app.bench.plies import Bed, Disorder
+from app.measure.bench.plies import Bed, Disorder
 from app.motion import PROFILES, Plan, Profile, plan_ply
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, transfers

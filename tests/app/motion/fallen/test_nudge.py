@@ -11,8 +11,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from app.bench.cell import LEAD, Cell
 from app.execution.recovery_plans import Blocked, Strayed, plan_pushing
+from app.measure.bench.cell import LEAD, Cell
 from app.motion import MotionSettings
 from app.motion.arcs import Workcell
 from app.motion.fallen.lying import Lying, Strewn, crowd_of, discs_of
