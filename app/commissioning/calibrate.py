@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from app import UserError
 from app.commissioning.calibrate_report import CalibrateReport, ShownPoint
-from app.commissioning.marker_survey import Setup, Sighting, fresh_frame, show
+from app.commissioning.marker_survey import MarkerObservation, Setup, fresh_frame, show
 from app.motion import MotionSettings
 from app.records.files import GAMES
 from app.rig.devices import Rig
@@ -57,7 +57,7 @@ class Found:
 
     calibration: Calibration
     pose: CameraPose
-    sightings: tuple[Sighting, ...]
+    sightings: tuple[MarkerObservation, ...]
 
 
 def calibrate_rig(

@@ -45,7 +45,7 @@ BUFFER: Final = 1 << 20
 """What the controller asks for [bytes]: 3000 datagrams."""
 
 
-class Check(BaseModel):
+class LinkCheck(BaseModel):
     """One line of the test: ``holds`` where the value is on the good side of its limit.
 
     Attributes:
@@ -83,7 +83,7 @@ class LinkReport(BaseModel):
     rig: str
     duration: float
     holds: bool
-    checks: dict[str, Check]
+    checks: dict[str, LinkCheck]
     notes: tuple[str, ...]
 
     def table(self) -> Table:
@@ -162,7 +162,7 @@ def probe_controller(host: str, port: int, key_file: Path, duration: float) -> P
         raise UserError(str(error)) from error
 
 
-def link_checks(figures: ProbeFigures, stolen: float, buffer: int, *, local: bool) -> dict[str, Check]:
+def link_checks(figures: ProbeFigures, stolen: float, buffer: int, *, local: bool) -> dict[str, LinkCheck]:
     """Checks of the network, of the controller's clock and of the PC.
 
     Args:
@@ -193,7 +193,7 @@ def link_checks(figures: ProbeFigures, stolen: float, buffer: int, *, local: boo
     }  # fmt: skip
 
 
-def real_time_check(granted: GrantedRealTime) -> dict[str, Check]:
+def real_time_check(granted: GrantedRealTime) -> dict[str, LinkCheck]:
     """One check: whether the operating system gave the controller what it asked for."""
     advice = "; ".join(granted.notes) or "switch real time on in the controller's settings"
     return {"real_time": _at_least(float(granted.granted), "granted", 1.0, advice)}
@@ -207,9 +207,9 @@ def receive_buffer() -> int:
     return granted // 2  # Linux doubles it for its own bookkeeping, and says so
 
 
-def _at_most(value: float, unit: str, limit: float, advice: str) -> Check:
-    return Check(unit=unit, value=value, limit=limit, holds=value <= limit, advice=advice)
+def _at_most(value: float, unit: str, limit: float, advice: str) -> LinkCheck:
+    return LinkCheck(unit=unit, value=value, limit=limit, holds=value <= limit, advice=advice)
 
 
-def _at_least(value: float, unit: str, limit: float, advice: str) -> Check:
-    return Check(unit=unit, value=value, limit=limit, at_least=True, holds=value >= limit, advice=advice)
+def _at_least(value: float, unit: str, limit: float, advice: str) -> LinkCheck:
+    return LinkCheck(unit=unit, value=value, limit=limit, at_least=True, holds=value >= limit, advice=advice)

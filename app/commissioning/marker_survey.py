@@ -64,7 +64,7 @@ class Setup:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sighting:
+class MarkerObservation:
     """The marker at one point: where it was by the encoders, base frame (3,) [m], and in the picture, if at all."""
 
     point: Array
@@ -104,7 +104,7 @@ def _snake(grid: list[tuple[float, float]]) -> list[tuple[float, float]]:
     ]
 
 
-def show(rig: Rig, setup: Setup, progress: Progress) -> list[Sighting]:
+def show(rig: Rig, setup: Setup, progress: Progress) -> list[MarkerObservation]:
     """Let the arm show its marker at all points that it reaches, and bring it home.
 
     Raises:
@@ -126,7 +126,7 @@ def show(rig: Rig, setup: Setup, progress: Progress) -> list[Sighting]:
         rig.clock.sleep(PAUSE)
         frame = fresh_frame(rig, camera)
         seen = find_marker(frame.colour, marker.number)
-        sightings.append(Sighting(position + np.array(marker.centre), seen, _depth(frame, seen)))
+        sightings.append(MarkerObservation(position + np.array(marker.centre), seen, _depth(frame, seen)))
         if seen is None:
             progress(f"point {number} of {len(points)}: the marker is not in sight")
     go_home(rig, setup)

@@ -15,9 +15,9 @@ from app.pieces.manipulation import Inventory, Stage, Transfer
 from app.records import GameRecord
 from app.rig.arm import (
     FELT,
+    ArmAtRest,
     ArmHeld,
     ArmPaused,
-    ArmState,
     GraspFailed,
     NothingTouched,
     Outcome,
@@ -287,7 +287,7 @@ class Carrier:
     def _rest(
         self,
         job: Job,
-        state: ArmState,
+        state: ArmAtRest,
         inventory: Inventory,
         progress: Progress | None,
     ) -> tuple[float, Outcome]:
@@ -327,7 +327,7 @@ class Carrier:
             for listener in self._listeners:
                 listener(job.uci)
 
-    def _progress(self, job: Job, state: ArmState, inventory: Inventory) -> Progress:
+    def _progress(self, job: Job, state: ArmAtRest, inventory: Inventory) -> Progress:
         assert self._step is not None
         return progress_of(job.transfers, self._step.transfer, self._step.stage, state, inventory.table)
 

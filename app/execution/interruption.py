@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from app import UserError
 from app.pieces.manipulation import Stage, Transfer
-from app.rig.arm import FELT, ArmState
+from app.rig.arm import FELT, ArmAtRest
 from hardware.table import TableSettings
 
 ABOVE = 0.003
@@ -42,7 +42,7 @@ def progress_of(
     transfers: Sequence[Transfer],
     transfer: int,
     stage: Stage,
-    arm: ArmState,
+    arm: ArmAtRest,
     table: TableSettings,
 ) -> Progress:
     """What is done of a ply, or of another job, whose execution was broken off.
@@ -73,14 +73,14 @@ def progress_of(
     raise PieceLost(carried)
 
 
-def _down_at(transfer: Transfer, arm: ArmState, table: TableSettings) -> bool:
+def _down_at(transfer: Transfer, arm: ArmAtRest, table: TableSettings) -> bool:
     """Whether the tool is where the fingers take the piece."""
     x, y, z = table.board_from_base(arm.reference).tolist()
     there_x, there_y = transfer.grasped_at(table)
     return math.hypot(x - there_x, y - there_y) < ABOVE and z < transfer.shape.grip_height + ABOVE
 
 
-def _over(transfer: Transfer, arm: ArmState, table: TableSettings) -> bool:
+def _over(transfer: Transfer, arm: ArmAtRest, table: TableSettings) -> bool:
     """Whether the tool is where it sets the piece down; or over the box, into which the piece falls from anywhere."""
     x, y, z = table.board_from_base(arm.reference).tolist()
     if transfer.target.in_box:

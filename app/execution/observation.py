@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.execution.recovery_plans import Strayed
-from app.execution.repair import Sighting, kinds_by_height
+from app.execution.repair import BoardObservation, kinds_by_height
 from app.execution.repair.observed import HEIGHTS, Chances
 from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
 from app.execution.unseen_reply import pieces_of, reply_shown
@@ -31,14 +31,14 @@ from vision.board.orientation import orient
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.pieces.centres import piece_centres
 from vision.pieces.fallen import find_strays
-from vision.pieces.swapped import Sighted, looked_closer
+from vision.pieces.swapped import KnownPicture, looked_closer
 from vision.pieces.verify import Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, EMPTY, WHITE
-from vision.reading.diagnosis import Finding, explain
+from vision.reading.diagnosis import Diagnosis, explain
 from vision.reading.evidence import codes_of
-from vision.reading.moves import Decision
-from vision.reading.observer import Look, Observer
-from vision.reading.outcome import Situation, Verdict
+from vision.reading.moves import MoveReading
+from vision.reading.observer import Observation, Observer
+from vision.reading.outcome import ReadingOutcome, Situation
 from vision.reading.rectified_view import sight_of_frame
 
 States = NDArray[np.intp]
@@ -62,10 +62,10 @@ class Reading:
         look: to be confirmed.
     """
 
-    decision: Decision
-    finding: Finding
+    decision: MoveReading
+    finding: Diagnosis
     states: States
-    look: Look
+    look: Observation
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class Verification:
     """
 
     faults: tuple[Fault, ...]
-    sighting: Sighting
+    sighting: BoardObservation
 
 
 class Eyes:
@@ -100,7 +100,7 @@ class Eyes:
         self._table, self._believed = table, view
         self._observer: Observer | None = None
         self._last: Frame | None = None
-        self._shows_known: Sighted | None = None
+        self._shows_known: KnownPicture | None = None
         """A picture of the known position, if there is one."""
         self._likeness: dict[int, tuple[str, float]] = {}
         """Of pieces when the board was last as it should be, by square: name, and how well it looked like itself."""
@@ -124,7 +124,7 @@ class Eyes:
         frame = self.frame()
         self._hold(frame, _find(frame, board, self._table, self._believed(frame.intrinsics)))
         self._observer = Observer(board, sight_of_frame(frame, self.view))
-        self._shows_known = Sighted(frame, self.view)
+        self._shows_known = KnownPicture(frame, self.view)
 
     @property
     def last(self) -> Frame:
@@ -195,14 +195,14 @@ class Eyes:
         if not faults:
             self._strayed, self._assumed = {}, False
             self._likeness = {square: (expected[square].name, one) for square, one in examined.likeness.items()}
-            return Verification(faults, Sighting({}))
+            return Verification(faults, BoardObservation({}))
         look = self._known.look(sight_of_frame(frame, self.view))
         states = look.evidence.read(codes_of(self._known.board))
         wrong = {fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE}
         for square in examined.likeness.keys() - wrong:  # the outline of a piece says more than its square's colours
             states[square] = WHITE if expected[square].colour is Colour.WHITE else BLACK
         top = None if look.solids is None else look.solids.top
-        sighting = Sighting.of(stands, states, faults, kinds=_kinds(stands, states, top, self._heights()))
+        sighting = BoardObservation.of(stands, states, faults, kinds=_kinds(stands, states, top, self._heights()))
         return Verification(faults, sighting)
 
     def _heights(self) -> dict[Kind, float]:
@@ -257,7 +257,7 @@ class Eyes:
         states, altered = look.evidence.read(known), look.evidence.altered(known)
         finding = explain(states, self._known.board, altered)
         if self._shows_known is not None:
-            now, pieces = Sighted(frame, self.view), pieces_of(self._known.board)
+            now, pieces = KnownPicture(frame, self.view), pieces_of(self._known.board)
             finding = looked_closer(finding, states, self._known.board, self._shows_known, now, pieces)
         return Reading(decision, finding, states, look)
 
@@ -275,7 +275,7 @@ class Eyes:
         self._known.stand(board)
         self._shows_known = None
         reading = self._read(self.last)
-        return reading.decision.verdict is Verdict.MOVE or reading.finding.situation in _ANSWERS
+        return reading.decision.verdict is ReadingOutcome.MOVE or reading.finding.situation in _ANSWERS
 
     def _learn_from_reply(self, board: chess.Board) -> bool:
         """What was learnt from a position that does not stand there is learnt again, from one move later."""
@@ -288,7 +288,7 @@ class Eyes:
         self._assumed = False
         return True
 
-    def confirm(self, board: chess.Board, look: Look | None = None) -> None:
+    def confirm(self, board: chess.Board, look: Observation | None = None) -> None:
         """The position is known: by the rules, a person, or since the arm has made it.
 
         Args:
@@ -299,7 +299,7 @@ class Eyes:
             look = self._known.look(sight_of_frame(self.last, self.view))
         self._known.confirm(look, board)
         self._assumed = False
-        self._shows_known = Sighted(self.last, self.view)
+        self._shows_known = KnownPicture(self.last, self.view)
 
     def _follow(self, frame: Frame) -> None:
         check = self._anchor.follow(frame.colour)

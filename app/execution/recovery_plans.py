@@ -17,7 +17,7 @@ from app.motion.arcs import Workcell
 from app.motion.fallen.lying import Lying, Strewn, crowd_of
 from app.motion.fallen.push import Nudge, find_nudge, plan_nudge
 from app.motion.fallen.stand_up import plan_upright, room_to_stand_up
-from app.motion.obstacles import Standing
+from app.motion.obstacles import Obstacle
 from app.motion.path import Vector
 from app.motion.plan import Plan, PlanRefused
 from app.motion.planner import fits_around, plan_ply
@@ -82,7 +82,7 @@ class Blocked:
 
     name: str
     by: str
-    around: Standing | None = None
+    around: Obstacle | None = None
 
 
 def in_order(strays: Sequence[Strayed]) -> list[Strayed]:
@@ -94,7 +94,7 @@ def strewn_of(strays: Sequence[Strayed]) -> Strewn:
     """For whoever plans around them."""
     return Strewn(
         tuple(
-            Standing(one.piece.name, one.target, one.pose.x, one.pose.y, one.piece.kind)
+            Obstacle(one.piece.name, one.target, one.pose.x, one.pose.y, one.piece.kind)
             for one in strays
             if not one.lies
         ),
@@ -149,7 +149,7 @@ def plan_righting(
         )
     table = inventory.table
     strewn = strewn_of([stray for stray in others if stray.piece.name in gone])
-    near = [Standing.at(piece.name, piece.place, piece.kind, table) for piece in rest
+    near = [Obstacle.at(piece.name, piece.place, piece.kind, table) for piece in rest
             if piece.name != one.piece.name and not piece.place.in_box]  # fmt: skip
     near += strewn.standing
     lying = strewn.lying
@@ -239,7 +239,7 @@ def plan_pushing(
     gone = {stray.piece.name for stray in strays}
     strewn = strewn_of(strays)
     kept = tuple(
-        Standing.at(piece.name, piece.place, piece.kind, table)
+        Obstacle.at(piece.name, piece.place, piece.kind, table)
         for piece in inventory
         if piece.name not in gone and not piece.place.in_box
     )

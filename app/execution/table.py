@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from app.execution.recovery import Mender
     from app.execution.recovery_plans import Strayed
     from app.guard.game_guard import GameGuard
-    from vision.reading.diagnosis import Finding
+    from vision.reading.diagnosis import Diagnosis
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +185,7 @@ class Table:
         """Before the arm moves, if the last look was long ago; False as of ``arm_ply``."""
         return self._mender is None or not self._mender.stale or self.repair()
 
-    def note(self, finding: Finding) -> None:
+    def note(self, finding: Diagnosis) -> None:
         """Something that is no legal move was seen: that is in the record, whatever comes of it."""
         squares = [chess.square_name(square) for square in finding.squares]
         self._record.trouble(finding.situation.value, squares, finding.sentence, None, self.now())

@@ -38,7 +38,7 @@ class ClockError(Exception):
     """A transition that makes no sense in this state: a bug in the caller."""
 
 
-class Move(BaseModel):
+class ClockMove(BaseModel):
     """A move that was made: who made it, and what it did to the time of that side; all [s]."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -73,7 +73,7 @@ class ChessClock(BaseModel):
     white_left: float
     """At the beginning of the side's present move [s]."""
     black_left: float
-    moves: tuple[Move, ...] = ()
+    moves: tuple[ClockMove, ...] = ()
     """Made so far, both sides' in order: one for each ply played by the clock."""
     mover: bool | None = None
     """Whose move is under way, as python-chess has colours; None between moves."""
@@ -242,7 +242,7 @@ class ChessClock(BaseModel):
         if (period := control.begins_period(self.made(colour) + 1)) is not None:
             after += period.base
         arm = self.arm if self.arm_time is ArmTime.OWN else 0.0
-        move = Move(white=colour, before=before, thought=self.used, arm=arm, after=after)
+        move = ClockMove(white=colour, before=before, thought=self.used, arm=arm, after=after)
         idle = {"mover": None, "used": 0.0, "arm": 0.0, "is_decided": False, "since": None}
         left = {"white_left" if colour else "black_left": after}
         return self.model_copy(update={"moves": (*self.moves, move), **left, **idle})

@@ -52,14 +52,14 @@ _MOST_WAIT: Final = 2.0
 """For telemetry that is on its way [s, wall]."""
 
 
-class Pose(NamedTuple):
+class ArmPose(NamedTuple):
     """Servomotor angles (3,) [rad] and how far a finger is open [m]."""
 
     angle: Triple
     finger: float
 
 
-def arm_capsules(parameters: RobotParameters, table: TableSettings, pose: Pose) -> Capsules:
+def arm_capsules(parameters: RobotParameters, table: TableSettings, pose: ArmPose) -> Capsules:
     """All links of an arm, board frame.
 
     Args:
@@ -160,7 +160,7 @@ class ArmHistory:
     def __init__(self, tick: float, kept: float = 1.0) -> None:
         self._tick = tick
         self._ticks: deque[int] = deque()
-        self._poses: deque[Pose] = deque()
+        self._poses: deque[ArmPose] = deque()
         self._kept = round(kept / tick)
         self._news = threading.Condition()
 
@@ -170,7 +170,7 @@ class ArmHistory:
             if self._ticks and telemetry.tick <= self._ticks[-1]:
                 return
             self._ticks.append(telemetry.tick)
-            self._poses.append(Pose(telemetry.angle, telemetry.finger_position))
+            self._poses.append(ArmPose(telemetry.angle, telemetry.finger_position))
             while self._ticks[-1] - self._ticks[0] > self._kept and len(self._ticks) > 2:
                 self._ticks.popleft()
                 self._poses.popleft()
@@ -182,7 +182,7 @@ class ArmHistory:
         with self._news:
             return self._ticks[-1] * self._tick if self._ticks else -math.inf
 
-    def at(self, stamp: float) -> Pose | None:
+    def at(self, stamp: float) -> ArmPose | None:
         """The pose at a plant time [s], between the telemetry before and after it.
 
         Waits for telemetry that is still on its way. None where nobody can say: it is older than all that is kept, or
@@ -200,6 +200,6 @@ class ArmHistory:
             return _between(self._poses[before], self._poses[after], share)
 
 
-def _between(one: Pose, other: Pose, share: float) -> Pose:
+def _between(one: ArmPose, other: ArmPose, share: float) -> ArmPose:
     a, b, c = ((1.0 - share) * p + share * q for p, q in zip(one.angle, other.angle, strict=True))
-    return Pose((a, b, c), (1.0 - share) * one.finger + share * other.finger)
+    return ArmPose((a, b, c), (1.0 - share) * one.finger + share * other.finger)

@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from app import UserError
-from app.guard.arm_silhouette import ArmHistory, Pose, arm_capsules
+from app.guard.arm_silhouette import ArmHistory, ArmPose, arm_capsules
 from app.rig.devices import Holder, WatchedFrames
 from controller.wire.errors import ControllerError
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError
@@ -70,7 +70,7 @@ class ArmMasks:
 
     def __init__(self, view: BoardView, parameters: RobotParameters, table: TableSettings, history: ArmHistory) -> None:
         self._view, self._parameters, self._table, self._history = view, parameters, table, history
-        self._last: tuple[Pose, Hidden] | None = None
+        self._last: tuple[ArmPose, Hidden] | None = None
 
     def at(self, stamp: float) -> Hidden | None:
         """Where it was in a frame of this stamp [s]; None where nobody knows."""

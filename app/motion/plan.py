@@ -17,7 +17,7 @@ from controller.protocol import Result
 from hardware.table import TableSettings
 
 if TYPE_CHECKING:
-    from app.motion.obstacles import Standing
+    from app.motion.obstacles import Obstacle
 
 
 class PlanRefused(UserError):
@@ -32,7 +32,7 @@ class InTheWay(PlanRefused):
         around: what they would be around, and where; None: they would not open.
     """
 
-    def __init__(self, sentence: str, piece: Standing, around: Standing | None = None) -> None:
+    def __init__(self, sentence: str, piece: Obstacle, around: Obstacle | None = None) -> None:
         super().__init__(sentence)
         self.piece, self.around = piece, around
 

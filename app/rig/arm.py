@@ -76,7 +76,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True)
-class ArmState:
+class ArmAtRest:
     """Where the arm rests: reference, base frame (3,) [m]; finger position [m]; tick; what both pads feel [N].
 
     ``measured`` is where the tool is by the encoders, (3,) [m]; None: nobody measures, it is where it should be.
@@ -107,10 +107,10 @@ class Arm(Protocol):
 
     lead_ticks: int
 
-    def state(self) -> ArmState:
+    def state(self) -> ArmAtRest:
         """The arm at rest; on a simulated rig in pace fast, once plant time stands."""
 
-    def settle(self) -> ArmState:
+    def settle(self) -> ArmAtRest:
         """Wait until an arm whose motion was stopped is at rest; where it rests."""
 
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
@@ -131,14 +131,14 @@ class ControllerArm:
         self._progress = progress
         self.lead_ticks = 8 if client.lockstep else 30
 
-    def state(self) -> ArmState:
+    def state(self) -> ArmAtRest:
         """See ``Arm.state``."""
         telemetry = self._client.wait_standing()
         felt = min(telemetry.tactile)
         measured = np.array(telemetry.position)
-        return ArmState(np.array(telemetry.reference), telemetry.finger_position, telemetry.tick, felt, measured)
+        return ArmAtRest(np.array(telemetry.reference), telemetry.finger_position, telemetry.tick, felt, measured)
 
-    def settle(self) -> ArmState:
+    def settle(self) -> ArmAtRest:
         """See ``Arm.settle``."""
         self._client.stop()
         return self.state()

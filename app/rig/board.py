@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from app.rig.arm import Arm, ArmState, Outcome
+from app.rig.arm import Arm, ArmAtRest, Outcome
 from app.rig.devices import EndState, Watched
 from controller.protocol import Result
 from hardware.interfaces import Clock
@@ -56,13 +56,13 @@ class BoardArm:
         """
         self._drive_tick, self._clock = parameters.drive.tick, clock
         self._stroke = parameters.gripper.stroke
-        self._state = ArmState(np.array(home, dtype=float), self._stroke, 0)
+        self._state = ArmAtRest(np.array(home, dtype=float), self._stroke, 0)
 
-    def state(self) -> ArmState:
+    def state(self) -> ArmAtRest:
         """See ``Arm.state``."""
         return self._state
 
-    def settle(self) -> ArmState:
+    def settle(self) -> ArmAtRest:
         """See ``Arm.settle``."""
         return self._state
 
@@ -78,7 +78,7 @@ class BoardArm:
         self._clock.sleep(duration)
         return Outcome(duration, 0.0, 0.0, self._state.tick)
 
-    def _after(self, motion: Motion, lead: float) -> ArmState:
+    def _after(self, motion: Motion, lead: float) -> ArmAtRest:
         samples = motion.samples
         if motion.wanted is not Result.DONE:
             samples = samples[: max(1, min(len(samples), round(motion.expected / self._drive_tick)))]
@@ -92,7 +92,7 @@ class BoardArm:
             felt = float(samples["guard_level"][-1])
         finger = min(max(state.finger + float(velocity.sum()) * self._drive_tick, 0.0), self._stroke)
         ticks = len(samples) + round(lead / self._drive_tick)
-        return ArmState(samples["position"][-1].copy(), finger, state.tick + ticks, felt)
+        return ArmAtRest(samples["position"][-1].copy(), finger, state.tick + ticks, felt)
 
 
 class BoardRig:

@@ -102,7 +102,7 @@ class FlightHead(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Flight:
+class FlightRecord:
     """A recorded flight; arrays cannot be written to."""
 
     head: FlightHead
@@ -154,7 +154,7 @@ def write_flight(path: Path, head: FlightHead, parts: Sequence[NDArray[Any]]) ->
         part.unlink(missing_ok=True)
 
 
-def load_flight(path: Path) -> Flight:
+def load_flight(path: Path) -> FlightRecord:
     """Read a file that the recorder wrote.
 
     Raises:
@@ -177,7 +177,7 @@ def load_flight(path: Path) -> Flight:
     except (ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
         raise FlightFileError(f"{path} is no flight ({error}): name a flight-*.npz file") from error
     ticks.setflags(write=False)
-    return Flight(found, ticks)
+    return FlightRecord(found, ticks)
 
 
 def _array_header(rows: int) -> bytes:

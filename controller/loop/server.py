@@ -28,7 +28,7 @@ from controller.model.constants import DeltaModel
 from controller.protection.limits import Limits, Violation, check_limits, default_limits
 from controller.protocol.causes import Cause, explain
 from controller.protocol.key import KEY_FILE, KeyFileError, load_key
-from controller.protocol.layout import COMMAND, HEARTBEAT, VERSION, CommandCode, Kind
+from controller.protocol.layout import COMMAND, HEARTBEAT, VERSION, CommandCode, DatagramKind
 from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
 from controller.protocol.states import State
 from controller.settings import CONTROLLER_FILE, ControllerSettings
@@ -250,18 +250,18 @@ class Server:
 
     def _handle(self, kind: int, payload: memoryview) -> bool:
         """Carry a client's datagram out; false where its content is impossible."""
-        if kind == Kind.SAMPLES:
+        if kind == DatagramKind.SAMPLES:
             samples = Samples.unpack(payload)
             if samples is None:
                 return False
             self.supervisor.take_samples(samples)
-        elif kind == Kind.HEARTBEAT:
+        elif kind == DatagramKind.HEARTBEAT:
             (self._ping,) = HEARTBEAT.struct.unpack(payload)
-        elif kind == Kind.ANNOUNCE:
+        elif kind == DatagramKind.ANNOUNCE:
             announce = Announce.unpack(payload)
             self._flight.note(announce)
             self.supervisor.announce(announce)
-        elif kind == Kind.COMMAND:
+        elif kind == DatagramKind.COMMAND:
             code = _COMMANDS.get(COMMAND.struct.unpack(payload)[0])
             if code is None:
                 return False
@@ -305,7 +305,7 @@ class Server:
 
     def _handle_later(self, kind: int, payload: memoryview) -> bool:
         """As ``_handle``, but samples wait for the next tick; the door reads nothing before that, so the view lasts."""
-        if kind != Kind.SAMPLES:
+        if kind != DatagramKind.SAMPLES:
             return self._handle(kind, payload)
         self._samples = Samples.unpack(payload)
         return self._samples is not None

@@ -23,9 +23,9 @@ from controller.protocol.layout import (
     SAMPLE_LAYOUT,
     VERSION,
     CommandCode,
+    DatagramKind,
     Flag,
     Guard,
-    Kind,
     Layout,
     MotionFlag,
     Result,
@@ -49,7 +49,7 @@ def refresh(page: str) -> str:
 
 def _parts() -> dict[str, str]:
     layouts = (HEADER, SAMPLE_LAYOUT, *PAYLOADS.values())
-    enums = (Kind, CommandCode, MotionFlag, Guard, Result, Flag)
+    enums = (DatagramKind, CommandCode, MotionFlag, Guard, Result, Flag)
     return {
         "version": f"Version of this page: `0x{VERSION:08x}`.",
         **{layout.name: _layout_table(layout) for layout in layouts},
@@ -65,7 +65,7 @@ def _parts() -> dict[str, str]:
 
 
 def _example() -> str:
-    datagram = Envelope(bytes(range(KEY_SIZE))).seal(Kind.HEARTBEAT, 1, 2, HEARTBEAT.struct.pack(7)).hex(" ")
+    datagram = Envelope(bytes(range(KEY_SIZE))).seal(DatagramKind.HEARTBEAT, 1, 2, HEARTBEAT.struct.pack(7)).hex(" ")
     lines = [datagram[start : start + 48].strip() for start in range(0, len(datagram), 48)]
     return "\n".join(["```", *lines, "```"])
 

@@ -31,7 +31,7 @@ class Linear(NamedTuple):
         return np.asarray(np.linalg.eigvals(self.a), dtype=np.complex128)
 
 
-class Pose(NamedTuple):
+class RestPose(NamedTuple):
     """What a rest pose gives: unit vectors d and e of `arm_directions` and J_c, shape (3, 3) [m/rad]."""
 
     d: tuple[Vector, Vector, Vector]
@@ -39,7 +39,7 @@ class Pose(NamedTuple):
     jacobian: FloatArray
 
 
-def pose_at(model: DeltaModel, angle: FloatArray) -> Pose:
+def pose_at(model: DeltaModel, angle: FloatArray) -> RestPose:
     """The pose below the base at servomotor angles, shape (3,) [rad].
 
     Raises:
@@ -49,7 +49,7 @@ def pose_at(model: DeltaModel, angle: FloatArray) -> Pose:
     d, e = arm_directions(model.constants, angle, (float(point[0]), float(point[1]), float(point[2])))
     jacobian = np.empty((3, 3))
     control_jacobian(model.constants, d, e, jacobian, np.empty((3, 3)))
-    return Pose(d, e, jacobian)
+    return RestPose(d, e, jacobian)
 
 
 def tool_hessian(model: DeltaModel, angle: FloatArray) -> FloatArray:

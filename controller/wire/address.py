@@ -13,7 +13,7 @@ from controller.settings import CONTROLLER_FILE
 from controller.wire.errors import ControllerUnavailable
 
 
-class Contact(NamedTuple):
+class ControllerAddress(NamedTuple):
     """IPv4 address, UDP port and shared secret of a controller."""
 
     host: str
@@ -21,7 +21,7 @@ class Contact(NamedTuple):
     key: bytes
 
 
-def find_controller(directory: Path) -> Contact:
+def find_controller(directory: Path) -> ControllerAddress:
     """The controller that runs in this directory.
 
     Raises:
@@ -39,7 +39,7 @@ def find_controller(directory: Path) -> Contact:
             f"the controller speaks protocol {version:08x}, this program {VERSION:08x}: "
             "start both from the same version"
         )
-    return Contact(host, port, load_key(directory / KEY_FILE))
+    return ControllerAddress(host, port, load_key(directory / KEY_FILE))
 
 
 def open_socket(host: str, port: int, timeout: float) -> socket.socket:

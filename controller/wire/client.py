@@ -19,8 +19,8 @@ from controller.protocol.layout import (
     SAMPLE,
     SAMPLES_PER_DATAGRAM,
     CommandCode,
+    DatagramKind,
     Flag,
-    Kind,
     MotionFlag,
     Result,
 )
@@ -314,7 +314,7 @@ class ControllerClient:
                     f"{telemetry.explain_cause()}"
                 )
             if telemetry.command < first:
-                link.send(Kind.COMMAND, COMMAND.struct.pack(code))
+                link.send(DatagramKind.COMMAND, COMMAND.struct.pack(code))
             link.wait_for_news(telemetry)
 
 
@@ -322,7 +322,7 @@ class _Stream:
     """One motion on its way: what to send next, what again."""
 
     def __init__(
-        self, send: Callable[[Kind, bytes], None], announce: Announce, samples: NDArray[Any], ahead: int
+        self, send: Callable[[DatagramKind, bytes], None], announce: Announce, samples: NDArray[Any], ahead: int
     ) -> None:
         self._send = send
         self._announce = announce
@@ -337,7 +337,7 @@ class _Stream:
         admitted = telemetry.motion == motion
         if not admitted and now - self._announced_at > REPEAT:
             self._announced_at = now
-            self._send(Kind.ANNOUNCE, self._announce.pack())
+            self._send(DatagramKind.ANNOUNCE, self._announce.pack())
         received, executed = (telemetry.received, telemetry.executed) if admitted else (0, 0)
         first = received // SAMPLES_PER_DATAGRAM
         last = -(-(executed + self._ahead) // SAMPLES_PER_DATAGRAM)
@@ -346,7 +346,7 @@ class _Stream:
         for chunk in due.tolist():
             start = chunk * SAMPLES_PER_DATAGRAM
             rows = self._samples[start : start + SAMPLES_PER_DATAGRAM]
-            self._send(Kind.SAMPLES, Samples(motion, start, rows).pack())
+            self._send(DatagramKind.SAMPLES, Samples(motion, start, rows).pack())
 
 
 def _moving(telemetry: Telemetry) -> bool:

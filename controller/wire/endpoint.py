@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Final
 
 from controller.protocol.envelope import Drop, Envelope, Opened, SequenceWindow
-from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, Kind
+from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, DatagramKind
 from controller.protocol.messages import Busy, Hello
 from controller.wire.subscribers import Address, Audience
 
@@ -23,7 +23,7 @@ Handler = Callable[[int, memoryview], bool]
 """Takes kind and payload of a datagram; false where its content is impossible."""
 
 _RECEIVE_BUFFER = 1 << 20
-_ORDERS: Final = frozenset({int(Kind.COMMAND), int(Kind.ANNOUNCE)})
+_ORDERS: Final = frozenset({int(DatagramKind.COMMAND), int(DatagramKind.ANNOUNCE)})
 """Kinds that must not overtake each other."""
 
 
@@ -137,7 +137,7 @@ class Door:
             telemetry: its payload.
             now: wall time [s].
         """
-        self.send(Kind.TELEMETRY, telemetry)
+        self.send(DatagramKind.TELEMETRY, telemetry)
         self._audience.publish(telemetry, now)
 
     def take_leave(self, telemetry: bytes, now: float) -> None:
@@ -146,7 +146,7 @@ class Door:
         while self._audience.relay():
             pass
 
-    def send(self, kind: Kind, payload: bytes) -> None:
+    def send(self, kind: DatagramKind, payload: bytes) -> None:
         """Send to the client, if there is one."""
         if self._session:
             self._send_to(self._client, kind, self._session, payload)
@@ -159,9 +159,9 @@ class Door:
         opened = self._envelope.open(data)
         if isinstance(opened, Drop):
             return opened
-        if opened.kind == Kind.HELLO:
+        if opened.kind == DatagramKind.HELLO:
             return self._greet(opened, address, now)
-        if opened.kind == Kind.WATCH:
+        if opened.kind == DatagramKind.WATCH:
             return self._listen(opened, address, now)
         if opened.session != self._session or self._session == 0:
             return Drop.SESSION
@@ -174,7 +174,7 @@ class Door:
         self._heard, self._client = now, address
         if not handle(opened.kind, opened.payload):
             return Drop.CONTENT
-        if opened.kind == Kind.COMMAND:
+        if opened.kind == DatagramKind.COMMAND:
             self.last_command = opened.sequence
         return None
 
@@ -205,15 +205,15 @@ class Door:
             if not self._window.accept(opened.sequence):
                 return Drop.SEQUENCE
             self._heard, self._client = now, address
-            self.send(Kind.WELCOME, self._welcome())
+            self.send(DatagramKind.WELCOME, self._welcome())
         elif self._session == 0:
-            self._send_to(address, Kind.CHALLENGE, opened.session, CHALLENGE.struct.pack(self._cookie))
+            self._send_to(address, DatagramKind.CHALLENGE, opened.session, CHALLENGE.struct.pack(self._cookie))
         else:
             busy = Busy(self._name, *self._client, self.silence(now))
-            self._send_to(address, Kind.BUSY, opened.session, busy.pack())
+            self._send_to(address, DatagramKind.BUSY, opened.session, busy.pack())
         return None
 
-    def _send_to(self, address: Address, kind: Kind, session: int, payload: bytes) -> None:
+    def _send_to(self, address: Address, kind: DatagramKind, session: int, payload: bytes) -> None:
         self._sent += 1
         datagram = self._envelope.seal(kind, session, self._sent, payload)
         # a client that is gone or a full queue is not the loop's business: silence is noticed by the lease

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 
 from controller.protocol.envelope import Drop, Envelope
-from controller.protocol.layout import CHALLENGE, HEARTBEAT, MAX_DATAGRAM, Kind
+from controller.protocol.layout import CHALLENGE, HEARTBEAT, MAX_DATAGRAM, DatagramKind
 from controller.protocol.messages import Busy, Hello, Telemetry, Welcome
 from controller.wire.address import open_socket
 from controller.wire.errors import ControllerBusy, ControllerLost, ControllerUnavailable
@@ -102,7 +102,7 @@ class Link:
                     "is the controller running, with the same key and the same version?"
                 )
             if self._welcome is None:
-                self.send(Kind.HELLO, Hello(self._cookie, self._name).pack())
+                self.send(DatagramKind.HELLO, Hello(self._cookie, self._name).pack())
             with self._news:
                 self._news.wait(REPEAT)
         return self._welcome
@@ -114,9 +114,9 @@ class Link:
 
     def beat(self) -> None:
         """Send a heartbeat with the newest ping."""
-        self.send(Kind.HEARTBEAT, HEARTBEAT.struct.pack(self._ping))
+        self.send(DatagramKind.HEARTBEAT, HEARTBEAT.struct.pack(self._ping))
 
-    def send(self, kind: Kind, payload: bytes) -> None:
+    def send(self, kind: DatagramKind, payload: bytes) -> None:
         """Send a datagram."""
         with self._sending:
             self.sequence += 1
@@ -162,15 +162,15 @@ class Link:
             return
         self._newest = opened.sequence
         self._refused, self._heard = False, time.monotonic()
-        if opened.kind == Kind.TELEMETRY:
+        if opened.kind == DatagramKind.TELEMETRY:
             self._take(Telemetry.unpack(opened.payload))
             return
         with self._news:
-            if opened.kind == Kind.CHALLENGE:
+            if opened.kind == DatagramKind.CHALLENGE:
                 (self._cookie,) = CHALLENGE.struct.unpack(opened.payload)
-            elif opened.kind == Kind.WELCOME:
+            elif opened.kind == DatagramKind.WELCOME:
                 self._welcome = Welcome.unpack(opened.payload)
-            elif opened.kind == Kind.BUSY:
+            elif opened.kind == DatagramKind.BUSY:
                 self._busy = Busy.unpack(opened.payload)
             self._news.notify_all()
 

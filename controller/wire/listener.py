@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Self
 
 from controller.protocol.envelope import Drop, Envelope
-from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, WATCH, Kind
+from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, WATCH, DatagramKind
 from controller.protocol.messages import Telemetry
 from controller.wire.address import find_controller, open_socket
 from controller.wire.errors import ControllerLost, ControllerUnavailable
@@ -142,7 +142,9 @@ class TelemetryWatch:
 
     def _ask(self, end: socket.socket) -> None:
         self._sequence += 1
-        datagram = self._envelope.seal(Kind.WATCH, self._session, self._sequence, WATCH.struct.pack(self._cookie))
+        datagram = self._envelope.seal(
+            DatagramKind.WATCH, self._session, self._sequence, WATCH.struct.pack(self._cookie)
+        )
         try:
             end.send(datagram)
         except OSError:
@@ -154,11 +156,11 @@ class TelemetryWatch:
         if isinstance(opened, Drop) or opened.session != self._session or opened.sequence <= self._newest:
             return False
         self._newest = opened.sequence
-        if opened.kind == Kind.CHALLENGE:
+        if opened.kind == DatagramKind.CHALLENGE:
             (self._cookie,) = CHALLENGE.struct.unpack(opened.payload)
             self._challenged, self._admitted = True, False
             return True
-        if opened.kind == Kind.TELEMETRY:
+        if opened.kind == DatagramKind.TELEMETRY:
             self._heard = self._alive = time.monotonic()
             self._admitted = True
             telemetry = Telemetry.unpack(opened.payload)

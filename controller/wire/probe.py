@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 from controller.protocol.envelope import Drop, Envelope, Opened
-from controller.protocol.layout import CHALLENGE, HEARTBEAT, MAX_DATAGRAM, Kind
+from controller.protocol.layout import CHALLENGE, HEARTBEAT, MAX_DATAGRAM, DatagramKind
 from controller.protocol.messages import Busy, Hello, Telemetry, Welcome
 from controller.wire.errors import ControllerBusy, ControllerLost, ControllerUnavailable
 
@@ -115,10 +115,10 @@ class Probe:
                     f"no answer from {self._where} within {timeout:g} s: "
                     "is the controller running, with the same key and the same version?"
                 )
-            self._send(Kind.HELLO, Hello(self._cookie, self._name).pack())
+            self._send(DatagramKind.HELLO, Hello(self._cookie, self._name).pack())
             until = time.monotonic() + _REPEAT
             while (opened := self._receive(until)) is not None:
-                if opened.kind == Kind.BUSY:
+                if opened.kind == DatagramKind.BUSY:
                     busy = Busy.unpack(opened.payload)
 
     def measure(self, duration: float) -> ProbeFigures:
@@ -150,9 +150,9 @@ class Probe:
         """Of one ping [s]; None when its echo does not come in time."""
         self._ping = (self._ping + 1) % (1 << 32)
         began = time.monotonic()
-        self._send(Kind.HEARTBEAT, HEARTBEAT.struct.pack(self._ping))
+        self._send(DatagramKind.HEARTBEAT, HEARTBEAT.struct.pack(self._ping))
         while (opened := self._receive(began + PATIENCE)) is not None:
-            if opened.kind == Kind.TELEMETRY and self._telemetry and self._telemetry[-1][1].echo == self._ping:
+            if opened.kind == DatagramKind.TELEMETRY and self._telemetry and self._telemetry[-1][1].echo == self._ping:
                 trip = self._telemetry[-1][0] - began
                 return trip if trip <= PATIENCE else None  # this process may have slept after the echo was there
         return None
@@ -172,7 +172,7 @@ class Probe:
             self._welcome.lockstep,
         )  # fmt: skip
 
-    def _send(self, kind: Kind, payload: bytes) -> None:
+    def _send(self, kind: DatagramKind, payload: bytes) -> None:
         self._sequence += 1
         try:
             self._socket.send(self._envelope.seal(kind, self._session, self._sequence, payload))
@@ -200,11 +200,11 @@ class Probe:
         return None
 
     def _take(self, opened: Opened, now: float) -> None:
-        if opened.kind == Kind.CHALLENGE:
+        if opened.kind == DatagramKind.CHALLENGE:
             (self._cookie,) = CHALLENGE.struct.unpack(opened.payload)
-        elif opened.kind == Kind.WELCOME:
+        elif opened.kind == DatagramKind.WELCOME:
             self._welcome = Welcome.unpack(opened.payload)
-        elif opened.kind == Kind.TELEMETRY:
+        elif opened.kind == DatagramKind.TELEMETRY:
             if opened.sequence in self._seen:
                 self._repeated += 1
                 return

@@ -16,10 +16,10 @@ import secrets
 from collections.abc import Callable
 
 from controller.protocol.envelope import Drop, Opened, SequenceWindow
-from controller.protocol.layout import CHALLENGE, WATCH, Kind
+from controller.protocol.layout import CHALLENGE, WATCH, DatagramKind
 
 Address = tuple[str, int]
-Send = Callable[[Address, Kind, int, bytes], None]
+Send = Callable[[Address, DatagramKind, int, bytes], None]
 """Sends a datagram: to whom, what, under which session, payload."""
 
 MAX_LISTENERS = 8
@@ -110,14 +110,14 @@ class Audience:
         self._due -= 1
         self._next = (self._next + 1) % len(self._listeners)
         listener = self._listeners[self._next]
-        self._send(listener.address, Kind.TELEMETRY, listener.session, self._payload)
+        self._send(listener.address, DatagramKind.TELEMETRY, listener.session, self._payload)
         return True
 
     def _challenge(self, session: int, address: Address, cookie: int) -> Drop | None:
         if not self._may_challenge:
             return Drop.SESSION
         self._may_challenge = False
-        self._send(address, Kind.CHALLENGE, session, CHALLENGE.struct.pack(cookie))
+        self._send(address, DatagramKind.CHALLENGE, session, CHALLENGE.struct.pack(cookie))
         return None
 
     def _hear(self, listener: _Listener, sequence: int, now: float) -> Drop | None:

@@ -15,7 +15,7 @@ import pyrealsense2 as rs
 
 from hardware.camera.folder import DEPTH_UNIT, whole_units
 from hardware.camera.framesets import FrameMaker
-from hardware.camera.recorded import Shot
+from hardware.camera.recorded import RecordedFrame
 from hardware.camera.software_device import DepthStream, Join, SoftwareDevice
 from hardware.interfaces import Frame, HardwareError, Intrinsics
 
@@ -128,7 +128,7 @@ class Db3Recording:
             self.close()
             raise HardwareError(f"{path} holds no colour pictures: record colour as well")
 
-    def next(self) -> Shot | None:
+    def next(self) -> RecordedFrame | None:
         """See ``Recording``."""
         while (pictures := self._pair()) is None:
             stopped = (
@@ -143,7 +143,7 @@ class Db3Recording:
             self._waiting[picture.profile.stream_type()].append(picture)
         frameset = self._join.frameset(pictures)
         stamp = float(frameset.get_color_frame().get_timestamp()) * 1e-3
-        return Shot(stamp, lambda: self._maker.make(frameset, stamp))
+        return RecordedFrame(stamp, lambda: self._maker.make(frameset, stamp))
 
     def close(self) -> None:
         """See ``Recording``."""

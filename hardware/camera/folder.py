@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt, ValidationError
 
-from hardware.camera.recorded import Shot
+from hardware.camera.recorded import RecordedFrame
 from hardware.interfaces import Frame, HardwareError, Intrinsics
 
 CAMERA_FILE: Final = "camera.json"
@@ -125,10 +125,10 @@ class FolderRecording:
         self._intrinsics = Intrinsics(**camera.intrinsics.model_dump())
         self._unit = camera.depth_unit
 
-    def next(self) -> Shot | None:
+    def next(self) -> RecordedFrame | None:
         """See ``Recording``."""
         line = next(self._frames, None)
-        return None if line is None else Shot(line.stamp, lambda: self._load(line))
+        return None if line is None else RecordedFrame(line.stamp, lambda: self._load(line))
 
     def close(self) -> None:
         """See ``Recording``."""

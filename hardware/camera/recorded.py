@@ -10,7 +10,7 @@ from hardware.interfaces import CameraClosed, Clock, Frame, HardwareError, Stale
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class RecordedFrame:
     """One recorded frame that is not read yet: most are passed over when time runs on."""
 
     stamp: float
@@ -21,7 +21,7 @@ class Shot:
 class Recording(Protocol):
     """Frames in their order."""
 
-    def next(self) -> Shot | None:
+    def next(self) -> RecordedFrame | None:
         """The next frame, None behind the last one.
 
         Raises:
@@ -55,7 +55,7 @@ class RecordedCamera:
             raise HardwareError("the recording holds no frames: record again")
         self._current = first
         self._begin = clock.now() - first.stamp if clock is not None else 0.0
-        self._more: Shot | None = first
+        self._more: RecordedFrame | None = first
 
     def read(self, max_age: float) -> Frame:
         """See ``Camera.read``; behind its end a recording has no frames, or only old ones."""

@@ -39,7 +39,7 @@ SAMPLES: Final = 9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Check:
+class AnchorCheck:
     """What a picture tells about the board's place.
 
     Attributes:
@@ -93,7 +93,7 @@ class Anchor:
         """Of the reference, shape (4, 2) [px]; read-only."""
         return self._corners
 
-    def check(self, colour: Colour) -> Check:
+    def check(self, colour: Colour) -> AnchorCheck:
         """Whether the board is where it was, by the crossings alone: quick, and never searches.
 
         Args:
@@ -113,14 +113,14 @@ class Anchor:
         places = self._reference.places[there]
         unknown = np.full(4, np.nan)
         if seen < LEAST_SHARE or not _enough(places, 3) or goes_on:
-            return Check(unknown, None, seen, self._corners)
+            return AnchorCheck(unknown, None, seen, self._corners)
         offset = _corner_offsets(places, now.found[here] - self._reference.found[there])
         shift = np.linalg.norm(offset, axis=1)
         moved = bool(shift.max() > TOLERANCE)
         corners = self._grid.project(CORNERS + offset) if moved else self._corners
-        return Check(shift, moved, seen, corners)
+        return AnchorCheck(shift, moved, seen, corners)
 
-    def follow(self, colour: Colour) -> Check:
+    def follow(self, colour: Colour) -> AnchorCheck:
         """The same, but searches for a board that is not where it was; ``moved`` is None only if none is sure.
 
         Args:
@@ -135,14 +135,14 @@ class Anchor:
         try:
             found = find_board(colour, near=self._corners)
         except BoardNotFound:
-            return Check(first.shift, None, first.seen, self._corners)
+            return AnchorCheck(first.shift, None, first.seen, self._corners)
         if found.doubt is not None:
-            return Check(first.shift, None, first.seen, self._corners)
+            return AnchorCheck(first.shift, None, first.seen, self._corners)
         side = np.linalg.norm(np.roll(self._corners, -1, axis=0) - self._corners, axis=1).min() / 8.0
         shift = np.linalg.norm(found.corners - self._corners, axis=1) / side
         if shift.max() <= max(TOLERANCE, found.error):
-            return Check(shift, False, first.seen, self._corners)
-        return Check(shift, True, first.seen, found.corners)
+            return AnchorCheck(shift, False, first.seen, self._corners)
+        return AnchorCheck(shift, True, first.seen, found.corners)
 
     def _look(self, colour: Colour) -> tuple[Crossings, bool]:
         """Crossings, and whether squares go on beyond a border but not at the one across: a shift by whole squares."""

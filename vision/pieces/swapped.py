@@ -16,7 +16,7 @@ from hardware.interfaces import Frame
 from vision.board.view import BoardView
 from vision.pieces.centres import piece_centres
 from vision.pieces.fit import PieceLike
-from vision.reading.diagnosis import Finding, States, explain
+from vision.reading.diagnosis import Diagnosis, States, explain
 from vision.reading.outcome import Situation
 
 SHIFTED: Final = 0.0017
@@ -25,7 +25,7 @@ UNLIKE: Final = 0.30
 """… and looks no more than this less like itself (both: see ``replaced``)."""
 
 
-class Sighted(NamedTuple):
+class KnownPicture(NamedTuple):
     """A picture, and where the board is in it."""
 
     frame: Frame
@@ -33,8 +33,13 @@ class Sighted(NamedTuple):
 
 
 def looked_closer(
-    finding: Finding, seen: States, board: chess.Board, before: Sighted, now: Sighted, expected: Mapping[int, PieceLike]
-) -> Finding:
+    finding: Diagnosis,
+    seen: States,
+    board: chess.Board,
+    before: KnownPicture,
+    now: KnownPicture,
+    expected: Mapping[int, PieceLike],
+) -> Diagnosis:
     """Where all that is known is that one piece is missing: it may stand in the place of one of its own side.
 
     Args:
@@ -51,7 +56,7 @@ def looked_closer(
     return explain(seen, board, squares) if squares else finding
 
 
-def replaced(before: Sighted, now: Sighted, expected: Mapping[int, PieceLike], gone: int) -> tuple[int, ...]:
+def replaced(before: KnownPicture, now: KnownPicture, expected: Mapping[int, PieceLike], gone: int) -> tuple[int, ...]:
     """Squares on which another piece of the gone one's side may stand, the likeliest first.
 
     Measured over rendered positions, 979 looks at pieces that nobody had touched: of a thousand one shifts by 1.5 mm or

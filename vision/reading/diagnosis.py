@@ -25,7 +25,7 @@ MANY: Final = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Diagnosis:
     """What is the matter, and what to do.
 
     Attributes:
@@ -55,7 +55,7 @@ class _Difference:
         return tuple(sorted({*self.gone, *self.new, *self.turned}))
 
 
-def explain(seen: States, board: chess.Board, altered: tuple[int, ...] = ()) -> Finding:
+def explain(seen: States, board: chess.Board, altered: tuple[int, ...] = ()) -> Diagnosis:
     """Name what is seen.
 
     Args:
@@ -72,7 +72,7 @@ def explain(seen: States, board: chess.Board, altered: tuple[int, ...] = ()) -> 
         altered=altered,
     )  # fmt: skip
     if not difference.squares:
-        return Finding(Situation.NOTHING, (), "nothing has changed: make your move")
+        return Diagnosis(Situation.NOTHING, (), "nothing has changed: make your move")
     for attempt in _ATTEMPTS:
         finding = attempt(difference)
         if finding is not None:
@@ -80,10 +80,10 @@ def explain(seen: States, board: chess.Board, altered: tuple[int, ...] = ()) -> 
     return _wrong_board(difference)
 
 
-def _legal(at: _Difference) -> Finding | None:
+def _legal(at: _Difference) -> Diagnosis | None:
     for move in _moves(at.board):
         if _shows(at, _played(at.board, move)):
-            return Finding(
+            return Diagnosis(
                 Situation.LEGAL,
                 _touched(move, at),
                 f"this looks like {at.board.san(move)}, but not clearly: was that it?",
@@ -91,26 +91,26 @@ def _legal(at: _Difference) -> Finding | None:
     return None
 
 
-def _taken_back(at: _Difference) -> Finding | None:
+def _taken_back(at: _Difference) -> Diagnosis | None:
     before = at.board.copy()
     for count in range(1, min(2, len(before.move_stack)) + 1):
         before.pop()
         if _shows(at, before):
             moves = "the last move is" if count == 1 else "the last two moves are"
-            return Finding(
+            return Diagnosis(
                 Situation.TAKEN_BACK, at.squares, f"{moves} taken back: say so if that is meant, or play on from "
                 f"the position before ({_names(at.squares)} differ)",
             )  # fmt: skip
     return None
 
 
-def _unfinished(at: _Difference) -> Finding | None:
+def _unfinished(at: _Difference) -> Diagnosis | None:
     """Parts of legal moves that take more than one piece."""
     for move in _moves(at.board):
         for states, advice in _halves(at.board, move):
             if np.array_equal(states, at.seen):
                 squares = {*_touched(move, at), *_squares(states_of(codes_of(_played(at.board, move))) != at.seen)}
-                return Finding(Situation.UNFINISHED, tuple(sorted(squares)), advice)
+                return Diagnosis(Situation.UNFINISHED, tuple(sorted(squares)), advice)
     return None
 
 
@@ -141,7 +141,7 @@ def _halves(board: chess.Board, move: chess.Move) -> Iterator[tuple[States, str]
             yield left, f"{san} is half made: take the pawn on {_name(taken)} off the board"
 
 
-def _two_moves(at: _Difference) -> Finding | None:
+def _two_moves(at: _Difference) -> Diagnosis | None:
     if len(at.squares) > MANY:
         return None
     for first in _moves(at.board):
@@ -154,14 +154,14 @@ def _two_moves(at: _Difference) -> Finding | None:
                 if _shows(at, _played(board, second)):
                     names = f"{at.board.san(first)} and {board.san(second)}"
                     whose = f"{_side(at.board.turn)} has moved twice" if own else "both sides have moved"
-                    return Finding(
+                    return Diagnosis(
                         Situation.TWO_MOVES, at.squares, f"{whose}, {names}: put back the piece that now stands on "
                         f"{_name(second.to_square)}, to {_name(second.from_square)}",
                     )  # fmt: skip
     return None
 
 
-def _moved(at: _Difference) -> Finding | None:
+def _moved(at: _Difference) -> Diagnosis | None:
     """One piece gone, and one of its colour somewhere else: not a legal move."""
     arrived = at.new + at.turned
     if len(at.gone) != 1 or len(arrived) != 1:
@@ -175,17 +175,17 @@ def _moved(at: _Difference) -> Finding | None:
     if taken is not None:
         back += f", and the {_piece(taken)} on {_name(end)}"
     if piece.color != at.board.turn:
-        return Finding(
+        return Diagnosis(
             Situation.WRONG_SIDE,
             at.squares,
             f"{name} was moved to {_name(end)}, but it is {_side(at.board.turn)}'s move: {back}",
         )
     move = chess.Move(start, end)
     reason = _why_not(at.board, move, piece)
-    return Finding(Situation.ILLEGAL, at.squares, f"{name} must not go to {_name(end)}, {reason}: {back}")
+    return Diagnosis(Situation.ILLEGAL, at.squares, f"{name} must not go to {_name(end)}, {reason}: {back}")
 
 
-def _castled(at: _Difference) -> Finding | None:
+def _castled(at: _Difference) -> Diagnosis | None:
     """King and rook moved as in castling where that is not allowed."""
     rank = 0 if at.board.turn else 7
     for san, king, rook in (("O-O", 6, (7, 5)), ("O-O-O", 2, (0, 3))):
@@ -194,14 +194,14 @@ def _castled(at: _Difference) -> Finding | None:
             states[chess.square(end, rank)] = states[chess.square(start, rank)]
             states[chess.square(start, rank)] = EMPTY
         if np.array_equal(states, at.seen):
-            return Finding(
+            return Diagnosis(
                 Situation.ILLEGAL, at.squares, f"{san} is not allowed here: put king and rook back on "
                 f"{_name(chess.square(4, rank))} and {_name(chess.square(rook[0], rank))}",
             )  # fmt: skip
     return None
 
 
-def _own_taken(at: _Difference) -> Finding | None:
+def _own_taken(at: _Difference) -> Diagnosis | None:
     """One piece gone and none arrived, but one of its colour looks changed: it may stand in that one's place."""
     if len(at.gone) != 1 or at.new or at.turned:
         return None
@@ -212,45 +212,45 @@ def _own_taken(at: _Difference) -> Finding | None:
     if not own:
         return None
     end = own[0]
-    return Finding(
+    return Diagnosis(
         Situation.ILLEGAL, tuple(sorted((start, end))), f"the {_piece(piece)} on {_name(start)} is missing, and it may "
         f"stand on {_name(end)}, on its own {_piece(at.board.piece_at(end))}'s place: put both back",
     )  # fmt: skip
 
 
-def _single(at: _Difference) -> Finding | None:
+def _single(at: _Difference) -> Diagnosis | None:
     """One square is wrong, or several of one sort."""
     if at.gone and not at.new and not at.turned and len(at.gone) <= MANY:
         pieces = _list(f"the {_piece(at.board.piece_at(square))} on {_name(square)}" for square in at.gone)
         them, places = ("it", "there") if len(at.gone) == 1 else ("them", "on their squares")
         verb = "is" if len(at.gone) == 1 else "are"
-        return Finding(
+        return Diagnosis(
             Situation.MISSING, at.squares, f"{pieces} {verb} missing: put {them} back {places}, or finish your move"
         )
     if at.new and not at.gone and not at.turned and len(at.new) <= MANY:
         pieces = _list(f"a {_colour(at.seen[square])} piece on {_name(square)}" for square in at.new)
         verb, them = ("is", "it") if len(at.new) == 1 else ("are", "them")
-        return Finding(Situation.EXTRA, at.squares, f"there {verb} {pieces}, where none should be: take {them} off")
+        return Diagnosis(Situation.EXTRA, at.squares, f"there {verb} {pieces}, where none should be: take {them} off")
     if at.turned and not at.gone and not at.new and len(at.turned) <= MANY:
         pieces = _list(f"{_name(square)} ({_piece(at.board.piece_at(square))})" for square in at.turned)
-        return Finding(
+        return Diagnosis(
             Situation.RECOLOURED, at.squares, f"a piece of the other colour stands on {pieces}: put the right one there"
         )
     return None
 
 
-def _wrong_board(at: _Difference) -> Finding:
+def _wrong_board(at: _Difference) -> Diagnosis:
     if len(at.squares) > MANY:
-        return Finding(
+        return Diagnosis(
             Situation.WRONG_BOARD, at.squares,
             f"{len(at.squares)} squares are not as they should be ({_names(at.squares)}): set the position up again",
         )  # fmt: skip
     actions = [f"the {_piece(at.board.piece_at(square))} belongs on {_name(square)}" for square in at.gone + at.turned]
     actions += [f"nothing belongs on {_name(square)}" for square in at.new]
-    return Finding(Situation.WRONG_BOARD, at.squares, f"the board is not as it should be: {_list(iter(actions))}")
+    return Diagnosis(Situation.WRONG_BOARD, at.squares, f"the board is not as it should be: {_list(iter(actions))}")
 
 
-_ATTEMPTS: Final[tuple[Callable[[_Difference], Finding | None], ...]] = (
+_ATTEMPTS: Final[tuple[Callable[[_Difference], Diagnosis | None], ...]] = (
     _legal, _taken_back, _unfinished, _castled, _moved, _own_taken, _single, _two_moves,
 )  # fmt: skip
 

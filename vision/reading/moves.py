@@ -16,7 +16,7 @@ import numpy as np
 
 from vision.reading.appearance import EMPTY
 from vision.reading.evidence import Array, Codes, Evidence, codes_of
-from vision.reading.outcome import Verdict
+from vision.reading.outcome import ReadingOutcome
 
 MARGIN: Final = 6.0
 """By which a move must be better explained than any other legal move: e⁶ ≈ 400 times as likely [nat]."""
@@ -32,7 +32,7 @@ MANY: Final = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Decision:
+class MoveReading:
     """What is believed to have been played.
 
     Attributes:
@@ -44,7 +44,7 @@ class Decision:
         promotion_unsure: the promoted piece was not seen; a queen is written.
     """
 
-    verdict: Verdict
+    verdict: ReadingOutcome
     moves: tuple[chess.Move, ...]
     confidence: float
     margin: float
@@ -88,7 +88,7 @@ def _walk(
         board.pop()
 
 
-def decide(evidence: Evidence, board: chess.Board, plies: int = 1, looked_like: Codes | None = None) -> Decision:
+def decide(evidence: Evidence, board: chess.Board, plies: int = 1, looked_like: Codes | None = None) -> MoveReading:
     """Weigh a look.
 
     Args:
@@ -100,13 +100,13 @@ def decide(evidence: Evidence, board: chess.Board, plies: int = 1, looked_like: 
     before = codes_of(board) if looked_like is None else looked_like
     decision = _weigh(evidence, candidates(board), before, MARGIN)
     for more in range(2, plies + 1):
-        if decision.verdict is not Verdict.DOUBT:
+        if decision.verdict is not ReadingOutcome.DOUBT:
             break
         decision = _weigh(evidence, candidates(board, more), before, MARGIN + MANY)
     return decision
 
 
-def _weigh(evidence: Evidence, among: Candidates, before: Codes, margin: float) -> Decision:
+def _weigh(evidence: Evidence, among: Candidates, before: Codes, margin: float) -> MoveReading:
     scores = evidence.scores(among.codes, before).sum(axis=1)
     best = int(scores.argmax())
     codes = among.codes[best]
@@ -120,10 +120,10 @@ def _weigh(evidence: Evidence, among: Candidates, before: Codes, margin: float) 
     strange = (doubt - np.where(np.arange(3) == EMPTY, missing[:, None], STRAY)).max(axis=1)
     left = min(lead - margin, -float(strange.max()) - MARGIN, UNEXPLAINED - rest)
     squares = tuple(int(square) for square in np.argsort(-strange) if strange[square] > -MARGIN)
-    clear = Verdict.MOVE if among.lines[best] else Verdict.NOTHING
-    verdict = clear if left >= 0.0 and len(same) == 1 else Verdict.DOUBT
+    clear = ReadingOutcome.MOVE if among.lines[best] else ReadingOutcome.NOTHING
+    verdict = clear if left >= 0.0 and len(same) == 1 else ReadingOutcome.DOUBT
     confidence = _probability(scores, best, strange)
-    return Decision(verdict, among.lines[best], confidence, left, squares)
+    return MoveReading(verdict, among.lines[best], confidence, left, squares)
 
 
 def _probability(scores: Array, best: int, strange: Array) -> float:

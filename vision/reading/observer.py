@@ -14,11 +14,11 @@ from vision.reading.appearance import Appearance
 from vision.reading.change import change_odds
 from vision.reading.evidence import Codes, Cover, Evidence, codes_of, states_of
 from vision.reading.features import Light, describe, exposure_step, light_of
-from vision.reading.moves import Decision, decide
+from vision.reading.moves import MoveReading, decide
 from vision.reading.occlusion import cover
-from vision.reading.occupancy import Standing
-from vision.reading.piece_kinds import Kinds
-from vision.reading.rectified_view import SQUARE_PX, Sight
+from vision.reading.occupancy import DepthOccupancy
+from vision.reading.piece_kinds import KindClassifier
+from vision.reading.rectified_view import SQUARE_PX, RectifiedView
 from vision.reading.solids import Solids
 
 _STEP: Final = SQUARE_PX // 10
@@ -27,7 +27,7 @@ SHIFTS: Final = tuple((x, y) for x in (-_STEP, 0, _STEP) for y in (-_STEP, 0, _S
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look:
+class Observation:
     """One look and what it says. Comes from ``Observer.look`` and goes to ``Observer.confirm``."""
 
     evidence: Evidence
@@ -42,17 +42,17 @@ class Observer:
         board: the last position that is known; a copy of its own.
     """
 
-    def __init__(self, board: chess.Board, sight: Sight) -> None:
+    def __init__(self, board: chess.Board, sight: RectifiedView) -> None:
         """Begin with a position that is known to stand there."""
         self.board = board.copy()
         light = light_of(sight.plan)
         self._appearance = Appearance(describe(light).shape[1])
-        self._standing = Standing()
-        self._kinds = Kinds()
+        self._standing = DepthOccupancy()
+        self._kinds = KindClassifier()
         self._deep = sight.solids is not None
         self._learn(light, sight.solids, codes_of(board))
 
-    def look(self, sight: Sight) -> Look:
+    def look(self, sight: RectifiedView) -> Observation:
         """Take in a settled view.
 
         Raises:
@@ -67,7 +67,7 @@ class Observer:
         solid = None if sight.solids is None else self._standing.likelihood(sight.solids)
         odds = change_odds(light, self._light_before)
         evidence = Evidence(states, odds, cover(sight.camera), solid, self._measured(sight.solids))
-        return Look(evidence, light, sight.solids)
+        return Observation(evidence, light, sight.solids)
 
     def _measured(self, solids: Solids | None) -> Cover | None:
         """What hides squares in this picture and in the one before it."""
@@ -76,7 +76,7 @@ class Observer:
         now, before = solids.other, self._other_before
         return Cover(now.mean(axis=1), before.mean(axis=1), (now ^ before).mean(axis=1))
 
-    def decide(self, look: Look, plies: int = 1) -> Decision:
+    def decide(self, look: Observation, plies: int = 1) -> MoveReading:
         """What was played since the known position, or doubt."""
         decision = decide(look.evidence, self.board, plies, self._codes_before)
         return self._kinds.promoted(decision, None if look.solids is None else look.solids.top)
@@ -86,7 +86,7 @@ class Observer:
         """How high each kind of ``chess.PIECE_TYPES`` looks to this camera [m], as far as they were seen."""
         return self._kinds.heights()
 
-    def confirm(self, look: Look, board: chess.Board) -> None:
+    def confirm(self, look: Observation, board: chess.Board) -> None:
         """Take a position as known: the rules or a person have confirmed that the look shows it."""
         self.board = board.copy()
         self._learn(look.light, look.solids, codes_of(board))
@@ -105,7 +105,7 @@ class Observer:
         self._other_before = None if solids is None else solids.other
 
 
-def likelihood_by_others(sight: Sight, codes: Codes, doubted: Collection[int]) -> NDArray[np.float64]:
+def likelihood_by_others(sight: RectifiedView, codes: Codes, doubted: Collection[int]) -> NDArray[np.float64]:
     """What squares of one picture look like, by what is known to stand on the other ones.
 
     Args:

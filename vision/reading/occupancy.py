@@ -42,7 +42,7 @@ LITTLE: Final = 0.1
 """So little does its colour count then: it tells only where nothing else does."""
 
 
-class Standing:
+class DepthOccupancy:
     """Learns errors and colours of points, and tells states by them."""
 
     def __init__(self) -> None:

@@ -9,7 +9,7 @@ LOOKS: Final = 3
 """So many looks before anybody is asked: noise differs from frame to frame."""
 
 
-class Verdict(StrEnum):
+class ReadingOutcome(StrEnum):
     """What a look came to."""
 
     MOVE = "move"

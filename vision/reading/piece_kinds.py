@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.reading.evidence import Codes
-from vision.reading.moves import Decision
-from vision.reading.outcome import Verdict
+from vision.reading.moves import MoveReading
+from vision.reading.outcome import ReadingOutcome
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ CLEAR: Final = 3.0
 """A kind is known where every other is so many standard deviations less likely."""
 
 
-class Kinds:
+class KindClassifier:
     """Learns how high each kind looks from positions that are known."""
 
     def __init__(self) -> None:
@@ -40,14 +40,14 @@ class Kinds:
         """How high each kind of ``chess.PIECE_TYPES`` looks [m]; kinds that were not seen are left out."""
         return {kind: float(np.median(seen)) for kind, seen in self._seen.items() if seen}
 
-    def promoted(self, decision: Decision, heights: Array | None) -> Decision:
+    def promoted(self, decision: MoveReading, heights: Array | None) -> MoveReading:
         """The decision with the piece that was promoted to; ``promotion_unsure`` where it is not seen for certain.
 
         Args:
             decision: on a look.
             heights: in the look; None: it has no depth.
         """
-        if decision.verdict is not Verdict.MOVE or not any(move.promotion for move in decision.moves):
+        if decision.verdict is not ReadingOutcome.MOVE or not any(move.promotion for move in decision.moves):
             return decision
         kind = None
         if heights is not None and len(decision.moves) == 1:

@@ -36,7 +36,7 @@ FOCAL_RANGE: Final = (0.5, 3.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sight:
+class RectifiedView:
     """One look at the board.
 
     Attributes:
@@ -52,7 +52,7 @@ class Sight:
     stamp: float = 0.0
 
 
-def sight_of_picture(colour: Picture, corners: ArrayLike, stamp: float = 0.0) -> Sight:
+def sight_of_picture(colour: Picture, corners: ArrayLike, stamp: float = 0.0) -> RectifiedView:
     """The board in a picture of which only its corners are known.
 
     Args:
@@ -67,10 +67,10 @@ def sight_of_picture(colour: Picture, corners: ArrayLike, stamp: float = 0.0) ->
     if pixels.shape != (4, 2) or not np.isfinite(pixels).all():
         raise BoardNotFound(f"corners of shape {pixels.shape} were given: give four finite points, a1, h1, h8, a8")
     height, width = colour.shape[:2]
-    return Sight(_plan(colour, pixels), _pinhole(pixels, width, height), None, stamp)
+    return RectifiedView(_plan(colour, pixels), _pinhole(pixels, width, height), None, stamp)
 
 
-def sight_of_frame(frame: Frame, view: BoardView) -> Sight:
+def sight_of_frame(frame: Frame, view: BoardView) -> RectifiedView:
     """The board in a frame of a camera whose place is known; with heights where the frame has depth.
 
     Raises:
@@ -81,7 +81,7 @@ def sight_of_frame(frame: Frame, view: BoardView) -> Sight:
     corners = view.project(playing_area(view.table))
     camera = view.camera_position / view.table.square + np.array([4.0, 4.0, 0.0])
     solids = None if frame.depth is None else solids_of(frame, view)
-    return Sight(_plan(frame.colour, corners), camera, solids, frame.stamp)
+    return RectifiedView(_plan(frame.colour, corners), camera, solids, frame.stamp)
 
 
 def _plan(colour: Picture, corners: Array) -> Picture:

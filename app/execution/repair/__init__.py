@@ -6,6 +6,6 @@ moves.
 """
 
 from app.execution.repair.diagnosis import Ask, Repair, mend, repair_towards
-from app.execution.repair.observed import Sighting, kinds_by_height
+from app.execution.repair.observed import BoardObservation, kinds_by_height
 
-__all__ = ["Ask", "Repair", "Sighting", "kinds_by_height", "mend", "repair_towards"]
+__all__ = ["Ask", "BoardObservation", "Repair", "kinds_by_height", "mend", "repair_towards"]

@@ -10,7 +10,7 @@ from typing import Final
 import chess
 
 from app.execution.repair.belief import Belief, believe
-from app.execution.repair.observed import KNOWN, Sighting
+from app.execution.repair.observed import KNOWN, BoardObservation
 from app.execution.repair.swaps import doubted
 from app.pieces.manipulation import Inventory, Transfer
 from app.pieces.order import Point, rearrange
@@ -53,7 +53,7 @@ class Repair:
 
 def mend(
     expected: Inventory,
-    sighting: Sighting,
+    sighting: BoardObservation,
     board: chess.Board | None = None,
     *,
     tolerance: float = TOLERANCE,
@@ -90,7 +90,7 @@ def mend(
 def repair_towards(
     believed: Inventory,
     wanted: Inventory,
-    sighting: Sighting,
+    sighting: BoardObservation,
     *,
     tolerance: float = TOLERANCE,
     rest: Point = (0.0, 0.0),
@@ -120,7 +120,7 @@ def repair_towards(
     return Repair(believed, transfers, _what_is_done(believed, target, transfers), missing)
 
 
-def _beliefs(expected: Inventory, sighting: Sighting, board: chess.Board | None) -> dict[Colour, Belief]:
+def _beliefs(expected: Inventory, sighting: BoardObservation, board: chess.Board | None) -> dict[Colour, Belief]:
     looks = {square: _looks(square, expected, sighting) for square in range(64)}
     kinds = {square: chances for square, chances in sighting.kinds.items() if square not in sighting.fallen}
     beliefs = dict[Colour, Belief]()
@@ -145,7 +145,7 @@ def _standing(expected: Inventory, beliefs: Mapping[Colour, Belief]) -> Iterator
             yield expected.find(name), square
 
 
-def _looks(square: int, expected: Inventory, sighting: Sighting) -> Colour | None:
+def _looks(square: int, expected: Inventory, sighting: BoardObservation) -> Colour | None:
     """What stands on a square; what lies there counts as the piece that should stand there."""
     piece = expected.at(square_place(square))
     should = None if piece is None else piece.colour
@@ -155,7 +155,7 @@ def _looks(square: int, expected: Inventory, sighting: Sighting) -> Colour | Non
 
 
 def _seen(
-    believed: Inventory, target: Inventory, sighting: Sighting, tolerance: float, lacking: Set[Colour]
+    believed: Inventory, target: Inventory, sighting: BoardObservation, tolerance: float, lacking: Set[Colour]
 ) -> dict[str, Point]:
     """Where pieces stand that the arm takes, by name."""
     seen, most = dict[str, Point](), SEEN_WITHIN * believed.table.square
@@ -177,7 +177,7 @@ def _seen(
     return seen
 
 
-def _is_known(piece: PieceSpec, sighting: Sighting) -> bool:
+def _is_known(piece: PieceSpec, sighting: BoardObservation) -> bool:
     chances = sighting.kinds.get(piece.place.index, {})
     return chances.get(piece.kind, 0.0) >= KNOWN
 
@@ -185,7 +185,7 @@ def _is_known(piece: PieceSpec, sighting: Sighting) -> bool:
 # sentences
 
 
-def _asks(expected: Inventory, sighting: Sighting, beliefs: Mapping[Colour, Belief]) -> list[Ask]:
+def _asks(expected: Inventory, sighting: BoardObservation, beliefs: Mapping[Colour, Belief]) -> list[Ask]:
     """What must be done by people before the arm may move."""
     asks = [_fallen(square, expected) for square in sorted(sighting.fallen)]
     asks += [_unclear(square, expected) for square in sorted(sighting.unclear - sighting.fallen)]

@@ -32,7 +32,7 @@ _COLOURS: Final[Mapping[int, Colour]] = MappingProxyType({WHITE: Colour.WHITE, B
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class BoardObservation:
     """What the camera sees.
 
     Attributes:
@@ -59,7 +59,7 @@ class Sighting:
         faults: Iterable[Fault] = (),
         centres: Mapping[int, Centre] = MappingProxyType({}),
         kinds: Mapping[int, Chances] = MappingProxyType({}),
-    ) -> Sighting:
+    ) -> BoardObservation:
         """From what ``vision`` reports.
 
         A fault is about the piece that should stand on its square. Where another colour stands, or, by its height,

@@ -15,11 +15,11 @@ from app.measure.bench.vision_games import Eye, Scene, Tally, open_studio, rando
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import Pose
 from hardware.table import PIECE_SHAPES, TableSettings, square_place
-from vision.pieces.swapped import Sighted, looked_closer
+from vision.pieces.swapped import KnownPicture, looked_closer
 from vision.pieces.verify import verify_board
 from vision.reading.diagnosis import explain
 from vision.reading.evidence import codes_of, states_of
-from vision.reading.outcome import Verdict
+from vision.reading.outcome import ReadingOutcome
 
 Progress = Callable[[str], None]
 Poses = dict[str, Pose]
@@ -276,7 +276,7 @@ def judge_actions(count: int, first: int, progress: Progress) -> tuple[list[floa
             eye = Eye(scene.picture(board), board, settings)
             for san in _line(seed):
                 board.push(san)
-            before = Sighted(scene.picture(board), eye.view)
+            before = KnownPicture(scene.picture(board), eye.view)
             eye.observer.confirm(eye.observer.look(eye.sight(before.frame)), board)
             for sort, act in list(SORTS.items())[: count - len(accepted)]:
                 hands = Hands(scene.table, settings, board, scene.rng)
@@ -316,17 +316,17 @@ def _is_legal(hands: Hands, scene: Scene, board: chess.Board, settings: TableSet
 
 
 def _judge(
-    eye: Eye, before: Sighted, scene: Scene, hands: Hands, board: chess.Board, settings: TableSettings
+    eye: Eye, before: KnownPicture, scene: Scene, hands: Hands, board: chess.Board, settings: TableSettings
 ) -> tuple[bool, bool]:
     """Whether what the hands did was taken for a move, and whether all its squares are named."""
     frame = scene.photograph(hands.poses)
     look, decision = eye.read(frame, Tally())
-    bad = decision.verdict is Verdict.MOVE
+    bad = decision.verdict is ReadingOutcome.MOVE
     known = codes_of(board)
     expected = {piece.place.index: piece for piece in start_layout(board, settings) if piece.place.on_board}
     seen = look.evidence.read(known)
     finding = explain(seen, board, look.evidence.altered(known))
-    named = set(looked_closer(finding, seen, board, before, Sighted(frame, eye.view), expected).squares)
+    named = set(looked_closer(finding, seen, board, before, KnownPicture(frame, eye.view), expected).squares)
     if not hands.touched <= named:
         named |= {fault.square for fault in verify_board(frame, eye.view, expected)}
     return bad, hands.touched <= named

@@ -28,7 +28,7 @@ from app.rig.sim_settings import SimRigSettings
 from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.process.scene_control import Stage
+from hardware.sim.process.scene_control import SceneControl
 from hardware.sim.process.settings import Pace, WorldSettings
 from hardware.sim.process.table_studio import Pose, TableStudio, true_camera
 from hardware.sim.render.appearance import ExposureSettings, LightSettings, Looks, MountSettings
@@ -161,7 +161,7 @@ def calibration_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
         run_dir = Path(folder) / "run"
         with SimRig(run_dir, SimRigSettings(world=world), lambda _step: None) as rig:
-            stage = Stage(run_dir)
+            stage = SceneControl(run_dir)
             for number in range(_MOUNTS[quick]):
                 progress(f"calibration: camera {number + 1} of {_MOUNTS[quick]}")
                 mount = random_mount(rng)

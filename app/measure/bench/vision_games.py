@@ -30,10 +30,10 @@ from vision.board.orientation import orient
 from vision.board.view import BoardView
 from vision.hands.stillness import Watch
 from vision.reading.evidence import codes_of, states_of
-from vision.reading.moves import Decision
-from vision.reading.observer import Look, Observer
-from vision.reading.outcome import LOOKS, Verdict
-from vision.reading.rectified_view import Sight, sight_of_frame
+from vision.reading.moves import MoveReading
+from vision.reading.observer import Observation, Observer
+from vision.reading.outcome import LOOKS, ReadingOutcome
+from vision.reading.rectified_view import RectifiedView, sight_of_frame
 
 Progress = Callable[[str], None]
 
@@ -90,7 +90,7 @@ class Eye:
         self._watch.update(frame, self.view)
         self.observer = Observer(board, self.sight(frame))
 
-    def sight(self, frame: Frame) -> Sight:
+    def sight(self, frame: Frame) -> RectifiedView:
         """The board in a frame of the same camera."""
         check = self._anchor.follow(frame.colour)
         if check.moved:
@@ -101,7 +101,7 @@ class Eye:
         self._anchor = Anchor(frame.colour, corners)
         self.view = BoardView.from_corners(frame.intrinsics, corners, self._table)
 
-    def read(self, frame: Frame, tally: Tally) -> tuple[Look, Decision]:
+    def read(self, frame: Frame, tally: Tally) -> tuple[Observation, MoveReading]:
         """What a frame tells; its time is taken down.
 
         Time is the processor's in all threads: that of one core, however busy the machine is.
@@ -280,12 +280,12 @@ def _follow(
         change(scene)
         look, decision = eye.read(scene.picture(board), tally)
         for _ in range(LOOKS - 1):  # as in a game
-            if decision.verdict is not Verdict.DOUBT:
+            if decision.verdict is not ReadingOutcome.DOUBT:
                 break
             look, decision = eye.read(scene.picture(), tally)
         scene.looks, scene.hand = replace_mount(start, scene.looks.mount), None
         tally.plies += 1
-        asked = decision.verdict is Verdict.DOUBT or (decision.promotion_unsure and bool(move.promotion))
+        asked = decision.verdict is ReadingOutcome.DOUBT or (decision.promotion_unsure and bool(move.promotion))
         tally.asked.append(float(asked))
         tally.wrong.append(float(not asked and decision.moves != (move,)))
         read = look.evidence.read(codes_of(eye.observer.board))

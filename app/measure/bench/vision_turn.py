@@ -30,8 +30,8 @@ from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import HandSettings, Withdraw
 from hardware.table import Colour, TableSettings
 from vision.hands.stillness import Seen, Watch
-from vision.reading.observer import Look
-from vision.reading.outcome import Verdict
+from vision.reading.observer import Observation
+from vision.reading.outcome import ReadingOutcome
 
 SEED: Final = 31
 MOVES: Final = {True: 1, False: 40}
@@ -129,7 +129,7 @@ def _note(
     delivered: dict[float, float],
     move: chess.Move,
     figures: Figures,
-) -> Look:
+) -> Observation:
     """Look until a move is read; ``delivered``: when frames came, by their stamps."""
     after: float | None = None
     for _ in range(LOOKS):
@@ -138,13 +138,13 @@ def _note(
         since = time.thread_time()
         look, decision = eye.read(frame, Tally())
         spent = time.thread_time() - since
-        if decision.verdict is Verdict.MOVE:
+        if decision.verdict is ReadingOutcome.MOVE:
             known = delivered[frame.stamp] + spent
             gone = until(lambda: follower.crossings(table.half_play)[-1:], "a hand that leaves the table")[0]
             off_board = until(lambda: follower.crossings()[-1:], "a hand that leaves the board")[0]
             figures.known.append(known - gone)
             figures.off_board.append(known - off_board)
             break
-    figures.unread.append(float(decision.verdict is not Verdict.MOVE))
-    figures.wrong.append(float(decision.verdict is Verdict.MOVE and decision.moves != (move,)))
+    figures.unread.append(float(decision.verdict is not ReadingOutcome.MOVE))
+    figures.wrong.append(float(decision.verdict is ReadingOutcome.MOVE and decision.moves != (move,)))
     return look

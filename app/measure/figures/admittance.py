@@ -15,8 +15,8 @@ from pydantic import JsonValue
 
 from app.measure.figures.drawing import DARK, WITH, WITHOUT, axes, picture
 from app.measure.figures.gripper import SPEED, Fingers, TactileLaw, effective_mass, push
-from app.measure.figures.linear import ComplexArray, Linear, linearised
-from app.measure.figures.result import Bar, Picture, Progress, Result
+from app.measure.figures.linear import ComplexArray, LinearLoop, linearised
+from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from controller.law.tactile import Pair, admittance
 from controller.law.task_space import pack_reference
 from controller.model.compiled import FloatArray, Vector
@@ -74,7 +74,7 @@ class Loop(NamedTuple):
     rest: ArmMotion
     fingers: Fingers
     law: Callable[[], TactileLaw]
-    linear: Linear
+    linear: LinearLoop
 
 
 def closed_loop(parameters: RobotParameters, tactile_gain: float) -> Loop:
@@ -168,7 +168,7 @@ def decibel(gain: ComplexArray) -> FloatArray:
     return np.asarray(20.0 * np.log10(np.abs(gain)))
 
 
-def figure_5(progress: Progress) -> Result:
+def figure_5(progress: Progress) -> FigureResult:
     """Compute and draw."""
     parameters, curves = load_parameters(), []
     for gain in GAINS:
@@ -198,7 +198,9 @@ def figure_5(progress: Progress) -> Result:
         "closed_form_against_linear_model_dB": max(without.formula_error, fed_back.formula_error),
     }  # fmt: skip
     title = "Admittance of arm and gripper at one finger"
-    return Result(title, bars, numbers, {"": _draw(without, fed_back, increase, parameters.tactile.bandwidth, title)})
+    return FigureResult(
+        title, bars, numbers, {"": _draw(without, fed_back, increase, parameters.tactile.bandwidth, title)}
+    )
 
 
 def _draw(without: Curve, fed_back: Curve, increase: FloatArray, bandwidth: float, title: str) -> Picture:

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import JsonValue
 
 from app.measure.figures.drawing import axes, board_map, picture
-from app.measure.figures.result import Bar, Picture, Progress, Result
+from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.measure.figures.table_grid import TableGrid, table_grid
 from app.motion.timing.reference import Vector
 from controller.model.constants import DeltaModel
@@ -39,7 +39,7 @@ def resolutions(model: DeltaModel, grid: TableGrid, height: float) -> tuple[Vect
     return single, combined
 
 
-def encoder(progress: Progress) -> Result:
+def encoder(progress: Progress) -> FigureResult:
     """Compute and draw."""
     progress("computing J_c over the table")
     model, table = DeltaModel(load_parameters()), TableSettings()
@@ -56,7 +56,7 @@ def encoder(progress: Progress) -> Result:
         "all_three_um": {f"{h:.2f}": _range(combined) for h, (_, combined) in found.items()},
     }
     title = f"One count of the {bits}-bit encoders at the tool"
-    return Result(title, bars, numbers, {"": _draw(table, grid, found, title)})
+    return FigureResult(title, bars, numbers, {"": _draw(table, grid, found, title)})
 
 
 def _range(values: Vector) -> dict[str, JsonValue]:

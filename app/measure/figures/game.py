@@ -9,7 +9,7 @@ import numpy as np
 
 from app.measure.bench.plies import Bed, Disorder
 from app.measure.figures.drawing import GREY, WITH, WITHOUT, axes, picture
-from app.measure.figures.result import Bar, Picture, Progress, Result
+from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import PROFILES, Profile
 from app.motion.path import Vector
 from app.players.given_line import parse_line
@@ -24,7 +24,7 @@ IN_AIR: Final = 1.0
 """Largest error in the air [mm]; the reference moves by up to 0.7 mm in a tick."""
 
 
-def figure_9(progress: Progress) -> Result:
+def figure_9(progress: Progress) -> FigureResult:
     """Play the plies in the simulated world and draw them."""
     board, parameters = chess.Board(), load_parameters()
     bed = Bed(board, PROFILES[Profile.DEFAULT], parameters, TableSettings(), Disorder((0.002, 0.002), 0.03), SEED)
@@ -59,7 +59,7 @@ def figure_9(progress: Progress) -> Result:
         "rms_error_in_the_air_mm": np.sqrt((error[stiff] ** 2).mean(axis=0)).tolist(),
         "rms_error_near_the_board_mm": np.sqrt((error[~stiff] ** 2).mean(axis=0)).tolist(),
     }
-    return Result(title, bars, numbers, {"": _draw(seen, error, [home - homes[0] for home in homes], title)})
+    return FigureResult(title, bars, numbers, {"": _draw(seen, error, [home - homes[0] for home in homes], title)})
 
 
 def _draw(seen: Vector, error: Vector, homes: list[float], title: str) -> Picture:

@@ -13,7 +13,7 @@ from app.measure.figures.grasp import DAMPING, POINT, Grasp, Run, sliding
 from app.measure.figures.grasp_dae import PAD_DAMPING, PAD_STIFFNESS, run_dae
 from app.measure.figures.grasp_mujoco import MujocoRun, run_mujoco
 from app.measure.figures.gripper import effective_mass
-from app.measure.figures.result import Bar, Picture, Progress, Result
+from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.measure.figures.sensitivity import GAINS, Case, draw_study, study
 from controller.law.tactile import grip_force, least_contact_damping
 from controller.model.constants import DeltaModel
@@ -58,7 +58,7 @@ def run_numbers(run: Run) -> dict[str, JsonValue]:
     }
 
 
-def figure_6(progress: Progress) -> Result:
+def figure_6(progress: Progress) -> FigureResult:
     """Compute and draw."""
     grasps = both_grasps(progress)
     mass = effective_mass(DeltaModel(Grasp(0.0).parameters), POINT)
@@ -66,7 +66,9 @@ def figure_6(progress: Progress) -> Result:
     title = "Soft grasp of a wooden block, 10 mm off the middle"
     progress("simulating the grasp with smaller steps")
     numbers = _numbers(grasps, mass, cases)
-    return Result(title, bars(grasps), numbers, {"": _draw(grasps, title), "-sensitivity": draw_study(cases, mass)})
+    return FigureResult(
+        title, bars(grasps), numbers, {"": _draw(grasps, title), "-sensitivity": draw_study(cases, mass)}
+    )
 
 
 def _numbers(grasps: Grasps, mass: float, cases: list[Case]) -> Mapping[str, JsonValue]:

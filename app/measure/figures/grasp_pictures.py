@@ -15,7 +15,7 @@ from app.measure.figures.drawing import DARK, GREY, picture
 from app.measure.figures.grasp import HEIGHT, Run
 from app.measure.figures.grasp_motion import Grasps, bars, both_grasps, run_numbers
 from app.measure.figures.grasp_views import views
-from app.measure.figures.result import Picture, Progress, Result
+from app.measure.figures.result import FigureResult, Picture, Progress
 from app.measure.figures.sensitivity import GAINS
 
 _WOOD = "#b8864e"
@@ -25,7 +25,7 @@ _ROWS = slice(40, 440)
 """Of a rendered picture: block and pads."""
 
 
-def figure_7(progress: Progress) -> Result:
+def figure_7(progress: Progress) -> FigureResult:
     """Compute and draw."""
     grasps = both_grasps(progress)
     poses = [grasps.mujoco[0].start, *(one.end for one in grasps.mujoco)]
@@ -35,7 +35,9 @@ def figure_7(progress: Progress) -> Result:
         "dae": {name: run_numbers(run) for name, run in zip(names, grasps.dae, strict=True)},
         "mujoco": {name: run_numbers(one.run) for name, one in zip(names, grasps.mujoco, strict=True)},
     }
-    return Result("Block before and after the soft grasp", bars(grasps), numbers, {"": _draw(grasps, start, ends)})
+    return FigureResult(
+        "Block before and after the soft grasp", bars(grasps), numbers, {"": _draw(grasps, start, ends)}
+    )
 
 
 def _draw(grasps: Grasps, start: NDArray[np.uint8], ends: list[NDArray[np.uint8]]) -> Picture:

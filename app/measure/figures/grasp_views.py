@@ -13,7 +13,7 @@ from app.measure.figures.grasp import Grasp
 from app.measure.figures.grasp_mujoco import block_world
 from controller.model.compiled import FloatArray
 from hardware.sim.bodies.grasp_world import build_block_world, save_model
-from hardware.sim.render.renderer import HEIGHT, MODEL_FILE, WIDTH, Renderer, Shot, frame_path, load_pictures
+from hardware.sim.render.renderer import HEIGHT, MODEL_FILE, WIDTH, Renderer, RenderRequest, frame_path, load_pictures
 
 _SLOT = 0
 
@@ -41,7 +41,7 @@ def views(grasp: Grasp, positions: Sequence[FloatArray]) -> list[NDArray[np.uint
 
 
 def _view(renderer: Renderer, folder: Path, positions: FloatArray) -> NDArray[np.uint8]:
-    renderer.request(Shot(slot=_SLOT, view="camera"), positions)
+    renderer.request(RenderRequest(slot=_SLOT, view="camera"), positions)
     renderer.take(wait=True)
     colour, _ = load_pictures(frame_path(folder, _SLOT), WIDTH, HEIGHT, depth=False)
     return colour

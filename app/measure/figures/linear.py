@@ -20,7 +20,7 @@ STEP = 1e-5
 """Of a central difference [rad, rad/s, m, m/s, N]."""
 
 
-class Linear(NamedTuple):
+class LinearLoop(NamedTuple):
     """ξ̇ = A ξ + B f, finger velocity = C ξ + D f for a force f on the right finger; D is zero."""
 
     a: FloatArray
@@ -40,7 +40,7 @@ class Linear(NamedTuple):
         return np.array([self.c @ self.state(float(w)) for w in omega])
 
 
-def linearised(arm: ConstrainedArm, at: ArmMotion, law: TactileLaw, fingers: Fingers) -> Linear:
+def linearised(arm: ConstrainedArm, at: ArmMotion, law: TactileLaw, fingers: Fingers) -> LinearLoop:
     """Differentiate the closed loop at a rest position.
 
     Args:
@@ -64,7 +64,7 @@ def linearised(arm: ConstrainedArm, at: ArmMotion, law: TactileLaw, fingers: Fin
     velocity = np.zeros(rest.size)
     velocity[9:18] = constrained.virtual_jacobian(arm.model, at.q)[0]
     velocity[18 + SPEED] = 1.0
-    return Linear(np.stack(columns, axis=1), _difference(lambda s: rates(rest, s)), velocity)
+    return LinearLoop(np.stack(columns, axis=1), _difference(lambda s: rates(rest, s)), velocity)
 
 
 def _difference(function: Callable[[float], FloatArray]) -> FloatArray:

@@ -14,7 +14,7 @@ from pydantic import JsonValue
 
 from app import UserError
 from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
-from app.measure.figures.result import Bar, Picture, Progress, Result
+from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import PROFILES, MotionSettings, Plan, Profile, contact_limits, plan_ply
 from app.motion.path import Vector
 from app.pieces.layout import start_layout
@@ -29,7 +29,7 @@ SHADES: Final = {Stage.APPROACH: "#eef3fa", Stage.GRASP: "#f6e3e0", Stage.CARRY:
 TOLERANCE: Final = 1e-6
 
 
-def move_figure(move: str, fen: str | None, progress: Progress) -> Result:
+def move_figure(move: str, fen: str | None, progress: Progress) -> FigureResult:
     """Plan a ply by both laws and draw it.
 
     Args:
@@ -58,7 +58,7 @@ def move_figure(move: str, fen: str | None, progress: Progress) -> Result:
         numbers[f"{name}_by_stage_s"] = {f"{i} {m.label}": m.expected for i, m in enumerate(plan.motions)}
     ply, plan, inventory = plans[Profile.DEFAULT]
     title = f"{ply.san} from home to home: {plan.expected:.2f} s"
-    return Result(title, bars, numbers, {"": _over_time(plans, title), "-path": _in_space(ply, plan, inventory)})
+    return FigureResult(title, bars, numbers, {"": _over_time(plans, title), "-path": _in_space(ply, plan, inventory)})
 
 
 def _plan(board: chess.Board, move: chess.Move, profile: Profile) -> tuple[Ply, Plan, Inventory]:

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import JsonValue
 
 from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
-from app.measure.figures.result import Bar, Picture, Progress, Result
+from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import MotionSettings, plan_ply
 from app.motion.timing.reference import Vector
 from app.pieces.layout import start_layout
@@ -86,7 +86,7 @@ def newton_along(model: DeltaModel, angles: Vector, start: Vector) -> Steps:
     return Steps(residual, (residual > DECIMALS).sum(axis=1), (residual > TOLERANCE).sum(axis=1))
 
 
-def newton(progress: Progress) -> Result:
+def newton(progress: Progress) -> FigureResult:
     """Compute and draw."""
     progress("planning a fast move and iterating along it")
     model = DeltaModel(load_parameters())
@@ -115,7 +115,7 @@ def newton(progress: Progress) -> Result:
         "closure_after_two_steps_max_m": float(steps.residual[:, 2].max()),
     }
     title = "Newton steps of (7) along a fast move, from tick to tick"
-    return Result(title, bars, numbers, {"": _draw(steps, speed, tick, title)})
+    return FigureResult(title, bars, numbers, {"": _draw(steps, speed, tick, title)})
 
 
 def _draw(steps: Steps, speed: Vector, tick: float, title: str) -> Picture:

@@ -16,11 +16,11 @@ from app.measure.figures.grasp_motion import figure_6
 from app.measure.figures.grasp_pictures import figure_7
 from app.measure.figures.move import MOVE, move_figure
 from app.measure.figures.newton import newton
-from app.measure.figures.result import Progress, Result, save
+from app.measure.figures.result import FigureResult, Progress, save
 from app.measure.figures.touch import touch
 from app.measure.figures.workspace import workspace
 
-FIGURES: Mapping[str, Callable[[Progress], Result]] = MappingProxyType(
+FIGURES: Mapping[str, Callable[[Progress], FigureResult]] = MappingProxyType(
     {
         "5": figure_5,
         "6": figure_6,

@@ -40,7 +40,7 @@ class Bar(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
+class FigureResult:
     """A figure as computed.
 
     Attributes:
@@ -68,7 +68,7 @@ class FolderUnusable(UserError):
         super().__init__(f"pictures cannot be written to {folder}: {reason}; choose another folder with --out")
 
 
-def save(name: str, result: Result, folder: Path) -> dict[str, JsonValue]:
+def save(name: str, result: FigureResult, folder: Path) -> dict[str, JsonValue]:
     """Write the pictures and, beside them, the numbers as JSON.
 
     Args:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from app.measure.bench.touchdown import FELT, WOOD, Pressed, Touchdown, set_down
 from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
-from app.measure.figures.result import Bar, Picture, Progress, Result
+from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import PROFILES, Profile
 from hardware.parameters import load_parameters
 
@@ -26,7 +26,7 @@ LARGEST: Final = 10.0
 """With guard and schedule, on felt [N]."""
 
 
-def touch(progress: Progress) -> Result:
+def touch(progress: Progress) -> FigureResult:
     """Set a king down in the simulated world, from every error, with and without each."""
     settings, parameters = PROFILES[Profile.DEFAULT], load_parameters()
     found: dict[tuple[str, str], list[Pressed]] = {}
@@ -42,7 +42,7 @@ def touch(progress: Progress) -> Result:
         "peak_N": {f"{feet}, {way}": [one.peak for one in series] for (feet, way), series in found.items()},
         "lasting_N": {f"{feet}, {way}": [one.lasting for one in series] for (feet, way), series in found.items()},
     }
-    return Result("A king set down where the board is not as high as believed", bars, numbers, {"": _draw(found)})
+    return FigureResult("A king set down where the board is not as high as believed", bars, numbers, {"": _draw(found)})
 
 
 def _draw(found: dict[tuple[str, str], list[Pressed]]) -> Picture:

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import JsonValue
 
 from app.measure.figures.drawing import axes, board_map, picture
-from app.measure.figures.result import Bar, Picture, Progress, Result
+from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.measure.figures.table_grid import TableGrid, table_grid
 from app.motion import MotionSettings
 from app.motion.timing.reference import Vector
@@ -49,7 +49,7 @@ def maps(model: DeltaModel, grid: TableGrid, height: float) -> Maps:
     return Maps(*found)
 
 
-def workspace(progress: Progress) -> Result:
+def workspace(progress: Progress) -> FigureResult:
     """Compute and draw for the heaviest piece at the lowest and the highest height that a game needs."""
     progress("surveying the table")
     heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
@@ -78,7 +78,7 @@ def workspace(progress: Progress) -> Result:
     grid = table_grid(table, MARGIN)
     found = {height: maps(model, grid, height) for height in working_heights()}
     pictures = {"": _draw(table, grid, found), "-largest": _draw_largest(model, table, largest)}
-    return Result("What the arm can do over board and trays", bars, numbers, pictures)
+    return FigureResult("What the arm can do over board and trays", bars, numbers, pictures)
 
 
 def _remarkable(places: Survey) -> dict[str, int]:

@@ -13,12 +13,12 @@ import numpy as np
 from app.measure.photographs.corners import CornerSource
 from app.measure.photographs.labels import FrameLabel, Labels
 from app.measure.photographs.pictures import Picture
-from app.measure.photographs.report import Event, Score, VisionReport
+from app.measure.photographs.report import Score, VisionEvent, VisionReport
 from vision.board.view import BoardNotFound
 from vision.reading.evidence import codes_of, states_of
-from vision.reading.moves import Decision
-from vision.reading.observer import Look, Observer
-from vision.reading.outcome import Verdict
+from vision.reading.moves import MoveReading
+from vision.reading.observer import Observation, Observer
+from vision.reading.outcome import ReadingOutcome
 from vision.reading.rectified_view import sight_of_picture
 
 PLIES: Final = 2
@@ -48,7 +48,7 @@ class _Game:
     labels: Labels | None
     start: chess.Board
     played: list[chess.Move] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
+    events: list[VisionEvent] = field(default_factory=list)
     tally: _Tally = field(default_factory=_Tally)
     observer: Observer | None = None
     failed: str | None = None
@@ -102,17 +102,17 @@ def follow(
             if game.observer is None:
                 game.failed = f"{picture.name}: {error}"
                 break
-            _ask(game, picture, None, label, Decision(Verdict.DOUBT, (), 0.0, -np.inf, ()), str(error))
+            _ask(game, picture, None, label, MoveReading(ReadingOutcome.DOUBT, (), 0.0, -np.inf, ()), str(error))
             continue
         if game.observer is None:
             game.observer = Observer(game.start, sight)
-            game.events.append(Event(frame=picture.name, moves=(), confidence=1.0, asked=False, said="start"))
+            game.events.append(VisionEvent(frame=picture.name, moves=(), confidence=1.0, asked=False, said="start"))
         else:
             _read(game, picture, game.observer.look(sight), label)
     return game.report()
 
 
-def _read(game: _Game, picture: Picture, look: Look, label: FrameLabel | None) -> None:
+def _read(game: _Game, picture: Picture, look: Observation, label: FrameLabel | None) -> None:
     assert game.observer is not None
     before = codes_of(game.observer.board)
     if label is not None and label.fen is not None:
@@ -120,7 +120,7 @@ def _read(game: _Game, picture: Picture, look: Look, label: FrameLabel | None) -
         game.tally.squares += 64
         game.tally.squares_right += int((look.evidence.read(before) == truth).sum())
     decision = game.observer.decide(look, PLIES)
-    if decision.verdict is Verdict.DOUBT or decision.promotion_unsure:
+    if decision.verdict is ReadingOutcome.DOUBT or decision.promotion_unsure:
         _ask(game, picture, look, label, decision, _doubt(decision))
         return
     board = game.observer.board.copy()
@@ -129,11 +129,11 @@ def _read(game: _Game, picture: Picture, look: Look, label: FrameLabel | None) -
     _count(game.tally, label, decision.moves)
     _go_on(game, look, board, decision.moves)
     moves = tuple(move.uci() for move in decision.moves)
-    game.events.append(Event(frame=picture.name, moves=moves, confidence=decision.confidence, asked=False))
+    game.events.append(VisionEvent(frame=picture.name, moves=moves, confidence=decision.confidence, asked=False))
 
 
 def _ask(
-    game: _Game, picture: Picture, look: Look | None, label: FrameLabel | None, decision: Decision, said: str
+    game: _Game, picture: Picture, look: Observation | None, label: FrameLabel | None, decision: MoveReading, said: str
 ) -> None:
     """A person says what was played, where there is one; the position stays what it was where there is none."""
     assert game.observer is not None
@@ -147,7 +147,9 @@ def _ask(
         answer = decision.moves
         _go_on(game, look, _after(game.observer.board, answer, None), answer)
     moves = tuple(move.uci() for move in answer)
-    game.events.append(Event(frame=picture.name, moves=moves, confidence=decision.confidence, asked=True, said=said))
+    game.events.append(
+        VisionEvent(frame=picture.name, moves=moves, confidence=decision.confidence, asked=True, said=said)
+    )
 
 
 def _after(board: chess.Board, moves: Line, label: FrameLabel | None) -> chess.Board:
@@ -160,7 +162,7 @@ def _after(board: chess.Board, moves: Line, label: FrameLabel | None) -> chess.B
     return after
 
 
-def _go_on(game: _Game, look: Look | None, board: chess.Board, moves: Line) -> None:
+def _go_on(game: _Game, look: Observation | None, board: chess.Board, moves: Line) -> None:
     assert game.observer is not None
     if look is None:
         game.observer.board = board.copy()
@@ -183,7 +185,7 @@ def _count(tally: _Tally, label: FrameLabel | None, moves: Line) -> None:
         tally.wrong += max(len(truth), len(moves))
 
 
-def _doubt(decision: Decision) -> str:
+def _doubt(decision: MoveReading) -> str:
     if decision.promotion_unsure:
         return "which piece was the pawn promoted to?"
     squares = ", ".join(chess.square_name(square) for square in decision.squares[:4])

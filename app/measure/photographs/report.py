@@ -10,7 +10,7 @@ class _Frozen(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class Event(_Frozen):
+class VisionEvent(_Frozen):
     """One picture, or one settled view of a video.
 
     Attributes:
@@ -53,7 +53,7 @@ class VisionReport(_Frozen):
     ``failed`` says why it could not be followed to the end.
     """
 
-    events: tuple[Event, ...]
+    events: tuple[VisionEvent, ...]
     score: Score | None
     pgn: str
     failed: str | None = None

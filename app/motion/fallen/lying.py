@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from app.motion.obstacles import Crowd, Standing
+from app.motion.obstacles import Crowd, Obstacle
 from app.motion.path import Vector
 from hardware.table import PIECE_SHAPES, Kind, TableSettings, piece_profile, square_place
 
@@ -61,14 +61,14 @@ class Lying:
 class Strewn(NamedTuple):
     """Pieces that are not where an inventory has them: those that stand, and those that lie."""
 
-    standing: tuple[Standing, ...] = ()
+    standing: tuple[Obstacle, ...] = ()
     lying: tuple[Lying, ...] = ()
 
 
 NOTHING_STREWN: Final = Strewn()
 
 
-def standing_near(crowd: Iterable[Standing], lying: Iterable[Lying], table: TableSettings) -> Crowd:
+def standing_near(crowd: Iterable[Obstacle], lying: Iterable[Lying], table: TableSettings) -> Crowd:
     """What is in the way: pieces that stand and pieces that lie; the latter count as rows of low discs.
 
     Args:
@@ -82,7 +82,7 @@ def standing_near(crowd: Iterable[Standing], lying: Iterable[Lying], table: Tabl
         for way, radius, top in discs_of(piece.kind):
             x, y = piece.along(way)
             rows.append(np.array([[x, y, top, radius, radius, top]]))
-            pieces.append(Standing(piece.called, square_place(_square(x, y, table)), x, y, piece.kind))
+            pieces.append(Obstacle(piece.called, square_place(_square(x, y, table)), x, y, piece.kind))
     return Crowd(tuple(pieces), np.concatenate(rows), stands.boxes)
 
 
@@ -145,7 +145,7 @@ def _room(strip: Strip, row: Sequence[float]) -> float:
     return strip.distance(x, y) - (foot if strip.above < foot_height else stem)
 
 
-def in_the_strip(strips: Sequence[Strip], others: Crowd, margin: float) -> Standing | None:
+def in_the_strip(strips: Sequence[Strip], others: Crowd, margin: float) -> Obstacle | None:
     """The piece that is nearest to these strips, if it is nearer than a margin [m]; None: they are free."""
     found, nearest = None, margin
     for piece, row in zip(others.pieces, others.table.tolist(), strict=True):

@@ -23,7 +23,7 @@ from app.motion.arcs import Hop, Workcell, over, polygon
 from app.motion.fallen.lying import Lying, Strip, in_the_strip, standing_near
 from app.motion.fallen.pivot_edge import Heel, Heeling, circle, eased, heel_of, reach, sweep
 from app.motion.motions import motion_of
-from app.motion.obstacles import Crowd, Standing
+from app.motion.obstacles import Crowd, Obstacle
 from app.motion.path import Vector
 from app.motion.plan import InTheWay, Motion, Plan, Style
 from app.motion.route import Route
@@ -48,7 +48,7 @@ class Uprighted(NamedTuple):
 
 def plan_upright(
     lying: Lying,
-    standing: Iterable[Standing],
+    standing: Iterable[Obstacle],
     others_lying: Iterable[Lying],
     start: Vector,
     finger: float,
@@ -116,7 +116,7 @@ def room_to_stand_up(lying: Lying, others: Crowd, cell: Workcell) -> bool:
     return _blocking(cell, lying, heel_of(PIECE_SHAPES[lying.kind], _USUAL), others, _USUAL) is None
 
 
-def _blocking(cell: Workcell, lying: Lying, heel: Heel, others: Crowd, how: Heeling) -> Standing | None:
+def _blocking(cell: Workcell, lying: Lying, heel: Heel, others: Crowd, how: Heeling) -> Obstacle | None:
     pads, out = cell.parameters.pads, lying.outwards
     block, aside = 2.0 * reach(pads, out), reach(pads, np.array([-out[1], out[0]]))
     base, foot = np.array(lying.base), PIECE_SHAPES[lying.kind].foot_radius

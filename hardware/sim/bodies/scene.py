@@ -39,7 +39,7 @@ LINING = 0.003
 
 
 @dataclass(frozen=True, slots=True)
-class CameraPose:
+class CameraStand:
     """Where a camera hangs: position and point looked at in the board frame [m], vertical field of view [rad]."""
 
     position: tuple[float, float, float] = (0.0, 0.46, 0.44)
@@ -48,8 +48,8 @@ class CameraPose:
 
 
 CAMERAS = {
-    "camera": CameraPose(),
-    "film": CameraPose((0.44, -0.60, 0.36), (0.0, 0.0, 0.12), math.radians(46.0)),
+    "camera": CameraStand(),
+    "film": CameraStand((0.44, -0.60, 0.36), (0.0, 0.0, 0.12), math.radians(46.0)),
 }
 """Views: the board's camera, beside the base; and one that films the whole arm."""
 
@@ -111,7 +111,7 @@ def _add_boxes(spec: mujoco.MjSpec, table: TableSettings) -> None:
         )  # fmt: skip
 
 
-def camera_poses(table: TableSettings) -> dict[str, CameraPose]:
+def camera_poses(table: TableSettings) -> dict[str, CameraStand]:
     """Views of a table: of one that is larger than the usual one from as much further away."""
     ratios = np.divide(deck_half_size(table), deck_half_size(TableSettings()))
     scale = max(1.0, float(ratios.max()))
@@ -144,7 +144,7 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
     set_ambient(spec.visual.headlight, LightSettings())
 
 
-def _add_camera(spec: mujoco.MjSpec, name: str, pose: CameraPose) -> None:
+def _add_camera(spec: mujoco.MjSpec, name: str, pose: CameraStand) -> None:
     forward = np.subtract(pose.target, pose.position)
     forward = forward / np.linalg.norm(forward)
     right = np.cross(forward, [0.0, 0.0, 1.0])

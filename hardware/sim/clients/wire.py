@@ -44,7 +44,7 @@ class _Message(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class Hello(_Message):
+class Greeting(_Message):
     """First message of a client: what it is to the world."""
 
     role: str
@@ -96,7 +96,7 @@ class Wake(_Message):
     wake: bool
 
 
-class Look(_Message):
+class TruthRequest(_Message):
     """The referee's question; it may also start a new peak of the contact force."""
 
     reset_peak: bool = False
@@ -108,7 +108,7 @@ class Positions(_Message):
     positions: Literal[True]
 
 
-REFEREE_REQUEST: Final[TypeAdapter[Look | Positions]] = TypeAdapter(Look | Positions)
+REFEREE_REQUEST: Final[TypeAdapter[TruthRequest | Positions]] = TypeAdapter(TruthRequest | Positions)
 
 
 class Change(_Message):

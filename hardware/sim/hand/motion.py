@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.bodies.hand import Pose
+from hardware.sim.bodies.hand import HandPose
 
 PEAK: Final = 1.875
 """Highest speed of a minimum-jerk stroke over its mean speed."""
@@ -51,7 +51,7 @@ class Program:
         duration: after which nothing moves any more [s].
     """
 
-    start: Pose
+    start: HandPose
     strokes: tuple[Stroke, ...]
     duration: float
 
@@ -75,10 +75,10 @@ class Program:
         return Program(self.start, begun, max((s.begin + s.duration for s in begun), default=0.0))
 
     @property
-    def end(self) -> Pose:
+    def end(self) -> HandPose:
         """Pose after it."""
         total = np.sum([stroke.change for stroke in self.strokes], axis=0) if self.strokes else np.zeros(5)
-        return Pose(*(np.array(self.start) + total).tolist())
+        return HandPose(*(np.array(self.start) + total).tolist())
 
 
 @dataclass(slots=True, eq=False)
@@ -90,9 +90,9 @@ class Sketch:
         speed: highest of a long stroke [m/s].
     """
 
-    pose: Pose
+    pose: HandPose
     speed: float
-    _start: Pose = field(init=False)
+    _start: HandPose = field(init=False)
     _strokes: list[Stroke] = field(init=False, default_factory=list)
     _end: float = field(init=False, default=0.0)
 
@@ -122,7 +122,7 @@ class Sketch:
             speed: highest [m/s], if it is another one.
         """
         given = (x, y, z, yaw, gap)
-        new = Pose(*(old if value is None else value for old, value in zip(self.pose, given, strict=True)))
+        new = HandPose(*(old if value is None else value for old, value in zip(self.pose, given, strict=True)))
         change = np.subtract(new, self.pose)
         reach = float(np.linalg.norm(change[:3]))
         duration = max(

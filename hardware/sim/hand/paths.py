@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hardware.sim.bodies.hand import TIP_RADIUS, Pose
 from hardware.sim.hand.motion import Program, Sketch
-from hardware.sim.hand.sight import Sight
+from hardware.sim.hand.sight import TableSight
 from hardware.table import Colour
 
 CLEARANCE: Final = 0.010
@@ -59,7 +59,7 @@ class Traveller:
 
     def go(
         self,
-        sight: Sight,
+        sight: TableSight,
         start: Pose,
         holds: list[Hold],
         tips: Callable[[Hold], tuple[float, float]],
@@ -88,7 +88,7 @@ class Traveller:
         hold, sketch = self._first_clear(sight, start, tried, below, wide)
         return sketch, hold
 
-    def leave(self, sight: Sight, start: Pose, hold: Hold, end: Pose) -> Sketch:
+    def leave(self, sight: TableSight, start: Pose, hold: Hold, end: Pose) -> Sketch:
         """Likewise to a place in the air, with empty fingers."""
         out = (self.way_out(start),)
         low = [(near, self.way_out(near)) for near in around(start, start.yaw)]
@@ -96,7 +96,12 @@ class Traveller:
         return self._first_clear(sight, start, tried, TIP_RADIUS, EMPTY_WIDTH)[1]
 
     def _first_clear(
-        self, sight: Sight, start: Pose, tried: list[tuple[Hold, Pose, tuple[Pose, ...]]], below: float, wide: float
+        self,
+        sight: TableSight,
+        start: Pose,
+        tried: list[tuple[Hold, Pose, tuple[Pose, ...]]],
+        below: float,
+        wide: float,
     ) -> tuple[Hold, Sketch]:
         """Of holds, ends and corners in between the first that keeps clear of the robot, or the best one, slowly."""
         best, most = tried[0], -math.inf
@@ -119,7 +124,7 @@ class Traveller:
         return pose._replace(x=pose.x + length * back[0], y=pose.y + length * back[1])
 
     def _way(
-        self, sight: Sight, start: Pose, between: tuple[Pose, ...], end: Pose, below: float, wide: float
+        self, sight: TableSight, start: Pose, between: tuple[Pose, ...], end: Pose, below: float, wide: float
     ) -> Sketch:
         """On each straight part only as high as what stands below it wants."""
         sketch, corners = Sketch(start, self.speed), (*between, end)

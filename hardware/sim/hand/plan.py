@@ -12,7 +12,7 @@ from typing import Final
 from hardware.sim.bodies.hand import TIP_RADIUS, Pose
 from hardware.sim.hand.motion import Program, Sketch
 from hardware.sim.hand.paths import CLEARANCE, EMPTY_WIDTH, ENOUGH_ARM_ROOM, LEAST_LIFT, Hold, Traveller
-from hardware.sim.hand.sight import SeenPiece, Sight
+from hardware.sim.hand.sight import SeenPiece, TableSight
 from hardware.table import Colour, PieceShape
 
 SQUEEZE: Final = 0.0035
@@ -73,7 +73,7 @@ class Person(Traveller):
 
     def holds(
         self,
-        sight: Sight,
+        sight: TableSight,
         x: float,
         y: float,
         z: float,
@@ -117,7 +117,7 @@ class Person(Traveller):
 
     # parts of actions
 
-    def reach(self, sight: Sight, start: Pose, piece: SeenPiece) -> tuple[Program, Hold]:
+    def reach(self, sight: TableSight, start: Pose, piece: SeenPiece) -> tuple[Program, Hold]:
         """To a standing piece, down around it and close the fingers."""
         shape, others = piece.shape, sight.without(piece.name)
         z = piece.z + grip_height(shape)
@@ -130,7 +130,7 @@ class Person(Traveller):
         sketch.to(gap=shape.stem_radius - SQUEEZE).wait(0.06)
         return sketch.done(), hold
 
-    def place(self, sight: Sight, start: Pose, held: Held, x: float, y: float, yaw: float) -> Program:
+    def place(self, sight: TableSight, start: Pose, held: Held, x: float, y: float, yaw: float) -> Program:
         """Carry what is held to a point, turned somewhat, and set it down; the fingers stay closed."""
         others, shape = sight.without(held.name), held.shape
         z = held.below
@@ -143,7 +143,7 @@ class Person(Traveller):
         sketch.to(z=z - _PRESS, overlap=0.15, speed=_DOWN_SPEED).wait(0.05)
         return sketch.done()
 
-    def let_go(self, sight: Sight, start: Pose, held: Held) -> Program:
+    def let_go(self, sight: TableSight, start: Pose, held: Held) -> Program:
         """Open the fingers about a piece that stands, and rise above it."""
         others = sight.without(held.name)
         half = held.shape.stem_radius + OPEN + TIP_RADIUS
@@ -156,7 +156,7 @@ class Person(Traveller):
         """Straight up [m]."""
         return Sketch(start, self.speed).to(z=start.z + height, speed=_DOWN_SPEED).done()
 
-    def home(self, sight: Sight, start: Pose, home: Pose) -> Program:
+    def home(self, sight: TableSight, start: Pose, home: Pose) -> Program:
         """Up, back along the forearm, and away to where the hand is parked."""
         end = home._replace(gap=start.gap)
         sketch = self.leave(sight, start, Hold(home.yaw, start.gap), end)
@@ -164,7 +164,7 @@ class Person(Traveller):
 
     def over(
         self,
-        sight: Sight,
+        sight: TableSight,
         start: Pose,
         x: float,
         y: float,
@@ -173,7 +173,7 @@ class Person(Traveller):
         then: tuple[float, float] | None = None,
     ) -> Sketch:
         """To a point in the air, fingertips at a height above the board [m]; nearly closed if they hold nothing."""
-        holds = self.holds(Sight((), sight.tool), x, y, z, z, 0.0, then=then)
+        holds = self.holds(TableSight((), sight.tool), x, y, z, z, 0.0, then=then)
         if held is None:
             sketch, _ = self.go(sight, start, holds, lambda _: (x, y), TIP_RADIUS, EMPTY_WIDTH)
             sketch.to(gap=_GAP_AT_EASE, overlap=1.0)

@@ -32,7 +32,7 @@ from hardware.sim.hand.actions import (
 from hardware.sim.hand.motion import Program, Sketch
 from hardware.sim.hand.paths import LEAST_LIFT
 from hardware.sim.hand.plan import Held, Person, held_now
-from hardware.sim.hand.sight import SeenPiece, Sight
+from hardware.sim.hand.sight import SeenPiece, TableSight
 from hardware.table import TableSettings
 
 NEAR: Final = 0.020
@@ -59,7 +59,7 @@ class View:
         pose: where the fingertips are told to be.
     """
 
-    look: Callable[[], Sight]
+    look: Callable[[], TableSight]
     pose: Callable[[], Pose]
 
 
@@ -173,7 +173,7 @@ class Routines:
         yield self._person.place(sight, self._view.pose(), held, x, y, yaw)
         yield from self._release()
 
-    def _still_held(self, sight: Sight, before: Held) -> Held:
+    def _still_held(self, sight: TableSight, before: Held) -> Held:
         """How it is held by now, after whatever happened on the way."""
         self.held = held_now(sight.find(before.name), self._view.pose())
         if math.hypot(*self.held.forward) > NEAR or abs(self.held.below - before.below) > NEAR:
@@ -192,7 +192,7 @@ class Routines:
         dx, dy = self._rng.normal(0.0, self._settings.placement_sigma, 2).clip(-limit, limit).tolist()
         return dx, dy
 
-    def _check_free(self, sight: Sight, held: Held, at: Point) -> None:
+    def _check_free(self, sight: TableSight, held: Held, at: Point) -> None:
         x, y = at
         wide, deep = deck_half_size(self._table)
         if abs(x) > wide - held.shape.foot_radius or abs(y) > deep - held.shape.foot_radius:
@@ -203,7 +203,7 @@ class Routines:
             raise HandFailed(f"another piece stands at ({x:.3f}, {y:.3f}) m: take it away first")
 
     @staticmethod
-    def _is_free(sight: Sight, held: Held, at: Point) -> bool:
+    def _is_free(sight: TableSight, held: Held, at: Point) -> bool:
         others = sight.without(held.name).pieces
         return all(p.distance(*at) > p.shape.foot_radius + held.shape.foot_radius for p in others)
 

@@ -78,7 +78,7 @@ class SeenPiece:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sight:
+class TableSight:
     """The table at one moment.
 
     Attributes:
@@ -93,9 +93,9 @@ class Sight:
         """The piece nearest to a point; None where there are no pieces."""
         return min(self.pieces, key=lambda piece: piece.distance(x, y), default=None)
 
-    def without(self, name: str) -> Sight:
+    def without(self, name: str) -> TableSight:
         """All but one piece."""
-        return Sight(tuple(piece for piece in self.pieces if piece.name != name), self.tool)
+        return TableSight(tuple(piece for piece in self.pieces if piece.name != name), self.tool)
 
     def find(self, name: str) -> SeenPiece:
         """The piece of that name."""

@@ -18,12 +18,12 @@ from hardware.sim.bodies.scene import CAMERAS
 from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
 from hardware.sim.process.connections import Refused, Visitor
-from hardware.sim.process.scene_control import StageService
+from hardware.sim.process.scene_control import SceneControlService
 from hardware.sim.process.services import NEVER, SILENCE
 from hardware.sim.process.video_stream import Watcher
 from hardware.sim.render.appearance import CameraSettings
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
-from hardware.sim.render.renderer import Renderer, Sensor, Shot, frame_path, intrinsics_for
+from hardware.sim.render.renderer import Renderer, RenderRequest, Sensor, frame_path, intrinsics_for
 
 RGBD = "camera"
 """The view of the board's RGB-D camera; the others show the world to people."""
@@ -79,7 +79,7 @@ class CameraService:
         latency: int,
         camera: CameraSettings,
         seed: int,
-        stage: StageService,
+        stage: SceneControlService,
     ) -> None:
         self.due = NEVER
         self.waiting = False
@@ -273,7 +273,7 @@ class CameraService:
             return
         tick = self._plant.tick
         sensor = Sensor(camera=self._camera, seed=self._seed, tick=tick, depth=depth, colour=colour) if sensed else None
-        shot = Shot(slot=slot, view=camera, looks=self._stage.looks, sensor=sensor)
+        shot = RenderRequest(slot=slot, view=camera, looks=self._stage.looks, sensor=sensor)
         try:
             self._renderer.request(shot, self._plant.positions())
         except HardwareError as error:

@@ -133,7 +133,7 @@ class Visitors:
 
     def _greet(self, visitor: Visitor, message: bytes) -> None:
         try:
-            role = wire.Hello.model_validate_json(message).role
+            role = wire.Greeting.model_validate_json(message).role
             if role not in self._services:
                 raise Refused(f"'{role}' is none of {', '.join(self._services)}")
             answer = self._services[role].welcome(visitor)

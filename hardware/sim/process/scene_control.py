@@ -11,7 +11,7 @@ from hardware.sim.process.connections import Visitor
 from hardware.sim.render.appearance import ExposureSettings, LightSettings, Looks, MountSettings
 
 
-class StageService:
+class SceneControlService:
     """Keeps how light and camera are, and lets visitors change them.
 
     Args:
@@ -43,7 +43,7 @@ class StageService:
         """See ``Service``."""
 
 
-class Stage:
+class SceneControl:
     """The client: changes light, exposure and the camera's mount while a world runs."""
 
     def __init__(self, run_dir: Path) -> None:

@@ -34,7 +34,7 @@ from hardware.sim.process.construction import Construction
 from hardware.sim.process.hand_service import HandService
 from hardware.sim.process.journal import Journal
 from hardware.sim.process.pacing import Metronome, SpeedMeter
-from hardware.sim.process.scene_control import StageService
+from hardware.sim.process.scene_control import SceneControlService
 from hardware.sim.process.services import NEVER, ClockService, Drives, RefereeService
 from hardware.sim.process.settings import END_FILE, Pace, WorldSettings, load_settings
 from hardware.sim.render.renderer import MODEL_FILE, Renderer
@@ -90,7 +90,7 @@ class World:
         self._drives = Drives(facts, settings.first_controller, settings.linger)
         self._clocks = ClockService(facts, self.plant)
         latency = round(settings.camera_latency / drive.tick)
-        stage = StageService(facts, self.plant, construction.looks)
+        stage = SceneControlService(facts, self.plant, construction.looks)
         self._cameras = CameraService(
             facts, self.plant, self._renderer, run_dir, latency, construction.camera, settings.seed, stage
         )

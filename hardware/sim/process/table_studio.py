@@ -29,7 +29,7 @@ from hardware.sim.bodies.scene import build_model
 from hardware.sim.render.appearance import CameraSettings, Looks, MountSettings
 from hardware.sim.render.camera_mount import Mount
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
-from hardware.sim.render.renderer import MODEL_FILE, Renderer, Sensor, Shot, frame_path, load_pictures
+from hardware.sim.render.renderer import MODEL_FILE, Renderer, RenderRequest, Sensor, frame_path, load_pictures
 from hardware.table import Colour, PieceSpec, TableSettings
 
 VIEW = "camera"
@@ -117,7 +117,9 @@ class TableStudio:
             raise ValueError("this studio has no hand: say whose when it is opened")
         self._taken += 1
         sensor = Sensor(camera=self._camera, seed=seed, tick=self._taken, depth=True)
-        self._renderer.request(Shot(slot=0, view=VIEW, looks=looks, sensor=sensor), self._positions(poses, hand))
+        self._renderer.request(
+            RenderRequest(slot=0, view=VIEW, looks=looks, sensor=sensor), self._positions(poses, hand)
+        )
         self._renderer.take(wait=True, patience=_PATIENCE)
         size = self._camera.width, self._camera.height
         colour, depth = load_pictures(frame_path(Path(self._folder.name), 0), *size, depth=True)

@@ -19,7 +19,7 @@ Listen = Callable[[float], None]
 
 
 @dataclass(slots=True)
-class Flight:
+class FrameInFlight:
     """A frame between exposure and delivery.
 
     Attributes:
@@ -64,7 +64,7 @@ class Watcher:
     exposes: int
     colour_asleep: bool = True
     wake: bool = False
-    flights: list[Flight] = field(default_factory=list)
+    flights: list[FrameInFlight] = field(default_factory=list)
     held: int | None = None
 
     @property
@@ -78,14 +78,14 @@ class Watcher:
             self.free.append(self.held)
             self.held = None
 
-    def expose(self, tick: int) -> Flight | None:
+    def expose(self, tick: int) -> FrameInFlight | None:
         """The frame to be drawn now, if one is due and there is room for it."""
         if tick < self.exposes:
             return None
         self.exposes = (tick // self.every + 1) * self.every
         if not self.free:
             return None
-        flight = Flight(self.free.pop(0), tick, tick + self.latency, self.wake or self.colour_asleep)
+        flight = FrameInFlight(self.free.pop(0), tick, tick + self.latency, self.wake or self.colour_asleep)
         self.flights.append(flight)
         return flight
 

@@ -24,8 +24,8 @@ from hardware.sim.render.renderer import (
     READY,
     REPLY,
     WIDTH,
+    RenderRequest,
     Sensor,
-    Shot,
     frame_path,
     unpack_request,
 )
@@ -80,7 +80,7 @@ class Easel:
         self._looks = Looks()  # as the scene is compiled
         mujoco.mj_forward(model, self._data)
 
-    def draw(self, shot: Shot, positions: NDArray[np.float64], file: NDArray[np.uint8]) -> None:
+    def draw(self, shot: RenderRequest, positions: NDArray[np.float64], file: NDArray[np.uint8]) -> None:
         """Draw a picture into a frame's bytes.
 
         Args:

@@ -30,7 +30,7 @@ DEPTH_BYTES = 2 * DEPTH_WIDTH * DEPTH_HEIGHT
 FRAME_BYTES = DEPTH_BYTES + 3 * 1280 * 720
 """Size of a slot's file: room for the largest pictures."""
 HEADER = struct.Struct("<I")
-"""Length of the JSON of a ``Shot``, which follows; then the positions as float64."""
+"""Length of the JSON of a ``RenderRequest``, which follows; then the positions as float64."""
 REPLY = struct.Struct("<I")
 READY = b"ready"
 _LONGEST = 64
@@ -60,7 +60,7 @@ class Sensor(BaseModel):
     """Whether the colour picture is wanted: it takes most of the time. Without, the file keeps an older one."""
 
 
-class Shot(BaseModel):
+class RenderRequest(BaseModel):
     """One picture that is wanted."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -73,16 +73,16 @@ class Shot(BaseModel):
     """None: a clean picture of 640×480 pixels, without depth."""
 
 
-def pack_request(shot: Shot, positions: NDArray[np.float64]) -> bytes:
+def pack_request(shot: RenderRequest, positions: NDArray[np.float64]) -> bytes:
     """A request as sent to the renderer's process."""
     wish = shot.model_dump_json().encode()
     return HEADER.pack(len(wish)) + wish + positions.tobytes()
 
 
-def unpack_request(message: bytes) -> tuple[Shot, NDArray[np.float64]]:
+def unpack_request(message: bytes) -> tuple[RenderRequest, NDArray[np.float64]]:
     """Inverse of ``pack_request``."""
     end = HEADER.size + HEADER.unpack_from(message)[0]
-    return Shot.model_validate_json(message[HEADER.size : end]), np.frombuffer(message[end:], dtype=np.float64)
+    return RenderRequest.model_validate_json(message[HEADER.size : end]), np.frombuffer(message[end:], dtype=np.float64)
 
 
 def frame_path(run_dir: Path, slot: int) -> Path:
@@ -147,7 +147,7 @@ class Renderer:
             lines = (self._run_dir / "renderer.log").read_text(errors="replace").strip().splitlines()
             raise HardwareError(GL_REMEDY.format(lines[-1][:200] if lines else "no answer"))
 
-    def request(self, shot: Shot, positions: NDArray[np.float64]) -> None:
+    def request(self, shot: RenderRequest, positions: NDArray[np.float64]) -> None:
         """Ask for a picture of the world at these joint positions.
 
         Raises:

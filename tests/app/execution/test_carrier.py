@@ -18,7 +18,7 @@ from app.motion import Motion, MotionSettings, Plan
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, transfers
 from app.records import GameRecord, GameSetup
-from app.rig.arm import ArmState, Outcome
+from app.rig.arm import ArmAtRest, Outcome
 from app.terminal.interface import Quiet
 from hardware.parameters import load_parameters
 from hardware.table import Place, TableSettings
@@ -37,8 +37,8 @@ class Arm:
     def __init__(self, at: Any = HOME) -> None:
         self.at, self.done = np.array(at), list[str]()
 
-    def state(self) -> ArmState:
-        return ArmState(self.at, 0.01, 0)
+    def state(self) -> ArmAtRest:
+        return ArmAtRest(self.at, 0.01, 0)
 
     settle = state
 

@@ -20,12 +20,12 @@ from app.execution.carrier import BoardTouched, Carried, CarryFailed, Loss
 from app.execution.observation import Verification
 from app.execution.recovery import MOST_ROUNDS, Mender
 from app.execution.recovery_plans import Strayed
-from app.execution.repair import Sighting
+from app.execution.repair import BoardObservation
 from app.execution.state import AwaitedReply, Devices, Job, Position
 from app.execution.table import Table
 from app.game.person import NeedsHand, UnattendedAsker
 from app.motion import MotionSettings
-from app.motion.obstacles import Standing
+from app.motion.obstacles import Obstacle
 from app.motion.plan import InTheWay, PlanRefused
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, Transfer, transfers
@@ -82,7 +82,7 @@ class Paper:
         self.visit()
         if self.crowded is not None and [one.name for one in job.transfers] != [self.crowded]:
             piece, self.crowded = inventory.find(self.crowded), None
-            raise InTheWay("the fingers would touch it", Standing.at(piece.name, piece.place, piece.kind, TABLE))
+            raise InTheWay("the fingers would touch it", Obstacle.at(piece.name, piece.place, piece.kind, TABLE))
         for number, transfer in enumerate(job.transfers):
             if self.carried in self.losses:
                 where = self.losses.pop(self.carried)
@@ -124,10 +124,10 @@ class Paper:
         if self.in_the_way is not None and self.truth.find(self.in_the_way).place == stands.find(self.in_the_way).place:
             name, self.in_the_way = self.in_the_way, None
             piece = stands.find(name)
-            raise InTheWay("the rook is in the way", Standing.at(name, piece.place, piece.kind, TABLE))
+            raise InTheWay("the rook is in the way", Obstacle.at(name, piece.place, piece.kind, TABLE))
         if self.hemmed_in is not None:
             piece = stands.find(self.hemmed_in)
-            raise InTheWay("the rook is in the way", Standing.at(piece.name, piece.place, piece.kind, TABLE))
+            raise InTheWay("the rook is in the way", Obstacle.at(piece.name, piece.place, piece.kind, TABLE))
         if self.prop is not None:
             return None
         piece, place = self.lying.pop(one.piece.name)
@@ -188,7 +188,7 @@ class Paper:
                 faults.append(Fault(FaultKind.MISSING, square, f"{square_place(square)} is empty", None, None))
             if should is None and there is not None:
                 faults.append(Fault(FaultKind.FOREIGN, square, f"something is on {square_place(square)}", (0, 0), None))
-        return Verification(tuple(faults), Sighting.of(stands, states, faults))
+        return Verification(tuple(faults), BoardObservation.of(stands, states, faults))
 
     def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
         return {piece.place.index: TABLE.xy(piece.place) for piece in believed if piece.place.on_board}

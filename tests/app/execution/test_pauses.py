@@ -20,7 +20,7 @@ from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, Stage
 from app.players.players import Decision, LinePlayer, Player, Players
 from app.records import GameRecord, GameSetup, PlyEvent, StepEvent, read_events
-from app.rig.arm import ArmPaused, ArmState, Outcome
+from app.rig.arm import ArmAtRest, ArmPaused, Outcome
 from app.terminal.interface import Quiet
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
@@ -47,12 +47,12 @@ class LateArm:
         self.pauses = 0
         self.begun: list[tuple[int | None, Stage | None]] = []
         self._at, self._always = (stage, share), always
-        self._state = ArmState(np.array(MOTION.home), 0.011, 0)
+        self._state = ArmAtRest(np.array(MOTION.home), 0.011, 0)
 
-    def state(self) -> ArmState:
+    def state(self) -> ArmAtRest:
         return self._state
 
-    def settle(self) -> ArmState:
+    def settle(self) -> ArmAtRest:
         return self._state
 
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
@@ -84,7 +84,7 @@ class LateArm:
             felt = 0.0
         finger = self._state.finger + float(samples["finger_velocity"][: last + 1].clip(0.0).sum() * 0.00088)
         finger = CLOSED if felt else finger
-        self._state = ArmState(samples["position"][last].copy(), finger, 0, felt)
+        self._state = ArmAtRest(samples["position"][last].copy(), finger, 0, felt)
 
 
 def play(folder: Path, arm: LateArm, line: str = "e4 d5 exd5", wrap: Callable[[Player], Player] = lambda p: p) -> Game:

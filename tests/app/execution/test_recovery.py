@@ -10,7 +10,7 @@ from app.execution.interruption import PieceLost, Progress, progress_of
 from app.motion.obstacles import closed_position
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, Ply, Stage, transfers
-from app.rig.arm import ArmState
+from app.rig.arm import ArmAtRest
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, Kind, Place, TableSettings
 
@@ -32,12 +32,12 @@ def capture() -> Ply:
 PLY = capture()
 
 
-def arm(place: Place, height: float, finger: float, felt: float) -> ArmState:
+def arm(place: Place, height: float, finger: float, felt: float) -> ArmAtRest:
     point = TABLE.base_from_board(np.array([*TABLE.xy(place), height]))
-    return ArmState(point, finger, 1000, felt)
+    return ArmAtRest(point, finger, 1000, felt)
 
 
-def progress(transfer: int, stage: Stage, state: ArmState) -> Progress:
+def progress(transfer: int, stage: Stage, state: ArmAtRest) -> Progress:
     return progress_of(PLY.transfers, transfer, stage, state, TABLE)
 
 

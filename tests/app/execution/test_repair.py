@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.execution.repair import Ask, Repair, Sighting, kinds_by_height, mend, repair_towards
+from app.execution.repair import Ask, BoardObservation, Repair, kinds_by_height, mend, repair_towards
 from app.execution.repair.observed import Chances
 from app.motion import MotionSettings, plan_ply
 from app.pieces.layout import colour_of, start_layout
@@ -90,12 +90,12 @@ class World:
 
     # what the camera sees
 
-    def sighting(self, *, heights: bool, places: bool) -> Sighting:
+    def sighting(self, *, heights: bool, places: bool) -> BoardObservation:
         looks = {square: self.on[square].colour if square in self.on else None for square in chess.SQUARES}
         kinds = {s: self.height(p) for s, p in self.on.items()} if heights else {}
         noise = self.draw.uniform
         seen = {s: (x + noise(-0.001, 0.001), y + noise(-0.001, 0.001)) for s, (x, y) in self.at.items()}
-        return Sighting(looks, seen if places else {}, frozenset(self.fallen), kinds=kinds)
+        return BoardObservation(looks, seen if places else {}, frozenset(self.fallen), kinds=kinds)
 
     def height(self, piece: PieceSpec) -> Chances:
         """Within what a median over a piece's head errs by; farther off, no rule could always tell 4 mm apart."""
@@ -353,12 +353,12 @@ def test_what_is_missing_is_asked_for_where_it_is_wanted() -> None:
     board = chess.Board()
     wanted = expected.after(transfers(board, board.parse_san("Nc3"), expected))
     gone = Inventory.of((p for p in expected if p.name != "white-knight-b"), TABLE)
-    assert repair_towards(gone, wanted, Sighting({})) == Ask(
+    assert repair_towards(gone, wanted, BoardObservation({})) == Ask(
         "a piece is missing: put the white knight on c3", (chess.C3,)
     )
     lost = Inventory.of((p for p in expected if p.name != "white-queen-spare-1"), TABLE)
     place = expected.find("white-queen-spare-1").place
-    assert repair_towards(lost, expected, Sighting({})) == Ask(
+    assert repair_towards(lost, expected, BoardObservation({})) == Ask(
         f"a piece is missing: put the white queen on {place}", ()
     )
 
@@ -372,8 +372,8 @@ def at(fen: str) -> tuple[Inventory, dict[int, Colour | None]]:
 START = chess.STARTING_FEN
 
 
-def looks(**squares: Colour | None) -> Sighting:
-    return Sighting({chess.parse_square(name): look for name, look in squares.items()})
+def looks(**squares: Colour | None) -> BoardObservation:
+    return BoardObservation({chess.parse_square(name): look for name, look in squares.items()})
 
 
 W, B = Colour.WHITE, Colour.BLACK
@@ -388,7 +388,7 @@ HIGH = {kind: kinds_by_height(shape.height) for kind, shape in PIECE_SHAPES.item
     (looks(a2=None, a7=None, a3=B, a6=W), ["a2 a6 a2", "a7 a3 a7"],
      "the arm puts the black pawn back from a3 on a7 and puts the white pawn back from a6 on a2"),
 ])  # fmt: skip
-def test_what_is_sure_the_arm_puts_right(sighting: Sighting, done: list[str], sentence: str) -> None:
+def test_what_is_sure_the_arm_puts_right(sighting: BoardObservation, done: list[str], sentence: str) -> None:
     expected, _ = at(START)
     result = mend(expected, sighting, chess.Board())
     assert isinstance(result, Repair)
@@ -416,15 +416,15 @@ def test_what_is_sure_the_arm_puts_right(sighting: Sighting, done: list[str], se
                            "white pawn on d2 and nothing on d3"),
     (looks(d1=None, e4=W), "it is not clear which white pieces stand on e2 and e4: put the white queen on d1, the "
                            "white pawn on e2 and nothing on e4"),
-    (Sighting({}, fallen=frozenset({1})), "the white knight on b1 has fallen, which the arm cannot set up: stand it on "
+    (BoardObservation({}, fallen=frozenset({1})), "the white knight on b1 has fallen, which the arm cannot set up: stand it on "
                                           "b1"),
-    (Sighting({}, fallen=frozenset({28})), "a piece lies on e4, which the arm cannot set up: take it off the board"),
-    (Sighting({}, unclear=frozenset({28})), "something lies on e4: take it away"),
-    (Sighting({}, unclear=frozenset({1})), "it is not clear what stands on b1: put the white knight there"),
-    (Sighting({1: None, 20: W}, fallen=frozenset({55})),
+    (BoardObservation({}, fallen=frozenset({28})), "a piece lies on e4, which the arm cannot set up: take it off the board"),
+    (BoardObservation({}, unclear=frozenset({28})), "something lies on e4: take it away"),
+    (BoardObservation({}, unclear=frozenset({1})), "it is not clear what stands on b1: put the white knight there"),
+    (BoardObservation({1: None, 20: W}, fallen=frozenset({55})),
      "the black pawn on h7 has fallen, which the arm cannot set up: stand it on h7"),
 ])  # fmt: skip
-def test_what_is_not_sure_is_asked_by_name(sighting: Sighting, sentence: str) -> None:
+def test_what_is_not_sure_is_asked_by_name(sighting: BoardObservation, sentence: str) -> None:
     expected, _ = at(START)
     result = mend(expected, sighting, chess.Board())
     assert isinstance(result, Ask)
@@ -434,11 +434,11 @@ def test_what_is_not_sure_is_asked_by_name(sighting: Sighting, sentence: str) ->
 def test_a_pawn_on_the_last_rank_may_be_anything_until_it_is_measured() -> None:
     expected, _ = at("4k3/8/P7/8/8/8/8/4K3 w - - 0 1")
     carried = {chess.A6: None, chess.A8: W}
-    result = mend(expected, Sighting(carried))
+    result = mend(expected, BoardObservation(carried))
     assert isinstance(result, Ask)
     assert "not clear which white piece stands on a8" in result.sentence
-    assert isinstance(mend(expected, Sighting(carried, kinds={chess.A8: HIGH[Kind.PAWN]})), Repair)
-    result = mend(expected, Sighting(carried, kinds={chess.A8: HIGH[Kind.QUEEN]}))
+    assert isinstance(mend(expected, BoardObservation(carried, kinds={chess.A8: HIGH[Kind.PAWN]})), Repair)
+    result = mend(expected, BoardObservation(carried, kinds={chess.A8: HIGH[Kind.QUEEN]}))
     assert isinstance(result, Ask)
     assert result.sentence.startswith("a white piece stands on a8 that should not be on the board: take it off")
 
@@ -446,18 +446,18 @@ def test_a_pawn_on_the_last_rank_may_be_anything_until_it_is_measured() -> None:
 def test_heights_tell_which_of_two_pieces_is_which() -> None:
     expected, _ = at(START)
     swapped = {chess.D1: HIGH[Kind.PAWN], chess.A2: HIGH[Kind.QUEEN]}
-    result = mend(expected, Sighting({}, kinds=swapped), chess.Board())
+    result = mend(expected, BoardObservation({}, kinds=swapped), chess.Board())
     assert isinstance(result, Repair)
     assert {(t.kind, t.target) for t in result.transfers[1:]} == {
         (Kind.PAWN, Place.parse("a2")), (Kind.QUEEN, Place.parse("d1"))
     }  # fmt: skip
     assert len(result.transfers) == 3, "one steps aside"
     alike = {chess.B1: HIGH[Kind.BISHOP], chess.C1: HIGH[Kind.KNIGHT]}
-    result = mend(expected, Sighting({}, kinds=alike), chess.Board())
+    result = mend(expected, BoardObservation({}, kinds=alike), chess.Board())
     assert isinstance(result, Ask), "heights of knight and bishop differ too little to act without asking"
     moved = {chess.B1: None, chess.C1: None, chess.D3: W, chess.E3: W}
     known = {chess.D3: HIGH[Kind.BISHOP], chess.E3: HIGH[Kind.KNIGHT]}
-    result = mend(expected, Sighting(moved, kinds=known), chess.Board())
+    result = mend(expected, BoardObservation(moved, kinds=known), chess.Board())
     assert isinstance(result, Repair)
     assert {(t.kind, str(t.source), str(t.target)) for t in result.transfers} == {
         (Kind.BISHOP, "d3", "c1"), (Kind.KNIGHT, "e3", "b1")
@@ -471,10 +471,10 @@ def test_off_centre_pieces_are_set_right_beyond_the_tolerance_before_anything_is
         x, y = TABLE.xy(Place.parse(name))
         return {chess.parse_square(name): (x + dx, y)}
 
-    near = mend(expected, Sighting({}, off("e2", 0.004)))
+    near = mend(expected, BoardObservation({}, off("e2", 0.004)))
     assert isinstance(near, Repair)
     assert near.transfers == ()
-    sighting = Sighting({chess.B1: None, chess.D3: W}, off("e2", 0.009) | off("d3", 0.003))
+    sighting = BoardObservation({chess.B1: None, chess.D3: W}, off("e2", 0.009) | off("d3", 0.003))
     result = mend(expected, sighting)
     assert isinstance(result, Repair)
     assert [(str(t.source), str(t.target), t.seen) for t in result.transfers] == [
@@ -482,7 +482,7 @@ def test_off_centre_pieces_are_set_right_beyond_the_tolerance_before_anything_is
     ]  # fmt: skip
     assert result.sentence.startswith("the arm sets the white pawn right on e2 and puts the white knight back")
     with pytest.raises(ValueError, match=r"what stands on e2 was seen \(50, 0\) mm from its centre"):
-        mend(expected, Sighting({}, off("e2", 0.050)))
+        mend(expected, BoardObservation({}, off("e2", 0.050)))
 
 
 def test_faults_of_vision_count_for_the_piece_that_should_stand_there() -> None:
@@ -499,16 +499,16 @@ def test_faults_of_vision_count_for_the_piece_that_should_stand_there() -> None:
         Fault(FaultKind.FOREIGN, chess.E5, "", (0.02, 0.02), None),
     ]
     centres = {chess.G2: Centre(0.1, -0.1, 0.001, 0.9, 0.9, 0.9), chess.H2: Centre(0.2, 0.0, 0.1, -1.0, 0.0, 0.9)}
-    sighting = Sighting.of(expected, states, faults, centres)
+    sighting = BoardObservation.of(expected, states, faults, centres)
     assert sighting.looks[chess.D7] is W
     assert (sighting.looks[chess.B1], sighting.looks[chess.H8]) == (None, B)
     assert sighting.fallen == {chess.A1}
     assert sighting.unclear == {chess.H8, chess.E5}
     taken = {chess.A1: HIGH[Kind.QUEEN], chess.H8: HIGH[Kind.KING], chess.C2: HIGH[Kind.BISHOP]}
     states[chess.A1] = 1
-    known = Sighting.of(expected, states, faults, kinds=taken)
+    known = BoardObservation.of(expected, states, faults, kinds=taken)
     assert (known.fallen, known.unclear, known.places) == (frozenset(), {chess.E5}, {})
-    assert Sighting.of(expected, states, faults, kinds={chess.A1: kinds_by_height(0.024)}).fallen == {chess.A1}
+    assert BoardObservation.of(expected, states, faults, kinds={chess.A1: kinds_by_height(0.024)}).fallen == {chess.A1}
     assert sighting.places == {chess.C2: (-0.06, -0.092), chess.G2: (0.1, -0.1)}
 
 

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.guard.arm_silhouette import ArmHistory, Pose, arm_capsules
+from app.guard.arm_silhouette import ArmHistory, ArmPose, arm_capsules
 from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at
 from controller.protocol.messages import Telemetry
@@ -74,7 +74,7 @@ def test_all_that_the_simulation_has_of_the_arm_lies_in_its_capsules(
     mujoco.mj_kinematics(model, data)
     angles = posture_at(DeltaModel(PARAMETERS), tool).y
     a, b, c = np.asarray(angles).tolist()
-    capsules = arm_capsules(PARAMETERS, TABLE, Pose((a, b, c), finger))
+    capsules = arm_capsules(PARAMETERS, TABLE, ArmPose((a, b, c), finger))
     checked = 0
     for geom in range(model.ngeom):
         name = model.body(model.geom_bodyid[geom]).name

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply, plan_return
 from app.motion.gains import Softness, scheduled
-from app.motion.obstacles import Crowd, Moving, Standing, blocking_neighbour, closed_position, needed_heights
+from app.motion.obstacles import Crowd, Moving, Obstacle, blocking_neighbour, closed_position, needed_heights
 from app.motion.path import Vector
 from app.motion.settings import Gains
 from app.pieces.layout import start_layout
@@ -267,8 +267,8 @@ def test_closed_fingers_touch_the_stem():
 
 def test_what_is_passed_over_is_seen_by_its_distance_from_what_moves():
     pads = PARAMETERS.pads
-    king = Standing("king", Place("board", 0), 0.10, 0.03, Kind.KING)
-    pawn = Standing("pawn", Place("board", 1), 0.10, 0.00, Kind.PAWN)
+    king = Obstacle("king", Place("board", 0), 0.10, 0.03, Kind.KING)
+    pawn = Obstacle("pawn", Place("board", 1), 0.10, 0.00, Kind.PAWN)
     both, moving = Crowd.of([king, pawn]), Moving.of(pads, OPEN)
 
     def needed(moving: Moving, others: Crowd, beside: float) -> Vector:
@@ -287,8 +287,8 @@ def test_what_is_passed_over_is_seen_by_its_distance_from_what_moves():
 
 
 def test_a_crowd_without_a_piece_or_with_it_elsewhere_is_what_it_says():
-    pieces = [Standing.at(f"pawn {i}", square_place(8 + i), Kind.PAWN, TABLE) for i in range(8)]
-    crowd, there = Crowd.of(pieces), Standing.at("pawn 3", square_place(27), Kind.PAWN, TABLE)
+    pieces = [Obstacle.at(f"pawn {i}", square_place(8 + i), Kind.PAWN, TABLE) for i in range(8)]
+    crowd, there = Crowd.of(pieces), Obstacle.at("pawn 3", square_place(27), Kind.PAWN, TABLE)
     for found, expected in (
         (crowd.without("pawn 3"), pieces[:3] + pieces[4:]),
         (crowd.without("queen"), pieces),
@@ -328,8 +328,8 @@ def test_no_way_of_a_random_position_leads_through_a_piece(seed):
 
 
 def test_neighbours_across_the_finger_axis_do_not_block():
-    beside = Standing("b", Place("board", 0), 0.0, 0.030, Kind.KING)
-    along = Standing("a", Place("board", 0), 0.024, 0.0, Kind.KING)
+    beside = Obstacle("b", Place("board", 0), 0.0, 0.030, Kind.KING)
+    along = Obstacle("a", Place("board", 0), 0.024, 0.0, Kind.KING)
     assert blocking_neighbour(0.0, 0.0, OPEN, 0.012, Crowd.of([beside]), PARAMETERS.pads) is None
     assert blocking_neighbour(0.0, 0.0, OPEN, 0.012, Crowd.of([along]), PARAMETERS.pads) == along
     assert blocking_neighbour(0.0, 0.0, OPEN, 0.062, Crowd.of([along]), PARAMETERS.pads) is None, "above it"

@@ -20,7 +20,7 @@ from app.pieces.manipulation import Inventory, InventoryError, NoSpare, PieceBox
 from app.play.game_setup import venue_of
 from app.play.hand_moves import HandDropsNothing, hand_move
 from app.play.launch import run_games
-from app.rig.arm import FELT, ArmState
+from app.rig.arm import FELT, ArmAtRest
 from app.settings.files import settings_of
 from app.settings.rig_file import load_rig
 from app.settings.tree import Settings
@@ -203,8 +203,8 @@ def test_a_box_too_near_to_the_tray_is_refused() -> None:
 # what is lost half way
 
 
-def rests(x: float, y: float, height: float, felt: float) -> ArmState:
-    return ArmState(TABLE.base_from_board(np.array([x, y, height])), 0.008, 0, felt)
+def rests(x: float, y: float, height: float, felt: float) -> ArmAtRest:
+    return ArmAtRest(TABLE.base_from_board(np.array([x, y, height])), 0.008, 0, felt)
 
 
 def test_a_piece_that_fell_over_its_box_is_where_it_belongs_and_one_beside_is_lost() -> None:

@@ -23,9 +23,9 @@ from controller.loop import flight as flight_module
 from controller.loop.flight import AFTERMATH, FlightRecorder
 from controller.loop.flight_file import (
     FLIGHT,
-    Flight,
     FlightFileError,
     FlightHead,
+    FlightRecord,
     Order,
     Trigger,
     load_flight,
@@ -88,7 +88,7 @@ class Recorded:
         """Those written, by tick."""
         return sorted(self.directory.glob("flight-*.npz"), key=lambda path: int(path.stem.split("-")[1]))
 
-    def close(self, abnormal: bool = False) -> list[Flight]:
+    def close(self, abnormal: bool = False) -> list[FlightRecord]:
         """End, and read all files."""
         self.recorder.close(abnormal)
         return [load_flight(path) for path in self.files()]

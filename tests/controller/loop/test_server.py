@@ -18,7 +18,7 @@ import pytest
 from numpy.typing import NDArray
 
 from controller.loop.server import serve
-from controller.protocol import SAMPLE, CommandCode, Flag, Kind, Result
+from controller.protocol import SAMPLE, CommandCode, DatagramKind, Flag, Result
 from controller.protocol.causes import Cause
 from controller.protocol.envelope import Envelope
 from controller.protocol.key import KEY_FILE, create_key
@@ -157,8 +157,8 @@ def test_on_a_real_time_bus_a_late_announcement_is_tried_again(
         link = client._connected
         send, seen = link.send, []
 
-        def slow_once(kind: Kind, payload: bytes) -> None:
-            if kind is Kind.ANNOUNCE and not seen:
+        def slow_once(kind: DatagramKind, payload: bytes) -> None:
+            if kind is DatagramKind.ANNOUNCE and not seen:
                 seen.append(payload)
                 client._lead = 60
                 time.sleep(0.02)
@@ -178,7 +178,7 @@ def test_on_a_real_time_bus_an_underrun_stops(
 
     def cut(data: bytes) -> bool:
         motion, start = struct.unpack_from("<II", data, 28)
-        return data[8] == Kind.SAMPLES and motion == 1 and start >= 300
+        return data[8] == DatagramKind.SAMPLES and motion == 1 and start >= 300
 
     client = running.client_through(lossy_link(running.port, veto=cut))
     client.connect()
@@ -215,7 +215,9 @@ def test_only_samples_are_executed(launch: Launch, samples: NDArray[Any]) -> Non
 def test_a_stop_in_the_middle(launch: Launch, line: Line) -> None:
     running = launch()
     with running.client() as client:
-        stopper = running.bus.on_tick = _At(1500, lambda: client._connected.send(Kind.COMMAND, COMMAND.struct.pack(4)))
+        stopper = running.bus.on_tick = _At(
+            1500, lambda: client._connected.send(DatagramKind.COMMAND, COMMAND.struct.pack(4))
+        )
         with pytest.raises(MotionStopped, match="a stop was commanded: plan anew from the reference in the telemetry"):
             client.execute(line(HOME, AWAY, 900))
         assert stopper.done
@@ -393,13 +395,13 @@ class Intruder:
         self.socket.settimeout(1.0)
         self.socket.connect(("127.0.0.1", running.port))
 
-    def send(self, kind: Kind, payload: bytes, sequence: int | None = None) -> bytes:
+    def send(self, kind: DatagramKind, payload: bytes, sequence: int | None = None) -> bytes:
         self.sequence += 1
         data = self.envelope.seal(kind, self.session, self.sequence if sequence is None else sequence, payload)
         self.socket.send(data)
         return data
 
-    def receive(self, kind: Kind) -> bytes:
+    def receive(self, kind: DatagramKind) -> bytes:
         while True:
             opened = self.envelope.open(memoryview(self.socket.recv(2048)))
             assert isinstance(opened, tuple)
@@ -407,18 +409,18 @@ class Intruder:
                 return bytes(opened.payload)
 
     def telemetry(self) -> Telemetry:
-        return Telemetry.unpack(self.receive(Kind.TELEMETRY))
+        return Telemetry.unpack(self.receive(DatagramKind.TELEMETRY))
 
     def take_lease(self) -> bytes:
-        self.send(Kind.HELLO, Hello(0, "by hand").pack())
-        (cookie,) = CHALLENGE.struct.unpack(self.receive(Kind.CHALLENGE))
-        hello = self.send(Kind.HELLO, Hello(cookie, "by hand").pack())
-        self.receive(Kind.WELCOME)
+        self.send(DatagramKind.HELLO, Hello(0, "by hand").pack())
+        (cookie,) = CHALLENGE.struct.unpack(self.receive(DatagramKind.CHALLENGE))
+        hello = self.send(DatagramKind.HELLO, Hello(cookie, "by hand").pack())
+        self.receive(DatagramKind.WELCOME)
         return hello
 
     def newest(self, ping: int) -> Telemetry:
         """Telemetry sent after everything before was read."""
-        self.send(Kind.HEARTBEAT, HEARTBEAT.struct.pack(ping))
+        self.send(DatagramKind.HEARTBEAT, HEARTBEAT.struct.pack(ping))
         while (telemetry := self.telemetry()).echo != ping:
             pass
         return telemetry
@@ -432,8 +434,8 @@ def test_bad_datagrams_are_counted_and_without_effect(launch: Launch) -> None:
         stop = COMMAND.struct.pack(CommandCode.HOLD)
         other = Intruder(running, 78)
         with other.socket:
-            other.send(Kind.COMMAND, stop)
-            good = other.envelope.seal(Kind.COMMAND, 77, 99, stop)
+            other.send(DatagramKind.COMMAND, stop)
+            good = other.envelope.seal(DatagramKind.COMMAND, 77, 99, stop)
             for bad in (
                 good[:-1],
                 good + b"\0",
@@ -442,10 +444,10 @@ def test_bad_datagrams_are_counted_and_without_effect(launch: Launch) -> None:
                 b"\0".join((good[:28], good[29:])),
             ):
                 other.socket.send(bad)
-        hand.send(Kind.COMMAND, stop, sequence=2)
-        hand.send(Kind.COMMAND, COMMAND.struct.pack(99))
-        hand.send(Kind.TELEMETRY, bytes(344))
-        hand.send(Kind.SAMPLES, b"\1\0\0\0\0\0\0\0\7\0" + bytes(SAMPLE.itemsize))
+        hand.send(DatagramKind.COMMAND, stop, sequence=2)
+        hand.send(DatagramKind.COMMAND, COMMAND.struct.pack(99))
+        hand.send(DatagramKind.TELEMETRY, bytes(344))
+        hand.send(DatagramKind.SAMPLES, b"\1\0\0\0\0\0\0\0\7\0" + bytes(SAMPLE.itemsize))
         telemetry = hand.newest(5)
     assert telemetry.flags & Flag.ADMITTING
     assert telemetry.command == 0
@@ -457,8 +459,8 @@ def test_orders_do_not_overtake_each_other(launch: Launch) -> None:
     hand = Intruder(launch(), 77)
     with hand.socket:
         hand.take_lease()
-        hand.send(Kind.COMMAND, COMMAND.struct.pack(CommandCode.HOLD), sequence=20)
-        hand.send(Kind.COMMAND, COMMAND.struct.pack(CommandCode.RESUME), sequence=19)
+        hand.send(DatagramKind.COMMAND, COMMAND.struct.pack(CommandCode.HOLD), sequence=20)
+        hand.send(DatagramKind.COMMAND, COMMAND.struct.pack(CommandCode.RESUME), sequence=19)
         hand.sequence = 30
         telemetry = hand.newest(5)
     assert not telemetry.flags & Flag.ADMITTING
@@ -469,9 +471,9 @@ def test_a_recorded_session_opens_nothing(launch: Launch, until: Until) -> None:
     running = launch(lease=0.2)
     hand = Intruder(running, 77)
     with hand.socket:
-        recorded = [hand.take_lease(), hand.send(Kind.COMMAND, COMMAND.struct.pack(CommandCode.HOLD))]
+        recorded = [hand.take_lease(), hand.send(DatagramKind.COMMAND, COMMAND.struct.pack(CommandCode.HOLD))]
         assert not hand.newest(1).flags & Flag.ADMITTING
-        hand.send(Kind.COMMAND, COMMAND.struct.pack(CommandCode.RESUME))
+        hand.send(DatagramKind.COMMAND, COMMAND.struct.pack(CommandCode.RESUME))
         until(lambda: bool(hand.newest(2).flags & Flag.ADMITTING))
         time.sleep(0.4)
         for data in recorded:
@@ -491,7 +493,7 @@ def test_a_recorded_hello_of_another_session_gets_a_challenge_only(launch: Launc
         second.take_lease()
         time.sleep(0.3)
         first.socket.send(recorded)
-        assert len(first.receive(Kind.CHALLENGE)) == 8
+        assert len(first.receive(DatagramKind.CHALLENGE)) == 8
 
 
 def test_noise_changes_nothing_of_the_motion(launch: Launch, line: Line) -> None:
@@ -501,7 +503,7 @@ def test_noise_changes_nothing_of_the_motion(launch: Launch, line: Line) -> None
     noisy, rng, sent = launch(), random.Random(5), 0
     with noisy.client() as client, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as noise:
         noise.connect(("127.0.0.1", noisy.port))
-        example = client._connected._envelope.seal(Kind.COMMAND, client._connected._session, 10**6, b"\6\0")
+        example = client._connected._envelope.seal(DatagramKind.COMMAND, client._connected._session, 10**6, b"\6\0")
         ended = threading.Event()
         player = threading.Thread(target=lambda: (client.execute(line(HOME, AWAY, 2000)), ended.set()))
         player.start()
@@ -525,7 +527,7 @@ def test_shutdown_brakes_at_rest(launch: Launch, line: Line) -> None:
     running = launch()
     client = running.client()
     client.connect()
-    running.bus.on_tick = _At(1500, lambda: client._connected.send(Kind.COMMAND, COMMAND.struct.pack(6)))
+    running.bus.on_tick = _At(1500, lambda: client._connected.send(DatagramKind.COMMAND, COMMAND.struct.pack(6)))
     with pytest.raises((MotionStopped, ControllerLost)):
         client.execute(line(HOME, AWAY, 900))
     assert running.join() == 0

@@ -12,14 +12,21 @@ import numpy as np
 import pytest
 
 from controller.protocol.envelope import Drop, Envelope
-from controller.protocol.layout import COMMAND, HEARTBEAT, PAYLOADS, SAMPLE, CommandCode, Kind
+from controller.protocol.layout import COMMAND, HEARTBEAT, PAYLOADS, SAMPLE, CommandCode, DatagramKind
 from controller.protocol.messages import Announce, Hello, MotionFlag, Samples, Welcome
 from controller.wire.endpoint import Door
 
 KEY, WRONG_KEY = bytes(range(32)), bytes(32)
 CLIENT, STRANGER = ("127.0.0.1", 4000), ("127.0.0.1", 4001)
 SESSION = 7
-FROM_CLIENT = (Kind.HELLO, Kind.HEARTBEAT, Kind.COMMAND, Kind.ANNOUNCE, Kind.SAMPLES, Kind.WATCH)
+FROM_CLIENT = (
+    DatagramKind.HELLO,
+    DatagramKind.HEARTBEAT,
+    DatagramKind.COMMAND,
+    DatagramKind.ANNOUNCE,
+    DatagramKind.SAMPLES,
+    DatagramKind.WATCH,
+)
 
 
 class House:
@@ -30,22 +37,22 @@ class House:
         self.door = Door("127.0.0.1", 0, KEY, 1e9, lambda: Welcome(0.00088, 8192, True, 0).pack())
         self.heard: list[tuple[int, bytes]] = []
         self.sent = 0
-        self.recorded = [self.seal(Kind.HELLO, Hello(0, "owner").pack())]
+        self.recorded = [self.seal(DatagramKind.HELLO, Hello(0, "owner").pack())]
         self.admit(self.recorded[0])
-        self.recorded.append(self.seal(Kind.HELLO, Hello(self.door._cookie, "owner").pack()))
+        self.recorded.append(self.seal(DatagramKind.HELLO, Hello(self.door._cookie, "owner").pack()))
         self.admit(self.recorded[1])
         assert self.door.leased
         for kind, payload in (
-            (Kind.HEARTBEAT, HEARTBEAT.struct.pack(3)),
-            (Kind.COMMAND, COMMAND.struct.pack(CommandCode.HOLD)),
-            (Kind.ANNOUNCE, Announce(1, 1000, 10, MotionFlag.NONE).pack()),
-            (Kind.SAMPLES, Samples(1, 0, np.zeros(10, SAMPLE)).pack()),
+            (DatagramKind.HEARTBEAT, HEARTBEAT.struct.pack(3)),
+            (DatagramKind.COMMAND, COMMAND.struct.pack(CommandCode.HOLD)),
+            (DatagramKind.ANNOUNCE, Announce(1, 1000, 10, MotionFlag.NONE).pack()),
+            (DatagramKind.SAMPLES, Samples(1, 0, np.zeros(10, SAMPLE)).pack()),
         ):
             self.recorded.append(self.seal(kind, payload))
             assert self.admit(self.recorded[-1]) is None
         self.heard.clear()
 
-    def seal(self, kind: Kind, payload: bytes, session: int = SESSION, key: bytes = KEY) -> bytes:
+    def seal(self, kind: DatagramKind, payload: bytes, session: int = SESSION, key: bytes = KEY) -> bytes:
         """The client's next datagram."""
         self.sent += 1
         return (self.envelope if key is KEY else Envelope(key)).seal(kind, session, self.sent, payload)
@@ -103,15 +110,15 @@ def test_a_million_hostile_datagrams_have_no_effect_and_leave_nothing_behind(hou
     assert house.door.listeners == 0
     assert counted == 50 * len(batch) == 1_000_000
     assert after - before < 10_000
-    assert house.admit(house.seal(Kind.HEARTBEAT, HEARTBEAT.struct.pack(4))) is None
-    assert house.heard == [(Kind.HEARTBEAT, HEARTBEAT.struct.pack(4))]
+    assert house.admit(house.seal(DatagramKind.HEARTBEAT, HEARTBEAT.struct.pack(4))) is None
+    assert house.heard == [(DatagramKind.HEARTBEAT, HEARTBEAT.struct.pack(4))]
 
 
 def test_whoever_has_the_key_but_not_the_lease_commands_nothing(house: House) -> None:
     rng = random.Random(12)
     for _ in range(20_000):
         kind = rng.choice(FROM_CLIENT)
-        size = PAYLOADS[kind].size + (SAMPLE.itemsize * rng.randrange(4) if kind is Kind.SAMPLES else 0)
+        size = PAYLOADS[kind].size + (SAMPLE.itemsize * rng.randrange(4) if kind is DatagramKind.SAMPLES else 0)
         session = rng.choice((0, rng.randrange(1 << 64)))
         house.admit(house.envelope.seal(kind, session, rng.randrange(1, 1 << 40), rng.randbytes(size)), STRANGER)
     assert house.heard == []
@@ -124,8 +131,8 @@ def test_a_client_that_talks_nonsense_breaks_nothing(launch: Callable[..., Any])
     with running.client() as client:
         link = client._connected
         for _ in range(3000):
-            kind = rng.choice((Kind.HEARTBEAT, Kind.ANNOUNCE, Kind.SAMPLES))
-            size = PAYLOADS[kind].size + (SAMPLE.itemsize * rng.randrange(1, 4) if kind is Kind.SAMPLES else 0)
+            kind = rng.choice((DatagramKind.HEARTBEAT, DatagramKind.ANNOUNCE, DatagramKind.SAMPLES))
+            size = PAYLOADS[kind].size + (SAMPLE.itemsize * rng.randrange(1, 4) if kind is DatagramKind.SAMPLES else 0)
             link.send(kind, rng.randbytes(size))
         assert client.telemetry.state.name in ("HOLD", "TRACK", "STOPPING")
         assert not running.bus.last.brake

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.offline.document import refresh
-from controller.protocol import SAMPLE, SAMPLES_PER_DATAGRAM, VERSION, Flag, Guard, Kind, MotionFlag, Result
+from controller.protocol import SAMPLE, SAMPLES_PER_DATAGRAM, VERSION, DatagramKind, Flag, Guard, MotionFlag, Result
 from controller.protocol.causes import Cause
 from controller.protocol.envelope import Drop, Envelope, Opened, SequenceWindow
 from controller.protocol.key import KeyFileError, create_key, load_key
@@ -71,7 +71,7 @@ def test_sizes_are_what_a_c_client_compiled_in() -> None:
 def test_golden_datagram() -> None:
     body = b"TMCP" + struct.pack("<IHHQQ", VERSION, 2, 48, 0x1122334455667788, 5) + bytes.fromhex("07000000")
     tag = hashlib.blake2s(body, key=KEY, digest_size=16).digest()
-    assert Envelope(KEY).seal(Kind.HEARTBEAT, 0x1122334455667788, 5, HEARTBEAT.struct.pack(7)) == body + tag
+    assert Envelope(KEY).seal(DatagramKind.HEARTBEAT, 0x1122334455667788, 5, HEARTBEAT.struct.pack(7)) == body + tag
 
 
 def test_golden_payloads() -> None:
@@ -95,7 +95,7 @@ def test_golden_sample() -> None:
 def test_version_follows_the_layouts(monkeypatch: pytest.MonkeyPatch) -> None:
     assert layout_version() == VERSION
     changed = Layout("HEARTBEAT", (Field("ping", "I", "s", "the same bytes, another unit"),))
-    monkeypatch.setitem(PAYLOADS, Kind.HEARTBEAT, changed)
+    monkeypatch.setitem(PAYLOADS, DatagramKind.HEARTBEAT, changed)
     assert layout_version() != VERSION
 
 
@@ -172,14 +172,14 @@ def _open(data: bytes, key: bytes = KEY) -> Opened | Drop:
 
 @given(u64, u64, u32)
 def test_what_was_sealed_opens(session: int, sequence: int, ping: int) -> None:
-    found = _open(Envelope(KEY).seal(Kind.HEARTBEAT, session, sequence, HEARTBEAT.struct.pack(ping)))
+    found = _open(Envelope(KEY).seal(DatagramKind.HEARTBEAT, session, sequence, HEARTBEAT.struct.pack(ping)))
     assert isinstance(found, Opened)
-    assert (found.kind, found.session, found.sequence) == (Kind.HEARTBEAT, session, sequence)
+    assert (found.kind, found.session, found.sequence) == (DatagramKind.HEARTBEAT, session, sequence)
     assert HEARTBEAT.struct.unpack(found.payload) == (ping,)
 
 
 def test_no_changed_bit_goes_unnoticed() -> None:
-    datagram = Envelope(KEY).seal(Kind.HEARTBEAT, 1, 1, HEARTBEAT.struct.pack(7))
+    datagram = Envelope(KEY).seal(DatagramKind.HEARTBEAT, 1, 1, HEARTBEAT.struct.pack(7))
     for bit in range(8 * len(datagram)):
         changed = bytearray(datagram)
         changed[bit // 8] ^= 1 << bit % 8
@@ -194,16 +194,16 @@ def test_noise_does_not_open(noise: bytes) -> None:
 
 def test_reasons_for_dropping() -> None:
     envelope, ping = Envelope(KEY), HEARTBEAT.struct.pack(7)
-    good = envelope.seal(Kind.HEARTBEAT, 1, 1, ping)
+    good = envelope.seal(DatagramKind.HEARTBEAT, 1, 1, ping)
     assert _open(good[:-1]) is Drop.SIZE
     assert _open(good + b"\0") is Drop.SIZE
     assert _open(good[:20]) is Drop.SIZE
     assert _open(b"X" + good[1:]) is Drop.SIZE
     assert _open(good[:4] + b"\0\0\0\0" + good[8:]) is Drop.VERSION
     assert _open(good, key=bytes(32)) is Drop.TAG
-    assert _open(envelope.seal(Kind.HEARTBEAT, 1, 1, ping + b"\0")) is Drop.CONTENT
-    assert _open(envelope.seal(Kind.SAMPLES, 1, 1, bytes(SAMPLES.size))) is Drop.CONTENT
-    assert _open(envelope.seal(Kind.SAMPLES, 1, 1, bytes(SAMPLES.size + 100))) is Drop.CONTENT
+    assert _open(envelope.seal(DatagramKind.HEARTBEAT, 1, 1, ping + b"\0")) is Drop.CONTENT
+    assert _open(envelope.seal(DatagramKind.SAMPLES, 1, 1, bytes(SAMPLES.size))) is Drop.CONTENT
+    assert _open(envelope.seal(DatagramKind.SAMPLES, 1, 1, bytes(SAMPLES.size + 100))) is Drop.CONTENT
     assert _open(envelope.seal(99, 1, 1, ping)) is Drop.CONTENT  # type: ignore[arg-type]  # a kind nobody knows
 
 
@@ -275,4 +275,4 @@ def test_the_example_of_the_page_opens() -> None:
     example = page.split("<!-- generated: example -->")[1].split("<!-- end -->")[0]
     found = _open(bytes.fromhex("".join(example.split("```")[1].split())))
     assert isinstance(found, Opened)
-    assert (found.kind, found.session, found.sequence) == (Kind.HEARTBEAT, 1, 2)
+    assert (found.kind, found.session, found.sequence) == (DatagramKind.HEARTBEAT, 1, 2)

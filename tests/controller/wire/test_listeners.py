@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from numpy.typing import NDArray
 
-from controller.protocol import CommandCode, Kind, Result
+from controller.protocol import CommandCode, DatagramKind, Result
 from controller.protocol.envelope import Drop, Envelope, Opened
 from controller.protocol.layout import ANNOUNCE, CHALLENGE, COMMAND, HEARTBEAT, PAYLOADS, WATCH
 from controller.protocol.messages import Telemetry
@@ -34,7 +34,7 @@ class House:
     """An audience, and what it sent."""
 
     def __init__(self) -> None:
-        self.sent: list[tuple[Any, Kind, int, bytes]] = []
+        self.sent: list[tuple[Any, DatagramKind, int, bytes]] = []
         self.audience = Audience(lambda *datagram: self.sent.append(datagram))
 
     def watch(
@@ -43,13 +43,13 @@ class House:
         if new_turn:
             self.audience.relay()
         payload = memoryview(WATCH.struct.pack(cookie))
-        return self.audience.admit(Opened(Kind.WATCH, session, sequence, payload), address, now)
+        return self.audience.admit(Opened(DatagramKind.WATCH, session, sequence, payload), address, now)
 
     def cookie(self, session: int, address: Any = HERE, now: float = 0.0) -> int:
         """Ask with cookie 0 and return the one of the answer."""
         assert self.watch(session, 1, 0, address, now) is None
         to, kind, session_again, payload = self.sent.pop()
-        assert (to, kind, session_again) == (address, Kind.CHALLENGE, session)
+        assert (to, kind, session_again) == (address, DatagramKind.CHALLENGE, session)
         (cookie,) = CHALLENGE.struct.unpack(payload)
         return int(cookie)
 
@@ -64,7 +64,9 @@ class House:
         self.audience.publish(payload, now)
         while self.audience.relay():
             pass
-        got = [session for _, kind, session, content in self.sent if kind is Kind.TELEMETRY and content == payload]
+        got = [
+            session for _, kind, session, content in self.sent if kind is DatagramKind.TELEMETRY and content == payload
+        ]
         self.sent.clear()
         return got
 
@@ -86,7 +88,7 @@ def test_a_cookie_serves_one_session_at_one_address_once() -> None:
     cookie = house.cookie(7)
     for session, address in ((8, HERE), (7, THERE), (7, ("127.0.0.2", 1))):
         assert house.watch(session, 2, cookie, address) is None
-        assert house.sent.pop()[:2] == (address, Kind.CHALLENGE)
+        assert house.sent.pop()[:2] == (address, DatagramKind.CHALLENGE)
     assert len(house.audience) == 0
     assert house.watch(7, 2, cookie) is None
     assert len(house.audience) == 1
@@ -98,17 +100,17 @@ def test_a_replayed_watch_gets_nothing() -> None:
     assert house.watch(7, 2, cookie) is Drop.SEQUENCE
     # from an address that somebody made up: a challenge, no telemetry, and the listener stays where it is
     assert house.watch(7, 2, cookie, THERE) is None
-    assert [(to, kind) for to, kind, _, _ in house.sent] == [(THERE, Kind.CHALLENGE)]
+    assert [(to, kind) for to, kind, _, _ in house.sent] == [(THERE, DatagramKind.CHALLENGE)]
     house.sent.clear()
     house.audience.publish(b"news", 0.0)
     house.audience.relay()
-    assert [(to, kind) for to, kind, _, _ in house.sent] == [(HERE, Kind.TELEMETRY)]
+    assert [(to, kind) for to, kind, _, _ in house.sent] == [(HERE, DatagramKind.TELEMETRY)]
     # once forgotten, the recording does not open either
     house.sent.clear()
     late = 2 * SILENCE
     assert house.round(b"more", late) == []
     assert house.watch(7, 2, cookie, now=late) is None
-    assert (house.sent.pop()[1], len(house.audience)) == (Kind.CHALLENGE, 0)
+    assert (house.sent.pop()[1], len(house.audience)) == (DatagramKind.CHALLENGE, 0)
 
 
 def test_a_refused_watch_is_spent_too() -> None:
@@ -119,7 +121,7 @@ def test_a_refused_watch_is_spent_too() -> None:
     assert house.watch(99, 2, cookie) is Drop.SESSION
     late = 2 * SILENCE
     assert house.watch(99, 2, cookie, now=late) is None
-    assert house.sent.pop()[1] is Kind.CHALLENGE
+    assert house.sent.pop()[1] is DatagramKind.CHALLENGE
 
 
 def test_a_listener_that_moves_is_challenged_and_keeps_its_numbers() -> None:
@@ -143,7 +145,7 @@ def test_one_challenge_a_turn() -> None:
         answers += [house.watch(session, 1, 0, new_turn=False) for session in range(1, 5)]
         house.audience.relay()
     assert answers == [None, *[Drop.SESSION] * 3] * 3
-    assert [kind for _, kind, _, _ in house.sent] == [Kind.CHALLENGE] * 3
+    assert [kind for _, kind, _, _ in house.sent] == [DatagramKind.CHALLENGE] * 3
 
 
 def test_session_zero_is_nobody() -> None:
@@ -195,14 +197,14 @@ class Ear:
         self.socket.settimeout(1.0)
         self.socket.connect(("127.0.0.1", running.port))
 
-    def send(self, kind: Kind, payload: bytes) -> bytes:
+    def send(self, kind: DatagramKind, payload: bytes) -> bytes:
         self.sequence += 1
         data = self.envelope.seal(kind, self.session, self.sequence, payload)
         self.socket.send(data)
         return data
 
     def watch(self) -> bytes:
-        return self.send(Kind.WATCH, WATCH.struct.pack(self.cookie))
+        return self.send(DatagramKind.WATCH, WATCH.struct.pack(self.cookie))
 
     def receive(self) -> Opened:
         opened = self.envelope.open(memoryview(self.socket.recv(2048)))
@@ -213,10 +215,10 @@ class Ear:
         """Become a listener; the datagram that did it."""
         self.watch()
         opened = self.receive()
-        assert (opened.kind, opened.session) == (Kind.CHALLENGE, self.session)
+        assert (opened.kind, opened.session) == (DatagramKind.CHALLENGE, self.session)
         (self.cookie,) = CHALLENGE.struct.unpack(opened.payload)
         data = self.watch()
-        assert self.receive().kind == Kind.TELEMETRY
+        assert self.receive().kind == DatagramKind.TELEMETRY
         return data
 
 
@@ -258,12 +260,12 @@ def test_a_listener_cannot_command(launch: Launch, ear: Callable[..., Ear], unti
     hand.enter()
     before = running.bus.log[-1][0].tick
     for kind, layout in PAYLOADS.items():
-        if kind not in (Kind.WATCH, Kind.HELLO):
+        if kind not in (DatagramKind.WATCH, DatagramKind.HELLO):
             hand.send(kind, bytes(layout.size))
     for code in CommandCode:
-        hand.send(Kind.COMMAND, COMMAND.struct.pack(code))
-    hand.send(Kind.ANNOUNCE, ANNOUNCE.struct.pack(1, before + 20, 100, 0))
-    hand.send(Kind.HEARTBEAT, HEARTBEAT.struct.pack(5))
+        hand.send(DatagramKind.COMMAND, COMMAND.struct.pack(code))
+    hand.send(DatagramKind.ANNOUNCE, ANNOUNCE.struct.pack(1, before + 20, 100, 0))
+    hand.send(DatagramKind.HEARTBEAT, HEARTBEAT.struct.pack(5))
     with running.client() as client:
         telemetry = client.wait_standing()
         assert (telemetry.state, telemetry.command, telemetry.ended_motion) == (State.HOLD, 0, 0)
@@ -298,12 +300,12 @@ def test_a_recorded_watch_gets_no_telemetry(launch: Launch, ear: Callable[..., E
     hand, other = ear(running, 77), ear(running, 0)
     recorded = hand.enter()
     other.socket.send(recorded)
-    assert other.receive().kind == Kind.CHALLENGE
+    assert other.receive().kind == DatagramKind.CHALLENGE
     other.socket.settimeout(0.1)
     with pytest.raises(TimeoutError):
         other.receive()
     # and the listener goes on hearing
-    assert hand.receive().kind == Kind.TELEMETRY
+    assert hand.receive().kind == DatagramKind.TELEMETRY
 
 
 def test_a_wrong_key_gets_nothing(launch: Launch, ear: Callable[..., Ear]) -> None:
@@ -329,7 +331,7 @@ def test_a_flood_of_watches_changes_nothing_of_the_motion(launch: Launch, line: 
         player.start()
         while not ended.is_set():
             sent += 1
-            noise.send(envelope.seal(Kind.WATCH, sent % 50 + 1, sent, WATCH.struct.pack(sent % 3)))
+            noise.send(envelope.seal(DatagramKind.WATCH, sent % 50 + 1, sent, WATCH.struct.pack(sent % 3)))
             time.sleep(0.0)
         player.join()
         client.wait_standing()

@@ -14,8 +14,8 @@ from hardware.sim.render.appearance import Looks
 from hardware.table import PieceSpec, Place, TableSettings
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
-from vision.pieces.swapped import Sighted, looked_closer, replaced
-from vision.reading.diagnosis import Finding, explain
+from vision.pieces.swapped import KnownPicture, looked_closer, replaced
+from vision.reading.diagnosis import Diagnosis, explain
 from vision.reading.outcome import Situation
 
 pytestmark = pytest.mark.slow
@@ -31,7 +31,9 @@ def studio() -> Iterator[TableStudio]:
         yield made
 
 
-def pictures(studio: TableStudio, start: str, end: str | None, off: tuple[float, float]) -> tuple[Sighted, Sighted]:
+def pictures(
+    studio: TableStudio, start: str, end: str | None, off: tuple[float, float]
+) -> tuple[KnownPicture, KnownPicture]:
     """Before and after a piece has left its square, for another one or for good; what stood there is gone as well."""
     rng = np.random.default_rng(3)
     poses = {}
@@ -46,7 +48,7 @@ def pictures(studio: TableStudio, start: str, end: str | None, off: tuple[float,
         poses[end] = Pose(moved.name, x + off[0], y + off[1], yaw=0.3)
     second = studio.frame(poses.values(), Looks(), 2)
     view = BoardView(first.intrinsics, studio.camera_from_board(Looks().mount), TABLE)
-    return Sighted(first, view), Sighted(second, view)
+    return KnownPicture(first, view), KnownPicture(second, view)
 
 
 @pytest.mark.parametrize(
@@ -78,5 +80,5 @@ def test_the_sentence_names_both_squares_and_other_findings_stay(studio: TableSt
     closer = looked_closer(missing, seen, BOARD, before, now, EXPECTED)
     assert closer.squares == (chess.B1, chess.G1)
     assert "it may stand on g1" in closer.sentence
-    other = Finding(Situation.EXTRA, (chess.E4,), "there is something on e4")
+    other = Diagnosis(Situation.EXTRA, (chess.E4,), "there is something on e4")
     assert looked_closer(other, seen, BOARD, before, now, EXPECTED) is other

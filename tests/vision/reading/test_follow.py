@@ -16,7 +16,7 @@ from tests.vision.synthetic import camera_matrix, corners_of, draw
 from vision.reading.evidence import Evidence, codes_of, states_of
 from vision.reading.moves import decide
 from vision.reading.observer import Observer
-from vision.reading.outcome import Verdict
+from vision.reading.outcome import ReadingOutcome
 from vision.reading.rectified_view import sight_of_picture
 from vision.reading.solids import Solids
 
@@ -68,7 +68,7 @@ def test_every_legal_move_is_read_when_all_is_seen(seed, plies):
         after = board.copy()
         after.push(move)
         decision = decide(shown(after, board), board)
-        assert decision.verdict is Verdict.MOVE
+        assert decision.verdict is ReadingOutcome.MOVE
         (read,) = decision.moves
         assert (read.from_square, read.to_square) == (move.from_square, move.to_square)
 
@@ -87,15 +87,15 @@ def test_no_move_is_read_into_a_placement_that_no_move_leads_to(seed, plies, squ
         legal.append(states_of(codes_of(after)))
     decision = decide(_evidence(states, states != before), board)
     if any(np.array_equal(states, one) for one in legal):
-        assert decision.verdict is not Verdict.DOUBT
+        assert decision.verdict is not ReadingOutcome.DOUBT
     else:
-        assert decision.verdict is Verdict.DOUBT
+        assert decision.verdict is ReadingOutcome.DOUBT
         assert square in decision.squares
 
 
 def test_nothing_is_read_when_nothing_has_changed():
     decision = decide(perfect(chess.STARTING_FEN), chess.Board())
-    assert decision.verdict is Verdict.NOTHING
+    assert decision.verdict is ReadingOutcome.NOTHING
     assert decision.moves == ()
     assert decision.confidence > 0.99
 
@@ -105,7 +105,7 @@ def test_two_plies_are_read_only_when_asked_for():
     for san in ("e4", "e5"):
         after.push_san(san)
     evidence = shown(after, board)
-    assert decide(evidence, board).verdict is Verdict.DOUBT
+    assert decide(evidence, board).verdict is ReadingOutcome.DOUBT
     decision = decide(evidence, board, plies=2)
     assert [move.uci() for move in decision.moves] == ["e2e4", "e7e5"]
 
@@ -121,7 +121,7 @@ def test_a_hidden_square_leaves_the_move_readable():
     states = states_of(codes)
     states[chess.F4] = 1  # the knight's head
     evidence = _evidence(states, (codes != old) | (np.arange(64) == chess.F4))
-    assert decide(Evidence(evidence.states, evidence.changed, np.eye(64)), board).verdict is Verdict.DOUBT
+    assert decide(Evidence(evidence.states, evidence.changed, np.eye(64)), board).verdict is ReadingOutcome.DOUBT
     decision = decide(Evidence(evidence.states, evidence.changed, cover), board)
     assert decision.moves == (after.peek(),)
 
@@ -152,8 +152,8 @@ EN_PASSANT = "e4 Nf6 e5 d5 exd6 cxd6 d4 e6 Nf3 Be7 Bd3 O-O O-O"
 def test_a_drawn_game_is_never_read_wrong(line, matrix, share, seed):
     """Flat colours and white heads before white squares are harder than wood: here it may ask, but not be wrong."""
     read = list(play_through(line, matrix, seed, brightness=(0.7, 1.1), noise=(2.0, 6.0)))
-    assert all(decision.verdict is Verdict.DOUBT or decision.moves == (move,) for move, decision in read)
-    assert sum(decision.verdict is Verdict.MOVE for _, decision in read) >= share * len(read)
+    assert all(decision.verdict is ReadingOutcome.DOUBT or decision.moves == (move,) for move, decision in read)
+    assert sum(decision.verdict is ReadingOutcome.MOVE for _, decision in read) >= share * len(read)
 
 
 def test_states_are_read_square_by_square():
@@ -173,7 +173,7 @@ def test_an_exposure_step_is_no_change():
     observer = Observer(board, see(board, rng))
     for brightness in (0.45, 1.1, 0.7):
         look = observer.look(see(board, rng, brightness=brightness))
-        assert observer.decide(look).verdict is Verdict.NOTHING
+        assert observer.decide(look).verdict is ReadingOutcome.NOTHING
 
 
 def test_a_look_with_depth_in_between_is_refused():

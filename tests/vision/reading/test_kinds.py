@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from vision.reading.evidence import codes_of
-from vision.reading.piece_kinds import Kinds
+from vision.reading.piece_kinds import KindClassifier
 
 
 def test_heights_are_what_known_positions_have_shown() -> None:
-    board, kinds = chess.Board(), Kinds()
+    board, kinds = chess.Board(), KindClassifier()
     real = {chess.PAWN: 0.034, chess.KNIGHT: 0.043, chess.BISHOP: 0.047, chess.ROOK: 0.038, chess.QUEEN: 0.054}
     rng, codes = np.random.default_rng(1), codes_of(board)
     for _ in range(3):
@@ -22,6 +22,6 @@ def test_heights_are_what_known_positions_have_shown() -> None:
 
 
 def test_of_kinds_that_were_not_seen_nothing_is_said() -> None:
-    board, kinds = chess.Board("4k3/8/8/8/8/8/4P3/4K3 w - - 0 1"), Kinds()
+    board, kinds = chess.Board("4k3/8/8/8/8/8/4P3/4K3 w - - 0 1"), KindClassifier()
     kinds.learn(np.full(64, 0.03), codes_of(board))
     assert set(kinds.heights()) == {chess.PAWN, chess.KING}

@@ -13,10 +13,10 @@ from tests.vision.blocks import PINHOLE, scene, view_from
 from vision.board.view import BoardView
 from vision.reading.appearance import BLACK, EMPTY, WHITE
 from vision.reading.evidence import codes_of, states_of
-from vision.reading.moves import Decision
-from vision.reading.occupancy import HARDLY, Standing
-from vision.reading.outcome import Verdict
-from vision.reading.piece_kinds import Kinds
+from vision.reading.moves import MoveReading
+from vision.reading.occupancy import HARDLY, DepthOccupancy
+from vision.reading.outcome import ReadingOutcome
+from vision.reading.piece_kinds import KindClassifier
 from vision.reading.solids import CEILING, Solids, solids_of
 
 
@@ -65,7 +65,7 @@ def of_position(board: chess.Board, view: BoardView) -> Solids:
 
 
 def test_states_are_learnt_from_one_position_and_told_in_another():
-    view, standing = view_from(0.4, 0.5), Standing()
+    view, standing = view_from(0.4, 0.5), DepthOccupancy()
     board = chess.Board()
     assert not standing.likelihood(of_position(board, view)).any()  # nothing is known yet
     standing.learn(of_position(board, view), states_of(codes_of(board)))
@@ -85,16 +85,16 @@ def test_states_are_learnt_from_one_position_and_told_in_another():
 
 
 def test_a_hand_over_a_square_says_nothing_of_it():
-    view, standing = view_from(0.0, 0.6), Standing()
+    view, standing = view_from(0.0, 0.6), DepthOccupancy()
     board = chess.Board()
     standing.learn(of_position(board, view), states_of(codes_of(board)))
     hidden = standing.likelihood(solids_of(scene(view, {chess.E4: (0.11, 150)}), view))
     assert not hidden[chess.E4].any()
 
 
-def learnt(view: BoardView) -> Standing:
+def learnt(view: BoardView) -> DepthOccupancy:
     """From the start position."""
-    standing, board = Standing(), chess.Board()
+    standing, board = DepthOccupancy(), chess.Board()
     standing.learn(of_position(board, view), states_of(codes_of(board)))
     return standing
 
@@ -140,12 +140,12 @@ def test_a_promoted_piece_is_told_by_its_height(kind, told):
     heights = {1: 0.034, 2: 0.043, 3: 0.050, 4: 0.0385, 5: 0.056, 6: 0.062}
     board = chess.Board()
     codes = codes_of(board)
-    kinds = Kinds()
+    kinds = KindClassifier()
     kinds.learn(np.array([heights.get(abs(int(code)), 0.0) for code in codes]), codes)
     move = chess.Move.from_uci("a7a8q")
     seen = np.zeros(64)
     seen[chess.A8] = heights[kind]
-    decision = kinds.promoted(Decision(Verdict.MOVE, (move,), 1.0, 1.0, ()), seen)
+    decision = kinds.promoted(MoveReading(ReadingOutcome.MOVE, (move,), 1.0, 1.0, ()), seen)
     assert decision.promotion_unsure == (told is None)
     assert decision.moves[0].promotion == (told or chess.QUEEN)
-    assert kinds.promoted(Decision(Verdict.MOVE, (move,), 1.0, 1.0, ()), None).promotion_unsure
+    assert kinds.promoted(MoveReading(ReadingOutcome.MOVE, (move,), 1.0, 1.0, ()), None).promotion_unsure

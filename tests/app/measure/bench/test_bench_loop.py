@@ -22,7 +22,7 @@ from app.measure.bench import run_bench
 from app.measure.bench.loop import WAY, loop_rows, straight, sweep, thinking
 from app.motion import MotionSettings
 from app.motion.plan import Plan
-from app.rig.arm import ArmState
+from app.rig.arm import ArmAtRest
 from app.rig.timed import GrantedRealTime, NoStatistics, RunEnd, RunPulse, Statistics, read_pulse
 from controller.loop.statistics import PULSE_FILE
 from controller.wire.errors import ControllerError, ControllerLost
@@ -85,8 +85,8 @@ class FakeArm:
         self.reference, self.refused, self.trouble = np.array((0.0, 0.0, 0.35)), refused, trouble
         self.executed = 0
 
-    def state(self) -> ArmState:
-        return ArmState(self.reference, 0.02, 0)
+    def state(self) -> ArmAtRest:
+        return ArmAtRest(self.reference, 0.02, 0)
 
     def execute(self, plan: Plan) -> None:
         self.executed += 1

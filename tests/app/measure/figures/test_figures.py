@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli import app as command_line
-from app.measure.figures import FIGURES, Bar, FolderUnusable, Result, UnknownFigure, make_figure
+from app.measure.figures import FIGURES, Bar, FigureResult, FolderUnusable, UnknownFigure, make_figure
 from app.measure.figures.drawing import axes, picture
 from app.measure.figures.result import save
 
@@ -18,10 +18,12 @@ ROOT = Path(__file__).resolve().parents[4]
 PICTURES = ROOT / "docs" / "pictures"
 
 
-def sketch(value: float = 1.0) -> Result:
+def sketch(value: float = 1.0) -> FigureResult:
     sheet = picture(3.0, 2.0)
     axes(sheet)[0].plot([0.0, value], [0.0, 1.0])
-    return Result("A line", {"length": Bar(value, "m", 0.5, 2.0)}, {"n": 1}, {"": sheet, "-more": picture(1.0, 1.0)})
+    return FigureResult(
+        "A line", {"length": Bar(value, "m", 0.5, 2.0)}, {"n": 1}, {"": sheet, "-more": picture(1.0, 1.0)}
+    )
 
 
 def test_a_bar_holds_within_its_range() -> None:

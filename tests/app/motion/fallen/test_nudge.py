@@ -19,7 +19,7 @@ from app.motion.fallen.lying import Lying, Strewn, crowd_of, discs_of
 from app.motion.fallen.pivot_edge import reach
 from app.motion.fallen.push import Nudge, find_nudge, plan_nudge
 from app.motion.fallen.stand_up import room_to_stand_up
-from app.motion.obstacles import Standing
+from app.motion.obstacles import Obstacle
 from app.motion.plan import PlanRefused
 from app.motion.planner import fits_around
 from app.pieces.layout import start_layout
@@ -36,8 +36,8 @@ CELL = Workcell.of(SETTINGS, PARAMETERS, TABLE)
 HOME = np.array(SETTINGS.home)
 
 
-def pawn(name: str, x: float, y: float) -> Standing:
-    return Standing(name, square_place(27), x, y, Kind.PAWN)
+def pawn(name: str, x: float, y: float) -> Obstacle:
+    return Obstacle(name, square_place(27), x, y, Kind.PAWN)
 
 
 def found(scene: Strewn, *names: str, kept: frozenset[str] = frozenset()) -> Nudge | None:
@@ -82,7 +82,7 @@ def test_a_push_beside_a_box_goes_neither_into_its_wall_nor_begins_there(outward
     table = TableSettings(captured=Captured.BOX)
     place = Place("R", 5)
     x, y = table.xy(place)
-    scene = Strewn((Standing("queen", place, x, y, Kind.QUEEN),))
+    scene = Strewn((Obstacle("queen", place, x, y, Kind.QUEEN),))
     wall = min(abs(box.x) - box.half_x - box.wall for box in table.boxes())
     for least in (0.006, 0.012, 0.020, 0.030):
 
@@ -170,7 +170,7 @@ def test_a_place_that_is_kept_for_a_piece_counts_where_it_is() -> None:
     a2, h2 = (inventory.at(Place.parse(square)) for square in ("a2", "h2"))
     assert a2 is not None
     assert h2 is not None
-    goal = Standing.at(h2.name, Place.parse("d4"), h2.kind, TABLE)
+    goal = Obstacle.at(h2.name, Place.parse("d4"), h2.kind, TABLE)
     strays = [Strayed(a2, a2.place, Pose(goal.x + 0.0205, goal.y))]
     nudge, _ = plan_pushing([Blocked(h2.name, a2.name, goal)], strays, inventory, HOME, 0.01, SETTINGS, PARAMETERS)
     assert nudge.name == a2.name
@@ -203,7 +203,7 @@ def test_in_the_world_a_pushed_piece_goes_as_far_as_it_is_pushed_and_does_not_fa
     x, y, _ = body.xpos.tolist()
     axis = body.xmat.reshape(3, 3)[:, 2].copy()
     lying = [Lying(kind, (x, y), math.atan2(axis[1], axis[0]), "piece")] if tip else []
-    standing = [] if tip else [Standing("piece", square_place(27), x, y, kind)]
+    standing = [] if tip else [Obstacle("piece", square_place(27), x, y, kind)]
     unit = np.array([math.cos(direction), math.sin(direction)])
     aside = np.array([-unit[1], unit[0]])
     discs = discs_of(kind)

@@ -14,7 +14,7 @@ from app.motion import MotionSettings
 from app.motion.fallen.lying import Lying, Strip
 from app.motion.fallen.pivot_edge import Heeling, circle, eased, heel_of, reach
 from app.motion.fallen.stand_up import Uprighted, plan_upright
-from app.motion.obstacles import Standing
+from app.motion.obstacles import Obstacle
 from app.motion.plan import InTheWay, Motion, Plan, Style
 from controller.protection.limits import default_limits
 from controller.protocol import SAMPLE
@@ -32,7 +32,7 @@ kinds = st.sampled_from(list(Kind))
 angles = st.floats(-math.pi, math.pi)
 
 
-def planned(lying: Lying, *standing: Standing, others: tuple[Lying, ...] = ()) -> Uprighted:
+def planned(lying: Lying, *standing: Obstacle, others: tuple[Lying, ...] = ()) -> Uprighted:
     return plan_upright(lying, standing, others, HOME, 0.01, SETTINGS, PARAMETERS, TABLE)
 
 
@@ -91,7 +91,7 @@ def test_plans_keep_the_controllers_limits_and_end_at_home(kind: Kind, yaw: floa
 def test_what_stands_where_the_fingers_go_is_named(along: float, free: bool) -> None:
     lying = Lying(Kind.KING, (0.01, 0.02), 0.7, "white-king")
     x, y = (np.array(lying.base) + along * lying.outwards).tolist()
-    rook = Standing("black-rook", square_place(36), x, y, Kind.ROOK)
+    rook = Obstacle("black-rook", square_place(36), x, y, Kind.ROOK)
     if free:
         planned(lying, rook)
         return

@@ -13,7 +13,7 @@ import pytest
 from hardware.interfaces import HardwareError
 from hardware.sim.clients import wire
 from hardware.sim.clients.camera import SimCamera
-from hardware.sim.process.scene_control import Stage
+from hardware.sim.process.scene_control import SceneControl
 from hardware.sim.render.appearance import CameraSettings, ExposureSettings, LightSettings, MountSettings
 from tests.hardware.sim.process.test_world import Controller, WorldProcess, settings_for
 
@@ -36,7 +36,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WorldProcess]:
 
 def test_changes_count_from_the_next_exposure_on(world: WorldProcess) -> None:
     with ExitStack() as stack:
-        stage, controller = stack.enter_context(closing(Stage(world.run_dir))), Controller(world.run_dir)
+        stage, controller = stack.enter_context(closing(SceneControl(world.run_dir))), Controller(world.run_dir)
         stack.enter_context(controller)
         camera = stack.enter_context(closing(SimCamera(world.run_dir)))
         assert stage.looks.exposure.time == 0.8, "as the settings say"
@@ -58,7 +58,7 @@ def test_changes_count_from_the_next_exposure_on(world: WorldProcess) -> None:
         assert np.median(knocked.depth[board]) > np.median(before.depth[board]) + 0.02
         assert knocked.intrinsics == before.intrinsics, "the app knows nothing of it"
 
-        with closing(Stage(world.run_dir)) as second:
+        with closing(SceneControl(world.run_dir)) as second:
             assert second.looks == stage.looks
 
 
@@ -91,4 +91,4 @@ def test_pictures_have_no_depth_where_there_is_no_sensor(world: WorldProcess) ->
 def test_a_stage_needs_a_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(wire, "_reach", lambda _dir, _timeout: (_ for _ in ()).throw(HardwareError("no world")))
     with pytest.raises(HardwareError, match="no world"):
-        Stage(tmp_path)
+        SceneControl(tmp_path)
