@@ -58,7 +58,8 @@ class Reading:
     Attributes:
         decision: what was played since the known position, or doubt.
         finding: what is the matter, and what to do; for people.
-        states: what stands on each square as it is seen, shape (64,): ``vision.reading.appearance`` EMPTY, WHITE, BLACK.
+        states: what stands on each square as it is seen, shape (64,): ``vision.reading.appearance`` EMPTY, WHITE,
+        BLACK.
         look: to be confirmed.
     """
 

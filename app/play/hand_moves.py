@@ -1,7 +1,7 @@
 """What a simulated person does at the board for a move of chess; pure functions.
 
-The order is that of :mod:`app.pieces.manipulation`: a captured piece first, then a promoted pawn and its spare; in castling
-the king first. The hand is told points, near which it takes what it sees there.
+The order is that of :mod:`app.pieces.manipulation`: a captured piece first, then a promoted pawn and its spare; in
+castling the king first. The hand is told points, near which it takes what it sees there.
 """
 
 from __future__ import annotations

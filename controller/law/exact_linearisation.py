@@ -1,7 +1,7 @@
 """Exact feedback linearisation: (20) in joint space, and (23) in task space with what the paper leaves out of it.
 
-Pure functions of an estimated state, see `controller.law.task_space.estimate`, and a reference, see `controller.law.task_space`; compiled
-when first called. Gravity (15) and the friction D are part of every torque.
+Pure functions of an estimated state, see `controller.law.task_space.estimate`, and a reference, see
+`controller.law.task_space`; compiled when first called. Gravity (15) and the friction D are part of every torque.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Protection that looks at how the arm is doing, tick by tick, below the law and independent of it.
 
-Pure checks of single numbers are in `controller.protection.limits`; here is what needs the ticks before: durations, means over a
-window, encoders that contradict themselves. Whatever is found names its cause; what follows from it is `REACTIONS`. A
-quick look, `controller.protection.screening`, tells the ticks in which nothing is to be found.
+Pure checks of single numbers are in `controller.protection.limits`; here is what needs the ticks before: durations,
+means over a window, encoders that contradict themselves. Whatever is found names its cause; what follows from it is
+`REACTIONS`. A quick look, `controller.protection.screening`, tells the ticks in which nothing is to be found.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """A quick look at a tick, compiled, which tells whether anybody has to look closer.
 
-Nearly every tick is. The checks of `controller.protection.limits` and `controller.protection.monitor` say what is wrong, with numbers, and
-remember what lasts; they are Python, and together cost a third of a tick's work, more than that where another program
-has driven them out of the processor's cache. Here the same limits are compared once, in a microsecond, and nothing is
+Nearly every tick is. The checks of `controller.protection.limits` and `controller.protection.monitor` say what is
+wrong, with numbers, and remember what lasts; they are Python, and together cost a third of a tick's work, more than
+that where another program has driven them out of the processor's cache. Here the same limits are compared once, in a
+microsecond, and nothing is
 said but yes or no: after a no they all are asked. A yes therefore means exactly that each of them has nothing to say;
 `tests/controller/test_screen.py` holds the two against each other.
 """

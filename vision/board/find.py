@@ -1,9 +1,10 @@
 """The chessboard in a picture of which nothing else is known.
 
-Saddle points (``vision.board.saddles``) grow into lattices (``vision.board.lattice``), the squares that alternate tell which eight
-rows and columns are the board (``vision.board.window``), all crossings that can be seen give its corners to a fraction of a
-pixel (``vision.board.crossings``) and with the sides of squares say how far off they may be (``vision.board.joint_fit``), and pieces in
-the start position tell where a1 is (``vision.board.orientation``). Where it is not certain which squares are the board there
+Saddle points (``vision.board.saddles``) grow into lattices (``vision.board.lattice``), the squares that alternate tell
+which eight rows and columns are the board (``vision.board.window``), all crossings that can be seen give its corners to
+a fraction of a pixel (``vision.board.crossings``) and with the sides of squares say how far off they may be
+(``vision.board.joint_fit``), and pieces in the start position tell where a1 is (``vision.board.orientation``). Where it
+is not certain which squares are the board there
 is none: a wrong one is worse than none. Where only its corners are less exact than they should be, that is said.
 """
 

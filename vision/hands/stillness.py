@@ -1,10 +1,10 @@
 """When to look at the board: whether a hand is over it, whether anything moves, and since when it is settled.
 
 Frame by frame and without any clock of its own: time is what frames are stamped with. With depth a hand is what stands
-higher than any piece, or reaches in from outside (:mod:`vision.hands.depth_changes`); without, it is what differs from the settled
-board, whatever the light does, and reaches in from outside (:mod:`vision.hands.colour_changes`). What is known to be before the
-table, such as the arm's links, is masked by whoever knows where it is. A frame of depth alone tells of hands just as
-well, but not whether anything moves: the board is not settled in it.
+higher than any piece, or reaches in from outside (:mod:`vision.hands.depth_changes`); without, it is what differs from
+the settled board, whatever the light does, and reaches in from outside (:mod:`vision.hands.colour_changes`). What is
+known to be before the table, such as the arm's links, is masked by whoever knows where it is. A frame of depth alone
+tells of hands just as well, but not whether anything moves: the board is not settled in it.
 """
 
 from __future__ import annotations

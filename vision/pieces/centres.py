@@ -1,8 +1,8 @@
 """Where exactly each piece stands: its outline, known from the table settings, laid over the picture.
 
-How (``vision.pieces.fit``): colours of pieces and board are learnt from the frame itself. Each piece's silhouette is tried at
-places around its square's centre, then moved until the picture's outline lies under the known one, by least squares
-over many short lines across the outline. What another piece hides does not count.
+How (``vision.pieces.fit``): colours of pieces and board are learnt from the frame itself. Each piece's silhouette is
+tried at places around its square's centre, then moved until the picture's outline lies under the known one, by least
+squares over many short lines across the outline. What another piece hides does not count.
 
 Depth, where there is any, keeps pieces out of what is learnt about the board. The place itself is by colour alone:
 depth pictures are fat at edges.

@@ -1,7 +1,7 @@
 """Where pieces are that do not stand where they should: lying, or standing somewhere else; and which ones.
 
-Which pieces stand as expected is known from ``vision.pieces.fit``. What else looks like a piece is explained by the missing
-ones (``vision.pieces.pose_search``).
+Which pieces stand as expected is known from ``vision.pieces.fit``. What else looks like a piece is explained by the
+missing ones (``vision.pieces.pose_search``).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What a person did that is no legal move: named, with the squares and what to do about it.
 
-Nothing here decides that a move was made; that is done in ``vision.reading.moves``. Where it is in doubt, the placement that is
-seen is compared with the one that should be there, and the commonest ways to the difference are tried in turn.
+Nothing here decides that a move was made; that is done in ``vision.reading.moves``. Where it is in doubt, the placement
+that is seen is compared with the one that should be there, and the commonest ways to the difference are tried in turn.
 """
 
 from __future__ import annotations

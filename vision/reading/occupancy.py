@@ -1,9 +1,9 @@
 """What stands on a square, by depth: whether something does, and of which colour it is.
 
 Something stands there if points of the square stand up; nothing does if a piece would have been seen
-(:mod:`vision.reading.visibility`). Where neither is so, depth says nothing. Its colour is told by the colour of just the points that
-stand up, so that neither light and dark squares nor pieces behind and before it matter. How many points stand up by
-error, and the colours, are learnt from positions that are known.
+(:mod:`vision.reading.visibility`). Where neither is so, depth says nothing. Its colour is told by the colour of just
+the points that stand up, so that neither light and dark squares nor pieces behind and before it matter. How many points
+stand up by error, and the colours, are learnt from positions that are known.
 """
 
 from __future__ import annotations

@@ -49,7 +49,8 @@ class Solids:
         seen: number of points over the square, but not hovering; shape (64,).
         standing: number of those that are no board and no hand; shape (64,).
         above: number of those above any piece, but not hovering; shape (64,).
-        room: how likely a piece would stand there and not be seen, 0 to 1; shape (64,). See ``vision.reading.visibility``.
+        room: how likely a piece would stand there and not be seen, 0 to 1; shape (64,). See
+        ``vision.reading.visibility``.
         other: where, in the picture, things that stand elsewhere hide the middle of each square, shape (64, cells).
         top: height of what stands there, shape (64,) [m]; 0 where nothing does.
         colour: mean of the natural logarithm of red, green and blue (0 to 1, plus ``DARKEST``) of the standing

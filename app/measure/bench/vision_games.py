@@ -20,7 +20,7 @@ from app.measure.bench.vision_calibration import OFF, random_looks, random_mount
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from hardware.interfaces import Frame
-from hardware.sim.bodies.hand import Pose as HandPose
+from hardware.sim.bodies.hand import HandPose
 from hardware.sim.process.table_studio import Pose, TableStudio
 from hardware.sim.render.appearance import LightSettings, Looks, MountSettings
 from hardware.table import Colour, TableSettings

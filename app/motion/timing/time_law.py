@@ -3,7 +3,8 @@
 A single line is Ruckig's. Along a path with corners Ruckig can take each line from one corner's speed to the next, and
 corners at a constant speed, as fast as curvature and its rate admit (`Law.RUCKIG`). That obeys all bounds but loses
 time, since it may not accelerate in corners: on transfers of chess pieces it takes a fifth longer than the optimum.
-So there `app.motion.timing.interior_point` finds the law, which takes about two percent longer (``touchmove bench motion``).
+So there `app.motion.timing.interior_point` finds the law, which takes about two percent longer (``touchmove bench
+motion``).
 
 Acceleration and jerk are bounded along each axis of the base frame; speed as the length of its vector, and downwards.
 """

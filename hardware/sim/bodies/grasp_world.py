@@ -1,4 +1,6 @@
-"""A world for the soft grasp in MuJoCo: the arm of ``hardware.sim.bodies.arm`` with flat pads, a surface and one block."""
+"""A world for the soft grasp in MuJoCo: the arm of ``hardware.sim.bodies.arm`` with flat pads, a surface and one
+block.
+"""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ SLEEVE: Final[Bone] = ((0.0, -0.260, 0.126), (0.0, -0.700, 0.248), 0.043)
 _DISC_SPACING: Final = 0.005
 
 
-class Pose(NamedTuple):
+class HandPose(NamedTuple):
     """Where a hand is.
 
     Attributes:
@@ -107,11 +107,11 @@ class Pose(NamedTuple):
     gap: float
 
 
-def parked(side: Colour) -> Pose:
+def parked(side: Colour) -> HandPose:
     """Where a player's hand is while it has nothing to do: outside the pictures and out of the arm's reach."""
     if side is Colour.WHITE:
-        return Pose(0.10, -0.72, 0.10, 0.0, 0.0)
-    return Pose(-0.10, 0.72, 0.10, math.pi, 0.0)
+        return HandPose(0.10, -0.72, 0.10, 0.0, 0.0)
+    return HandPose(-0.10, 0.72, 0.10, math.pi, 0.0)
 
 
 def seen_from_above(x: float, y: float, yaw: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -120,7 +120,7 @@ def seen_from_above(x: float, y: float, yaw: float) -> tuple[NDArray[np.float64]
     Args:
         x: of the middle between the fingertips, board frame [m].
         y: likewise.
-        yaw: as of ``Pose`` [rad].
+        yaw: as of ``HandPose`` [rad].
 
     Returns:
         Their centres (n, 2), board frame, and radii (n,) [m].

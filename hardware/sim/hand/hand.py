@@ -13,7 +13,7 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from hardware.sim.bodies.hand import JOINTS, NAME, Pose, parked, servo_constants
+from hardware.sim.bodies.hand import JOINTS, NAME, HandPose, parked, servo_constants
 from hardware.sim.hand.actions import Action, HandSettings, Withdraw
 from hardware.sim.hand.motion import Program
 from hardware.sim.hand.routines import HandFailed, Routines, View
@@ -163,14 +163,14 @@ class Hand:
 
     # what it sees and feels
 
-    def _where(self) -> Pose:
+    def _where(self) -> HandPose:
         """Where the fingertips are told to be at the end of what was begun."""
         return self._pose
 
-    def _measured(self) -> Pose:
+    def _measured(self) -> HandPose:
         data = self._plant.data
         x, y, z, yaw = (float(data.joint(name).qpos[0]) for name in JOINTS[:4])
-        return Pose(x, y, z, yaw, float(np.mean(data.ctrl[self._first + 4 : self._first + 6])))
+        return HandPose(x, y, z, yaw, float(np.mean(data.ctrl[self._first + 4 : self._first + 6])))
 
     def _look(self) -> TableSight:
         seen = []

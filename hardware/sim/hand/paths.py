@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.bodies.hand import TIP_RADIUS, Pose
+from hardware.sim.bodies.hand import TIP_RADIUS, HandPose
 from hardware.sim.hand.motion import Program, Sketch
 from hardware.sim.hand.sight import TableSight
 from hardware.table import Colour
@@ -60,7 +60,7 @@ class Traveller:
     def go(
         self,
         sight: TableSight,
-        start: Pose,
+        start: HandPose,
         holds: list[Hold],
         tips: Callable[[Hold], tuple[float, float]],
         below: float,
@@ -78,17 +78,17 @@ class Traveller:
             below: lowest point of what is carried, or of the fingertips, under the fingertips' ends [m].
             wide: from the way to the middle of a piece that could be touched [m].
         """
-        ways: list[tuple[Hold, Pose, list[tuple[Pose, ...]]]] = []
+        ways: list[tuple[Hold, HandPose, list[tuple[HandPose, ...]]]] = []
         for hold in holds:
             x, y = tips(hold)
-            end = Pose(x, y, 0.0, hold.yaw, start.gap)
+            end = HandPose(x, y, 0.0, hold.yaw, start.gap)
             out = (self.way_out(start), self.way_out(end))
             ways.append((hold, end, [(), out, *_stagings(start, end)]))
         tried = [(hold, end, corners[i]) for i in range(len(ways[0][2])) for hold, end, corners in ways]
         hold, sketch = self._first_clear(sight, start, tried, below, wide)
         return sketch, hold
 
-    def leave(self, sight: TableSight, start: Pose, hold: Hold, end: Pose) -> Sketch:
+    def leave(self, sight: TableSight, start: HandPose, hold: Hold, end: HandPose) -> Sketch:
         """Likewise to a place in the air, with empty fingers."""
         out = (self.way_out(start),)
         low = [(near, self.way_out(near)) for near in around(start, start.yaw)]
@@ -98,8 +98,8 @@ class Traveller:
     def _first_clear(
         self,
         sight: TableSight,
-        start: Pose,
-        tried: list[tuple[Hold, Pose, tuple[Pose, ...]]],
+        start: HandPose,
+        tried: list[tuple[Hold, HandPose, tuple[HandPose, ...]]],
         below: float,
         wide: float,
     ) -> tuple[Hold, Sketch]:
@@ -116,7 +116,7 @@ class Traveller:
         hold, end, between = best
         return hold, careful._way(sight, start, between, end, below, wide)
 
-    def way_out(self, pose: Pose) -> Pose:
+    def way_out(self, pose: HandPose) -> HandPose:
         """Where the fingertips come out in front of the board if the hand is drawn back along the forearm."""
         back = math.sin(pose.yaw), -math.cos(pose.yaw)
         needed = (self.front * _COME_OUT - pose.y) / back[1] if abs(back[1]) > 0.1 else 0.0
@@ -124,7 +124,13 @@ class Traveller:
         return pose._replace(x=pose.x + length * back[0], y=pose.y + length * back[1])
 
     def _way(
-        self, sight: TableSight, start: Pose, between: tuple[Pose, ...], end: Pose, below: float, wide: float
+        self,
+        sight: TableSight,
+        start: HandPose,
+        between: tuple[HandPose, ...],
+        end: HandPose,
+        below: float,
+        wide: float,
     ) -> Sketch:
         """On each straight part only as high as what stands below it wants."""
         sketch, corners = Sketch(start, self.speed), (*between, end)
@@ -137,19 +143,19 @@ class Traveller:
         return sketch.to(z=z, overlap=0.3) if z < sketch.pose.z else sketch
 
 
-def around(pose: Pose, yaw: float) -> list[Pose]:
+def around(pose: HandPose, yaw: float) -> list[HandPose]:
     """Points about a pose from which one may come to it, or to which one may leave it."""
     circle = [2.0 * math.pi * i / _STAGINGS for i in range(_STAGINGS)]
     return [pose._replace(x=pose.x + _STAGE * math.cos(a), y=pose.y + _STAGE * math.sin(a), yaw=yaw) for a in circle]
 
 
-def _stagings(start: Pose, end: Pose) -> list[tuple[Pose, ...]]:
+def _stagings(start: HandPose, end: HandPose) -> list[tuple[HandPose, ...]]:
     """Corners that let a hand leave low before it rises, and come down before it arrives, under the robot's tool."""
     leaving, coming = around(start, start.yaw), around(end, end.yaw)
     both = [(a, min(coming, key=lambda b: math.dist(a[:2], b[:2]))) for a in leaving]
     return [*((b,) for b in coming), *((a,) for a in leaving), *both]
 
 
-def _samples(program: Program, spacing: float = 0.05) -> list[Pose]:
+def _samples(program: Program, spacing: float = 0.05) -> list[HandPose]:
     times: NDArray[np.float64] = np.arange(0.0, program.duration + spacing, spacing)
-    return [Pose(*program.at(float(time)).position.tolist()) for time in times]
+    return [HandPose(*program.at(float(time)).position.tolist()) for time in times]

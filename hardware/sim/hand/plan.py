@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from hardware.sim.bodies.hand import TIP_RADIUS, Pose
+from hardware.sim.bodies.hand import TIP_RADIUS, HandPose
 from hardware.sim.hand.motion import Program, Sketch
 from hardware.sim.hand.paths import CLEARANCE, EMPTY_WIDTH, ENOUGH_ARM_ROOM, LEAST_LIFT, Hold, Traveller
 from hardware.sim.hand.sight import SeenPiece, TableSight
@@ -100,7 +100,7 @@ class Person(Traveller):
         def cost(yaw: float) -> float:
             half = radius + OPEN + TIP_RADIUS
             room = sight.pinch_room(x, y, yaw, z, half)
-            first = Pose(x, y, z, yaw, radius + OPEN)
+            first = HandPose(x, y, z, yaw, radius + OPEN)
             low = sight.arm_room(first, first._replace(x=further[0], y=further[1]))
             high = sight.arm_room(first._replace(z=lifted))  # there are other ways than straight from above
             lacking = max(0.0, 1.0 - room / _ENOUGH_ROOM) + max(0.0, 1.0 - low / ENOUGH_ARM_ROOM)
@@ -117,7 +117,7 @@ class Person(Traveller):
 
     # parts of actions
 
-    def reach(self, sight: TableSight, start: Pose, piece: SeenPiece) -> tuple[Program, Hold]:
+    def reach(self, sight: TableSight, start: HandPose, piece: SeenPiece) -> tuple[Program, Hold]:
         """To a standing piece, down around it and close the fingers."""
         shape, others = piece.shape, sight.without(piece.name)
         z = piece.z + grip_height(shape)
@@ -130,7 +130,7 @@ class Person(Traveller):
         sketch.to(gap=shape.stem_radius - SQUEEZE).wait(0.06)
         return sketch.done(), hold
 
-    def place(self, sight: TableSight, start: Pose, held: Held, x: float, y: float, yaw: float) -> Program:
+    def place(self, sight: TableSight, start: HandPose, held: Held, x: float, y: float, yaw: float) -> Program:
         """Carry what is held to a point, turned somewhat, and set it down; the fingers stay closed."""
         others, shape = sight.without(held.name), held.shape
         z = held.below
@@ -143,7 +143,7 @@ class Person(Traveller):
         sketch.to(z=z - _PRESS, overlap=0.15, speed=_DOWN_SPEED).wait(0.05)
         return sketch.done()
 
-    def let_go(self, sight: TableSight, start: Pose, held: Held) -> Program:
+    def let_go(self, sight: TableSight, start: HandPose, held: Held) -> Program:
         """Open the fingers about a piece that stands, and rise above it."""
         others = sight.without(held.name)
         half = held.shape.stem_radius + OPEN + TIP_RADIUS
@@ -152,11 +152,11 @@ class Person(Traveller):
         sketch = Sketch(start, self.speed).to(gap=gap).wait(0.03)
         return sketch.to(z=max(start.z, held.shape.height + TIP_RADIUS + CLEARANCE)).done()
 
-    def lift(self, start: Pose, height: float) -> Program:
+    def lift(self, start: HandPose, height: float) -> Program:
         """Straight up [m]."""
         return Sketch(start, self.speed).to(z=start.z + height, speed=_DOWN_SPEED).done()
 
-    def home(self, sight: TableSight, start: Pose, home: Pose) -> Program:
+    def home(self, sight: TableSight, start: HandPose, home: HandPose) -> Program:
         """Up, back along the forearm, and away to where the hand is parked."""
         end = home._replace(gap=start.gap)
         sketch = self.leave(sight, start, Hold(home.yaw, start.gap), end)
@@ -165,7 +165,7 @@ class Person(Traveller):
     def over(
         self,
         sight: TableSight,
-        start: Pose,
+        start: HandPose,
         x: float,
         y: float,
         z: float,
@@ -188,7 +188,7 @@ def _tips_for(x: float, y: float, yaw: float, forward: tuple[float, float]) -> t
     return x - cos * forward[0] + sin * forward[1], y - sin * forward[0] - cos * forward[1]
 
 
-def held_now(piece: SeenPiece, pose: Pose) -> Held:
+def held_now(piece: SeenPiece, pose: HandPose) -> Held:
     """How a piece is held by fingertips in a pose."""
     dx, dy = piece.x - pose.x, piece.y - pose.y
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)

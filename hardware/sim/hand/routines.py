@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from hardware.sim.bodies.hand import TIP_RADIUS, Pose, parked
+from hardware.sim.bodies.hand import TIP_RADIUS, HandPose, parked
 from hardware.sim.bodies.scene import deck_half_size
 from hardware.sim.hand.actions import (
     Action,
@@ -60,7 +60,7 @@ class View:
     """
 
     look: Callable[[], TableSight]
-    pose: Callable[[], Pose]
+    pose: Callable[[], HandPose]
 
 
 class Routines:

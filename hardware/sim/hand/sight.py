@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.bodies.hand import FOREARM, PALM, SLEEVE, Bone, Pose, finger_bones
+from hardware.sim.bodies.hand import FOREARM, PALM, SLEEVE, Bone, HandPose, finger_bones
 from hardware.table import PIECE_SHAPES, Kind, PieceShape
 
 UPRIGHT: Final = 0.30
@@ -131,7 +131,7 @@ class TableSight:
                 room = min(room, piece.distance(*tip) - radius - 0.006)
         return room
 
-    def arm_room(self, *poses: Pose) -> float:
+    def arm_room(self, *poses: HandPose) -> float:
         """Least distance between the robot's tool and a hand in some poses [m]; negative where they meet."""
         points = np.concatenate([_outline(pose) for pose in poses]) - [*self.tool, 0.0]
         sideways = np.abs(points[:, None, :2]) - OBSTACLES[:, :2]
@@ -168,7 +168,7 @@ _FINGERS: Final = {side: np.vstack([_dots(bone) for bone in finger_bones(side)])
 _REST: Final = np.vstack([_dots(bone) for bone in (*_WIDE_PALM, FOREARM, SLEEVE)])
 
 
-def _outline(pose: Pose) -> NDArray[np.float64]:
+def _outline(pose: HandPose) -> NDArray[np.float64]:
     """Balls that fill the hand: centres in the board frame and radii, shape (n, 4) [m]."""
     shifted = [dots + np.array([side * pose.gap, 0.0, 0.0, 0.0]) for side, dots in _FINGERS.items()]
     dots = np.vstack([*shifted, _REST])

@@ -67,7 +67,8 @@ class WorldSettings(BaseModel):
     hand: HandSettings | None = None
     """The hand of a person who plays; None: nobody sits at the board, and nothing is different for it."""
     journal: bool = False
-    """Keep every command in the run directory, so that the run can be done again; see ``hardware.sim.process.journal``."""
+    """Keep every command in the run directory, so that the run can be done again; see
+    ``hardware.sim.process.journal``."""
     realtime: bool = False
     """Pace real: as punctual as a motion board, by real time where the system grants it; for measurements. Otherwise
     the world is an ordinary program."""

@@ -22,8 +22,7 @@ from hardware.camera.framesets import FrameMaker
 from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
-from hardware.sim.bodies.hand import JOINTS, add_hand
-from hardware.sim.bodies.hand import Pose as HandPose
+from hardware.sim.bodies.hand import JOINTS, HandPose, add_hand
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.render.appearance import CameraSettings, Looks, MountSettings

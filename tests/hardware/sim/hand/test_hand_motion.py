@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from hardware.sim.bodies.hand import Pose
+from hardware.sim.bodies.hand import HandPose
 from hardware.sim.hand.actions import REACH
 from hardware.sim.hand.motion import PEAK, Program, Sketch
 from hardware.sim.hand.plan import Person, grip_height, held_now
@@ -16,7 +16,7 @@ from hardware.table import PIECE_SHAPES, Colour, Kind, Place, TableSettings
 
 TABLE = TableSettings()
 HOME = np.array([0.0, -0.075, 0.145])
-START = Pose(0.10, -0.72, 0.10, 0.0, 0.0)
+START = HandPose(0.10, -0.72, 0.10, 0.0, 0.0)
 WHITE = Person(Colour.WHITE, 0.8)
 
 
@@ -95,18 +95,18 @@ def test_on_a_full_board_every_piece_can_be_held_between_its_neighbours(side: Co
 def test_every_square_and_tray_is_reached_clear_of_the_arm_at_home(side: Colour) -> None:
     person, sight = Person(side, 0.8), TableSight((), HOME)
     places = [*(Place("board", i) for i in range(64)), *TABLE.tray_places()]
-    start = START if side is Colour.WHITE else Pose(-0.1, 0.72, 0.1, math.pi, 0.0)
+    start = START if side is Colour.WHITE else HandPose(-0.1, 0.72, 0.1, math.pi, 0.0)
     for place in places[::3]:
         x, y = TABLE.xy(place)
         program, _ = person.reach(TableSight((piece("pawn", x, y),), HOME), start, piece("pawn", x, y))
-        poses = [Pose(*program.at(float(t)).position.tolist()) for t in np.arange(0.0, program.duration, 0.02)]
+        poses = [HandPose(*program.at(float(t)).position.tolist()) for t in np.arange(0.0, program.duration, 0.02)]
         assert sight.arm_room(*poses) > 0.0, place
         assert max(abs(x), abs(y)) < REACH
 
 
 def test_a_piece_is_carried_above_what_is_in_its_way_and_no_higher() -> None:
-    held = held_now(piece("pawn", 0.0, 0.0), Pose(0.0, 0.0, 0.014, 0.0, 0.002))
-    start = Pose(0.0, 0.0, 0.03, 0.0, 0.002)
+    held = held_now(piece("pawn", 0.0, 0.0), HandPose(0.0, 0.0, 0.014, 0.0, 0.002))
+    start = HandPose(0.0, 0.0, 0.03, 0.0, 0.002)
 
     def highest(*others: SeenPiece) -> float:
         sight = TableSight((*others, piece("pawn", 0.0, 0.0)), np.array([0.0, 0.0, 1.0]))
@@ -121,10 +121,10 @@ def test_a_piece_is_carried_above_what_is_in_its_way_and_no_higher() -> None:
 
 def test_a_hand_in_the_robots_tool_is_seen_to_be() -> None:
     sight = TableSight((), HOME)
-    assert sight.arm_room(Pose(0.0, -0.075, 0.12, 0.0, 0.01)) < 0.0
-    assert sight.arm_room(Pose(0.0, -0.075, 0.02, 1.2, 0.01)) > 0.0
+    assert sight.arm_room(HandPose(0.0, -0.075, 0.12, 0.0, 0.01)) < 0.0
+    assert sight.arm_room(HandPose(0.0, -0.075, 0.02, 1.2, 0.01)) > 0.0
     assert sight.arm_room(START) > 0.05
-    near, nearer = (sight.arm_room(Pose(0.0, y, 0.145, math.pi, 0.01)) for y in (0.0, -0.01))
+    near, nearer = (sight.arm_room(HandPose(0.0, y, 0.145, math.pi, 0.01)) for y in (0.0, -0.01))
     assert 0.002 < near - nearer <= 0.010
 
 
