@@ -28,9 +28,9 @@ from app.rig.sim_settings import SimRigSettings
 from app.settings.calibration import CalibratedBoard, Calibration, Pinhole, as_rows, residuals, write_calibration
 from app.settings.rig_file import RigFile
 from controller.wire.errors import ControllerError
-from hardware.interfaces import Frame, HardwareError
+from hardware.interfaces import Frame, HardwareError, Pace
 from hardware.parameters import load_parameters
-from hardware.sim.process.settings import Pace, WorldSettings
+from hardware.sim.process.settings import WorldSettings
 from hardware.table import TableSettings, square_place
 from vision.board.find import find_board
 from vision.board.view import BoardNotFound, BoardView, playing_area

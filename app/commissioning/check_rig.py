@@ -23,10 +23,9 @@ from controller.model.workspace import BoardDoesNotFit, require_fit
 from engine.errors import EngineProblem
 from engine.stockfish import Engine, EngineSettings
 from hardware.camera.factory import open_camera
-from hardware.interfaces import HardwareError
+from hardware.interfaces import HardwareError, Pace
 from hardware.parameters import ParametersError, RobotParameters, load_parameters
 from hardware.sim.clients.camera import SimCamera
-from hardware.sim.process.settings import Pace
 from hardware.table import PIECE_SHAPES
 
 NODES = 2000

@@ -16,7 +16,7 @@ from app.records.history import Unfinished
 from app.rig.arm import Arm
 from controller.wire.errors import ControllerError
 from hardware.interfaces import Camera, Clock, HardwareError
-from hardware.sim.clients.referee import Referee
+from hardware.referee import Referee
 from hardware.table import Place
 
 if TYPE_CHECKING:

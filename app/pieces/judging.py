@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from app.pieces.manipulation import Inventory, expected
-from hardware.sim.plant.truth import PiecePose, Truth
+from hardware.referee import PiecePose, Truth
 from hardware.table import Box, PieceSpec, Place, TableSettings
 
 UPRIGHT = math.radians(5.0)

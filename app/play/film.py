@@ -10,8 +10,8 @@ from pathlib import Path
 import av
 
 from app.records import RecordError, recording
+from hardware.interfaces import Pace
 from hardware.sim.clients.camera import FrameStream
-from hardware.sim.process.settings import Pace
 from hardware.sim.render.renderer import HEIGHT, WIDTH
 
 FRAME_TICKS = {Pace.FAST: 45, Pace.REAL: 135}

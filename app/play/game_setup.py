@@ -20,10 +20,11 @@ from app.settings.tree import PadKind, RigSection
 from controller.settings import ControllerSettings
 from controller.wire.link import Listener
 from hardware.camera.settings import NoCameraSettings
+from hardware.interfaces import Pace
 from hardware.parameters import DEFAULT_FILE, FLAT_PADS_FILE, RobotParameters, load_parameters
 from hardware.sim.hand.actions import HandSettings
 from hardware.sim.process.randomisation import Randomisation
-from hardware.sim.process.settings import Pace, WorldSettings
+from hardware.sim.process.settings import WorldSettings
 from hardware.table import PIECE_SHAPES, Captured, Colour, TableSettings
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from app.records.events import Result
 from app.records.history import counted_plies, persons_side
 from app.settings.files import SETTINGS_FILE
 from app.terminal.interface import Face
-from hardware.sim.process.settings import Pace
+from hardware.interfaces import Pace
 from hardware.table import Colour
 
 PERSON: Final = "Human"

@@ -20,7 +20,7 @@ from engine.openings import opening_engine, varied_opening
 from engine.policy import Manners
 from engine.settings import EngineSettings
 from engine.stockfish import Engine
-from hardware.sim.process.settings import Pace
+from hardware.interfaces import Pace
 
 OPENING_PLIES: Final = 8
 MOVE_TIME: Final = 0.2

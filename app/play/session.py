@@ -20,8 +20,7 @@ from controller.protocol.messages import Telemetry
 from controller.wire.errors import ControllerError
 from controller.wire.link import Listener
 from engine.errors import EngineProblem
-from hardware.interfaces import Camera, HardwareError
-from hardware.sim.process.settings import Pace
+from hardware.interfaces import Camera, HardwareError, Pace
 
 if TYPE_CHECKING:
     from app.guard.game_guard import GameGuard, Guarding

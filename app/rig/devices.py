@@ -10,7 +10,7 @@ from typing import Protocol, Self
 from app import UserError
 from app.rig.arm import Arm
 from hardware.interfaces import Camera, Clock, DepthFrame, Frame
-from hardware.sim.clients.referee import Referee
+from hardware.referee import Referee
 
 
 class RigFailed(UserError):

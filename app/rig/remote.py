@@ -24,7 +24,7 @@ from controller.wire.link import Listener
 from hardware.camera.factory import open_camera
 from hardware.interfaces import Camera, Clock, HardwareError
 from hardware.sim.clients.camera import SimCamera, SimClock
-from hardware.sim.clients.referee import Referee
+from hardware.sim.clients.referee import SimReferee
 from hardware.sim.clients.video_stream import SimWatchCamera
 
 RESTING: Final = 0.005
@@ -69,13 +69,13 @@ class RemoteRig:
         self.arm: Arm
         self.clock: Clock = RemoteClock(self._client)
         self.camera: Camera | None = None
-        self.referee: Referee | None = None
+        self.referee: SimReferee | None = None
         self._world = rig.run_dir if rig.simulated else None
         try:
             attach(self._client, progress, forgive=False)
             self.arm = ControllerArm(self._client, progress)
             if rig.simulated:
-                self.clock, self.referee = SimClock(rig.run_dir), Referee(rig.run_dir)
+                self.clock, self.referee = SimClock(rig.run_dir), SimReferee(rig.run_dir)
                 self.camera = SimCamera(rig.run_dir) if rig.world_section.cameras else None
             else:
                 self.camera = open_camera(rig.lab_camera, self.clock)
@@ -124,7 +124,7 @@ class RemoteRig:
             if self.camera is not None:
                 self.camera.close()
             for device in (self.referee, self.clock):
-                if isinstance(device, (SimClock, Referee)):
+                if isinstance(device, (SimClock, SimReferee)):
                     device.close()
         speed = math.hypot(*telemetry.velocity)
         return EndState(telemetry.state is not State.STOPPING and speed < RESTING, speed)

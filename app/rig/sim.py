@@ -33,7 +33,7 @@ from controller.wire.link import Listener
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.clients.camera import SimCamera, SimClock
-from hardware.sim.clients.referee import Referee
+from hardware.sim.clients.referee import SimReferee
 from hardware.sim.clients.video_stream import SimWatchCamera
 from hardware.sim.clients.wire import world_pid
 from hardware.sim.plant.live_state import LIVE_FILE, load_live_state
@@ -87,7 +87,7 @@ class SimRig:
             self.arm = ControllerArm(self._client, progress)
             self.clock = SimClock(self._run_dir)
             self.camera = SimCamera(self._run_dir) if cameras else None
-            self.referee = Referee(self._run_dir)
+            self.referee = SimReferee(self._run_dir)
         except (ControllerError, KeyFileError, HardwareError) as error:
             self._give_up()
             raise RigFailed(str(error)) from error

@@ -20,7 +20,8 @@ from app.rig.sim import SimRig
 from app.rig.sim_settings import SimRigSettings
 from controller.loop.statistics import PULSE_FILE
 from controller.settings import ControllerSettings
-from hardware.sim.process.settings import Pace, WorldSettings
+from hardware.interfaces import Pace
+from hardware.sim.process.settings import WorldSettings
 from hardware.table import TableSettings
 
 

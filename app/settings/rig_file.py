@@ -31,9 +31,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, NonNegativeIn
 from app import UserError
 from controller.settings import ControllerSettings
 from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
+from hardware.interfaces import Pace
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.process.randomisation import Randomisation
-from hardware.sim.process.settings import Pace
 from hardware.sim.render.appearance import CameraSettings, LightSettings
 from hardware.table import Colour, TableSettings
 

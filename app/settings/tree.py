@@ -17,7 +17,7 @@ from app.motion import Profile
 from app.settings.rig_file import SIMULATED
 from app.settings.time_control import ArmTime
 from engine.settings import OptionValue
-from hardware.sim.process.settings import Pace
+from hardware.interfaces import Pace
 from hardware.table import Captured, Colour
 
 

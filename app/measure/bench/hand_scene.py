@@ -30,14 +30,14 @@ from app.rig.sim import SimRig
 from app.rig.sim_settings import SimRigSettings
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import State
-from hardware.interfaces import Intrinsics
+from hardware.interfaces import Intrinsics, Pace
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.hand import seen_from_above
-from hardware.sim.clients.referee import Referee
+from hardware.sim.clients.referee import SimReferee
 from hardware.sim.clients.video_stream import SimWatchCamera
 from hardware.sim.hand.actions import HandSettings
 from hardware.sim.process.randomisation import Randomisation
-from hardware.sim.process.settings import Pace, WorldSettings
+from hardware.sim.process.settings import WorldSettings
 from hardware.table import TableSettings
 from vision.hands.stillness import Watch
 
@@ -161,7 +161,7 @@ class Follower:
     def __init__(self, scene: HandScene, near: Callable[[], None] | None = None) -> None:
         self.looks: list[tuple[float, tuple[float, float, float, float]]] = []
         self.touches: list[tuple[float, float]] = []
-        self._scene, self._referee = scene, Referee(scene.run_dir)
+        self._scene, self._referee = scene, SimReferee(scene.run_dir)
         edge = 4.0 * scene.table.square
         self._board, self._tick = (edge, edge), scene.parameters.drive.tick
         self._near = near

@@ -38,7 +38,7 @@ from controller.wire.errors import ControllerError
 from controller.wire.listener import TelemetryWatch
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
-from hardware.sim.clients.referee import Referee
+from hardware.sim.clients.referee import SimReferee
 from hardware.sim.clients.wire import world_pid
 from hardware.table import TableSettings
 
@@ -271,7 +271,7 @@ class _Game:
     def _kill(self, victim: str, seen: list[Telemetry]) -> tuple[float, float, float] | None:
         """Kill, and see how the arm comes to rest; where the tool rests if only the controller is lost."""
         assert self._app is not None
-        referee = Referee(self._run_dir)
+        referee = SimReferee(self._run_dir)
         try:
             if victim == "app":
                 self._app.kill()
@@ -310,7 +310,7 @@ class _Game:
             time.sleep(_GLANCE)
         raise UserError("the arm did not come to rest after its program was killed")
 
-    def _see_brakes(self, referee: Referee, before: int) -> tuple[float, float, float]:
+    def _see_brakes(self, referee: SimReferee, before: int) -> tuple[float, float, float]:
         """Wait until the drives' own watchdog has braked the arm; where its tool rests."""
         deadline, quiet_since, stands_since, last = time.monotonic() + TIMEOUT, -1, 0.0, -1
         while (now := time.monotonic()) < deadline:
@@ -330,7 +330,7 @@ class _Game:
 
     def _watch_taking_over(self, rested: tuple[float, float, float]) -> None:
         """How far the tool moves from where it rested until the first motion of a new controller."""
-        referee, worst = Referee(self._run_dir), 0.0
+        referee, worst = SimReferee(self._run_dir), 0.0
         try:
             while self._step_count() < 2:  # the first of them tells that the game is resumed, the next begins to move
                 truth, _ = referee.look()

@@ -25,9 +25,10 @@ from app.records.telemetry import TELEMETRY_FILE, read_telemetry
 from app.settings.files import settings_of
 from app.terminal.interface import Quiet
 from controller.settings import ControllerSettings
+from hardware.interfaces import Pace
 from hardware.sim.process.construction import Construction
 from hardware.sim.process.journal import Replay
-from hardware.sim.process.settings import END_FILE, Pace, load_settings
+from hardware.sim.process.settings import END_FILE, load_settings
 
 SEED: Final = 1
 PLIES: Final = 24

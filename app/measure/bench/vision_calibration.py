@@ -25,11 +25,11 @@ from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from app.rig.sim import SimRig
 from app.rig.sim_settings import SimRigSettings
-from hardware.interfaces import Frame
+from hardware.interfaces import Frame, Pace
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.process.scene_control import SceneControl
-from hardware.sim.process.settings import Pace, WorldSettings
+from hardware.sim.process.settings import WorldSettings
 from hardware.sim.process.table_studio import Pose, TableStudio, true_camera
 from hardware.sim.render.appearance import ExposureSettings, LightSettings, Looks, MountSettings
 from hardware.table import PieceSpec, TableSettings, square_place

@@ -1,35 +1,18 @@
-"""The referee: the only door to the simulated world's ground truth.
-
-For tests, figures, records and the exit status. Nothing that chooses a move, a grasp or a motion may import this.
-"""
+"""The referee of a simulated world: the only door to its ground truth."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.referee import PiecePose, RunSpeed, Truth
 from hardware.sim.clients import wire
-from hardware.sim.plant.truth import PiecePose, Truth
 
 
-@dataclass(frozen=True, slots=True)
-class RunSpeed:
-    """Plant time run so far [s] and the wall time it took while ticks ran [s]."""
-
-    plant: float
-    wall: float
-
-    @property
-    def ratio(self) -> float:
-        """How many times faster than life."""
-        return self.plant / self.wall if self.wall > 0.0 else 0.0
-
-
-class Referee:
-    """Asks the world for the truth."""
+class SimReferee:
+    """``Referee``: asks the world for the truth."""
 
     def __init__(self, run_dir: Path) -> None:
         """Connect to the world of a run directory."""

@@ -11,7 +11,7 @@ from typing import Any, Final
 import mujoco
 
 from hardware.interfaces import HardwareError
-from hardware.sim.clients.referee import Referee
+from hardware.sim.clients.referee import SimReferee
 from hardware.sim.render.drawing import draw_rods
 from hardware.sim.render.renderer import MODEL_FILE
 
@@ -37,7 +37,7 @@ def watch_world(run_dir: Path, progress: Callable[[str], None]) -> None:
         raise HardwareError(f"no world with cameras runs in {run_dir}: start a game, then look at it")
     model = mujoco.MjModel.from_binary_path(str(path))
     data = mujoco.MjData(model)
-    referee = Referee(run_dir)
+    referee = SimReferee(run_dir)
     try:
         data.qpos[:] = referee.positions()
         mujoco.mj_kinematics(model, data)

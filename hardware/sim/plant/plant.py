@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters
+from hardware.referee import PiecePose, Truth
 from hardware.sim.bodies.hand import JOINTS, SPRINGS, felt_force
 from hardware.sim.bodies.hand import SENSOR as HAND_SENSOR
 from hardware.sim.plant import tick
 from hardware.sim.plant.imperfections import PERFECT, Flaws
 from hardware.sim.plant.snapshot import STATE, Snapshot
-from hardware.sim.plant.truth import PiecePose, Truth
 from hardware.table import Box
 
 ARM_TREES = 4

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import mujoco
 
-from hardware.interfaces import Command, HardwareError
+from hardware.interfaces import Command, HardwareError, Pace
 from hardware.realtime import real_time
 from hardware.sim.clients import wire
 from hardware.sim.hand.hand import Hand
@@ -36,7 +36,7 @@ from hardware.sim.process.journal import Journal
 from hardware.sim.process.pacing import Metronome, SpeedMeter
 from hardware.sim.process.scene_control import SceneControlService
 from hardware.sim.process.services import NEVER, ClockService, Drives, RefereeService
-from hardware.sim.process.settings import END_FILE, Pace, WorldSettings, load_settings
+from hardware.sim.process.settings import END_FILE, WorldSettings, load_settings
 from hardware.sim.render.renderer import MODEL_FILE, Renderer
 
 STANDING_WAIT = 0.001

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Self
 
@@ -16,7 +15,7 @@ from pydantic import (
     model_validator,
 )
 
-from hardware.interfaces import HardwareError
+from hardware.interfaces import HardwareError, Pace
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.hand.actions import HandSettings
@@ -27,15 +26,6 @@ from hardware.table import PieceSpec, TableSettings
 FILE_NAME = "world.json"
 END_FILE = "world_end.json"
 """How a world ended."""
-
-
-class Pace(StrEnum):
-    """How plant time goes."""
-
-    REAL = "real"
-    """By the wall clock."""
-    FAST = "fast"
-    """As fast as the processes can, standing still while all rests."""
 
 
 class WorldSettings(BaseModel):

@@ -27,10 +27,10 @@ from app.settings.calibration import (
     load_calibration,
     write_calibration,
 )
-from hardware.interfaces import Intrinsics
+from hardware.interfaces import Intrinsics, Pace
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.process.settings import Pace, WorldSettings
+from hardware.sim.process.settings import WorldSettings
 from hardware.sim.process.table_studio import true_camera
 from hardware.sim.render.appearance import CameraSettings, MountSettings
 from hardware.table import TableSettings

@@ -28,7 +28,7 @@ from app.terminal.interface import Quiet
 from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck
 from hardware.parameters import load_parameters
-from hardware.sim.plant.truth import PiecePose, Truth
+from hardware.referee import PiecePose, Truth
 from hardware.table import PIECE_SHAPES, Captured, Colour, Kind, Place, TableSettings, square_place
 
 PARAMETERS = load_parameters()

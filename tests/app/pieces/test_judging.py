@@ -12,7 +12,7 @@ import pytest
 from app.pieces.judging import judge
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory
-from hardware.sim.plant.truth import PiecePose, Truth
+from hardware.referee import PiecePose, Truth
 from hardware.table import TableSettings, square_place
 
 TABLE = TableSettings()

@@ -16,8 +16,9 @@ from app.rig.board import BoardRig
 from app.rig.devices import Rig
 from app.rig.sim import SimRig
 from app.rig.sim_settings import SimRigSettings
+from hardware.interfaces import Pace
 from hardware.parameters import load_parameters
-from hardware.sim.process.settings import Pace, WorldSettings
+from hardware.sim.process.settings import WorldSettings
 from hardware.table import TableSettings
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()

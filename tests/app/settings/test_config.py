@@ -13,8 +13,8 @@ from app.rig.devices import RigFailed
 from app.rig.factory import choose_rig
 from app.settings.rig_file import ConfigError, DrivesSection, RigFile, WorldSection, load_rig
 from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
+from hardware.interfaces import Pace
 from hardware.parameters import DEFAULT_FILE
-from hardware.sim.process.settings import Pace
 from hardware.table import TableSettings
 
 CONTROLLER = '[controller]\nhost = "192.168.7.2"\nport = 47100\n'

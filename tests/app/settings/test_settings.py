@@ -16,7 +16,7 @@ from app.motion import Profile
 from app.settings.files import as_toml, load_settings, settings_of
 from app.settings.rig_file import ConfigError
 from app.settings.tree import PlayerKind, Settings
-from hardware.sim.process.settings import Pace
+from hardware.interfaces import Pace
 
 TEXT = st.text(st.characters(codec="utf-8"), max_size=9)
 CHANGES = st.fixed_dictionaries(

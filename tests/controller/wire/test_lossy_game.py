@@ -13,7 +13,7 @@ from app.settings.files import settings_of
 from app.terminal.interface import Quiet
 from controller.wire.address import find_controller
 from controller.wire.client import ControllerClient
-from hardware.sim.process.settings import Pace
+from hardware.interfaces import Pace
 
 LINE = "e4 d5"
 

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, ServoBus
+from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Pace, ServoBus
 from hardware.parameters import load_parameters
 from hardware.recorded_bus import RecordedServoBus
 from hardware.sim.clients.bus import SimServoBus
-from hardware.sim.process.settings import FILE_NAME, Pace, WorldSettings
+from hardware.sim.process.settings import FILE_NAME, WorldSettings
 
 PARAMETERS = load_parameters()
 HOME = (0.0, 0.075, 0.325)

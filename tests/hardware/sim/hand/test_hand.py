@@ -18,6 +18,7 @@ from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Command, Triple
 from hardware.parameters import load_parameters
+from hardware.referee import PiecePose
 from hardware.sim.bodies.finger_world import MASS, STIFFNESS, Finger, build_finger_world, finger_force
 from hardware.sim.bodies.hand import JOINTS, SKIN_MASS, STRENGTH, add_hand, parked, seen_from_above
 from hardware.sim.bodies.placed import StandingPiece
@@ -39,7 +40,6 @@ from hardware.sim.hand.hand import Hand
 from hardware.sim.hand.routines import HandFailed, Routines, View
 from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.snapshot import load_snapshot, save_snapshot
-from hardware.sim.plant.truth import PiecePose
 from hardware.sim.process.settings import WorldSettings, stand_pieces
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings
 

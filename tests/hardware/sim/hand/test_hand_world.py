@@ -20,7 +20,7 @@ from hardware.interfaces import Command, DriveStatus, HardwareError
 from hardware.sim.clients import wire
 from hardware.sim.clients.bus import SimServoBus
 from hardware.sim.clients.hand import HandRefused, SimHand
-from hardware.sim.clients.referee import Referee
+from hardware.sim.clients.referee import SimReferee
 from hardware.sim.hand.actions import Hover, Move, Take, Withdraw
 from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings
@@ -80,7 +80,7 @@ def world(tmp_path: Path) -> Iterator[WorldProcess]:
 def test_a_move_is_made_while_nobody_holds_the_drives_and_time_stands_afterwards(world: WorldProcess) -> None:
     with ExitStack() as stack:
         hand = stack.enter_context(closing(SimHand(world.run_dir)))
-        referee = stack.enter_context(closing(Referee(world.run_dir)))
+        referee = stack.enter_context(closing(SimReferee(world.run_dir)))
         before, _ = referee.look()
         hand.perform(Move(start=xy("e2"), to=xy("e4")), Withdraw())
         assert hand.busy()
@@ -160,7 +160,7 @@ def test_a_world_without_a_hand_says_so(tmp_path: Path) -> None:
 
 def test_a_hand_whose_master_is_gone_puts_the_piece_down_and_withdraws(world: WorldProcess) -> None:
     with ExitStack() as stack:
-        referee = stack.enter_context(closing(Referee(world.run_dir)))
+        referee = stack.enter_context(closing(SimReferee(world.run_dir)))
         hand = SimHand(world.run_dir)
         hand.perform(Take(at=xy("e2")))
         hand.wait()
@@ -183,7 +183,7 @@ def test_a_hand_whose_master_is_gone_puts_the_piece_down_and_withdraws(world: Wo
 def test_a_world_that_ends_leaves_a_hand_that_has_withdrawn(world: WorldProcess) -> None:
     hand = SimHand(world.run_dir)
     hand.perform(Take(at=xy("e2")), Hover(at=(0.05, 0.05), duration=30.0))
-    with closing(Referee(world.run_dir)) as referee:
+    with closing(SimReferee(world.run_dir)) as referee:
         while referee.look()[0].tick < 3000:
             time.sleep(0.01)
     end = world.terminate()

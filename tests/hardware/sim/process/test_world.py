@@ -18,19 +18,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hardware.interfaces import BusLost, Command, DriveStatus, HardwareError, Measurement, StaleFrame
+from hardware.interfaces import BusLost, Command, DriveStatus, HardwareError, Measurement, Pace, StaleFrame
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.clients import wire
 from hardware.sim.clients.bus import SimServoBus
 from hardware.sim.clients.camera import FrameStream, SimCamera, SimClock
-from hardware.sim.clients.referee import Referee
+from hardware.sim.clients.referee import SimReferee
 from hardware.sim.plant.live_state import LIVE_FILE, load_live_state
 from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.process.pacing import CATCH_UP, Metronome
 from hardware.sim.process.server import serve
-from hardware.sim.process.settings import END_FILE, FILE_NAME, Pace, WorldSettings, load_settings, stand_pieces
+from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings, load_settings, stand_pieces
 from hardware.sim.render.renderer import HEIGHT, WIDTH
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
 
@@ -201,7 +201,7 @@ def test_each_answer_is_the_present_measurement_and_the_command_acts_after_it(st
     with ExitStack() as stack:
         bus = SimServoBus(world.run_dir)
         stack.callback(leave, bus)
-        referee = stack.enter_context(closing(Referee(world.run_dir)))
+        referee = stack.enter_context(closing(SimReferee(world.run_dir)))
         assert bus.lockstep
         assert bus.period == TICK
         for tick, command in enumerate(commands()):
@@ -317,7 +317,7 @@ def test_time_runs_for_a_sleeper_without_any_controller(start: Start) -> None:
 
 
 def test_the_referee_keeps_the_peak_until_it_is_reset(world: WorldProcess) -> None:
-    with Controller(world.run_dir) as controller, closing(Referee(world.run_dir)) as referee:
+    with Controller(world.run_dir) as controller, closing(SimReferee(world.run_dir)) as referee:
         controller.settle()
         referee.look(reset_peak=True)
         with closing(SimClock(world.run_dir)) as clock:
@@ -423,7 +423,7 @@ def fall(bus: SimServoBus) -> Measurement:
 
 def rest_after(world: WorldProcess, tick: int) -> Measurement:
     """What the next controller finds."""
-    with closing(Referee(world.run_dir)) as referee:
+    with closing(SimReferee(world.run_dir)) as referee:
         until(lambda: referee.look()[0].arm_speed < 2e-4)
         assert referee.look()[0].tick > tick + PARAMETERS.drive.watchdog_ticks
     bus = SimServoBus(world.run_dir)
@@ -455,7 +455,7 @@ def test_a_stopped_controller_is_lost_and_told_so_when_it_wakes_up(world: WorldP
 
 
 def rest_after_silence(world: WorldProcess, tick: int) -> Measurement:
-    with closing(Referee(world.run_dir)) as referee:
+    with closing(SimReferee(world.run_dir)) as referee:
         until(lambda: referee.look()[0].tick > tick + 1)
     return rest_after(world, tick)
 
@@ -488,7 +488,7 @@ def test_a_world_goes_on_from_the_snapshot_of_the_one_before(start: Start) -> No
     assert world.process.wait(30.0) == 0
     left = world.end
     again = start(world.run_dir)
-    with closing(Referee(world.run_dir)) as referee:
+    with closing(SimReferee(world.run_dir)) as referee:
         truth, _ = referee.look()
         assert truth.tick == left["tick"]
         assert truth.state_sha256 == left["state_sha256"], "to the last bit"
@@ -515,7 +515,7 @@ def test_a_world_that_is_killed_in_mid_motion_goes_on_from_there_on_its_brakes(s
     aside = 10 if pace is Pace.REAL else 0  # written by a thread, which may be a little behind
     assert live.tick >= falling.tick - aside
     again = start(world.run_dir, pace=pace)
-    with closing(Referee(world.run_dir)) as referee:
+    with closing(SimReferee(world.run_dir)) as referee:
         truth, _ = referee.look()
         assert truth.tick >= live.tick + PARAMETERS.drive.watchdog_ticks, "it came to rest before anybody was there"
         assert truth.arm_speed < 2e-4

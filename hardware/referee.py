@@ -1,8 +1,15 @@
-"""What is really so in the simulated world: for the referee alone."""
+"""The referee's seam: what is really so in a simulated world, for records, figures, tests and the exit status alone.
+
+A lab has no referee. Nothing that chooses a move, a grasp or a motion may import this.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +43,32 @@ class Truth:
     """Largest force of the robot on a person's hand since the last reset of the peak [N]; 0 in a world without one."""
     hand: tuple[float, float, float, float] | None = None
     """Where a person's fingertips are, board frame [m], and how the hand is turned about the vertical [rad], as in
-    ``hand_motion.Pose``; None in a world without a person."""
+    ``hardware.sim.bodies.hand.HandPose``; None in a world without a person."""
     grips_lost: int = 0
     """So often the gripper has let go by itself, since the world was begun or continued."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunSpeed:
+    """Plant time run so far [s] and the wall time it took while ticks ran [s]."""
+
+    plant: float
+    wall: float
+
+    @property
+    def ratio(self) -> float:
+        """How many times faster than life."""
+        return self.plant / self.wall if self.wall > 0.0 else 0.0
+
+
+class Referee(Protocol):
+    """Tells what is really so."""
+
+    def look(self, reset_peak: bool = False) -> tuple[Truth, RunSpeed]:
+        """The world as it is; optionally start counting the peak contact force anew."""
+
+    def positions(self) -> NDArray[np.float64]:
+        """All generalised positions of the world's model, shape (nq,)."""
+
+    def close(self) -> None:
+        """Let the world go."""
