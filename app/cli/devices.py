@@ -21,7 +21,7 @@ def controller(
     as_json: Annotated[bool, typer.Option("--json", help="Print the telemetry as JSON.")] = False,
 ) -> None:
     """Run a rig's controller until Ctrl-C; or look at one that runs, or command it."""
-    from app.rig.processes import run_controller, run_controller_of_rig
+    from app.rig.simulation.processes import run_controller, run_controller_of_rig
 
     if run_dir is not None:
         run_process(lambda: run_controller(run_dir))
@@ -57,7 +57,7 @@ def world(
     run_dir: Annotated[Path | None, typer.Option("--run-dir", hidden=True)] = None,
 ) -> None:
     """Look at a simulated world that runs; games start theirs by themselves."""
-    from app.rig.processes import run_world, view_world
+    from app.rig.simulation.processes import run_world, view_world
 
     if view:
         run_process(lambda: view_world(game, say))

@@ -24,13 +24,12 @@ from app.motion import MotionSettings
 from app.records.files import GAMES
 from app.rig.devices import Rig
 from app.rig.factory import choose_rig, open_rig
-from app.rig.sim_settings import SimRigSettings
+from app.rig.rig_file import RigFile
+from app.rig.simulation.settings import SimRigSettings, settings_to_calibrate
 from app.settings.calibration import CalibratedBoard, Calibration, Pinhole, as_rows, residuals, write_calibration
-from app.settings.rig_file import RigFile
 from controller.wire.errors import ControllerError
-from hardware.interfaces import Frame, HardwareError, Pace
+from hardware.interfaces import Frame, HardwareError
 from hardware.parameters import load_parameters
-from hardware.sim.process.settings import WorldSettings
 from hardware.table import TableSettings, square_place
 from vision.board.find import find_board
 from vision.board.view import BoardNotFound, BoardView, playing_area
@@ -185,5 +184,4 @@ def _setup(rig: RigFile | None) -> tuple[Setup, SimRigSettings | None]:
         return Setup(rig.table, load_parameters(rig.parameters), MotionSettings().at(rig.table)), None
     table = TableSettings()
     motion = MotionSettings().at(table)
-    world = WorldSettings(pieces=(), home=motion.home, table=table, pace=Pace.FAST)
-    return Setup(table, load_parameters(), motion), SimRigSettings(world=world)
+    return Setup(table, load_parameters(), motion), settings_to_calibrate(motion, table)

@@ -16,8 +16,10 @@ from app.commissioning.check_cameras import check_camera
 from app.commissioning.check_drives import check_drives
 from app.commissioning.check_report import CheckReport, Finding, Judge
 from app.commissioning.operate import STATUS, operate
-from app.rig.processes import drives_of, require_world
-from app.settings.rig_file import SIMULATED, ControllerSection, RigFile, WorldSection, load_rig
+from app.rig.rig_file import ControllerSection, RigFile, WorldSection, load_rig
+from app.rig.simulation.cameras import board_camera
+from app.rig.simulation.processes import drives_of, require_world
+from app.settings.tree import SIMULATED
 from controller.model.constants import DeltaModel
 from controller.model.workspace import BoardDoesNotFit, require_fit
 from engine.errors import EngineProblem
@@ -25,7 +27,6 @@ from engine.stockfish import Engine, EngineSettings
 from hardware.camera.factory import open_camera
 from hardware.interfaces import HardwareError, Pace
 from hardware.parameters import ParametersError, RobotParameters, load_parameters
-from hardware.sim.clients.camera import SimCamera
 from hardware.table import PIECE_SHAPES
 
 NODES = 2000
@@ -124,7 +125,7 @@ def _check_drives(
             seen: list[Finding] = []
             if rig.simulated and rig.world_section.cameras:  # first: the world ends when its drives are given up
                 require_world(rig, progress)
-                with closing(SimCamera(rig.run_dir)) as camera:
+                with closing(board_camera(rig.run_dir)) as camera:
                     seen = check_camera(camera)
             return judge.findings + check_drives(open_bus, parameters, rig.table) + seen
     except (UserError, HardwareError) as error:

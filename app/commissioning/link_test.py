@@ -19,8 +19,8 @@ from rich.table import Table
 from app import UserError
 from app.commissioning.processor import ProcessorTime, stolen_share
 from app.rig.factory import choose_rig
-from app.rig.timed import GrantedRealTime, timed_rig
-from app.settings.rig_file import ControllerSection
+from app.rig.rig_file import ControllerSection
+from app.rig.simulation.timed import GrantedRealTime, timed_rig
 from controller.protocol.key import KEY_FILE, KeyFileError, load_key
 from controller.settings import CONTROLLER_FILE
 from controller.wire.errors import ControllerError

@@ -10,7 +10,8 @@ from typing import Final
 from rich.table import Table
 
 from app import UserError
-from app.settings.rig_file import SIMULATED, load_rig
+from app.rig.rig_file import load_rig
+from app.settings.tree import SIMULATED
 from controller.protocol.key import KeyFileError, load_key
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import BRAKED

@@ -10,12 +10,9 @@ from pathlib import Path
 import av
 
 from app.records import RecordError, recording
+from app.rig.simulation.cameras import film_stream
 from hardware.interfaces import Pace
-from hardware.sim.clients.camera import FrameStream
-from hardware.sim.render.renderer import HEIGHT, WIDTH
 
-FRAME_TICKS = {Pace.FAST: 45, Pace.REAL: 135}
-"""A frame each so many ticks of 0.88 ms: 25 a second; in pace real 8, to leave the cores to the plant's ticks."""
 TIME_BASE = Fraction(1, 1000)
 NICE = 10
 """The film's thread steps back behind everything else [steps of the scheduler's niceness]."""
@@ -36,7 +33,7 @@ class Film:
         """
         self._path = path
         self._longest, self._tick = longest, tick
-        self._stream = FrameStream(run_dir, "film", FRAME_TICKS[pace])
+        self._stream = film_stream(run_dir, pace)
         self._error: RecordError | None = None
         self._thread = threading.Thread(target=self._film, name="film", daemon=True)
         self._thread.start()
@@ -55,13 +52,14 @@ class Film:
         with av.open(str(self._path), "w", format="webm") as container:
             stream = container.add_stream("libvpx-vp9", rate=25)
             stream.pix_fmt, stream.bit_rate = "yuv420p", 800_000
-            stream.width, stream.height = WIDTH, HEIGHT
             stream.time_base = TIME_BASE
             stream.options = {"deadline": "realtime", "cpu-used": "8", "row-mt": "0"}
             first: int | None = None
             while (shot := self._stream.next()) is not None:
                 picture, tick = shot
-                first = tick if first is None else first
+                if first is None:
+                    first = tick
+                    stream.height, stream.width = picture.shape[:2]
                 seconds = (tick - first) * self._tick
                 if seconds > self._longest:
                     break

@@ -14,17 +14,13 @@ from app.motion import PROFILES, MotionSettings, contact_limits
 from app.pieces.manipulation import Inventory
 from app.rig.board import BoardRig
 from app.rig.devices import Rig
-from app.rig.sim_settings import SimRigSettings
-from app.settings.rig_file import BOARD, SIMULATED, RigFile, load_randomisation, load_rig
-from app.settings.tree import PadKind, RigSection
-from controller.settings import ControllerSettings
+from app.rig.rig_file import RigFile, load_rig
+from app.rig.simulation.settings import SimRigSettings, settings_for_game
+from app.settings.tree import BOARD, SIMULATED, PadKind, RigSection
 from controller.wire.link import Listener
 from hardware.camera.settings import NoCameraSettings
 from hardware.interfaces import Pace
 from hardware.parameters import DEFAULT_FILE, FLAT_PADS_FILE, RobotParameters, load_parameters
-from hardware.sim.hand.actions import HandSettings
-from hardware.sim.process.randomisation import Randomisation
-from hardware.sim.process.settings import WorldSettings
 from hardware.table import PIECE_SHAPES, Captured, Colour, TableSettings
 
 if TYPE_CHECKING:
@@ -97,17 +93,8 @@ class Venue:
         Raises:
             UserError: the file of ``randomise`` is wrong.
         """
-        section = self.section
-        randomisation = Randomisation() if section.randomise is None else load_randomisation(section.randomise)
-        return SimRigSettings(
-            world=WorldSettings(
-                pieces=tuple(inventory), home=self.motion.home, table=self.meant, pace=self.pace, seed=section.seed,
-                randomisation=randomisation, parameters_file=_ROBOTS[section.pads], linger=section.linger,
-                journal=section.journal, cameras=section.cameras,
-                hand=None if person is None else HandSettings(side=person),
-            ),
-            controller=ControllerSettings(linger=max(section.linger, 1e-3), port=section.port),
-        )  # fmt: skip
+        robot = _ROBOTS[self.section.pads]
+        return settings_for_game(self.section, inventory, self.motion, self.meant, self.pace, robot, person)
 
     def open(
         self, folder: Path, world: SimRigSettings | None, progress: Callable[[str], None], listener: Listener | None

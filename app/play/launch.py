@@ -27,8 +27,7 @@ from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_histo
 from app.records.events import EndEvent
 from app.records.files import GAMES
 from app.settings.files import keep_settings, kept_settings
-from app.settings.rig_file import BOARD
-from app.settings.tree import PlayerKind, Settings
+from app.settings.tree import BOARD, PlayerKind, Settings
 from app.terminal.interface import Face
 from app.terminal.typed_lines import TypedLines
 from hardware.interfaces import Intrinsics
@@ -97,7 +96,7 @@ def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> Sessi
         match = stack.enter_context(_match(settings, venue, games, folder, face))
         match.go_on(Start(number, sets_up, GameRecord.go_on(path, history), position))
         if venue.own:
-            from app.rig.sim import require_present  # devices take seconds to load
+            from app.rig.simulation.sim import require_present  # devices take seconds to load
 
             require_present(venue.run_dir(folder), history.events[-1].plant_time, venue.parameters.drive.tick)
         return run_session(
@@ -208,7 +207,7 @@ def _believed_view(venue: Venue, intrinsics: Intrinsics) -> BoardView | None:
         return venue.calibration.board_view(venue.table)
     if not venue.simulated:
         return None
-    from app.rig.nominal_view import nominal_view
+    from app.rig.simulation.nominal_view import nominal_view
 
     return nominal_view(intrinsics, venue.table)
 

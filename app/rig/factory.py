@@ -7,9 +7,10 @@ from pathlib import Path
 
 from app.rig.devices import Rig, RigFailed
 from app.rig.remote import RemoteRig
-from app.rig.sim import SimRig
-from app.rig.sim_settings import SimRigSettings
-from app.settings.rig_file import BOARD, SIMULATED, RigFile, load_rig
+from app.rig.rig_file import RigFile, load_rig
+from app.rig.simulation.settings import SimRigSettings
+from app.rig.simulation.sim import SimRig
+from app.settings.tree import BOARD, SIMULATED
 from controller.wire.link import Listener
 
 

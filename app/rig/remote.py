@@ -14,8 +14,8 @@ from typing import Final, Self
 from app.rig.arm import Arm, ControllerArm
 from app.rig.attach import attach
 from app.rig.devices import EndState, RigFailed, Watched
+from app.rig.rig_file import RigFile
 from app.rig.steady_frames import SteadyFrames
-from app.settings.rig_file import RigFile
 from controller.protocol.key import KeyFileError, load_key
 from controller.protocol.states import State
 from controller.wire.client import ControllerClient

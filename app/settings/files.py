@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from app import UserError
 from app.records.files import write_atomically
-from app.settings.rig_file import ConfigError, load_toml
+from app.settings.toml import ConfigError, load_toml
 from app.settings.tree import Settings
 
 SETTINGS_FILE: Final = "settings.json"

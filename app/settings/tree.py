@@ -9,16 +9,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from app.motion import Profile
-from app.settings.rig_file import SIMULATED
 from app.settings.time_control import ArmTime
 from engine.settings import OptionValue
 from hardware.interfaces import Pace
 from hardware.table import Captured, Colour
+
+SIMULATED: Final = "sim"
+"""Name of the rig that is simulated and started with the program that uses it; also of its bus."""
+BOARD: Final = "board"
+"""Name of the rig without physics, camera or arm."""
 
 
 class PadKind(StrEnum):

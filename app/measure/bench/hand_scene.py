@@ -25,9 +25,9 @@ from app.guard.hand_guard import ArmMasks, HandGuard, Listener
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory
-from app.rig.nominal_view import nominal_view
-from app.rig.sim import SimRig
-from app.rig.sim_settings import SimRigSettings
+from app.rig.simulation.nominal_view import nominal_view
+from app.rig.simulation.settings import SimRigSettings
+from app.rig.simulation.sim import SimRig
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import State
 from hardware.interfaces import Intrinsics, Pace

@@ -26,8 +26,8 @@ import chess
 from app import UserError
 from app.measure.bench.report import BenchReport, Row, machine, row
 from app.rig.arm import FELT
-from app.rig.processes import last_words
 from app.rig.remote import RESTING
+from app.rig.simulation.processes import last_words
 from controller.protection.limits import default_limits
 from controller.protocol.key import KeyFileError
 from controller.protocol.messages import Telemetry

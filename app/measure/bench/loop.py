@@ -24,7 +24,7 @@ from app.motion import Motion, MotionSettings, Plan
 from app.motion.gains import critical
 from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
 from app.rig.arm import ArmPaused
-from app.rig.timed import RunEnd, Statistics, TimedRig, timed_rig
+from app.rig.simulation.timed import RunEnd, Statistics, TimedRig, timed_rig
 from controller.wire.errors import ControllerError
 from engine.errors import EngineProblem
 from engine.stockfish import Engine, EngineSettings

@@ -23,8 +23,8 @@ from app.commissioning.marker_survey import Setup
 from app.measure.bench.report import Row, row
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
-from app.rig.sim import SimRig
-from app.rig.sim_settings import SimRigSettings
+from app.rig.simulation.settings import SimRigSettings
+from app.rig.simulation.sim import SimRig
 from hardware.interfaces import Frame, Pace
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model

@@ -16,8 +16,8 @@ from app.commissioning.calibrate import calibrate_rig, corners_near
 from app.commissioning.marker_survey import Setup
 from app.measure.bench.vision_calibration import square_errors
 from app.motion import MotionSettings
-from app.rig.sim import SimRig
-from app.rig.sim_settings import SimRigSettings
+from app.rig.simulation.settings import SimRigSettings
+from app.rig.simulation.sim import SimRig
 from app.settings.calibration import (
     CalibratedBoard,
     Calibration,

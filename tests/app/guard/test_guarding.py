@@ -10,7 +10,7 @@ import pytest
 from app.guard.arm_silhouette import ArmHistory
 from app.guard.game_guard import GameGuard
 from app.guard.hand_guard import Blind
-from app.rig.nominal_view import nominal_view
+from app.rig.simulation.nominal_view import nominal_view
 from app.rig.steady_frames import SteadyFrames
 from hardware.interfaces import CameraClosed, Frame, Intrinsics, StaleFrame
 from hardware.parameters import load_parameters

@@ -15,7 +15,7 @@ from app.guard.arm_silhouette import ArmHistory
 from app.guard.game_guard import GameGuard
 from app.guard.hand_guard import ArmMasks, Blind, HandGuard
 from app.guard.hand_notice import HandNotice
-from app.rig.nominal_view import nominal_view
+from app.rig.simulation.nominal_view import nominal_view
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings

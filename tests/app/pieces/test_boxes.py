@@ -21,8 +21,8 @@ from app.play.game_setup import venue_of
 from app.play.hand_moves import HandDropsNothing, hand_move
 from app.play.launch import run_games
 from app.rig.arm import FELT, ArmAtRest
+from app.rig.rig_file import load_rig
 from app.settings.files import settings_of
-from app.settings.rig_file import load_rig
 from app.settings.tree import Settings
 from app.terminal.interface import Quiet
 from controller.protection.limits import default_limits

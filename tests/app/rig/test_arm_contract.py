@@ -14,8 +14,8 @@ from app.pieces.manipulation import Inventory, Ply, Stage, transfers
 from app.rig.arm import FELT, Arm
 from app.rig.board import BoardRig
 from app.rig.devices import Rig
-from app.rig.sim import SimRig
-from app.rig.sim_settings import SimRigSettings
+from app.rig.simulation.settings import SimRigSettings
+from app.rig.simulation.sim import SimRig
 from hardware.interfaces import Pace
 from hardware.parameters import load_parameters
 from hardware.sim.process.settings import WorldSettings

@@ -8,8 +8,8 @@ import mujoco
 import pytest
 
 from app.rig.devices import RigFailed
-from app.rig.sim import SimRig, require_present
-from app.rig.sim_settings import SimRigSettings
+from app.rig.simulation.settings import SimRigSettings
+from app.rig.simulation.sim import SimRig, require_present
 from hardware.sim.plant.live_state import LIVE_FILE, LiveState
 from hardware.sim.process.settings import WorldSettings
 from hardware.table import TableSettings

@@ -11,7 +11,8 @@ import pytest
 
 from app.rig.devices import RigFailed
 from app.rig.factory import choose_rig
-from app.settings.rig_file import ConfigError, DrivesSection, RigFile, WorldSection, load_rig
+from app.rig.rig_file import DrivesSection, RigFile, WorldSection, load_rig
+from app.settings.toml import ConfigError
 from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
 from hardware.interfaces import Pace
 from hardware.parameters import DEFAULT_FILE

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from app.cli import app
 from app.motion import Profile
 from app.settings.files import as_toml, load_settings, settings_of
-from app.settings.rig_file import ConfigError
+from app.settings.toml import ConfigError
 from app.settings.tree import PlayerKind, Settings
 from hardware.interfaces import Pace
 

@@ -23,7 +23,7 @@ from app.measure.bench.loop import WAY, loop_rows, straight, sweep, thinking
 from app.motion import MotionSettings
 from app.motion.plan import Plan
 from app.rig.arm import ArmAtRest
-from app.rig.timed import GrantedRealTime, NoStatistics, RunEnd, RunPulse, Statistics, read_pulse
+from app.rig.simulation.timed import GrantedRealTime, NoStatistics, RunEnd, RunPulse, Statistics, read_pulse
 from controller.loop.statistics import PULSE_FILE
 from controller.wire.errors import ControllerError, ControllerLost
 from hardware.table import TableSettings

@@ -12,7 +12,8 @@ import pytest
 from pydantic import ValidationError
 
 from app.pieces.layout import start_layout
-from app.settings.rig_file import ConfigError, load_randomisation
+from app.rig.rig_file import load_randomisation
+from app.settings.toml import ConfigError
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import BoardOffset
 from hardware.sim.bodies.scene import build_model

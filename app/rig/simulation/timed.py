@@ -16,8 +16,8 @@ from app import UserError
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory
-from app.rig.sim import SimRig
-from app.rig.sim_settings import SimRigSettings
+from app.rig.simulation.settings import SimRigSettings
+from app.rig.simulation.sim import SimRig
 from controller.loop.statistics import PULSE_FILE
 from controller.settings import ControllerSettings
 from hardware.interfaces import Pace

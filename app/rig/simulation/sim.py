@@ -17,12 +17,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from app.records import recording
-from app.rig.adopted import Adopted, Process, adopt
 from app.rig.arm import ControllerArm
 from app.rig.attach import attach
 from app.rig.devices import EndState, RigFailed, Watched
-from app.rig.processes import CONTROLLER_SETTINGS_FILE, last_words, log_of, spawn
-from app.rig.sim_settings import SimRigSettings
+from app.rig.simulation.adopted import Adopted, Process, adopt
+from app.rig.simulation.processes import CONTROLLER_SETTINGS_FILE, last_words, log_of, spawn
+from app.rig.simulation.settings import SimRigSettings
 from controller.model.constants import DeltaModel
 from controller.model.workspace import BoardDoesNotFit, require_fit
 from controller.protocol.key import KEY_FILE, KeyFileError, create_key

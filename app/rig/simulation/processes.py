@@ -15,7 +15,9 @@ from typing import Final
 
 from app import UserError
 from app.records.files import GAMES
-from app.settings.rig_file import SIMULATED, ConfigError, ControllerSection, RigFile, load_rig
+from app.rig.rig_file import ControllerSection, RigFile, load_rig
+from app.settings.toml import ConfigError
+from app.settings.tree import SIMULATED
 from controller.protocol.key import KEY_FILE, KeyFileError, create_key
 from controller.settings import ControllerSettings
 from hardware.interfaces import ServoBus
