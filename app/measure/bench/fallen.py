@@ -29,7 +29,7 @@ from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.grip_faults import GripFaults
 from hardware.sim.plant.imperfections import Flaws, Imperfections
 from hardware.sim.plant.plant import Plant
-from hardware.sim.process.table_studio import Pose, TableStudio
+from hardware.sim.process.table_studio import PlacedPiece, TableStudio
 from hardware.sim.render.appearance import Looks
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.board.view import BoardView
@@ -60,7 +60,7 @@ def fallen_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
     unmended, plans = list[float](), list[float]()
     with TableStudio(_set(), table, MotionSettings().home) as studio:
         for number in range(TRIALS[quick]):
-            trial = Trial(studio, table, number, lost=bool(number % 2))
+            trial = FallTrial(studio, table, number, lost=bool(number % 2))
             trouble = trial.run()
             unmended.append(float(trouble is not None))
             plans.append(float(trial.plans))
@@ -86,7 +86,7 @@ def _set() -> tuple[PieceSpec, ...]:
     return tuple(specs)
 
 
-class Trial:
+class FallTrial:
     """One world and one mishap.
 
     Args:
@@ -204,13 +204,15 @@ class Trial:
         for _ in range(round(duration / self._parameters.drive.tick)):
             self._cell.tick()
 
-    def _poses(self) -> Iterator[Pose]:
+    def _poses(self) -> Iterator[PlacedPiece]:
         """Of all pieces, for the picture."""
         for spec in self._inventory:
             body = self._cell.plant.data.body(spec.name)
             x, y, z = body.xpos.tolist()
             axis = body.xmat.reshape(3, 3)[:, 2]
-            yield Pose(spec.name, x, y, z, math.atan2(axis[0], -axis[1]), math.acos(max(-1.0, min(1.0, axis[2]))))
+            yield PlacedPiece(
+                spec.name, x, y, z, math.atan2(axis[0], -axis[1]), math.acos(max(-1.0, min(1.0, axis[2])))
+            )
 
     def _strays(self) -> list[Strayed]:
         """What the camera finds out of place; the victim first."""
@@ -225,7 +227,7 @@ class Trial:
         return self._target if spec.name == self._victim.name else spec.place
 
     def _judge(self) -> str | None:
-        poses: Mapping[str, Pose] = {pose.name: pose for pose in self._poses()}
+        poses: Mapping[str, PlacedPiece] = {pose.name: pose for pose in self._poses()}
         for spec in self._inventory:
             pose, (x, y) = poses[spec.name], self._table.xy(self._place(spec))
             off = math.hypot(pose.x - x, pose.y - y)

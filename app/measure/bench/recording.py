@@ -52,7 +52,7 @@ class Tick:
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class TickRecording:
     """A run of the supervisor: ticks on the brakes first, in which no torque was asked for, then all others."""
 
     parameters: RobotParameters
@@ -100,7 +100,7 @@ class _RecordedCell(Cell):
             self.law.ticks[-1] = replace(self.law.ticks[-1], torque=self.supervisor.torque)
 
 
-def record(ticks: int, seed: int) -> Recording:
+def record(ticks: int, seed: int) -> TickRecording:
     """Play the line until so many ticks with torque are recorded.
 
     Args:
@@ -129,5 +129,5 @@ def record(ticks: int, seed: int) -> Recording:
         inventory = inventory.after(ply)
         if len(cell.law.ticks) - boot >= ticks:
             heard = tuple(cell.law.ticks)
-            return Recording(cell.parameters, heard[:boot], heard[boot : boot + ticks], plies)
+            return TickRecording(cell.parameters, heard[:boot], heard[boot : boot + ticks], plies)
     raise RuntimeError(f"the line of {plies} plies gave {len(cell.law.ticks) - boot} ticks, {ticks} are wanted")
