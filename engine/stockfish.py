@@ -19,11 +19,11 @@ from engine import budget
 from engine.alone import searched_alone
 from engine.answers import Candidate, EngineMove, engine_move
 from engine.errors import EngineMissing, EngineRefused, Misbehaved
-from engine.keeper import Keeper
 from engine.options import at_full_strength
 from engine.process import UciProcess
 from engine.protocol import PULSE_DEADLINE, TOLD, Uci
 from engine.settings import EngineSettings
+from engine.supervised import Keeper
 
 __all__ = ["Candidate", "Engine", "EngineMove", "EngineSettings", "find_engine"]
 

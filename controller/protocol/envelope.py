@@ -7,12 +7,12 @@ import hmac
 from enum import IntEnum, unique
 from typing import NamedTuple
 
-from controller.protocol.layout import HEADER, MAGIC, MAX_DATAGRAM, PAYLOADS, SAMPLE, TAG_SIZE, VERSION, Kind
+from controller.protocol.layout import HEADER, MAGIC, MAX_DATAGRAM, PAYLOADS, SAMPLE, TAG_SIZE, VERSION, DatagramKind
 
 _HEADER = HEADER.struct
 _OVERHEAD = HEADER.size + TAG_SIZE
 _SIZES: dict[int, int] = {int(kind): layout.size for kind, layout in PAYLOADS.items()}
-_SAMPLES = int(Kind.SAMPLES)
+_SAMPLES = int(DatagramKind.SAMPLES)
 _WINDOW = 256
 """Sequence numbers remembered behind the newest one; a datagram later than that is dropped and sent again anew."""
 
@@ -57,7 +57,7 @@ class Envelope:
         tag.update(data)
         return tag.digest()
 
-    def seal(self, kind: Kind, session: int, sequence: int, payload: bytes) -> bytes:
+    def seal(self, kind: DatagramKind, session: int, sequence: int, payload: bytes) -> bytes:
         """A whole datagram: header, payload, tag over both."""
         size = _OVERHEAD + len(payload)
         body = _HEADER.pack(MAGIC, VERSION, kind, size, session, sequence) + payload
