@@ -16,10 +16,12 @@ from pydantic import ValidationError
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import CAMERAS, build_model
+from hardware.sim.process.construction import Construction
 from hardware.sim.process.randomisation import Randomisation
 from hardware.sim.process.settings import stand_pieces
 from hardware.sim.render.appearance import CameraSettings, ExposureSettings, LightSettings, Looks, MountSettings
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
+from hardware.sim.render.drawing import draw_rods
 from hardware.sim.render.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, RenderRequest, Sensor, frame_path
 from hardware.sim.render.sensors import STEREO
 from hardware.table import TableSettings
@@ -186,3 +188,22 @@ def test_settings_out_of_range_are_refused() -> None:
         CameraSettings.model_validate({"size": "800x600"})
     with pytest.raises(ValidationError):
         ExposureSettings(gain=0.5)
+
+
+def test_what_stood_in_memory_before_has_no_say_in_how_rods_are_drawn() -> None:
+    """MuJoCo initialises some fields of a geom alone; the others decided, by chance, whether a rod had depth."""
+    model = Construction.of(settings_for(cameras=True)).model(looks=True)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    drawn = []
+    for garbage in (0, 77):
+        scene = mujoco.MjvScene(model, maxgeom=16)
+        for geom in scene.geoms:
+            geom.category = geom.objtype = geom.objid = geom.segid = geom.transparent = geom.texcoord = garbage
+            geom.camdist = geom.modelrbound = float(garbage)
+        scene.ngeom = 0
+        draw_rods(scene, data)
+        fields = [name for name in dir(scene.geoms[0]) if not name.startswith("_")]
+        drawn.append([[np.asarray(getattr(g, name)).tolist() for name in fields] for g in scene.geoms[: scene.ngeom]])
+    assert len(drawn[0]) == 6
+    assert drawn[0] == drawn[1]
