@@ -125,6 +125,8 @@ class _Games:
         if game.replay is not None:
             found = recorded_games(game.replay, game.replay_game)
             self._replayed = tuple(one.from_ply(game.from_ply) for one in found) if game.from_ply > 1 else found
+            for cut in [one.cut for one in found if one.cut is not None]:
+                face.say(cut)
         self._board = start_board(game.fen, chess960=game.chess960)
         self._line = None if game.moves is None else parse_line(game.moves, self._board)
 

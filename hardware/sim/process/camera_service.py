@@ -20,7 +20,7 @@ from hardware.sim.plant.plant import Plant
 from hardware.sim.process.connections import Refused, Visitor
 from hardware.sim.process.scene_control import SceneControlService
 from hardware.sim.process.services import NEVER, SILENCE
-from hardware.sim.process.video_stream import Watcher
+from hardware.sim.process.video_stream import PATIENCE, Watcher
 from hardware.sim.render.appearance import CameraSettings
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.render.renderer import Renderer, RenderRequest, Sensor, frame_path, intrinsics_for
@@ -229,11 +229,16 @@ class CameraService:
         return waited
 
     def _expose(self, view: _View, listen: Callable[[float], None] | None) -> bool:
-        waited, give_up = False, time.monotonic() + SILENCE
+        waited, begun = False, time.monotonic()
+        drawn = begun
         while listen is not None and view.stuck and view.visitor in self._views:
             waited = True
             listen(0.005)
-            if time.monotonic() > give_up:
+            now = time.monotonic()
+            drawn = (
+                now if view.drawing else drawn
+            )  # by a second renderer, if the first one has ended: that takes seconds
+            if now - drawn > SILENCE or now - begun > PATIENCE:
                 view.visitor.dismiss()
         if view.visitor in self._views and view.due != NEVER:
             view.due = self._after(self._plant.tick, view.every)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -117,6 +118,38 @@ def test_the_same_seed_and_tick_give_the_same_bytes(studio: Studio) -> None:
         assert (other[0] != colour).mean() > 0.5
         assert (other[1] != depth).mean() > 0.5
     assert (studio.shoot(noisy, depth=False)[0] == colour).all(), "a picture is the same without depth"
+
+
+@pytest.mark.parametrize("when", ["at rest", "with a picture under way"])
+def test_a_killed_renderer_is_replaced_and_draws_the_same_bytes(
+    studio: Studio, when: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noisy, light = CameraSettings(), LightSettings(brightness=0.4)
+    colour, depth = studio.shoot(noisy, light=light)
+    first = studio.renderer.pid
+    if when == "at rest":
+        os.kill(first, signal.SIGKILL)
+    else:
+        ask = studio.renderer.request
+
+        def ask_and_kill(shot: RenderRequest, positions: Any) -> None:
+            ask(shot, positions)
+            os.kill(first, signal.SIGKILL)
+
+        monkeypatch.setattr(studio.renderer, "request", ask_and_kill)
+    again = studio.shoot(noisy, light=light)
+    assert studio.renderer.pid != first
+    assert (again[0] == colour).all()
+    assert (again[1] == depth).all()
+
+
+def test_a_renderer_that_ends_again_and_again_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # where MuJoCo leaves a file of its own about a model that is not there
+    renderer = Renderer(tmp_path)  # there is no model to draw
+    with pytest.raises(HardwareError, match=r"stuck or has ended again and again; renderer\.log in the run directory"):
+        renderer.take(wait=True)
+    renderer.close()
+    assert (tmp_path / "renderer.log").read_text(encoding="utf-8").count(MODEL_FILE) >= 2, "what each said is kept"
 
 
 @pytest.mark.parametrize("brightness", [0.6, 1.2])
