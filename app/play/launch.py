@@ -81,7 +81,7 @@ def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> Sessi
     settings = kept_settings(folder)
     venue = venue_of(settings.rig, settings.vision.calibration)
     path, number, sets_up = last_round(folder)
-    history = read_history(path / EVENTS_FILE, venue.table)
+    history = read_history(path / EVENTS_FILE, venue.table, face.say)
     if any(event.physical_ok is False for event in history.plies):
         raise UserError(f"a ply of the game in {path} left the board wrong, see its report: start a new one")
     sets_up = sets_up or not settings.game.plies

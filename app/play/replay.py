@@ -98,12 +98,11 @@ def _read(stream: TextIO, file: Path, number: int | None) -> Iterator[RecordedGa
                 return
             count += 1
             continue
-        builder = _Builder()
-        game = chess.pgn.read_game(stream, Visitor=lambda made=builder: made)
+        game = chess.pgn.read_game(stream, Visitor=_Builder)
         if game is None:
             return
         count += 1
-        yield _recorded(game, file, count, ended=builder.ended)
+        yield _recorded(game, file, count)
         if number is not None:
             return
 
@@ -113,20 +112,25 @@ _UNSAID: Final = frozenset({"?", "????.??.??", "*"})
 """Headers of a game that has none."""
 
 
-class _Builder(chess.pgn.GameBuilder[chess.pgn.Game]):
+class _Game(chess.pgn.Game):
     """Remembers whether a result stood behind the moves, as PGN demands: without, the text may have been cut off."""
 
+    ended = False
+
+
+class _Builder(chess.pgn.GameBuilder[_Game]):
+    """Of such games."""
+
     def __init__(self) -> None:
-        super().__init__()
-        self.ended = False
+        super().__init__(Game=_Game)
 
     def visit_result(self, result: str) -> None:
         """The moves are over."""
-        self.ended = True
+        self.game.ended = True
         super().visit_result(result)
 
 
-def _recorded(game: chess.pgn.Game, file: Path, count: int, *, ended: bool) -> RecordedGame:
+def _recorded(game: _Game, file: Path, count: int) -> RecordedGame:
     moves = tuple(node.move for node in game.mainline())
     if not game.errors and not game.variations and all(value in _UNSAID for value in game.headers.values()):
         raise ReplayError(f"{file} holds no game: give a PGN file or the folder of a game")
@@ -135,7 +139,7 @@ def _recorded(game: chess.pgn.Game, file: Path, count: int, *, ended: bool) -> R
         raise ReplayError(f"{file}, game {count}, {wrong}, or choose another --game")
     headers = game.headers
     title = f"{headers.get('White', '?')} - {headers.get('Black', '?')}, {headers.get('Event', '?')}"
-    cut = None if ended else f"{file}, game {count}, ends without a result {after}: it may have been cut off there"
+    cut = None if game.ended else f"{file}, game {count}, ends without a result {after}: it may have been cut off there"
     return RecordedGame(
         game.board(), moves, tuple(node.comment for node in game.mainline()),
         headers.get("White", "?"), headers.get("Black", "?"), title, _result(headers.get("Result", "*")), cut,

@@ -86,6 +86,23 @@ def write_atomically(path: Path, content: str | bytes) -> None:
         _sync_folder(path.parent)
 
 
+def whole_lines(content: bytes) -> tuple[list[bytes], bytes]:
+    """The lines of a log of JSON objects, and what is left out at its end: a last line that is none.
+
+    A crash may cut the last line short, and a computer that loses its power may leave anything in its place.
+    """
+    lines = content.split(b"\n")
+    if not lines[-1]:
+        lines.pop()
+    if not lines:
+        return [], b""
+    try:
+        whole = isinstance(json.loads(lines[-1]), dict)
+    except (ValueError, RecursionError):
+        whole = False
+    return (lines, b"") if whole else (lines[:-1], lines[-1] or b"\n")
+
+
 class LineLog:
     """A file that only grows, line by line; a thread writes to the disk what nobody waits for."""
 
@@ -94,7 +111,7 @@ class LineLog:
 
         Args:
             path: the file.
-            go_on: it holds lines already, and a last one that a crash cut short is taken back.
+            go_on: it holds lines already, and a last one that cannot be read is taken back.
 
         Raises:
             RecordError: it cannot be opened, or holds something already.
@@ -127,15 +144,13 @@ class LineLog:
             raise RecordError(f"{self.path} is being written by a running game: end that program first") from error
 
     def _mend(self, content: bytes) -> None:
-        """Take back a last line that was cut short, or end one that is whole but for its end."""
-        self._size = content.rfind(b"\n") + 1
-        try:
-            json.loads(content[self._size :])
-        except ValueError:
+        """Take back a last line that was cut short or garbled, or end one that is whole but for its end."""
+        lines, left_out = whole_lines(content)
+        self._size = sum(len(line) + 1 for line in lines)
+        if left_out:
             self._take_back()
-            return
-        self._write(b"\n", durable=True)
-        self._size = len(content) + 1
+        elif self._size > len(content):
+            self._write(b"\n", durable=True)
 
     def append(self, line: str, *, durable: bool = True) -> None:
         """Write one line, which no death of this process loses.

@@ -174,13 +174,13 @@ def play_one(seed: int, plies: int, tally: Tally, progress: Callable[[str], None
         settings = Settings().with_changes(
             {
                 "rig.pace": "fast", "rig.seed": seed, "rig.video": False, "rig.randomise": faults, "rig.linger": 2.0,
-                "rig.person": Colour.WHITE if seed % 2 else Colour.BLACK, "vision.pieces.verify": True,
+                "rig.person": Colour.WHITE if seed % 2 else Colour.BLACK, "vision.verify": True,
                 "game.moves": " ".join(move.uci() for move in line), "out": folder / "game",
             }
         )  # fmt: skip
         face = Clumsy(folder / "game" / "run", seed, progress)
         result = run_games(settings, face)
-        done = [event for event in read_events(folder / "game" / EVENTS_FILE) if isinstance(event, PlyEvent)]
+        done = [event for event in read_events(folder / "game" / EVENTS_FILE, progress) if isinstance(event, PlyEvent)]
         tally.losses += lost_grips(folder / "game" / "run")
     tally.games += 1
     tally.mishaps += face.mishaps

@@ -235,9 +235,8 @@ class CameraService:
             waited = True
             listen(0.005)
             now = time.monotonic()
-            drawn = (
-                now if view.drawing else drawn
-            )  # by a second renderer, if the first one has ended: that takes seconds
+            if view.drawing:  # by a second renderer, if the first one has ended: that takes seconds
+                drawn = now
             if now - drawn > SILENCE or now - begun > PATIENCE:
                 view.visitor.dismiss()
         if view.visitor in self._views and view.due != NEVER:
