@@ -9,7 +9,7 @@ import os
 import stat
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Final
@@ -25,6 +25,39 @@ class RecordError(UserError):
     """A file of the record cannot be written or read."""
 
 
+_MAKE_ROOM: Final = "free some space or choose another folder with --out"
+_ROOM: Final = 1 << 24
+"""What a simulation may need for its model, its state and its pictures [bytes]; with less it is not begun."""
+
+
+def full_disk(folder: Path) -> str | None:
+    """What there is to say of a disk without room for a simulation in a folder; None: it has room."""
+    path = folder / ".room"
+    try:
+        with path.open("wb") as file:
+            os.posix_fallocate(file.fileno(), 0, _ROOM)
+    except OSError as error:
+        return _no_room(folder, error) and (
+            f"the disk at {_disk_of(folder)} has less than {_ROOM >> 20} MiB left for {folder}: {_MAKE_ROOM}"
+        )
+    finally:
+        with suppress(OSError):
+            path.unlink()
+    return None
+
+
+def _disk_of(path: Path) -> Path:
+    """Where the file system of a path is mounted."""
+    return next(one for one in (path, *path.absolute().parents) if one.is_mount())
+
+
+def _no_room(path: Path, error: OSError) -> str | None:
+    """A sentence that names disk and path where an error says that the disk is full."""
+    if error.errno not in _FULL:
+        return None
+    return f"{path}: {_FULL[error.errno]} (the disk at {_disk_of(path)}): {_MAKE_ROOM}"
+
+
 @contextmanager
 def recording(path: Path) -> Iterator[None]:
     """Turn a failure of the file system into a sentence about ``path``; for any file of a record, also a video.
@@ -35,9 +68,8 @@ def recording(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno in _FULL:
-            remedy = "free some space or choose another folder with --out"
-            raise RecordError(f"{path}: {_FULL[error.errno]}: {remedy}") from error
+        if full := _no_room(path.absolute(), error):
+            raise RecordError(full) from error
         raise RecordError(f"{path}: {error.strerror or error}: choose another folder with --out") from error
 
 

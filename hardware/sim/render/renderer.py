@@ -93,6 +93,16 @@ def frame_path(run_dir: Path, slot: int) -> Path:
     return run_dir / f"frame-{slot}.bin"
 
 
+def make_slot(run_dir: Path, slot: int) -> None:
+    """Make a slot's file, and see that there is room for its frames: who drew where none is left would be killed.
+
+    Raises:
+        OSError: there is none.
+    """
+    with frame_path(run_dir, slot).open("ab") as file:
+        os.posix_fallocate(file.fileno(), 0, FRAME_BYTES)
+
+
 def load_pictures(
     path: Path, width: int, height: int, *, depth: bool, colour: bool = True
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint16] | None]:
@@ -173,17 +183,24 @@ class Renderer:
         """Block until the first picture could be drawn.
 
         Raises:
-            HardwareError: there is no OpenGL here.
+            HardwareError: there is no OpenGL here, or it ends again and again.
         """
-        self._link.settimeout(START_TIMEOUT)
-        try:
-            answer = self._link.recv(1024)
-        except OSError:
-            answer = b""
-        if answer != READY:
+        while True:
+            self._link.settimeout(START_TIMEOUT)
+            answer, stuck = b"", False
+            try:
+                answer = self._link.recv(_LONGEST)
+            except TimeoutError:
+                stuck = True
+            except OSError:  # it has ended
+                pass
+            if answer == READY:
+                return
             self.close()
-            lines = (self._run_dir / "renderer.log").read_text(errors="replace").strip().splitlines()
-            raise HardwareError(GL_REMEDY.format(lines[-1][:200] if lines else "no answer"))
+            if stuck or self._process.returncode >= 0:
+                lines = (self._run_dir / "renderer.log").read_text(errors="replace").strip().splitlines()
+                raise HardwareError(GL_REMEDY.format(lines[-1][:200] if lines else "no answer"))
+            self._start_again()  # it was killed
 
     def request(self, shot: RenderRequest, positions: NDArray[np.float64]) -> None:
         """Ask for a picture of the world at these joint positions.

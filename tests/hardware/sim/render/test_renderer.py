@@ -21,7 +21,7 @@ from hardware.sim.process.randomisation import Randomisation
 from hardware.sim.process.settings import stand_pieces
 from hardware.sim.render.appearance import CameraSettings, ExposureSettings, LightSettings, Looks, MountSettings
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
-from hardware.sim.render.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, RenderRequest, Sensor, frame_path
+from hardware.sim.render.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, RenderRequest, Sensor, frame_path, make_slot
 from hardware.sim.render.sensors import STEREO
 from hardware.table import TableSettings
 from tests.hardware.sim.process.test_world import settings_for
@@ -39,7 +39,7 @@ class Studio:
         settings = settings_for(randomisation=Randomisation(placement_sigma=0.0))
         model = build_model(load_parameters(), TABLE, stand_pieces(settings), np.array(settings.home))
         mujoco.mj_saveModel(model, str(folder / MODEL_FILE))
-        frame_path(folder, 0).touch()
+        make_slot(folder, 0)
         self._file = frame_path(folder, 0)
         self._positions = np.array(model.key_qpos[0])
         data = mujoco.MjData(model)
