@@ -101,7 +101,7 @@ def kept_settings(folder: Path) -> Settings:
     """
     path = folder / SETTINGS_FILE
     try:
-        return Settings.model_validate_json(path.read_text(encoding="utf-8"))
+        return Settings.model_validate_json(path.read_bytes())
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): name the folder of a game") from error
     except ValidationError as error:
