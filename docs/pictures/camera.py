@@ -23,7 +23,7 @@ from hardware.sim.bodies.scene import build_model
 from hardware.sim.process.settings import WorldSettings, stand_pieces
 from hardware.sim.render.appearance import CameraSettings, Looks
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
-from hardware.sim.render.renderer import MODEL_FILE, Renderer, Sensor, Shot, frame_path, load_pictures
+from hardware.sim.render.renderer import MODEL_FILE, Renderer, Sensor, Shot, frame_path, load_pictures, make_slot
 from hardware.table import TableSettings
 
 POSITION = "r2q1rk1/ppp2ppp/2npbn2/2b1p3/2B1P3/2NPBN2/PPP2PPP/R2Q1RK1 w - - 0 8"
@@ -41,7 +41,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         mujoco.mj_saveModel(model, str(folder / MODEL_FILE))
-        frame_path(folder, 0).touch()
+        make_slot(folder, 0)
         renderer = Renderer(folder)
         try:
             renderer.wait_ready()

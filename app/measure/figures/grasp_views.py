@@ -13,7 +13,16 @@ from app.measure.figures.grasp import Grasp
 from app.measure.figures.grasp_mujoco import block_world
 from controller.model.compiled import FloatArray
 from hardware.sim.bodies.grasp_world import build_block_world, save_model
-from hardware.sim.render.renderer import HEIGHT, MODEL_FILE, WIDTH, Renderer, RenderRequest, frame_path, load_pictures
+from hardware.sim.render.renderer import (
+    HEIGHT,
+    MODEL_FILE,
+    WIDTH,
+    Renderer,
+    RenderRequest,
+    frame_path,
+    load_pictures,
+    make_slot,
+)
 
 _SLOT = 0
 
@@ -31,7 +40,7 @@ def views(grasp: Grasp, positions: Sequence[FloatArray]) -> list[NDArray[np.uint
     with tempfile.TemporaryDirectory(prefix="touchmove-figures-") as name:
         folder = Path(name)
         save_model(build_block_world(grasp.parameters, block_world(grasp)), folder / MODEL_FILE)
-        frame_path(folder, _SLOT).touch()
+        make_slot(folder, _SLOT)
         renderer = Renderer(folder)
         try:
             renderer.wait_ready()

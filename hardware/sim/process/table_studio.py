@@ -28,7 +28,15 @@ from hardware.sim.bodies.scene import build_model
 from hardware.sim.render.appearance import CameraSettings, Looks, MountSettings
 from hardware.sim.render.camera_mount import Mount
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
-from hardware.sim.render.renderer import MODEL_FILE, Renderer, RenderRequest, Sensor, frame_path, load_pictures
+from hardware.sim.render.renderer import (
+    MODEL_FILE,
+    Renderer,
+    RenderRequest,
+    Sensor,
+    frame_path,
+    load_pictures,
+    make_slot,
+)
 from hardware.table import Colour, PieceSpec, TableSettings
 
 VIEW = "camera"
@@ -80,7 +88,7 @@ class TableStudio:
         self._folder = tempfile.TemporaryDirectory(prefix="touchmove-")
         folder = Path(self._folder.name)
         mujoco.mj_saveModel(self._model, str(folder / MODEL_FILE))
-        frame_path(folder, 0).touch()
+        make_slot(folder, 0)
         self._renderer = Renderer(folder)
         self._renderer.wait_ready()
         self._device = SoftwareCamera(
