@@ -3,7 +3,8 @@
 A single line is Ruckig's. Along a path with corners Ruckig can take each line from one corner's speed to the next, and
 corners at a constant speed, as fast as curvature and its rate admit (`Law.RUCKIG`). That obeys all bounds but loses
 time, since it may not accelerate in corners: on transfers of chess pieces it takes a fifth longer than the optimum.
-So there `app.motion.refine` finds the law, which takes about two percent longer (``touchmove bench motion``).
+So there `app.motion.refine` finds the law, which takes about two percent longer (``touchmove bench motion``). Where
+corners are so gentle that Ruckig's is hardly slower, the refinement begins with it; and what is found is never slower.
 
 Acceleration and jerk are bounded along each axis of the base frame; speed as the length of its vector, and downwards.
 """
@@ -11,7 +12,7 @@ Acceleration and jerk are bounded along each axis of the base frame; speed as th
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -20,9 +21,10 @@ import numpy as np
 import ruckig
 
 from app.motion.curves import begins, trace
-from app.motion.grid import grid
+from app.motion.grid import divided, grid
+from app.motion.limits import LOOKS, constant_speed, excess, limits, reachable
 from app.motion.path import Path, Vector
-from app.motion.refine import constant_speed, excess, limits, quickest
+from app.motion.refine import SPARE, quickest
 from app.motion.settings import Law
 
 GAP: Final = 0.003
@@ -31,6 +33,12 @@ _CORNER_PARTS: Final = 8
 """Intervals of each half of a corner that is passed at a constant speed."""
 _BETWEEN: Final = 1.0002
 """So much may be exceeded between the points at which a law is looked at; it is stretched by that."""
+_HARDLY: Final = 0.9
+"""Ruckig's law is refined, too, if it is not slower than the refined one by more than this …"""
+_LONGEST: Final = 0.006
+"""… in intervals of at most so much of its time [s]."""
+_SAME_SPEED: Final = 1e-6
+"""[m/s]"""
 _ROUNDING: Final = 1e-9
 _QUINTIC_PARTS: Final = 400
 """Cubic pieces of the quintic law."""
@@ -54,6 +62,10 @@ class Bounds:
             min(self.speed, other.speed), min(self.acceleration, other.acceleration), min(self.jerk, other.jerk),
             min(self.downward, other.downward),
         )  # fmt: skip
+
+    def slower(self, factor: float) -> Bounds:
+        """What a motion within these bounds needs that is slowed down by a factor."""
+        return Bounds(self.speed * factor, self.acceleration * factor**2, self.jerk * factor**3, self.downward * factor)
 
     def scaled(self, factor: float) -> Bounds:
         """Accelerations and jerks times a factor; speeds stay."""
@@ -124,16 +136,39 @@ def time_law(path: Path, bounds: Sequence[Bounds], law: Law = Law.TIME_OPTIMAL, 
     table = _of_pieces(path, bounds)
     if law is Law.MINIMUM_JERK:
         rows = _quintic(path)
-        return _law(rows, excess(path.table, table, rows) * _BETWEEN)
+        return _law(rows, excess(path.table, table, rows, LOOKS) * _BETWEEN)
     if len(path.table) == 1:
         rows = _by_ruckig(path, bounds, end_speed)
-        factor = excess(path.table, table, rows)
+        factor = excess(path.table, table, rows, LOOKS)
         return _law(rows, factor if factor > 1.0 + _ROUNDING else 1.0)
     if law is Law.RUCKIG:
         rows = _by_ruckig(path, bounds, end_speed)
-        return _law(rows, excess(path.table, table, rows) * _BETWEEN)
+        return _law(rows, excess(path.table, table, rows, LOOKS) * _BETWEEN)
     rows = grid(path.table, end_speed)
-    return _law(rows, quickest(path.table, table, rows, end_speed, GAP) * _BETWEEN)
+    refined = _law(rows, quickest(path.table, table, rows, end_speed, GAP) * _BETWEEN)
+    return min((refined, *_by_time(path, bounds, end_speed, refined.duration)), key=lambda one: one.duration)
+
+
+def _by_time(path: Path, bounds: Sequence[Bounds], end_speed: float, refined: float) -> Iterator[TimeLaw]:
+    """Ruckig's law, and where it takes hardly longer than the one refined by the way [s], that refined by its time."""
+    first = time_law(path, bounds, Law.RUCKIG, end_speed)
+    if not _reaches(first.rows, end_speed):
+        return
+    yield first
+    if refined < _HARDLY * first.duration:
+        return
+    # of slower bounds, which are all scaled alike: from rest to rest it is the same law, and all bounds have to spare
+    rows = divided(_by_ruckig(path, [bound.slower(SPARE) for bound in bounds], end_speed), _LONGEST)
+    if _reaches(rows, end_speed):
+        end_rate = 1.0 if end_speed > 0.0 else 0.0
+        yield _law(rows, quickest(path.table, _of_pieces(path, bounds), rows, end_rate, GAP) * _BETWEEN)
+
+
+def _reaches(rows: Vector, end_speed: float) -> bool:
+    """Whether a law of which u is time ends at a speed [m/s]: its last line may be too short for that."""
+    _, speed, acceleration, jerk, _, time, *_ = rows[-1].tolist()
+    reached: float = speed + time * (acceleration + 0.5 * time * jerk)
+    return abs(reached - end_speed) < _SAME_SPEED
 
 
 def line_law(path: Path, bounds: Bounds, start_speed: float) -> TimeLaw:
@@ -198,9 +233,9 @@ def _by_ruckig(path: Path, bounds: Sequence[Bounds], end_speed: float) -> Vector
     ]
     speeds, shares = _corner_speeds(path, each, limit, end_speed)
     rows: list[tuple[float, ...]] = []
-    for i, (length, bound) in enumerate(zip(path.length.tolist(), each, strict=True)):
+    for i, (length, bends, bound) in enumerate(zip(path.length.tolist(), path.bends, each, strict=True)):
         start, end = speeds[i], speeds[i + 1]
-        if path.sharpness[i] > 0.0:
+        if bends:
             part = length / _CORNER_PARTS
             rows += [(m * part, start, 0.0, 0.0, i, part / start) for m in range(_CORNER_PARTS)]
         else:
@@ -213,37 +248,18 @@ def _corner_speeds(
     path: Path, each: Sequence[Bounds], limit: Sequence[float], end_speed: float
 ) -> tuple[list[float], list[float]]:
     """Speeds between the pieces, and the share of a line's acceleration that its strongest axis takes."""
-    count = len(path.length)
+    count, lengths, bends = len(path.table), path.length.tolist(), path.bends
     speeds = [0.0, *(min(pair) for pair in pairwise(limit)), end_speed]
     shares = np.abs(path.tangent).max(axis=1).tolist()
     for order in (range(count), range(count - 1, -1, -1), range(count)):
         for i in order:
             low, high = (i, i + 1) if speeds[i] < speeds[i + 1] else (i + 1, i)
-            if path.sharpness[i] > 0.0:
+            if bends[i]:
                 speeds[high] = speeds[low]
             elif speeds[high] > speeds[low]:
                 acceleration, jerk = each[i].acceleration / shares[i], each[i].jerk / shares[i]
-                speeds[high] = reachable(speeds[low], speeds[high], float(path.length[i]), acceleration, jerk)
+                speeds[high] = reachable(speeds[low], speeds[high], lengths[i], acceleration, jerk)
     return speeds, shares
-
-
-def reachable(low: float, high: float, length: float, acceleration: float, jerk: float) -> float:
-    """The largest speed up to ``high`` that a line is long enough for from ``low``, both without acceleration."""
-
-    def way(speed: float) -> float:
-        gain = speed - low
-        soft = gain <= acceleration**2 / jerk
-        return (
-            0.5 * (low + speed) * (2.0 * math.sqrt(gain / jerk) if soft else gain / acceleration + acceleration / jerk)
-        )
-
-    if way(high) <= length:
-        return high
-    floor = low
-    while high - floor > 1e-9:
-        middle = 0.5 * (floor + high)
-        floor, high = (middle, high) if way(middle) <= length else (floor, middle)
-    return floor
 
 
 def _line(length: float, start: float, end: float, bounds: Bounds) -> list[tuple[float, ...]]:
