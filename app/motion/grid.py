@@ -16,7 +16,7 @@ _CORNER_PARTS = 8
 """Intervals of each half of a corner."""
 _RAMP = 0.008
 """Over so much of u the way begins to run as u does, from rest [m]."""
-_RAMP_PARTS = 6
+_RAMP_PARTS = 4
 """Intervals of each half of it."""
 _FINEST = 0.0012
 """First interval at either end of a line [m] …"""

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from controller.model.compiled import ROW, SCALAR, STATUS, TABLE, FloatArray, compiled, compiled_as
+from controller.model.compiled import SCALAR, STATUS, TABLE, FloatArray, compiled, compiled_as
 
 FASTEST = 1e4
 """Largest b anywhere, for where the path rests whatever u does."""
@@ -187,21 +187,14 @@ def excess(path: FloatArray, bounds: FloatArray, rows: FloatArray, parts: int) -
     return float(max(math.sqrt(fast), math.sqrt(strong), sharp ** (1.0 / 3.0)))
 
 
-@compiled_as(SCALAR(ROW, SCALAR, SCALAR, SCALAR, SCALAR))
-def constant_speed(piece: FloatArray, speed: float, acceleration: float, jerk: float, downward: float) -> float:
-    """At which a whole piece of a path may be passed without acceleration along it [m/s].
-
-    Args:
-        piece: a row of `Path.table`.
-        speed: bound [m/s].
-        acceleration: bound [m/s²].
-        jerk: bound [m/s³].
-        downward: bound of the speed towards +z3 [m/s].
-    """
+@compiled
+def _constant_speed(piece: FloatArray, bounds: FloatArray) -> float:
+    """At which a whole piece of a path may be passed without acceleration along it [m/s]."""
+    speed, acceleration, jerk, downward = bounds[0], bounds[1], bounds[2], bounds[3]
     path, rows, out = piece.reshape((1, piece.size)), np.zeros((1, 4 + 1)), np.zeros((3, 3))
     rows[0, 1] = 1.0
     found = speed
-    for part in range(33):
+    for part in range(33 if piece[6] > 0.0 else 1):
         _by_u(path, rows, 0, piece[8] * part / 32.0, out)
         if out[0, 2] > 0.0:
             found = min(found, downward / out[0, 2])
@@ -243,3 +236,35 @@ def reachable(low: float, high: float, length: float, acceleration: float, jerk:
         else:
             high = middle
     return floor
+
+
+@compiled_as(TABLE(TABLE, TABLE, SCALAR))
+def speeds(path: FloatArray, bounds: FloatArray, end_speed: float) -> FloatArray:
+    """Speeds of a law that passes corners at constant speeds and is without acceleration where pieces meet.
+
+    Args:
+        path: as of `excess`.
+        bounds: as of `excess`.
+        end_speed: to be reached at the end [m/s].
+
+    Returns:
+        Of each piece the speed at its begin, at its end, and the largest along it, (p, 3) [m/s].
+    """
+    count = path.shape[0]
+    out, at = np.empty((count, 3)), np.zeros(count + 1)
+    at[count] = end_speed
+    for i in range(count):
+        out[i, 2] = _constant_speed(path[i], bounds[i])
+        if i > 0:
+            at[i] = min(out[i - 1, 2], out[i, 2])
+    for sweep in range(3):
+        for k in range(count):
+            i = k if sweep != 1 else count - 1 - k
+            low, high = (i, i + 1) if at[i] < at[i + 1] else (i + 1, i)
+            if path[i, 6] > 0.0:
+                at[high] = at[low]
+            elif at[high] > at[low]:
+                share = max(abs(path[i, 0]), abs(path[i, 1]), abs(path[i, 2]))
+                at[high] = reachable(at[low], at[high], path[i, 8], bounds[i, 1] / share, bounds[i, 2] / share)
+    out[:, 0], out[:, 1] = at[:-1], at[1:]
+    return out

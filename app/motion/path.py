@@ -54,12 +54,6 @@ class Path:
         return self.table[:, 6]
 
     @property
-    def bends(self) -> list[bool]:
-        """Whether each piece is half of a corner."""
-        flags: list[bool] = (self.sharpness > 0.0).tolist()
-        return flags
-
-    @property
     def sign(self) -> Vector:
         """+1 where a piece starts at its flat end, -1 where it ends there, (n,)."""
         return self.table[:, 7]

@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -22,7 +21,7 @@ import ruckig
 
 from app.motion.curves import begins, trace
 from app.motion.grid import divided, grid
-from app.motion.limits import LOOKS, constant_speed, excess, limits, reachable
+from app.motion.limits import LOOKS, excess, limits, speeds
 from app.motion.path import Path, Vector
 from app.motion.refine import SPARE, quickest
 from app.motion.settings import Law
@@ -37,6 +36,8 @@ _HARDLY: Final = 0.9
 """Ruckig's law is refined, too, if it is not slower than the refined one by more than this …"""
 _LONGEST: Final = 0.006
 """… in intervals of at most so much of its time [s]."""
+_SLOWER: Final = np.array([SPARE, SPARE**2, SPARE**3, SPARE])
+"""Bounds of what is slowed down by as much."""
 _SAME_SPEED: Final = 1e-6
 """[m/s]"""
 _ROUNDING: Final = 1e-9
@@ -138,30 +139,29 @@ def time_law(path: Path, bounds: Sequence[Bounds], law: Law = Law.TIME_OPTIMAL, 
         rows = _quintic(path)
         return _law(rows, excess(path.table, table, rows, LOOKS) * _BETWEEN)
     if len(path.table) == 1:
-        rows = _by_ruckig(path, bounds, end_speed)
+        rows = _by_ruckig(path, table, end_speed)
         factor = excess(path.table, table, rows, LOOKS)
         return _law(rows, factor if factor > 1.0 + _ROUNDING else 1.0)
     if law is Law.RUCKIG:
-        rows = _by_ruckig(path, bounds, end_speed)
+        rows = _by_ruckig(path, table, end_speed)
         return _law(rows, excess(path.table, table, rows, LOOKS) * _BETWEEN)
     rows = grid(path.table, end_speed)
     refined = _law(rows, quickest(path.table, table, rows, end_speed, GAP) * _BETWEEN)
-    return min((refined, *_by_time(path, bounds, end_speed, refined.duration)), key=lambda one: one.duration)
+    return min((refined, *_by_time(path, table, end_speed, refined.duration)), key=lambda one: one.duration)
 
 
-def _by_time(path: Path, bounds: Sequence[Bounds], end_speed: float, refined: float) -> Iterator[TimeLaw]:
+def _by_time(path: Path, table: Vector, end_speed: float, refined: float) -> Iterator[TimeLaw]:
     """Ruckig's law, and where it takes hardly longer than the one refined by the way [s], that refined by its time."""
-    first = time_law(path, bounds, Law.RUCKIG, end_speed)
-    if not _reaches(first.rows, end_speed):
+    rows = _by_ruckig(path, table, end_speed)
+    # it is at the bound of jerk somewhere, so that it will not be shortened
+    if not _reaches(rows, end_speed) or refined < _HARDLY * begins(rows)[-1]:
         return
-    yield first
-    if refined < _HARDLY * first.duration:
-        return
+    yield _law(rows, excess(path.table, table, rows, LOOKS) * _BETWEEN)
     # of slower bounds, which are all scaled alike: from rest to rest it is the same law, and all bounds have to spare
-    rows = divided(_by_ruckig(path, [bound.slower(SPARE) for bound in bounds], end_speed), _LONGEST)
+    rows = divided(_by_ruckig(path, table * _SLOWER, end_speed), _LONGEST)
     if _reaches(rows, end_speed):
         end_rate = 1.0 if end_speed > 0.0 else 0.0
-        yield _law(rows, quickest(path.table, _of_pieces(path, bounds), rows, end_rate, GAP) * _BETWEEN)
+        yield _law(rows, quickest(path.table, table, rows, end_rate, GAP) * _BETWEEN)
 
 
 def _reaches(rows: Vector, end_speed: float) -> bool:
@@ -224,42 +224,21 @@ def _quintic_time(share: float) -> float:
     return low
 
 
-def _by_ruckig(path: Path, bounds: Sequence[Bounds], end_speed: float) -> Vector:
-    """Lines by Ruckig between corners at a constant speed; u is time."""
-    each = bounds_of_pieces(path, bounds)
-    limit = [
-        constant_speed(row, b.speed, b.acceleration, b.jerk, b.downward)
-        for row, b in zip(path.table, each, strict=True)
-    ]
-    speeds, shares = _corner_speeds(path, each, limit, end_speed)
+def _by_ruckig(path: Path, table: Vector, end_speed: float) -> Vector:
+    """Lines by Ruckig between corners at a constant speed; u is time; ``table`` as of `limits`."""
     rows: list[tuple[float, ...]] = []
-    for i, (length, bends, bound) in enumerate(zip(path.length.tolist(), path.bends, each, strict=True)):
-        start, end = speeds[i], speeds[i + 1]
-        if bends:
+    shares = np.abs(path.tangent).max(axis=1).tolist()  # of a line's acceleration that its strongest axis takes
+    pieces = zip(
+        path.table[:, 6:9].tolist(), speeds(path.table, table, end_speed).tolist(), table.tolist(), strict=True
+    )
+    for i, ((sharpness, _, length), (start, end, most), bound) in enumerate(pieces):
+        if sharpness > 0.0:
             part = length / _CORNER_PARTS
             rows += [(m * part, start, 0.0, 0.0, i, part / start) for m in range(_CORNER_PARTS)]
         else:
-            straight = Bounds(limit[i], bound.acceleration / shares[i], bound.jerk / shares[i])
+            straight = Bounds(most, bound[1] / shares[i], bound[2] / shares[i])
             rows += [(*phase[:4], i, phase[4]) for phase in _line(length, start, end, straight)]
     return _intervals(rows)
-
-
-def _corner_speeds(
-    path: Path, each: Sequence[Bounds], limit: Sequence[float], end_speed: float
-) -> tuple[list[float], list[float]]:
-    """Speeds between the pieces, and the share of a line's acceleration that its strongest axis takes."""
-    count, lengths, bends = len(path.table), path.length.tolist(), path.bends
-    speeds = [0.0, *(min(pair) for pair in pairwise(limit)), end_speed]
-    shares = np.abs(path.tangent).max(axis=1).tolist()
-    for order in (range(count), range(count - 1, -1, -1), range(count)):
-        for i in order:
-            low, high = (i, i + 1) if speeds[i] < speeds[i + 1] else (i + 1, i)
-            if bends[i]:
-                speeds[high] = speeds[low]
-            elif speeds[high] > speeds[low]:
-                acceleration, jerk = each[i].acceleration / shares[i], each[i].jerk / shares[i]
-                speeds[high] = reachable(speeds[low], speeds[high], lengths[i], acceleration, jerk)
-    return speeds, shares
 
 
 def _line(length: float, start: float, end: float, bounds: Bounds) -> list[tuple[float, ...]]:
