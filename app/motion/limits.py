@@ -190,10 +190,10 @@ def excess(path: FloatArray, bounds: FloatArray, rows: FloatArray, parts: int) -
 @compiled
 def _constant_speed(piece: FloatArray, bounds: FloatArray) -> float:
     """At which a whole piece of a path may be passed without acceleration along it [m/s]."""
-    speed, acceleration, jerk, downward = bounds[0], bounds[1], bounds[2], bounds[3]
+    speed, acceleration, jerk, downward = bounds
     path, rows, out = piece.reshape((1, piece.size)), np.zeros((1, 4 + 1)), np.zeros((3, 3))
     rows[0, 1] = 1.0
-    found = speed
+    found: float = speed
     for part in range(33 if piece[6] > 0.0 else 1):
         _by_u(path, rows, 0, piece[8] * part / 32.0, out)
         if out[0, 2] > 0.0:
