@@ -6,13 +6,22 @@ Units are SI. Arms are numbered 1 to 3 as in the paper; triples are in that orde
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntFlag
+from enum import IntFlag, StrEnum
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 Triple = tuple[float, float, float]
+
+
+class Pace(StrEnum):
+    """How plant time goes."""
+
+    REAL = "real"
+    """By the wall clock."""
+    FAST = "fast"
+    """As fast as the processes can, standing still while all rests."""
 
 
 class HardwareError(Exception):

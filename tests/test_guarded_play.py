@@ -15,8 +15,8 @@ from pathlib import Path
 import chess
 import pytest
 
-from hardware.sim.hand_actions import Move, Withdraw
-from hardware.sim.hand_client import SimHand
+from hardware.sim.clients.hand import SimHand
+from hardware.sim.hand.actions import Move, Withdraw
 from hardware.table import TableSettings, square_place
 
 TOUCHMOVE = [sys.executable, "-P", "-m", "app.cli"]

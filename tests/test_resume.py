@@ -7,7 +7,7 @@ import signal
 
 import pytest
 
-from app.bench.kills import measure_kills
+from app.measure.bench.kills import measure_kills
 from tests.conftest import Run
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from hardware.sim.wire import world_pid
+from hardware.sim.clients.wire import world_pid
 
 TOUCHMOVE = [sys.executable, "-P", "-m", "app.cli"]
 START = 60.0

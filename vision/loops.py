@@ -246,7 +246,7 @@ def stand_out(
 
     Args:
         depth: shape (h, w) [m], 0 where there is none.
-        ray: shape (3, h, w), see ``vision.zone.Space``.
+        ray: shape (3, h, w), see ``vision.hands.watched_zone.Space``.
         position: of the camera, shape (3,) [m].
         hidden: where something known is before the table, shape (h, w).
         usual: heights of the settled board, shape (h, w) [m]; infinite where they are not known.

@@ -21,7 +21,7 @@ def controller(
     as_json: Annotated[bool, typer.Option("--json", help="Print the telemetry as JSON.")] = False,
 ) -> None:
     """Run a rig's controller until Ctrl-C; or look at one that runs, or command it."""
-    from app.processes import run_controller, run_controller_of_rig
+    from app.rig.simulation.processes import run_controller, run_controller_of_rig
 
     if run_dir is not None:
         run_process(lambda: run_controller(run_dir))
@@ -36,7 +36,7 @@ def _operate(action: str, rig: str, as_json: bool) -> NoReturn:
     from rich.console import Console
 
     from app import UserError
-    from app.operate import operate, status_json, status_table
+    from app.commissioning.operate import operate, status_json, status_table
 
     try:
         telemetry = operate(action, rig)
@@ -57,7 +57,7 @@ def world(
     run_dir: Annotated[Path | None, typer.Option("--run-dir", hidden=True)] = None,
 ) -> None:
     """Look at a simulated world that runs; games start theirs by themselves."""
-    from app.processes import run_world, view_world
+    from app.rig.simulation.processes import run_world, view_world
 
     if view:
         run_process(lambda: view_world(game, say))
@@ -71,7 +71,7 @@ def check(
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
 ) -> None:
     """Try each device of a rig alone, and say what is wrong and what to do; the arm stays on its brakes."""
-    from app.check import check_rig
+    from app.commissioning.check_rig import check_rig
 
     show_report(lambda: check_rig(rig, say), as_json)
 
@@ -84,7 +84,7 @@ def calibrate(
     as_json: Annotated[bool, typer.Option("--json", help="Print the calibration as JSON.")] = False,
 ) -> None:
     """Find where the camera hangs: the arm moves over the board and shows its marker. Keep hands away."""
-    from app.calibrate import run_calibrate
+    from app.commissioning.calibrate import run_calibrate
 
     show_report(lambda: run_calibrate(rig, out, say), as_json)
 
@@ -95,6 +95,6 @@ def link_test(
     as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
 ) -> None:
     """Say whether this PC and network are good enough for the controller, and what to change."""
-    from app.link_test import link_test as run_link_test
+    from app.commissioning.link_test import link_test as run_link_test
 
     show_report(lambda: run_link_test(rig, duration, say), as_json)

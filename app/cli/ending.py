@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 
 if TYPE_CHECKING:
-    from app.calibrate_report import CalibrateReport
-    from app.check import CheckReport
-    from app.link_test import LinkReport
-    from app.seeing import VisionReport
+    from app.commissioning.calibrate_report import CalibrateReport
+    from app.commissioning.check_report import CheckReport
+    from app.commissioning.link_test import LinkReport
+    from app.measure.photographs import VisionReport
 
 
 def fail(sentence: str, status: int = 2) -> NoReturn:

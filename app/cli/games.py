@@ -18,8 +18,8 @@ from app.cli import options
 from app.cli.ending import fail, interrupt
 
 if TYPE_CHECKING:
-    from app.faces import Face
-    from app.session import SessionResult
+    from app.play.session import SessionResult
+    from app.terminal.interface import Face
 
 
 def demo(
@@ -63,7 +63,7 @@ def demo(
     as_json: options.AsJson = False,
 ) -> None:
     """Two engines play a game that the arm executes."""
-    from app.games import run_games
+    from app.play.launch import run_games
 
     settings = options.settings_of_command(context, config)
     _show_game(lambda face: run_games(settings, face), headless=headless, as_json=as_json)
@@ -93,8 +93,8 @@ def play(
     if color not in (None, "white", "black"):
         fail(f"--color is '{color}', choose white or black")
 
-    from app.games import run_games
-    from app.settings import PlayerKind
+    from app.play.launch import run_games
+    from app.settings.tree import PlayerKind
 
     also: dict[str, object] = {"rig.video": False}
     believed = options.settings_of_command(context, config, also)
@@ -124,7 +124,7 @@ def replay(
     as_json: options.AsJson = False,
 ) -> None:
     """The arm plays recorded games again, and says of every ply whether the board came out right."""
-    from app.games import run_games
+    from app.play.launch import run_games
 
     settings = options.settings_of_command(context, config, {"rig.video": False})
     _show_game(lambda face: run_games(settings, face), headless=headless, as_json=as_json)
@@ -148,7 +148,7 @@ def setup(
     """The arm sets a position up, with the pieces on the board and beside it."""
     import chess
 
-    from app.games import run_games
+    from app.play.launch import run_games
 
     position = {
         f"game.{name}": chess.STARTING_FEN if value == "start" else value
@@ -165,7 +165,7 @@ def resume(
     as_json: options.AsJson = False,
 ) -> None:
     """Go on with a game that was interrupted, or whose program or controller died: first with the ply under way."""
-    from app.games import resume_games
+    from app.play.launch import resume_games
 
     _show_game(lambda face: resume_games(folder, face, sys.stdin), headless=headless, as_json=as_json, talks=True)
 
@@ -179,7 +179,7 @@ def report(
 
     from app import UserError
     from app.records import EVENTS_FILE, read_events, summarise
-    from app.report_table import report_table
+    from app.terminal.report_table import report_table
 
     try:
         found = summarise(read_events(folder / EVENTS_FILE))
@@ -196,7 +196,7 @@ def show_config(
     file: Annotated[Path | None, typer.Argument(help="TOML file with settings; the defaults if left out.")] = None,
 ) -> None:
     """Print the settings that are in force, as a TOML file that says what each of them means."""
-    from app.settings_file import as_toml
+    from app.settings.files import as_toml
 
     print(as_toml(options.settings_or_end({}, file)), end="")
 
@@ -208,7 +208,7 @@ def _show_game(
     from rich.console import Console
 
     from app import UserError
-    from app.faces import Conversation, Quiet, Terminal
+    from app.terminal.interface import Conversation, Quiet, Terminal
     from engine.errors import EngineProblem
 
     console = Console(stderr=True)
@@ -223,7 +223,7 @@ def _show_game(
     except (UserError, EngineProblem) as error:
         fail(str(error))
     except KeyboardInterrupt as stop:
-        from app.session import Interrupted
+        from app.play.session import Interrupted
 
         more = f"; 'touchmove resume {stop.folder}' goes on with it" if isinstance(stop, Interrupted) else ""
         fail(f"interrupted; the arm rests and nothing that this program started is left running{more}", 130)
@@ -235,7 +235,7 @@ def _show_game(
     for failure in result.report.failures:
         console.print(f"[red]failed:[/] {failure.reason}", highlight=False, soft_wrap=True)
     if result.resumable:
-        from app.match import match_of
+        from app.play.match import match_of
 
         console.print(f"'touchmove resume {match_of(result.folder)}' goes on with it", highlight=False, soft_wrap=True)
     raise typer.Exit(0 if result.holds else 1)

@@ -21,7 +21,7 @@ def figures(
     import json
 
     from app import UserError
-    from app.figures import make_figure
+    from app.measure.figures import make_figure
     from hardware.interfaces import HardwareError
 
     try:
@@ -50,7 +50,7 @@ def bench(
 ) -> None:
     """Measure, and say whether each bar is held."""
     from app import UserError
-    from app.bench import run_bench
+    from app.measure.bench import run_bench
 
     try:
         with interruptible():
@@ -72,7 +72,7 @@ def vision(
     as_json: Annotated[bool, typer.Option("--json", help="Print events and score as JSON.")] = False,
 ) -> None:
     """Follow a game in photographs or a video: say what was played, and ask where that is not clear."""
-    from app.seeing import CornersFrom, follow_folder
+    from app.measure.photographs import CornersFrom, follow_folder
 
     if corners not in list(CornersFrom):
         fail(f"'--corners {corners}' is unknown, choose from: {', '.join(CornersFrom)}")

@@ -11,7 +11,7 @@ import typer
 from app.cli.ending import fail
 
 if TYPE_CHECKING:
-    from app.settings import Settings
+    from app.settings.tree import Settings
 
 Rig = Annotated[str, typer.Option(help="sim, board, or the TOML file of a lab's rig.")]
 Pace = Annotated[
@@ -124,7 +124,7 @@ def given(context: typer.Context, name: str) -> bool:
 def settings_or_end(changes: Mapping[str, Any], file: Path | None = None) -> Settings:
     """The settings of a file with changes by dotted name; ends the program with a sentence if one is impossible."""
     from app import UserError
-    from app.settings_file import settings_of
+    from app.settings.files import settings_of
 
     try:
         return settings_of(changes, file)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
+from app.execution.state import EXPECTED_FAILURES, WRONG, Devices, GameEnd, Position
 from app.game.game import Game
-from app.game.state import EXPECTED_FAILURES, WRONG, Devices, GameEnd, Position
 
 __all__ = ["EXPECTED_FAILURES", "WRONG", "Devices", "Game", "GameEnd", "Position"]

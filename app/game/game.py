@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 import chess
 
 from app import UserError
-from app.arm import FELT
-from app.faces import Face
-from app.game.human import Human
+from app.execution.state import WRONG, GameEnd
+from app.execution.table import Remark, Table
 from app.game.human_turn import HumanTurn
-from app.game.state import WRONG, GameEnd
-from app.game.table import Remark, Table
 from app.game.timing import Timing
-from app.players import Decision, Players
+from app.players.person import Human
+from app.players.players import Decision, Players
 from app.records.events import Result
+from app.rig.arm import FELT
+from app.terminal.interface import Face
 from engine.errors import EngineProblem
 
 
@@ -60,8 +59,10 @@ class Game:
         board = self._table.board
         self._face.position(board)
         self._most = plies
-        if not (self._table.begin() if self._human is None else self._table.begin(self._human.plays)):
+        by_hand = frozenset() if self._human is None else frozenset(filter(self._human.plays, chess.COLORS))
+        if not self._table.begin(by_hand):
             return WRONG
+        self._table.subscribe(self._think_ahead)
         while True:
             end = self._over(plies)
             end = end or self._turn()
@@ -106,7 +107,7 @@ class Game:
         remark = Remark(decision.score, comment, clocks)
         answers = self._human is not None and self._human.moves_pieces(not colour)
         with self._timing.motion():
-            well = self._table.arm_ply(move, self._thinking_ahead(move), remark, answers)
+            well = self._table.arm_ply(move, remark, answers)
         if not well:
             return WRONG
         if decision.offers_draw and self._human is not None:
@@ -133,22 +134,18 @@ class Game:
         self.thinking += time.perf_counter() - since
         return decision
 
-    def _thinking_ahead(self, move: chess.Move) -> Callable[[], None]:
-        """While the arm lets go of the last piece and goes home, the next player thinks already; or, where a person is
-        next, the engine about what they will play.
+    def _think_ahead(self, uci: str) -> None:
+        """While the arm lets go of the last piece of a move and goes home, the next player thinks already; or, where a
+        person is next, the engine about what they will play.
         """
-
-        def begin() -> None:
-            board = self._table.board.copy()
-            board.push(move)
-            if len(board.move_stack) >= self._most or board.outcome(claim_draw=True) is not None:
-                return
-            if self._human is not None and self._human.plays(board.turn):
-                self._players.ponder(board, self._timing.limit(not board.turn))
-            else:
-                self._players.begin(board, self._timing.limit(board.turn))
-
-        return begin
+        board = self._table.board.copy()
+        board.push_uci(uci)
+        if len(board.move_stack) >= self._most or board.outcome(claim_draw=True) is not None:
+            return
+        if self._human is not None and self._human.plays(board.turn):
+            self._players.ponder(board, self._timing.limit(not board.turn))
+        else:
+            self._players.begin(board, self._timing.limit(board.turn))
 
 
 def require_empty_fingers(felt: float) -> None:

@@ -14,28 +14,28 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
-from app.arm import ArmPaused
-from app.faces import Face
-from app.game.commands import Command, MoveHand, PlayMove, Word, help_text, parse_command
-from app.game.hand_notice import HandNotice
-from app.game.human import Human, PersonGone
+from app.execution.state import LEFT, WRONG, GameEnd
+from app.execution.table import Remark, Table
 from app.game.person import NeedsHand
-from app.game.state import LEFT, WRONG, GameEnd
-from app.game.table import Remark, Table
 from app.game.timing import Timing
-from app.manipulation import transfers
-from app.players import Players
+from app.guard.hand_notice import HandNotice
+from app.pieces.manipulation import transfers
+from app.players.commands import Command, MoveHand, PlayMove, Word, help_text, parse_command
+from app.players.person import Human, PersonGone
+from app.players.players import Players
 from app.records import RecordError
 from app.records.events import Result
-from app.time_control import clock_text
+from app.rig.arm import ArmPaused
+from app.settings.time_control import clock_text
+from app.terminal.interface import Face
 from engine.errors import EngineProblem
 from hardware.interfaces import HardwareError
-from vision.verdict import LOOKS, Situation, Verdict
+from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 
 if TYPE_CHECKING:
-    from app.game.eyes import Reading
-    from app.righting import Strayed
-    from vision.situations import Finding
+    from app.execution.observation import Reading
+    from app.execution.recovery_plans import Strayed
+    from vision.reading.diagnosis import Diagnosis
 
 POLL: Final = 0.2
 """So often it is looked whether the person has done something by themselves [s, wall]."""
@@ -188,9 +188,9 @@ class HumanTurn:
         then = self._timing.at(
             max(gone_at, self._notice.last_gone or gone_at)
         )  # it may have come again before the look
-        if seen is None or seen.decision.verdict is Verdict.NOTHING:
+        if seen is None or seen.decision.verdict is ReadingOutcome.NOTHING:
             return None
-        if seen.decision.verdict is Verdict.MOVE and not seen.decision.promotion_unsure:
+        if seen.decision.verdict is ReadingOutcome.MOVE and not seen.decision.promotion_unsure:
             return self._judge(seen, None, then)
         self._unsaid = seen, then, time.monotonic()
         return None
@@ -199,9 +199,9 @@ class HumanTurn:
         """Something was played while nobody looked: the person says whether it was that."""
         self._table.replied = False
         seen = self._look()
-        if seen is None or seen.decision.verdict is Verdict.NOTHING:
+        if seen is None or seen.decision.verdict is ReadingOutcome.NOTHING:
             return None
-        if seen.decision.verdict is not Verdict.MOVE:
+        if seen.decision.verdict is not ReadingOutcome.MOVE:
             return self._judge(seen, None, self._timing.now())
         (move,) = seen.decision.moves
         if seen.decision.promotion_unsure:
@@ -235,7 +235,7 @@ class HumanTurn:
         if reading is None:
             self._face.say("this rig has no camera: type the move")
             return None
-        if reading.decision.verdict is Verdict.NOTHING:
+        if reading.decision.verdict is ReadingOutcome.NOTHING:
             self._face.say(
                 "I see no change on the board" if said is None else f"I do not see {said.uci()} on the board"
             )
@@ -245,7 +245,7 @@ class HumanTurn:
     def _judge(self, reading: Reading, said: chess.Move | None, then: float) -> GameEnd | None:
         """Something has changed on the board; ``said`` and ``then`` as for ``_read``."""
         decision, finding = reading.decision, reading.finding
-        if decision.verdict is Verdict.MOVE:
+        if decision.verdict is ReadingOutcome.MOVE:
             (move,) = decision.moves
             if decision.promotion_unsure:
                 move = chess.Move(move.from_square, move.to_square, self._promotion(said))
@@ -255,7 +255,7 @@ class HumanTurn:
         self._complain(finding)
         return None
 
-    def _complain(self, finding: Finding) -> None:
+    def _complain(self, finding: Diagnosis) -> None:
         self._table.note(finding)
         look = "" if self._notice.watches else " and say 'look'"
         what = " and ".join(_lies(one) for one in self._table.fallen()) or finding.sentence
@@ -268,7 +268,7 @@ class HumanTurn:
             return None
         reading = eyes.read()
         for _ in range(LOOKS - 1):
-            if reading.decision.verdict is not Verdict.DOUBT:
+            if reading.decision.verdict is not ReadingOutcome.DOUBT:
                 break
             reading = eyes.read()
         return reading

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from app import UserError
-from app.faces import Face
-from app.game.human import Lines
+from app.players.person import Lines
+from app.terminal.interface import Face
 
 POLL: Final = 0.2
 """How long is waited for words at a time [s, wall]."""

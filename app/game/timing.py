@@ -13,7 +13,7 @@ from contextlib import contextmanager
 import chess
 import chess.engine
 
-from app.clock import ChessClock, FlagFall, Move
+from app.game.clock import ChessClock, ClockMove, FlagFall
 from app.records import PlyEvent
 from hardware.table import Colour
 
@@ -131,12 +131,14 @@ def clock_of(clock: ChessClock | None, plies: Sequence[PlyEvent]) -> ChessClock 
     if clock is None:
         return None
     left = {Colour.WHITE: clock.white_left, Colour.BLACK: clock.black_left}
-    moves: list[Move] = []
+    moves: list[ClockMove] = []
     for ply in plies:
         before = left[ply.side]
         after = before if ply.clock_s is None else ply.clock_s[ply.side]  # of a ply that was finished by resuming
         moves.append(
-            Move(white=ply.side is Colour.WHITE, before=before, thought=max(0.0, before - after), arm=0.0, after=after)
+            ClockMove(
+                white=ply.side is Colour.WHITE, before=before, thought=max(0.0, before - after), arm=0.0, after=after
+            )
         )
         left[ply.side] = after
     return clock.model_copy(

@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from app.manipulation import Stage
+from app.motion.arcs import Workcell
 from app.motion.plan import Motion, PlanRefused
 from app.motion.route import Route, Timed, timed
-from app.motion.ways import Workcell
+from app.pieces.manipulation import Stage
 
 _ATTEMPTS: Final = 6
 """So often a motion is slowed down until its torques are feasible."""

@@ -9,14 +9,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from app.manipulation import Inventory, Transfer
 from app.motion.path import Vector
+from app.pieces.manipulation import Inventory, Transfer
 from controller.model.compiled import PAIR, ROW, SCALAR, STATUS, TABLE, FloatArray, compiled_as
 from hardware.parameters import Pads
 from hardware.table import PIECE_SHAPES, Kind, PieceShape, Place, TableSettings
 
 
-class Standing(NamedTuple):
+class Obstacle(NamedTuple):
     """A piece on the table: its name, its place, its centre in the board frame [m] and its kind."""
 
     name: str
@@ -26,7 +26,7 @@ class Standing(NamedTuple):
     kind: Kind
 
     @classmethod
-    def at(cls, name: str, place: Place, kind: Kind, table: TableSettings) -> Standing:
+    def at(cls, name: str, place: Place, kind: Kind, table: TableSettings) -> Obstacle:
         """At the centre of its place."""
         return cls(name, place, *table.xy(place), kind)
 
@@ -61,12 +61,12 @@ class Crowd:
             lies in it reaches, (m, 5) [m].
     """
 
-    pieces: tuple[Standing, ...]
+    pieces: tuple[Obstacle, ...]
     table: Vector
     boxes: Vector
 
     @classmethod
-    def of(cls, pieces: Iterable[Standing], table: TableSettings | None = None) -> Crowd:
+    def of(cls, pieces: Iterable[Obstacle], table: TableSettings | None = None) -> Crowd:
         """Of pieces, and of a table's boxes."""
         pieces = tuple(pieces)
         rows = [(piece.x, piece.y, *_SHAPES[piece.kind]) for piece in pieces]
@@ -80,7 +80,7 @@ class Crowd:
             seen[transfer.name] = transfer.grasped_at(table)
         standing = (piece for piece in inventory if not piece.place.in_box)
         return cls.of(
-            (Standing(p.name, p.place, *seen.get(p.name, table.xy(p.place)), p.kind) for p in standing), table
+            (Obstacle(p.name, p.place, *seen.get(p.name, table.xy(p.place)), p.kind) for p in standing), table
         )
 
     def without(self, name: str) -> Crowd:
@@ -91,7 +91,7 @@ class Crowd:
         i = self._index(name)
         return Crowd(left, np.concatenate([self.table[:i], self.table[i + 1 :]]), self.boxes)
 
-    def with_moved(self, moved: Standing) -> Crowd:
+    def with_moved(self, moved: Obstacle) -> Crowd:
         """With the piece of that name there."""
         i, pieces, table = self._index(moved.name), list(self.pieces), np.array(self.table)
         pieces[i], table[i, 0:2] = moved, (moved.x, moved.y)
@@ -208,7 +208,7 @@ def closed_position(kind: Kind, pads: Pads) -> float:
 
 def blocking_neighbour(
     x: float, y: float, finger_position: float, tip_height: float, others: Crowd, pads: Pads
-) -> Standing | None:
+) -> Obstacle | None:
     """The first piece that open fingers would touch on their way down, or None.
 
     Args:

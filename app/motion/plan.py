@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app import UserError
-from app.manipulation import Stage
 from app.motion.path import Path, Vector
 from app.motion.route import Route, timed
 from app.motion.settings import MotionSettings
+from app.pieces.manipulation import Stage
 from controller.protocol import Result
 from hardware.table import TableSettings
 
 if TYPE_CHECKING:
-    from app.motion.obstacles import Standing
+    from app.motion.obstacles import Obstacle
 
 
 class PlanRefused(UserError):
@@ -32,7 +32,7 @@ class InTheWay(PlanRefused):
         around: what they would be around, and where; None: they would not open.
     """
 
-    def __init__(self, sentence: str, piece: Standing, around: Standing | None = None) -> None:
+    def __init__(self, sentence: str, piece: Obstacle, around: Obstacle | None = None) -> None:
         super().__init__(sentence)
         self.piece, self.around = piece, around
 

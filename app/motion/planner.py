@@ -11,18 +11,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.manipulation import Inventory, PieceBoxed, Stage, Transfer
+from app.motion.arcs import Hop, Workcell, over, polygon
 from app.motion.drop import fall_time
+from app.motion.fallen.lying import NOTHING_STREWN, Strewn, standing_near
 from app.motion.gains import Softness
-from app.motion.loosened import loosened
-from app.motion.lying import NOTHING_STREWN, Strewn, standing_near
+from app.motion.lift_off import loosened
 from app.motion.motions import motion_of
-from app.motion.obstacles import Crowd, Standing, blocking_neighbour, box_in_the_way, closed_position
+from app.motion.obstacles import Crowd, Obstacle, blocking_neighbour, box_in_the_way, closed_position
 from app.motion.path import Vector
 from app.motion.plan import InTheWay, Motion, Plan, PlanRefused, Style
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
-from app.motion.ways import Hop, Workcell, over, polygon
+from app.pieces.manipulation import Inventory, PieceBoxed, Stage, Transfer
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, Kind, Place, TableSettings
 
@@ -91,7 +91,7 @@ def plan_ply(
         motion, _ = motion_of(cell, carried, route, index, Stage.CARRY)
         motions.append(motion)
         point = cell.base([(*table.xy(transfer.target), _height(cell, transfer, transfer.target))])[0]
-        moved = Standing.at(transfer.name, transfer.target, transfer.kind, table)
+        moved = Obstacle.at(transfer.name, transfer.target, transfer.kind, table)
         stands = others if transfer.target.in_box else stands.with_moved(moved)
         following = transfers[index + 1] if index + 1 < len(transfers) else None
         route = _release(cell, transfer, following, stands, point)
@@ -185,11 +185,11 @@ def _opening(cell: Workcell, transfer: Transfer, place: Place, point: tuple[floa
         f"at {place} the fingers, {least * 1e3:.1f} mm open, would touch the {neighbour.kind} on "
         f"{neighbour.place}: move that piece first or use larger squares",
         neighbour,
-        Standing(transfer.name, place, x, y, transfer.kind),
+        Obstacle(transfer.name, place, x, y, transfer.kind),
     )
 
 
-def fits_around(piece: Standing, others: Crowd, cell: Workcell) -> bool:
+def fits_around(piece: Obstacle, others: Crowd, cell: Workcell) -> bool:
     """Whether the fingers get down around a piece where it stands, as far open as they have to be."""
     pads, opening = cell.parameters.pads, _least_opening(cell, piece.kind)
     tip = cell.height(piece.kind, piece.place) - pads.half_height

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from app.motion.gains import Softness, progress, scheduled
 from app.motion.path import STRAIGHT, Path, Vector, blend, turns
-from app.motion.reference import Segment, along, dwell, glide, join, to_samples
 from app.motion.settings import Law, MotionSettings
-from app.motion.time_law import Bounds, time_law
+from app.motion.timing.reference import Segment, along, dwell, glide, join, to_samples
+from app.motion.timing.time_law import Bounds, time_law
 from controller.protocol import Guard
 from hardware.table import TableSettings
 

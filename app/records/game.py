@@ -12,8 +12,8 @@ import chess
 import chess.engine
 from pydantic import JsonValue
 
-from app.layout import colour_of
-from app.manipulation import Inventory, Ply, Stage, Transfer
+from app.pieces.layout import colour_of
+from app.pieces.manipulation import Inventory, Ply, Stage, Transfer
 from app.records.events import (
     AnyEvent,
     By,

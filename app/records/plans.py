@@ -11,18 +11,19 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, NonNegativeInt, ValidationError
+from pydantic import NonNegativeInt, ValidationError
 
 from app import UserError
-from app.manipulation import Stage
 from app.motion.gains import Softness
 from app.motion.path import Path as Way
 from app.motion.plan import Motion, Plan, Style
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
-from app.motion.time_law import Bounds
+from app.motion.timing.time_law import Bounds
+from app.pieces.manipulation import Stage
 from app.records.files import write_atomically
 from controller.protocol import SAMPLE
+from hardware.frozen import FrozenFinite
 from hardware.table import TableSettings
 
 FORMAT: Final = 1
@@ -30,11 +31,7 @@ _MOST: Final = 64
 """Motions of a plan; the longest ply has ten."""
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class _Route(_Strict):
+class _Route(FrozenFinite):
     """As `Route`; its arrays lie beside it."""
 
     bounds: tuple[tuple[float, float, float, float | None], ...]
@@ -50,7 +47,7 @@ class _Route(_Strict):
     holds: bool = False
 
 
-class _Motion(_Strict):
+class _Motion(FrozenFinite):
     """As `Motion`; its arrays lie beside it."""
 
     label: str
@@ -63,13 +60,13 @@ class _Motion(_Strict):
     paths: NonNegativeInt
 
 
-class _Style(_Strict):
+class _Style(FrozenFinite):
     settings: MotionSettings
     table: TableSettings
     tick: float
 
 
-class _Plan(_Strict):
+class _Plan(FrozenFinite):
     format: Literal[1] = FORMAT
     label: str
     lead: float

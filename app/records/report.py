@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from pydantic import Field, FiniteFloat, JsonValue
 
-from app.manipulation import MoveKind
+from app.pieces.manipulation import MoveKind
 from app.records.events import (
     AnyEvent,
     EndEvent,
@@ -35,7 +35,7 @@ class KindStats(Record):
     max_s: FiniteFloat | None
 
 
-class Kinds(Record):
+class StatsByKind(Record):
     """Durations by kind of move; all kinds are always there."""
 
     quiet: KindStats
@@ -85,7 +85,7 @@ class Report(Record):
     """Wall time from start to end [s]."""
     pace: Pace
     seed: int
-    kinds: Kinds
+    kinds: StatsByKind
     placement_mm: PlacementStats
     peak_torque_Nm: FiniteFloat | None  # noqa: N815  # the name in the file, with its unit
     peak_force_N: FiniteFloat | None  # noqa: N815  # the name in the file, with its unit
@@ -136,7 +136,7 @@ def summarise(
         wall_s=(last.wall_time - start.wall_time).total_seconds(),
         pace=start.pace,
         seed=start.seed,
-        kinds=Kinds.model_validate({kind.value: _kind_stats(plies, kind) for kind in MoveKind}),
+        kinds=StatsByKind.model_validate({kind.value: _kind_stats(plies, kind) for kind in MoveKind}),
         placement_mm=_placement_stats(plies),
         peak_torque_Nm=max((ply.peak_torque_Nm for ply in plies if ply.peak_torque_Nm is not None), default=None),
         peak_force_N=max((ply.peak_force_N for ply in plies if ply.peak_force_N is not None), default=None),

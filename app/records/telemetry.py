@@ -26,10 +26,10 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from app.records.files import RecordError, recording
-from controller.causes import Cause
+from controller.protocol.causes import Cause
 from controller.protocol.layout import TELEMETRY, Field, Flag, Result
 from controller.protocol.messages import Telemetry
-from controller.states import State
+from controller.protocol.states import State
 from hardware.interfaces import DriveStatus
 
 TELEMETRY_FILE = "telemetry.mcap"

@@ -6,7 +6,7 @@ along the rod and e the elbow's direction of motion
 
     T = ½ (I1 + (m2 + mt) l1²) q̇1² + ½ b |ḋ|² + c q̇1 e·ḋ,    b = (m2/3 + mt) l2²,   c = (m2/2 + mt) l1 l2,
 
-where |ḋ|² = q̇2² + sin²q2 q̇3². The arms meet in (2) of the paper, which `controller.model.constrained` writes out.
+where |ḋ|² = q̇2² + sin²q2 q̇3². The arms meet in (2) of the paper, which `controller.offline.constrained` writes out.
 
 Projected with T = [I; ∂g/∂y] the same energy needs none of the unmeasured angles: the ends of rod i move with
 l1 e_i ẏ_i and ż, and a uniform rod of mass m with ends at v and w has the energy (m/6) (v² + v·w + w²).

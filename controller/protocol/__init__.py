@@ -5,9 +5,9 @@ from controller.protocol.layout import (
     SAMPLES_PER_DATAGRAM,
     VERSION,
     CommandCode,
+    DatagramKind,
     Flag,
     Guard,
-    Kind,
     MotionFlag,
     Result,
 )
@@ -17,9 +17,9 @@ __all__ = [
     "SAMPLES_PER_DATAGRAM",
     "VERSION",
     "CommandCode",
+    "DatagramKind",
     "Flag",
     "Guard",
-    "Kind",
     "MotionFlag",
     "Result",
 ]

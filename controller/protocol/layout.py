@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from controller.causes import Cause
-from controller.states import State
+from controller.protocol.causes import Cause
+from controller.protocol.states import State
 
 MAGIC = b"TMCP"
 TAG_SIZE = 16
@@ -27,7 +27,7 @@ SAMPLES_PER_DATAGRAM = 10
 
 
 @unique
-class Kind(IntEnum):
+class DatagramKind(IntEnum):
     """What a datagram is; below 64 from the client, above from the controller."""
 
     HELLO = 1
@@ -282,17 +282,17 @@ TELEMETRY = Layout(
     ),
 )
 
-PAYLOADS: dict[Kind, Layout] = {
-    Kind.HELLO: HELLO,
-    Kind.HEARTBEAT: HEARTBEAT,
-    Kind.COMMAND: COMMAND,
-    Kind.ANNOUNCE: ANNOUNCE,
-    Kind.SAMPLES: SAMPLES,
-    Kind.WATCH: WATCH,
-    Kind.CHALLENGE: CHALLENGE,
-    Kind.WELCOME: WELCOME,
-    Kind.BUSY: BUSY,
-    Kind.TELEMETRY: TELEMETRY,
+PAYLOADS: dict[DatagramKind, Layout] = {
+    DatagramKind.HELLO: HELLO,
+    DatagramKind.HEARTBEAT: HEARTBEAT,
+    DatagramKind.COMMAND: COMMAND,
+    DatagramKind.ANNOUNCE: ANNOUNCE,
+    DatagramKind.SAMPLES: SAMPLES,
+    DatagramKind.WATCH: WATCH,
+    DatagramKind.CHALLENGE: CHALLENGE,
+    DatagramKind.WELCOME: WELCOME,
+    DatagramKind.BUSY: BUSY,
+    DatagramKind.TELEMETRY: TELEMETRY,
 }
 """Payload of each kind; SAMPLES is followed by ``count`` samples."""
 
@@ -303,7 +303,7 @@ SAMPLE: np.dtype[Any] = SAMPLE_LAYOUT.dtype
 def layout_version() -> int:
     """32-bit hash of every layout and enum; both sides must have the same."""
     parts = [layout.signature() for layout in (HEADER, SAMPLE_LAYOUT, *PAYLOADS.values())]
-    enums = (Kind, CommandCode, MotionFlag, Guard, Result, Flag, State, Cause)
+    enums = (DatagramKind, CommandCode, MotionFlag, Guard, Result, Flag, State, Cause)
     parts += [enum.__name__ + ",".join(f"{member.name}={member.value}" for member in enum) for enum in enums]
     text = ";".join(parts)
     return int.from_bytes(hashlib.blake2s(text.encode(), digest_size=4).digest(), "little")

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.causes import Cause, explain
+from controller.protocol.causes import Cause, explain
 from controller.protocol.layout import (
     ANNOUNCE,
     BUSY,
@@ -22,7 +22,7 @@ from controller.protocol.layout import (
     MotionFlag,
     Result,
 )
-from controller.states import State
+from controller.protocol.states import State
 from hardware.interfaces import DriveStatus, Triple
 
 

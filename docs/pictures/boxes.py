@@ -15,10 +15,10 @@ import cv2
 import mujoco
 import numpy as np
 
-from hardware.sim.construction import Construction
-from hardware.sim.drawing import draw_rods
-from hardware.sim.settings import load_settings
-from hardware.sim.snapshot import STATE_FILE
+from hardware.sim.plant.snapshot import STATE_FILE
+from hardware.sim.process.construction import Construction
+from hardware.sim.process.settings import load_settings
+from hardware.sim.render.drawing import draw_rods
 
 TARGET = Path(__file__).with_name("boxes.jpg")
 

@@ -14,16 +14,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from app.layout import start_layout
 from app.motion import MotionSettings
-from hardware.framesets import FrameMaker
+from app.pieces.layout import start_layout
+from hardware.camera.framesets import FrameMaker
+from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.parameters import load_parameters
-from hardware.sim.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
-from hardware.sim.looks import CameraSettings, Looks
-from hardware.sim.renderer import MODEL_FILE, Renderer, Sensor, Shot, frame_path, load_pictures
-from hardware.sim.scene import build_model
-from hardware.sim.settings import WorldSettings, stand_pieces
-from hardware.software_device import DepthStream, SoftwareCamera
+from hardware.sim.bodies.scene import build_model
+from hardware.sim.process.settings import WorldSettings, stand_pieces
+from hardware.sim.render.appearance import CameraSettings, Looks
+from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
+from hardware.sim.render.renderer import MODEL_FILE, Renderer, Sensor, Shot, frame_path, load_pictures
 from hardware.table import TableSettings
 
 POSITION = "r2q1rk1/ppp2ppp/2npbn2/2b1p3/2B1P3/2NPBN2/PPP2PPP/R2Q1RK1 w - - 0 8"

@@ -13,15 +13,15 @@ import cv2
 import mujoco
 import numpy as np
 
-from app.layout import start_layout
 from app.motion import MotionSettings
+from app.pieces.layout import start_layout
 from hardware.parameters import load_parameters
-from hardware.sim.hand import Hand
-from hardware.sim.hand_actions import Action, HandSettings, Put, Rest, Take
-from hardware.sim.hand_body import add_hand
-from hardware.sim.plant import Plant
-from hardware.sim.scene import build_model
-from hardware.sim.settings import WorldSettings, stand_pieces
+from hardware.sim.bodies.hand import add_hand
+from hardware.sim.bodies.scene import build_model
+from hardware.sim.hand.actions import Action, HandSettings, Put, Rest, Take
+from hardware.sim.hand.hand import Hand
+from hardware.sim.plant.plant import Plant
+from hardware.sim.process.settings import WorldSettings, stand_pieces
 from hardware.table import Place, TableSettings
 
 POSITION = "r1bqkbnr/pppp1ppp/2n5/4p3/4P3/5N2/PPPP1PPP/RNBQKB1R w KQkq - 2 3"

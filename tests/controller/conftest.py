@@ -19,15 +19,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from controller.client import ControllerClient
-from controller.law import TaskSpaceController
+from controller.law.task_space import TaskSpaceController
+from controller.loop.server import serve
 from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at
+from controller.protection.limits import Limits
 from controller.protocol import SAMPLE, Guard
 from controller.protocol.key import KEY_FILE, create_key
-from controller.safety import Limits
-from controller.server import serve
 from controller.settings import CONTROLLER_FILE, ControllerSettings
+from controller.wire.client import ControllerClient
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters, load_parameters
 

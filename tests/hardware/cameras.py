@@ -11,8 +11,8 @@ import numpy as np
 import pyrealsense2 as rs
 from numpy.typing import NDArray
 
+from hardware.camera.software_device import DepthStream, SoftwareDevice
 from hardware.interfaces import Frame, Intrinsics
-from hardware.software_device import DepthStream, SoftwareDevice
 
 PINHOLE = Intrinsics(640, 480, 600.0, 600.0, 319.5, 239.5)
 DEPTH = DepthStream(Intrinsics(848, 480, 450.0, 450.0, 423.5, 239.5), 1e-3, 0.015)

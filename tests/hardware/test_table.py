@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from hardware.parameters import load_parameters
-from hardware.sim.arm import inverse_kinematics
+from hardware.sim.bodies.arm import inverse_kinematics
 from hardware.table import MOST_YAW, PIECE_SHAPES, ContactLimits, Kind, Place, TableSettings, square_place
 
 TABLE = TableSettings()

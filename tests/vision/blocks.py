@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hardware.interfaces import Frame, Intrinsics
 from hardware.table import TableSettings
 from tests.vision.views import looking_at
-from vision.board import BoardView
+from vision.board.view import BoardView
 
 PINHOLE = Intrinsics(640, 480, 615.0, 615.0, 319.5, 239.5)
 TABLE = TableSettings()

@@ -13,19 +13,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.layout import start_layout
 from app.motion import MotionSettings
+from app.pieces.layout import start_layout
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
-from hardware.sim.drawing import draw_rods
-from hardware.sim.looks import LightSettings
-from hardware.sim.optics import ColourSensor, colour_picture
-from hardware.sim.renderer import HEIGHT, WIDTH, intrinsics_for
-from hardware.sim.scene import CAMERAS, build_model
-from hardware.sim.settings import WorldSettings, stand_pieces
-from hardware.sim.table_studio import TableStudio
+from hardware.sim.bodies.scene import CAMERAS, build_model
+from hardware.sim.process.settings import WorldSettings, stand_pieces
+from hardware.sim.process.table_studio import TableStudio
+from hardware.sim.render.appearance import LightSettings
+from hardware.sim.render.drawing import draw_rods
+from hardware.sim.render.renderer import HEIGHT, WIDTH, intrinsics_for
+from hardware.sim.render.sensor_model import ColourSensor, colour_picture
 from hardware.table import PieceSpec, TableSettings
-from vision.board import BoardView, playing_area
+from vision.board.view import BoardView, playing_area
 
 CAMERA = CAMERAS["camera"]
 TABLE = TableSettings()

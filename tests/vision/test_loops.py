@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from vision.arm_mask import Capsules
 from vision.brightness import LOGARITHM
+from vision.hands.arm_mask import Capsules
 from vision.loops import (
     changes,
     colour_sums,

@@ -1,6 +1,0 @@
-"""Measurements that say whether a bar is held: ``touchmove bench NAME``. One module for each bench."""
-
-from app.bench.registry import BENCHES, UnknownBench, run_bench
-from app.bench.report import BenchReport, Row
-
-__all__ = ["BENCHES", "BenchReport", "Row", "UnknownBench", "run_bench"]

@@ -1,0 +1,187 @@
+"""``touchmove calibrate``: the arm shows its marker to the camera all over the board; where the camera hangs follows.
+
+The arm stays higher than any piece, so that the board may be set up or empty. At each point it rests, one frame is
+taken that was exposed after it came to rest, and the encoders say where the tool really is.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app import UserError
+from app.commissioning.calibrate_report import CalibrateReport, ShownPoint
+from app.commissioning.marker_survey import MarkerObservation, Setup, fresh_frame, show
+from app.motion import MotionSettings
+from app.records.files import GAMES
+from app.rig.devices import Rig
+from app.rig.factory import choose_rig, open_rig
+from app.rig.rig_file import RigFile
+from app.rig.simulation.settings import SimRigSettings, settings_to_calibrate
+from app.settings.calibration import CalibratedBoard, Calibration, Pinhole, as_rows, residuals, write_calibration
+from controller.wire.errors import ControllerError
+from hardware.interfaces import Frame, HardwareError
+from hardware.parameters import load_parameters
+from hardware.table import TableSettings, square_place
+from vision.board.find import find_board
+from vision.board.view import BoardNotFound, BoardView, playing_area
+from vision.camera.calibration import CalibrationFailed, CameraPose, depth_factor, solve_pose
+from vision.camera.table_plane import board_place, find_plane, nominal_view
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+FindCorners = Callable[[Frame, BoardView], Array | None]
+"""Corners a1, h1, h8, a8 in a frame, (4, 2) [px], near to where a view has them; None where no board is seen."""
+
+FILE: Final = "calibration.json"
+MOST_EXPECTED: Final = 0.0015
+"""A calibration whose worst square is expected to be off by more, as a standard deviation, is refused [m]."""
+MOST_RESIDUAL: Final = 0.0015
+"""And one whose points disagree by more than this on average [m]."""
+MOST_FACTOR: Final = 0.05
+"""Depth that is wrong by a larger share is no depth of this scene."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """What a calibration found, with what it was found from."""
+
+    calibration: Calibration
+    pose: CameraPose
+    sightings: tuple[MarkerObservation, ...]
+
+
+def calibrate_rig(
+    rig: Rig, setup: Setup, progress: Progress, made: datetime, find_corners: FindCorners | None = None
+) -> Found:
+    """Calibrate the camera of a rig whose arm holds.
+
+    Args:
+        rig: whose.
+        setup: what is known of it.
+        progress: told what is being done.
+        made: the time, for the file.
+        find_corners: finds the outer corners of the playing area in a frame; None: only the board's height is found.
+
+    Raises:
+        CalibrationFailed: it cannot be told well enough.
+        UserError, HardwareError: a device failed.
+    """
+    sightings = show(rig, setup, progress)
+    seen = [one for one in sightings if one.seen is not None]
+    assert rig.camera is not None
+    frame = fresh_frame(rig, rig.camera)
+    points = np.array([one.point for one in seen]).reshape(-1, 3)
+    pixels = np.array([one.seen.centre for one in seen if one.seen is not None]).reshape(-1, 2)
+    pose = solve_pose(frame.intrinsics, points, pixels)
+    factor, _scatter = depth_factor(pose, points, np.array([one.depth for one in seen]))
+    if abs(factor - 1.0) > MOST_FACTOR:
+        raise CalibrationFailed(
+            f"the camera's depth is wrong by {100.0 * abs(factor - 1.0):.0f} %, at most {100.0 * MOST_FACTOR:.0f} % "
+            "are accepted: calibrate the depth camera with its maker's tool, then calibrate again"
+        )
+    plane = find_plane(frame, pose, setup.table, factor)
+    corners = None if find_corners is None else find_corners(frame, nominal_view(pose, setup.table))
+    place = board_place(pose, setup.table, corners, plane)
+    board = None if place is None else CalibratedBoard.of(place, by_corners=corners is not None)
+    calibration = _summary(pose, setup.table, factor, board, made)
+    _require_good(calibration)
+    return Found(calibration, pose, tuple(sightings))
+
+
+def corners_near(frame: Frame, view: BoardView) -> Array | None:
+    """Corners of the board in a frame, found near to where it is believed to lie; None where they are not sure."""
+    try:
+        found = find_board(frame.colour, near=view.project(playing_area(view.table)))
+    except BoardNotFound:
+        return None  # pieces may hide too much of it: the report says that place and turn are the settings'
+    return found.corners if found.doubt is None else None
+
+
+def _summary(
+    pose: CameraPose, table: TableSettings, factor: float, board: CalibratedBoard | None, made: datetime
+) -> Calibration:
+    squares = np.array([[*table.xy(square_place(square)), 0.0] for square in range(64)])
+    expected = pose.expected_error(table.base_from_board(squares))
+    mean, worst = residuals(pose)
+    return Calibration(
+        made=made.isoformat(timespec="seconds"), pinhole=Pinhole.of(pose.intrinsics),
+        camera_from_base=as_rows(pose.camera_from_base), depth_factor=factor, points=len(pose.used),
+        left_out=int(np.count_nonzero(~pose.used)), mean_residual=mean, worst_residual=worst,
+        mean_error=float(expected.mean()), worst_error=float(expected.max()), board=board,
+    )  # fmt: skip
+
+
+def _require_good(found: Calibration) -> None:
+    if found.mean_residual > MOST_RESIDUAL:
+        raise CalibrationFailed(
+            f"the points disagree by {1e3 * found.mean_residual:.1f} mm on average, at most "
+            f"{1e3 * MOST_RESIDUAL:.1f} mm are accepted: "
+            "screw camera and marker down, and see that the robot's parameters are its own"
+        )
+    if found.worst_error > MOST_EXPECTED:
+        raise CalibrationFailed(
+            f"the camera would see the board with an error of {1e3 * found.worst_error:.1f} mm, at most "
+            f"{1e3 * MOST_EXPECTED:.1f} mm are accepted: see that the marker is sharp, well lit and in sight everywhere"
+        )
+
+
+def run_calibrate(name: str, out: Path | None, progress: Progress) -> CalibrateReport:
+    """Calibrate the camera of a rig, and write the file.
+
+    Args:
+        name: ``sim``, which is started for it, or a rig file, whose controller runs.
+        out: file to write; None: the rig file's ``calibration``, or ``games/calibration.json`` of a simulation.
+        progress: told what is being done.
+
+    Raises:
+        UserError: there is no such rig, or a device failed.
+    """
+    rig = choose_rig(name)
+    path = out or (rig.calibration if rig is not None else GAMES / FILE)
+    with ExitStack() as stack:
+        setup, settings = _setup(rig)
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="touchmove-")))
+        try:
+            setup.marker  # noqa: B018  # asked for before anything starts
+            devices = stack.enter_context(open_rig(rig, folder / "run", settings, progress))
+            found = calibrate_rig(devices, setup, progress, datetime.now(UTC), corners_near)
+        except CalibrationFailed as error:
+            return CalibrateReport(rig=name, holds=False, failure=str(error), file=None, calibration=None, shown=())
+        except (HardwareError, ControllerError) as error:
+            raise UserError(str(error)) from error
+    write_calibration(path, found.calibration)
+    return CalibrateReport(
+        rig=name, holds=True, failure=None, file=str(path), calibration=found.calibration, shown=shown_points(found)
+    )
+
+
+def shown_points(found: Found) -> tuple[ShownPoint, ...]:
+    """For the report: each point and how well it fits."""
+    shown, index = [], 0
+    for one in found.sightings:
+        x, y, z = one.point.tolist()
+        if one.seen is None:
+            shown.append(ShownPoint(point=(x, y, z), seen=False, counted=False, residual=None))
+            continue
+        counted, residual = bool(found.pose.used[index]), float(found.pose.aside[index])
+        shown.append(ShownPoint(point=(x, y, z), seen=True, counted=counted, residual=residual))
+        index += 1
+    return tuple(shown)
+
+
+def _setup(rig: RigFile | None) -> tuple[Setup, SimRigSettings | None]:
+    """What is known of a rig; and the world of a simulation of our own, with an empty board."""
+    if rig is not None:
+        return Setup(rig.table, load_parameters(rig.parameters), MotionSettings().at(rig.table)), None
+    table = TableSettings()
+    motion = MotionSettings().at(table)
+    return Setup(table, load_parameters(), motion), settings_to_calibrate(motion, table)

@@ -1,0 +1,231 @@
+"""Drives, gripper and fingers, with the brakes closed all the time: nothing moves, and nothing needs to be known of the
+controller.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from app.commissioning.check_report import Finding, Judge
+from app.motion.path import Vector
+from controller.law.task_space import TaskSpaceController
+from controller.model.constants import DeltaModel
+from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, ServoBus
+from hardware.parameters import RobotParameters
+from hardware.table import TableSettings
+
+DURATION: Final = 1.0
+"""How long the drives are listened to [s of plant time]."""
+SETTLING: Final = 0.5
+"""Before that, as a share of it."""
+PERIOD_TOLERANCE: Final = 0.02
+"""Of the tick's length."""
+LOST_TICKS: Final = 0.01
+"""Share of ticks that may go by without an exchange, on a PC that does other things as well."""
+STILL: Final = 0.01
+"""Closed brakes hold the servomotors below this [rad/s]."""
+NOISE_COUNTS: Final = 4.0
+"""Standard deviation of an encoder at rest [counts]."""
+FINGER_TOLERANCE: Final = 0.001
+"""Beyond its stroke [m]."""
+TACTILE_OFFSET: Final = 0.5
+TACTILE_NOISE: Final = 0.2
+"""Of a finger that holds nothing [N]."""
+SILENCE: Final = 5.0
+"""How long nothing is said to try the drives' watchdog, in its own times."""
+BELOW_BOARD: Final = 0.02
+"""The tool cannot be deeper than so far below the playing surface [m]."""
+
+_REST: Final = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=False, busy=True)
+_POWERED: Final = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=True, busy=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """What the drives said for a while; one row a fresh tick.
+
+    Attributes:
+        wall: how long it took [s].
+        ticks: tick numbers, (n,).
+        angle: (n, 3) [rad].
+        velocity: (n, 3) [rad/s].
+        finger: (n,) [m].
+        tactile: (n, 2) [N].
+        status: of the last one.
+    """
+
+    wall: float
+    ticks: Vector
+    angle: Vector
+    velocity: Vector
+    finger: Vector
+    tactile: Vector
+    status: DriveStatus
+
+
+def check_drives(
+    open_bus: Callable[[RobotParameters], ServoBus], parameters: RobotParameters, table: TableSettings
+) -> list[Finding]:
+    """Listen to the drives on their brakes, then see whether they notice silence.
+
+    Args:
+        open_bus: opens them.
+        parameters: robot.
+        table: at which it stands.
+
+    Raises:
+        HardwareError: they cannot be opened.
+    """
+    bus = open_bus(parameters)
+    try:
+        return check_bus(bus, parameters, table)
+    finally:
+        bus.close()
+
+
+def check_bus(bus: ServoBus, parameters: RobotParameters, table: TableSettings) -> list[Finding]:
+    """As ``check_drives``, of a bus that is open; it is left on its brakes."""
+    drives = Judge("drives")
+    try:
+        heard = _listen(bus, round(DURATION / bus.period))
+        _judge_time(drives, bus, heard)
+        _judge_status(drives, heard)
+        _judge_encoders(drives, heard, parameters)
+        _judge_pose(drives, heard, parameters, table)
+        _judge_watchdog(drives, bus, parameters)
+        gripper = _judge_gripper(heard, parameters)
+    except BusLost as error:
+        drives.wrong("connection", str(error), "see to their power and cables, then check again")
+        return drives.findings
+    return drives.findings + gripper
+
+
+def _listen(bus: ServoBus, ticks: int) -> Heard:
+    first = bus.exchange(_REST).tick
+    while (begin := bus.exchange(_REST)).tick - first < ticks * SETTLING:
+        pass  # brakes that have just closed give a little
+    said = [begin]
+    since = time.perf_counter()
+    while said[-1].tick - said[0].tick < ticks:
+        measured = bus.exchange(_REST)
+        if measured.tick != said[-1].tick:
+            said.append(measured)
+    wall = time.perf_counter() - since
+    return Heard(
+        wall, _column(said, "tick"), _column(said, "angle"), _column(said, "velocity"),
+        _column(said, "finger_position"), _column(said, "tactile"), said[-1].status,
+    )  # fmt: skip
+
+
+def _column(said: Sequence[Measurement], name: str) -> Vector:
+    return np.array([getattr(one, name) for one in said], dtype=float)
+
+
+def _judge_time(drives: Judge, bus: ServoBus, heard: Heard) -> None:
+    passed = heard.ticks[-1] - heard.ticks[0]
+    if bus.lockstep:
+        drives.left_out("tick", "plant time waits for its controller here (pace fast)")
+        return
+    period = heard.wall / passed
+    drives.judge(
+        "tick", f"{1e3 * period:.3f} ms, {1e3 * bus.period:.3f} ms stated",
+        abs(period / bus.period - 1.0) <= PERIOD_TOLERANCE,
+        "set the motion board's interrupt to the stated period, or state its own in the parameters' drive.tick",
+    )  # fmt: skip
+    lost = 1.0 - (len(heard.ticks) - 1) / passed
+    drives.judge(
+        "missed ticks", f"{100.0 * lost:.2f} %", lost <= LOST_TICKS,
+        "end other programs on this PC; 'touchmove link-test' says more",
+    )  # fmt: skip
+
+
+def _judge_status(drives: Judge, heard: Heard) -> None:
+    status = heard.status
+    said = (status.name or "OK").replace("|", ", ").lower()
+    drives.judge(
+        "status", said, bool(status & DriveStatus.BRAKED) and not status & (DriveStatus.FAULT | DriveStatus.ENABLED),
+        "read the fault on the amplifiers' displays; not enabled they must stand on their brakes",
+    )  # fmt: skip
+
+
+def _judge_encoders(drives: Judge, heard: Heard, parameters: RobotParameters) -> None:
+    if not np.isfinite(heard.angle).all() or not np.isfinite(heard.velocity).all():
+        drives.wrong("encoders", "they say something that is no number", "see to the encoders' cables")
+        return
+    fastest = float(np.abs(heard.velocity).max())
+    drives.judge(
+        "brakes", f"servomotors move by up to {fastest:.4f} rad/s", fastest <= STILL,
+        "the brakes do not hold, or somebody moves the arm: see to the brakes before anything else",
+    )  # fmt: skip
+    # from tick to tick, since brakes may give slowly
+    jumps = float(np.diff(heard.angle, axis=0).std(axis=0).max()) / np.sqrt(2.0)
+    counts = jumps * 2.0**parameters.drive.encoder_bits / (2.0 * np.pi)
+    drives.judge(
+        "encoders", f"noise {counts:.1f} counts of {parameters.drive.encoder_bits} bit", counts <= NOISE_COUNTS,
+        "see to shield and earth of the encoders' cables",
+    )  # fmt: skip
+
+
+def _judge_pose(drives: Judge, heard: Heard, parameters: RobotParameters, table: TableSettings) -> None:
+    law = TaskSpaceController(DeltaModel(parameters))
+    a, b, c = heard.angle.mean(axis=0).tolist()
+    said = f"servomotors at {np.degrees(a):.1f}°, {np.degrees(b):.1f}°, {np.degrees(c):.1f}°"
+    advice = "set the encoders' zero where each proximal link is horizontal, and their sense so that down is positive"
+    if law.update((a, b, c), (0.0, 0.0, 0.0)) != 0:
+        drives.wrong("pose", f"{said}: no tool point belongs to them", advice)
+        return
+    x, y, height = table.board_from_base(law.state.position).tolist()
+    drives.judge(
+        "pose", f"{said}: tool {1e3 * height:.0f} mm above the board, at ({1e3 * x:.0f}, {1e3 * y:.0f}) mm",
+        height > -BELOW_BOARD, f"the tool would be in the table: {advice}; or correct centre_in_base in the rig file",
+    )  # fmt: skip
+
+
+def _judge_watchdog(drives: Judge, bus: ServoBus, parameters: RobotParameters) -> None:
+    """Amplifiers on, brakes closed, no torque; then say nothing."""
+    if bus.lockstep:
+        drives.left_out("watchdog", "plant time waits for its controller here (pace fast)")
+        return
+    for _ in range(20):
+        powered = bus.exchange(_POWERED)
+    if not powered.status & DriveStatus.ENABLED:
+        bus.exchange(_REST)
+        drives.wrong("watchdog", "the amplifiers do not switch on", "see to their enable line and emergency stop")
+        return
+    limit = parameters.drive.watchdog_ticks * bus.period
+    silence = SILENCE * limit
+    time.sleep(silence)
+    after = bus.exchange(_POWERED)
+    bus.exchange(_REST)
+    drives.judge(
+        "watchdog", f"after {1e3 * silence:.0f} ms of silence: {(after.status.name or 'OK').lower()}",
+        bool(after.status & DriveStatus.WATCHDOG) and not after.status & DriveStatus.ENABLED,
+        f"the drives must brake by themselves {1e3 * limit:.0f} ms after the last command: nothing above them does it",
+    )  # fmt: skip
+
+
+def _judge_gripper(heard: Heard, parameters: RobotParameters) -> list[Finding]:
+    gripper, stroke, finger = Judge("gripper"), parameters.gripper.stroke, float(heard.finger.mean())
+    gripper.judge(
+        "fingers", f"{1e3 * finger:.1f} mm from the middle, stroke {1e3 * stroke:.0f} mm",
+        -FINGER_TOLERANCE <= finger <= stroke + FINGER_TOLERANCE,
+        "find the gripper's zero again: both pads touch where it says 0",
+    )  # fmt: skip
+    mean, noise = heard.tactile.mean(axis=0), heard.tactile.std(axis=0)
+    holding = min(mean) > TACTILE_OFFSET
+    for side, offset, spread in zip(("right", "left"), mean.tolist(), noise.tolist(), strict=True):
+        what = f"{side} pad"
+        if holding:
+            gripper.left_out(what, f"{offset:.2f} N: the fingers hold something")
+            continue
+        gripper.judge(
+            what, f"{offset:.2f} N ± {spread:.2f} N, holding nothing",
+            abs(offset) <= TACTILE_OFFSET and spread <= TACTILE_NOISE,
+            "take everything out of the fingers and set the sensor's zero; see to its cable if it is noisy",
+        )  # fmt: skip
+    return gripper.findings

@@ -1,0 +1,106 @@
+"""What a check found: a line for each thing that was looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import StrEnum
+from typing import Final
+
+from rich.table import Table
+
+from hardware.frozen import Frozen
+
+
+class CheckState(StrEnum):
+    """How a thing is."""
+
+    GOOD = "good"
+    WRONG = "wrong"
+    LEFT_OUT = "left out"
+    """It could not be looked at, or the rig has none; not counted against it."""
+
+
+class Finding(Frozen):
+    """One thing that was looked at.
+
+    Attributes:
+        device: it belongs to.
+        what: was looked at.
+        state: how it is.
+        found: what was seen, in words.
+        advice: what to do where it is wrong.
+    """
+
+    device: str
+    what: str
+    state: CheckState
+    found: str
+    advice: str = ""
+
+
+class CheckReport(Frozen):
+    """All findings of a rig; ``holds`` says whether nothing is wrong."""
+
+    rig: str
+    holds: bool
+    findings: tuple[Finding, ...]
+
+    @classmethod
+    def of(cls, rig: str, findings: Iterable[Finding]) -> CheckReport:
+        """Of a rig."""
+        found = tuple(findings)
+        return cls(rig=rig, holds=all(one.state is not CheckState.WRONG for one in found), findings=found)
+
+    def table(self) -> Table:
+        """One screen for people."""
+        wrong = sum(one.state is CheckState.WRONG for one in self.findings)
+        verdict = "all is well" if self.holds else f"{wrong} thing{'s' * (wrong > 1)} wrong"
+        table = Table(title=f"rig {self.rig}: {verdict}", title_justify="left", box=None, padding=(0, 1))
+        for column in ("device", "what", "found", "what to do"):
+            table.add_column(column, overflow="fold")
+        last = ""
+        for one in self.findings:
+            style = _STYLES[one.state]
+            device = one.device if one.device != last else ""
+            table.add_row(
+                device, one.what, f"[{style}]{one.found}[/]", one.advice if one.state is CheckState.WRONG else ""
+            )
+            last = one.device
+        return table
+
+
+_STYLES: Final = {CheckState.GOOD: "green", CheckState.WRONG: "red", CheckState.LEFT_OUT: "dim"}
+
+
+class Judge:
+    """Writes findings of one device.
+
+    Args:
+        device: its name.
+
+    Attributes:
+        findings: so far.
+    """
+
+    def __init__(self, device: str) -> None:
+        self.device = device
+        self.findings: list[Finding] = []
+
+    def good(self, what: str, found: str) -> None:
+        """It is as it should be."""
+        self.findings.append(Finding(device=self.device, what=what, state=CheckState.GOOD, found=found))
+
+    def wrong(self, what: str, found: str, advice: str) -> None:
+        """It is not."""
+        self.findings.append(Finding(device=self.device, what=what, state=CheckState.WRONG, found=found, advice=advice))
+
+    def left_out(self, what: str, why: str) -> None:
+        """It was not looked at."""
+        self.findings.append(Finding(device=self.device, what=what, state=CheckState.LEFT_OUT, found=why))
+
+    def judge(self, what: str, found: str, holds: bool, advice: str) -> None:
+        """It is as it should be, or not."""
+        if holds:
+            self.good(what, found)
+        else:
+            self.wrong(what, found, advice)

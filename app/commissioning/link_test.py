@@ -1,0 +1,211 @@
+"""``touchmove link-test``: whether this PC and the network to the controller are good enough, and what to change.
+
+The arm holds all the time. Each check has its number, its limit and, where it fails, what to do about it.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+from collections.abc import Callable
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from rich.table import Table
+
+from app import UserError
+from app.commissioning.processor import ProcessorTime, stolen_share
+from app.rig.factory import choose_rig
+from app.rig.rig_file import ControllerSection
+from app.rig.simulation.timed import GrantedRealTime, timed_rig
+from controller.protocol.key import KEY_FILE, KeyFileError, load_key
+from controller.settings import CONTROLLER_FILE
+from controller.wire.errors import ControllerError
+from controller.wire.probe import PATIENCE, Probe, ProbeFigures
+from hardware.frozen import Frozen
+
+SEED: Final = 1
+ROUND_TRIP: Final = 13.0
+"""p99 [ms]: an announcement is sent 26 ms ahead, and must arrive with as much to spare."""
+JITTER: Final = 5.0
+"""p99 less median of the round trip [ms]."""
+LOST: Final = 1.0
+"""Pings lost [%]: a motion survives thirty times as much, but a wired network loses next to nothing."""
+OVERTAKEN: Final = 1.0
+"""Telemetry overtaken or repeated [%]."""
+MISSED: Final = 0.1
+"""Ticks without an exchange [%]."""
+HALF_TICK: Final = 0.44
+"""Lateness and work of a tick [ms]: the other half is the reserve."""
+STOLEN: Final = 0.1
+"""Processor time taken by the host of a virtual machine [%]."""
+BUFFER: Final = 1 << 20
+"""What the controller asks for [bytes]: 3000 datagrams."""
+
+
+class LinkCheck(Frozen):
+    """One line of the test: ``holds`` where the value is on the good side of its limit.
+
+    Attributes:
+        unit: of value and limit.
+        value: found.
+        limit: the bar.
+        at_least: whether the value must reach the limit instead of staying below.
+        holds: whether it is good enough.
+        advice: what to change where it is not.
+    """
+
+    unit: str
+    value: float
+    limit: float
+    at_least: bool = False
+    holds: bool
+    advice: str
+
+
+class LinkReport(Frozen):
+    """All checks; ``holds`` says whether all of them hold.
+
+    Attributes:
+        rig: on which.
+        duration: of the measurement [s].
+        holds: whether PC and network are good enough.
+        checks: by name.
+        notes: what real time was not granted, with the remedy.
+    """
+
+    rig: str
+    duration: float
+    holds: bool
+    checks: dict[str, LinkCheck]
+    notes: tuple[str, ...]
+
+    def table(self) -> Table:
+        """One screen for people."""
+        verdict = "good enough" if self.holds else "not good enough"
+        table = Table(title=f"PC and link are {verdict} (rig {self.rig}, {self.duration:g} s)", title_justify="left")
+        table.add_column("")
+        table.add_column("found", justify="right")
+        table.add_column("good", justify="right")
+        table.add_column("what to change")
+        said: set[str] = set()
+        for name, check in self.checks.items():
+            sign, style = ("≥" if check.at_least else "≤"), ("green" if check.holds else "red")
+            found = f"[{style}]{check.value:.4g} {check.unit}[/]"
+            advice = "" if check.holds else "the same" if check.advice in said else check.advice
+            said.add(advice)
+            table.add_row(name.replace("_", " "), found, f"{sign} {check.limit:g}", advice)
+        return table
+
+
+def link_test(rig: str, duration: float, progress: Callable[[str], None]) -> LinkReport:
+    """Measure.
+
+    Args:
+        rig: ``sim``, which is started for the test in pace real; or a rig file, whose controller runs already.
+        duration: of the measurement [s, wall].
+        progress: told what is being done.
+
+    Raises:
+        UserError: there is no such rig, or it did not start or answer.
+    """
+    chosen = choose_rig(rig)
+    if chosen is not None:
+        return _link_test_of(rig, chosen.controller, duration, progress)
+    with timed_rig(SEED, progress) as timed:
+        timed.rig.free_lease()
+        progress(f"measuring for {duration:g} s")
+        before = ProcessorTime.now()
+        found = json.loads((timed.run_dir / CONTROLLER_FILE).read_text(encoding="utf-8"))
+        figures = probe_controller(found["host"], found["port"], timed.run_dir / KEY_FILE, duration)
+        stolen = stolen_share(before, ProcessorTime.now())
+        progress("the arm goes to its brakes")
+        end = timed.finish()
+    checks = link_checks(figures, stolen, receive_buffer(), local=True) | real_time_check(end.pulse.realtime)
+    return LinkReport(
+        rig=rig, duration=duration, holds=all(check.holds for check in checks.values()), checks=checks,
+        notes=end.pulse.realtime.notes,
+    )  # fmt: skip
+
+
+def _link_test_of(
+    name: str, section: ControllerSection, duration: float, progress: Callable[[str], None]
+) -> LinkReport:
+    """Of a controller that runs already; what real time it got it has said when it started."""
+    progress(f"measuring the way to {section.host}:{section.port} for {duration:g} s")
+    before = ProcessorTime.now()
+    figures = probe_controller(section.host, section.port, section.key, duration)
+    stolen = stolen_share(before, ProcessorTime.now())
+    local = ip_address(section.host).is_loopback
+    checks = link_checks(figures, stolen, receive_buffer(), local=local)
+    holds = all(check.holds for check in checks.values())
+    return LinkReport(rig=name, duration=duration, holds=holds, checks=checks, notes=())
+
+
+def probe_controller(host: str, port: int, key_file: Path, duration: float) -> ProbeFigures:
+    """Probe a controller for so long [s, wall].
+
+    Raises:
+        UserError: it did not answer, or the key cannot be read.
+    """
+    try:
+        with Probe(host, port, load_key(key_file)) as probe:
+            probe.greet()
+            return probe.measure(duration)
+    except (ControllerError, KeyFileError) as error:
+        raise UserError(str(error)) from error
+
+
+def link_checks(figures: ProbeFigures, stolen: float, buffer: int, *, local: bool) -> dict[str, LinkCheck]:
+    """Checks of the network, of the controller's clock and of the PC.
+
+    Args:
+        figures: of a probe.
+        stolen: share of the processor's time that a host stole, 0 to 1.
+        buffer: granted to a receiving socket [bytes].
+        local: the controller runs on this PC, so that no network is to blame.
+    """
+    median, p99 = np.percentile(figures.round_trips or (0.0, PATIENCE), (50.0, 99.0)) * 1e3
+    disorder = (figures.overtaken + figures.repeated) / max(1, figures.telemetry)
+    missed = figures.skipped / max(1, figures.ticks)
+    busy = "end other programs on the controller's PC, give it real time, and set its processor to 'performance'"
+    network = busy if local else "use a cable instead of Wi-Fi, and a switch that carries nothing else"
+    return {
+        "round_trip_p99": _at_most(float(p99), "ms", ROUND_TRIP, network),
+        "round_trip_jitter": _at_most(float(p99 - median), "ms", JITTER, network),
+        "pings_lost": _at_most(100.0 * figures.lost, "%", LOST, network),
+        "out_of_order": _at_most(100.0 * disorder, "%", OVERTAKEN, "let all datagrams take one way: no bonded links"),
+        "missed_ticks": _at_most(100.0 * missed, "%", MISSED, busy),
+        "lateness": _at_most(1e3 * figures.lateness, "ms", HALF_TICK, busy),
+        "tick_work": _at_most(1e3 * figures.work, "ms", HALF_TICK, busy),
+        "stolen_time": _at_most(
+            100.0 * stolen, "%", STOLEN, "run it on a PC of its own: this is a virtual machine on a busy host"
+        ),
+        "receive_buffer": _at_least(
+            buffer / 1024, "KiB", BUFFER / 1024, f"sudo sysctl -w net.core.rmem_max={BUFFER}"
+        ),
+    }  # fmt: skip
+
+
+def real_time_check(granted: GrantedRealTime) -> dict[str, LinkCheck]:
+    """One check: whether the operating system gave the controller what it asked for."""
+    advice = "; ".join(granted.notes) or "switch real time on in the controller's settings"
+    return {"real_time": _at_least(float(granted.granted), "granted", 1.0, advice)}
+
+
+def receive_buffer() -> int:
+    """What the system grants a socket that asks for as much as the controller does [bytes]."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+        granted = one.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+    return granted // 2  # Linux doubles it for its own bookkeeping, and says so
+
+
+def _at_most(value: float, unit: str, limit: float, advice: str) -> LinkCheck:
+    return LinkCheck(unit=unit, value=value, limit=limit, holds=value <= limit, advice=advice)
+
+
+def _at_least(value: float, unit: str, limit: float, advice: str) -> LinkCheck:
+    return LinkCheck(unit=unit, value=value, limit=limit, at_least=True, holds=value >= limit, advice=advice)

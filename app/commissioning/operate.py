@@ -1,0 +1,93 @@
+"""``touchmove controller ACTION``: look at a running controller, or give it one of its commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import IntEnum, IntFlag
+from pathlib import Path
+from typing import Final
+
+from rich.table import Table
+
+from app import UserError
+from app.rig.rig_file import load_rig
+from app.settings.tree import SIMULATED
+from controller.protocol.key import KeyFileError, load_key
+from controller.protocol.messages import Telemetry
+from controller.protocol.states import BRAKED
+from controller.wire.client import ControllerClient
+from controller.wire.errors import ControllerError
+from controller.wire.listener import TelemetryWatch
+
+_ORDERS: Final[dict[str, Callable[[ControllerClient], None]]] = {
+    "enable": ControllerClient.enable,
+    "hold": ControllerClient.hold,
+    "resume": ControllerClient.resume,
+    "stop": ControllerClient.stop,
+    "clear-fault": ControllerClient.clear_fault,
+    "shutdown": ControllerClient.shutdown,
+}
+STATUS: Final = "status"
+ACTIONS: Final = (STATUS, *_ORDERS)
+
+
+def operate(action: str, rig: str) -> Telemetry:
+    """Carry an action out, and return what the controller says after it.
+
+    ``status`` only listens. All others need the lease, so that nobody interferes with a game.
+
+    Args:
+        action: one of ``ACTIONS``.
+        rig: path of a rig file.
+
+    Raises:
+        UserError: no such action or rig, or the controller does not answer, is in use, or did not obey.
+    """
+    if action not in ACTIONS:
+        raise UserError(f"a controller cannot '{action}': choose run, {', '.join(ACTIONS)}")
+    if rig == SIMULATED:
+        raise UserError("which controller? Give --rig the file that the controller named when it started")
+    section = load_rig(Path(rig)).controller
+    try:
+        key = load_key(section.key)
+        if action == STATUS:
+            with TelemetryWatch(section.host, section.port, key) as watch:
+                return watch.telemetry
+        with ControllerClient(section.host, section.port, key, name=f"touchmove controller {action}") as client:
+            telemetry = client.telemetry
+            _ORDERS[action](client)
+            return telemetry if action == "shutdown" else client.telemetry
+    except (ControllerError, KeyFileError) as error:
+        raise UserError(str(error)) from error
+
+
+def status_table(telemetry: Telemetry) -> Table:
+    """One screen for people."""
+    table = Table(show_header=False, box=None)
+    table.add_row("state", f"{telemetry.state.name}{' (on its brakes)' if telemetry.state in BRAKED else ''}")
+    table.add_row("cause", telemetry.explain_cause())
+    table.add_row("flags", (telemetry.flags.name or "none").replace("|", ", ").lower())
+    table.add_row("tool, base frame", _millimetres(telemetry.position))
+    table.add_row("fingers", f"{telemetry.finger_position * 1e3:.1f} mm from the middle")
+    table.add_row("pads feel", f"{telemetry.tactile[0]:.2f} N right, {telemetry.tactile[1]:.2f} N left")
+    table.add_row("torques", ", ".join(f"{torque:.2f}" for torque in telemetry.torque) + " N m")
+    table.add_row("drives", (telemetry.drive_status.name or "OK").replace("|", ", ").lower())
+    table.add_row("tick", f"{telemetry.tick}, {telemetry.skipped} went by without an exchange")
+    table.add_row("work of a tick", f"up to {telemetry.work * 1e6:.0f} µs in the last second")
+    return table
+
+
+def status_json(telemetry: Telemetry) -> dict[str, object]:
+    """The telemetry with its enums by name and its sentence: units as in the layout TELEMETRY."""
+    plain = {name: _named(value) for name, value in telemetry._asdict().items()}
+    return {**plain, "why": telemetry.explain_cause()}
+
+
+def _named(value: object) -> object:
+    if isinstance(value, IntFlag):
+        return [flag.name for flag in type(value) if flag and flag in value]
+    return value.name if isinstance(value, IntEnum) else value
+
+
+def _millimetres(point: tuple[float, float, float]) -> str:
+    return ", ".join(f"{value * 1e3:.2f}" for value in point) + " mm"

@@ -1,0 +1,1 @@
+"""What the arm and people do to the board: transfers carried out, looked at and put right."""

@@ -1,0 +1,402 @@
+"""Carries pieces: whole jobs of the arm, whatever interrupts them, each part recorded before it begins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from app import UserError
+from app.execution.interruption import PieceLost, Progress, progress_of
+from app.execution.state import Clearance, Devices, Job, moved_all
+from app.pieces.manipulation import Inventory, Stage, Transfer
+from app.records import GameRecord
+from app.rig.arm import (
+    FELT,
+    ArmAtRest,
+    ArmHeld,
+    ArmPaused,
+    GraspFailed,
+    NothingTouched,
+    Outcome,
+    PieceSlipped,
+    TouchedElsewhere,
+)
+from app.terminal.interface import Face
+from hardware.parameters import RobotParameters
+from hardware.table import Kind
+
+if TYPE_CHECKING:
+    from app.execution.recovery_plans import Blocked, Strayed
+    from app.motion import Motion, MotionSettings, Plan
+
+MOST_PAUSES = 20
+"""Within one job; a computer that is late so often will not get better by itself."""
+
+GIVES = 0.0005
+"""Fingers around a piece may be closed by so much more than its stem says [m]."""
+
+
+HELD_UP = 0.001
+"""A tool that rests by so much above its reference lies on something: its reference comes there first [m]."""
+
+
+AT_HOME = 0.002
+"""A reference that is no further from home is there [m]."""
+
+
+class Loss(StrEnum):
+    """How a piece came not to be carried."""
+
+    NOT_GRIPPED = "not gripped"
+    """The fingers closed and felt nothing."""
+    LOST = "lost"
+    """It was in the fingers, and did not arrive."""
+
+
+class CarryFailed(Exception):
+    """A piece was not carried where it should; the arm is home again, with nothing in its fingers.
+
+    Attributes:
+        loss: how.
+        transfer: of the piece.
+        done: so many transfers of the job were done before.
+        inventory: what stands where after those; where the piece is, only eyes can tell.
+    """
+
+    def __init__(self, loss: Loss, transfer: Transfer, done: int, inventory: Inventory, sentence: str) -> None:
+        super().__init__(sentence)
+        self.loss, self.transfer, self.done, self.inventory = loss, transfer, done, inventory
+
+
+class BoardTouched(Exception):
+    """A hand was over the board after it was looked at, and before the arm began anything: what was planned may be no
+    longer so. The arm is where it was, and may move.
+    """
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """What a job came to.
+
+    Attributes:
+        planned: duration planned for its last part [s].
+        done: that part.
+        resumed: there was one before, of another program or before a pause.
+    """
+
+    planned: float
+    done: Outcome
+    resumed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedPush:
+    """The piece that is pushed aside, and how."""
+
+    name: str
+    plan: Plan
+
+
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """Of a job's transfers: which was begun last, from 0, and which stage of it."""
+
+    transfer: int
+    stage: Stage
+
+
+class Carrier:
+    """Uses the arm."""
+
+    def __init__(
+        self,
+        devices: Devices,
+        record: GameRecord,
+        face: Face,
+        motion: MotionSettings,
+        parameters: RobotParameters,
+    ) -> None:
+        self._devices, self._record, self._face = devices, record, face
+        self._motion, self._parameters = motion, parameters
+        self._step: Begun | None = None
+        self._listeners: list[Callable[[str], None]] = []
+
+    def subscribe(self, listener: Callable[[str], None]) -> None:
+        """Have a listener told the move, in UCI, of each ply whose last piece the arm is about to let go of."""
+        self._listeners.append(listener)
+
+    @property
+    def untouched(self) -> bool:
+        """Nothing was begun of the last job."""
+        return self._step is None
+
+    def carry(
+        self,
+        job: Job,
+        inventory: Inventory,
+        begun: Begun | None = None,
+        seen: Clearance | None = None,
+    ) -> Carried:
+        """Do a job, or what is left of one that was broken off, from wherever the arm is; home at its end.
+
+        Where the arm had to stop because samples came too late, it goes on from where it is; a busy computer may cost
+        time, but no game. Nor does a hand over the board: the arm holds until it is gone.
+
+        Args:
+            job: what to carry; every part of it is recorded before it begins.
+            inventory: what stood where before the whole job.
+            begun: how far another program was; None: nothing was begun.
+            seen: up to which hand the board was looked at, as far as the job relies on that; None: on nothing.
+
+        Raises:
+            BoardTouched: one was.
+            CarryFailed: a piece was not gripped or was lost on its way; the arm is home.
+            UserError: the computer was late too often; or as the planner.
+        """
+        state = self._devices.arm.state()
+        self._step = begun
+        pauses, resumed = 0, begun is not None
+        while True:
+            progress: Progress | None = None
+            try:
+                if self._step is not None:
+                    progress = self._progress(job, state, inventory)
+                    self._face.phase(_explain(job, progress))
+                self._interlock(seen if self._step is None else None)
+                planned, done = self._rest(job, state, inventory, progress)
+                return Carried(planned, done, resumed)
+            except (GraspFailed, NothingTouched, PieceLost, PieceSlipped) as failure:
+                raise self._failed(job, inventory, failure) from failure
+            except ArmHeld as held:
+                self._require_own_hold(held)
+                self._face.phase(f"waiting for the board to be clear: {held}")
+            except ArmPaused as pause:
+                pauses += 1
+                if pauses > MOST_PAUSES or self._step is None:
+                    raise
+                self._face.phase(f"going on after a pause: {pause}")
+            state = self._devices.arm.settle()
+            resumed = resumed or self._step is not None
+
+    def stand_up(
+        self, one: Strayed, strays: Sequence[Strayed], stands: Inventory, seen: Clearance | None
+    ) -> float | None:
+        """Stand a piece up where it lies; home at its end.
+
+        Args:
+            one: the piece.
+            strays: all that lie or stand elsewhere.
+            stands: what should stand where.
+            seen: up to which hand the board was looked at.
+
+        Returns:
+            How long it took [s]; None: the arm had to stop on the way, and is home.
+
+        Raises:
+            BoardTouched: one was.
+            PlanRefused: something is in the way; ``InTheWay`` says which piece.
+        """
+        from app.execution.recovery_plans import plan_righting
+
+        arm, state = self._devices.arm, self._devices.arm.state()
+        plan = plan_righting(
+            one, strays, stands, state.reference, state.finger, self._motion, self._parameters, arm.lead_ticks
+        )
+        self._step = None
+        try:
+            self._interlock(seen)
+            return arm.execute(plan).duration
+        except (ArmPaused, GraspFailed, NothingTouched, TouchedElsewhere) as stop:
+            self._face.phase(str(stop))
+            self._go_home(stands, None, touching=isinstance(stop, TouchedElsewhere))
+            return None
+
+    def push_for(
+        self, blocked: Sequence[Blocked], strays: Sequence[Strayed], stands: Inventory, seen: Clearance | None
+    ) -> PlannedPush:
+        """How one of two pieces that are in each other's way can be pushed aside, with nothing in the arm's way now.
+
+        Args:
+            blocked: which the arm cannot take or stand up, and because of which.
+            strays: all that lie or stand elsewhere.
+            stands: what should stand where.
+            seen: up to which hand the board was looked at.
+
+        Raises:
+            BoardTouched: a hand was over the board since.
+            PlanRefused: no push helps.
+        """
+        from app.execution.recovery_plans import plan_pushing
+
+        arm, state = self._devices.arm, self._devices.arm.state()
+        nudge, plan = plan_pushing(
+            blocked, strays, stands, state.reference, state.finger, self._motion, self._parameters, arm.lead_ticks
+        )
+        self._step = None
+        self._interlock(seen)
+        return PlannedPush(nudge.name, plan)
+
+    def push_aside(self, push: PlannedPush, stands: Inventory) -> None:
+        """Push a piece; home at its end. Where the piece comes to be, only the camera can tell.
+
+        Args:
+            push: as planned just before.
+            stands: what should stand where.
+        """
+        try:
+            self._devices.arm.execute(push.plan)
+        except ArmPaused as stop:
+            self._face.phase(str(stop))
+            self._go_home(stands, None)
+
+    def bring_home(self, inventory: Inventory) -> None:
+        """Where the arm is not at home, as another program has left it: straight up and home, the fingers as they are.
+
+        Args:
+            inventory: what stands where.
+
+        Raises:
+            UserError: it cannot go there.
+        """
+        state = self._devices.arm.settle()
+        if math.dist(state.reference, self._motion.home) > AT_HOME:
+            self._go_home(inventory, None)
+
+    def way_for(self, blocks: str, strays: Sequence[Strayed], stands: Inventory) -> Transfer:
+        """Where a piece may go that is in the way of the fingers.
+
+        Args:
+            blocks: its name.
+            strays: all that lie or stand elsewhere.
+            stands: what should stand where.
+
+        Raises:
+            PlanRefused: nowhere.
+        """
+        from app.execution.recovery_plans import plan_making_way
+
+        arm, state = self._devices.arm, self._devices.arm.state()
+        transfer, _ = plan_making_way(
+            blocks, strays, stands, state.reference, state.finger, self._motion, self._parameters, arm.lead_ticks
+        )
+        return transfer
+
+    def _rest(
+        self,
+        job: Job,
+        state: ArmAtRest,
+        inventory: Inventory,
+        progress: Progress | None,
+    ) -> tuple[float, Outcome]:
+        from app.execution.recovery_plans import strewn_of
+        from app.motion import plan_ply, plan_return  # takes seconds to load: not before something moves
+
+        arm, parameters = self._devices.arm, self._parameters
+        done = 0 if progress is None else progress.done
+        now = _after(inventory, job, done)
+        if rest := job.transfers[done:]:
+            # what was carried already is no longer where it was seen
+            strays = [one for one in job.strays if one.piece.name not in {each.name for each in job.transfers}]
+            strayed = {one.piece.name for one in strays}
+            now = Inventory.of((piece for piece in now if piece.name not in strayed), now.table)
+            plan = plan_ply(
+                job.label, rest, now, state.reference, state.finger, self._motion, parameters, arm.lead_ticks,
+                holding=progress is not None and progress.holding, low=progress is not None, strewn=strewn_of(strays),
+            )  # fmt: skip
+        else:
+            kind = job.transfers[-1].kind
+            plan = plan_return(state.reference, state.finger, self._motion, parameters, now.table, release=kind)
+
+        first = plan.motions[0]
+
+        def begin(motion: Motion) -> None:
+            self._note(job, motion, done, durable=motion is first)  # the arm rests before the first one
+
+        return plan.expected, arm.execute(plan, begin)
+
+    def _note(self, job: Job, motion: Motion, done: int, *, durable: bool) -> None:
+        """Record what the arm begins, so that another program can finish it."""
+        if motion.transfer is None or motion.stage is None:
+            return
+        self._step = Begun(done + motion.transfer, motion.stage)
+        self._record.step(job.uci, self._step.transfer, self._step.stage, self._devices.clock.now(), durable=durable)
+        if job.uci is not None and self._step == Begun(len(job.transfers) - 1, Stage.RELEASE):
+            for listener in self._listeners:
+                listener(job.uci)
+
+    def _progress(self, job: Job, state: ArmAtRest, inventory: Inventory) -> Progress:
+        assert self._step is not None
+        return progress_of(job.transfers, self._step.transfer, self._step.stage, state, inventory.table)
+
+    def _failed(self, job: Job, inventory: Inventory, failure: UserError) -> CarryFailed:
+        """Home after a loss, and what it was."""
+        assert self._step is not None
+        index = self._step.transfer
+        transfer = job.transfers[index]
+        missed = isinstance(failure, GraspFailed)
+        state, touching = self._devices.arm.settle(), isinstance(failure, PieceSlipped)
+        # perhaps it is, or something else, between the fingers yet: then it stands, and is let go of there
+        felt = state.felt >= FELT or (touching and state.finger > self._closed(transfer.kind))
+        self._go_home(inventory, transfer.kind if missed or felt else None, touching=touching)
+        return CarryFailed(
+            Loss.NOT_GRIPPED if missed else Loss.LOST, transfer, index, _after(inventory, job, index), str(failure)
+        )
+
+    def _closed(self, kind: Kind) -> float:
+        """Fingers that close further than this have nothing of such a piece between them [m]."""
+        from app.motion.obstacles import closed_position
+
+        return closed_position(kind, self._parameters.pads) - GIVES
+
+    def _go_home(self, inventory: Inventory, release: Kind | None, *, touching: bool = False) -> None:
+        """Straight up and home, whatever holds it up on the way; the fingers open first from what they are around."""
+        from app.motion import plan_return
+
+        for _ in range(MOST_PAUSES):
+            state = self._devices.arm.settle()
+            held_up = touching or state.reference[2] - state.position[2] > HELD_UP
+            plan = plan_return(
+                state.reference, state.finger, self._motion, self._parameters, inventory.table, release,
+                held_up_at=state.position if held_up else None,
+            )  # fmt: skip
+            try:
+                self._interlock()
+                self._devices.arm.execute(plan)
+                return
+            except ArmPaused as pause:
+                self._require_own_hold(pause)
+                self._face.phase(f"going on after a pause: {pause}")
+        raise UserError("the arm could not go home: this computer is late again and again; see 'touchmove link-test'")
+
+    def _require_own_hold(self, pause: ArmPaused) -> None:
+        """An arm that somebody else, or its protection, lets admit no motion waits for a person to look after it.
+
+        Raises:
+            ArmHeld: it is so.
+        """
+        if isinstance(pause, ArmHeld) and (self._devices.guard is None or not self._devices.guard.holding):
+            raise pause
+
+    def _interlock(self, seen: Clearance | None = None) -> None:
+        """No motion over the board while a hand is there; nor, where it matters, after one that has come since."""
+        if self._devices.guard is not None:
+            self._devices.guard.clear()
+        if seen is not None and not seen.holds(self._devices.guard):
+            self._face.phase("a hand was over the board: looking again")
+            raise BoardTouched
+
+
+def _after(inventory: Inventory, job: Job, done: int) -> Inventory:
+    """What stands where after the first transfers of a job."""
+    return moved_all(inventory, job.transfers[:done])
+
+
+def _explain(job: Job, progress: Progress) -> str:
+    if progress.done == len(job.transfers):
+        return f"{job.label} was all but done: the arm goes home"
+    piece = job.transfers[progress.done]
+    where = "is in the fingers" if progress.holding else f"stands on {piece.source}"
+    return f"going on with {job.label}: the {piece.kind} for {piece.target} {where}"

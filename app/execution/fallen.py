@@ -1,0 +1,104 @@
+"""What the arm does by itself about pieces that were found lying, or standing elsewhere; pure functions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Set
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.execution.recovery_plans import Strayed
+from app.execution.repair import Repair
+from app.pieces.manipulation import Inventory, Transfer
+from hardware.table import Place, TableSettings
+from vision.pieces.verify import TOLERANCE
+
+
+@dataclass(frozen=True, slots=True)
+class Fallen:
+    """Pieces lie on the board; with all that are out of place."""
+
+    strays: tuple[Strayed, ...]
+
+
+def unaided(
+    missing: Set[Place],
+    stands: Inventory,
+    wanted: Inventory,
+    strays: Callable[[], list[Strayed]],
+    handled: Set[str],
+    *,
+    people: bool,
+) -> Repair | Fallen | None:
+    """What the arm does where something lies; or where some of what is missing stands in sight.
+
+    Args:
+        missing: where pieces should stand and do not, or may not.
+        stands: what should stand where.
+        wanted: what shall stand where.
+        strays: searches for what lies or stands elsewhere; called only where something is missing.
+        handled: names of pieces that the arm has stood up or pushed.
+        people: somebody may have moved pieces; then only ones that lie, that are still on their square or that the arm
+            has handled, are known to be what they look like.
+    """
+    if not missing:
+        return None
+    # where exactly a piece stands in a tray matters once the arm has failed to take it
+    found = [
+        one for one in strays()
+        if one.lies or one.target.on_board or one.target in missing or one.piece.name in handled
+    ]  # fmt: skip
+    if any(one.lies for one in found):
+        return Fallen(tuple(found))
+    # what hides a piece from one look may not from the next
+    right = [one for one in found if _is_there(one, one.target, stands.table)]
+    found = [one for one in found if one not in right]
+    if people:
+        found = [
+            one for one in found if one.piece.name in handled or _is_on(one, one.target, stands.table)
+        ]  # fmt: skip
+    # what is still missing may be hidden by what is carried now
+    if missing.isdisjoint(one.target for one in found):
+        return None
+    goals = {one.piece.name: _goal(one, stands, wanted) for one in found}
+    there = [one.piece.name for one in found if _is_there(one, goals[one.piece.name], stands.table)]
+    believed = Inventory.of(
+        [replace(piece, place=goals[piece.name]) if piece.name in there else piece for piece in stands],
+        stands.table,
+    )
+    transfers = tuple(
+        Transfer.of(one.piece, goals[one.piece.name], (one.pose.x, one.pose.y))
+        for one in found
+        if one.piece.name not in there
+    )
+    return Repair(believed, transfers, "the arm carries what it has found to where it belongs")
+
+
+def with_missing(stands: Inventory, before: Inventory, wanted: Inventory) -> Inventory:
+    """With the pieces that are in nobody's sight, where they were, or wherever there is room for them."""
+    there = {piece.name for piece in stands}
+    for piece in before:
+        if piece.name in there:
+            continue
+        places = (piece.place, wanted.find(piece.name).place, *stands.table.tray_places())
+        free = next(place for place in places if stands.at(place) is None)
+        stands = Inventory.of((*stands, replace(piece, place=free)), stands.table)
+    return stands
+
+
+def _goal(one: Strayed, stands: Inventory, wanted: Inventory) -> Place:
+    """Where a piece that was found goes: to where it shall stand, if that is free; else to where it should be now."""
+    goal = wanted.find(one.piece.name).place
+    return goal if stands.at(goal) is None or goal == one.target else one.target
+
+
+def _is_on(one: Strayed, square: Place, table: TableSettings) -> bool:
+    """Whether it stands on that square, wherever there."""
+    off = np.subtract((one.pose.x, one.pose.y), table.xy(square))
+    return float(np.abs(off).max()) <= 0.5 * table.square
+
+
+def _is_there(one: Strayed, goal: Place, table: TableSettings) -> bool:
+    """Whether it stands where it goes already: what the fingers lost over a tray often does."""
+    return not goal.in_box and math.dist((one.pose.x, one.pose.y), table.xy(goal)) <= TOLERANCE

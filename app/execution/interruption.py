@@ -1,0 +1,90 @@
+"""How far an arm got with a ply when whoever led it was lost: from the record of what was begun, and from the arm.
+
+Every part of a transfer is recorded before it begins. Whether its piece stands at the source, is in the fingers or
+stands at the target, the arm itself can tell: by what the pads feel, and by where they are, since what is begun after
+a piece has touched the board is another part.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from app import UserError
+from app.pieces.manipulation import Stage, Transfer
+from app.rig.arm import FELT, ArmAtRest
+from hardware.table import TableSettings
+
+ABOVE = 0.003
+"""A tool this close to where it sets a piece down, in height and in the plane, is there [m]."""
+
+
+class PieceLost(UserError):
+    """The fingers lost a piece on its way: where it lies, only eyes can tell."""
+
+    def __init__(self, transfer: Transfer) -> None:
+        super().__init__(
+            f"the arm lost the {transfer.colour} {transfer.kind} on its way from {transfer.source} to "
+            f"{transfer.target}: set it on {transfer.source} by hand and start a new game from there"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a job is: so many transfers done; the next one's piece in the fingers, or not."""
+
+    done: int
+    holding: bool
+
+
+def progress_of(
+    transfers: Sequence[Transfer],
+    transfer: int,
+    stage: Stage,
+    arm: ArmAtRest,
+    table: TableSettings,
+) -> Progress:
+    """What is done of a ply, or of another job, whose execution was broken off.
+
+    Args:
+        transfers: of the whole job.
+        transfer: of those, the one begun last, from 0.
+        stage: of that transfer, begun last.
+        arm: at rest.
+        table: board and trays.
+
+    Raises:
+        PieceLost: the piece is neither in the fingers nor set down.
+    """
+    if stage in (Stage.APPROACH, Stage.RETURN):
+        return Progress(transfer, holding=False)
+    holding = arm.felt >= FELT
+    carried = transfers[transfer]
+    following = transfers[transfer + 1] if transfer + 1 < len(transfers) else None
+    if stage is Stage.RELEASE:
+        # at the next piece the fingers close already before they are said to grasp: then that stands between them
+        held = holding and (following is None or not _down_at(following, arm, table))
+        return Progress(transfer if held else transfer + 1, held)
+    if stage is Stage.GRASP or holding:
+        return Progress(transfer, holding)
+    if _over(carried, arm, table):
+        return Progress(transfer + 1, holding=False)
+    raise PieceLost(carried)
+
+
+def _down_at(transfer: Transfer, arm: ArmAtRest, table: TableSettings) -> bool:
+    """Whether the tool is where the fingers take the piece."""
+    x, y, z = table.board_from_base(arm.reference).tolist()
+    there_x, there_y = transfer.grasped_at(table)
+    return math.hypot(x - there_x, y - there_y) < ABOVE and z < transfer.shape.grip_height + ABOVE
+
+
+def _over(transfer: Transfer, arm: ArmAtRest, table: TableSettings) -> bool:
+    """Whether the tool is where it sets the piece down; or over the box, into which the piece falls from anywhere."""
+    x, y, z = table.board_from_base(arm.reference).tolist()
+    if transfer.target.in_box:
+        return table.box_of(transfer.target).holds(x, y)
+    there_x, there_y = table.xy(transfer.target)
+    height = transfer.shape.grip_height
+    return math.hypot(x - there_x, y - there_y) < ABOVE and z < height + ABOVE

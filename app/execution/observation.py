@@ -1,0 +1,371 @@
+"""What the camera says of the board: whether it stands as the game wants it, and what a person played.
+
+The view of the board follows it: a camera or a board that was moved is found again. Every frame asked for here is
+exposed after the asking, with the arm at home.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import chess
+import numpy as np
+from numpy.typing import NDArray
+
+from app.execution.recovery_plans import Strayed
+from app.execution.repair import BoardObservation, kinds_by_height
+from app.execution.repair.observed import HEIGHTS, Chances
+from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
+from app.execution.unseen_reply import pieces_of, reply_shown
+from app.pieces.layout import KINDS, PIECE_TYPES
+from app.pieces.manipulation import Inventory
+from app.rig.arm import Arm
+from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
+from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
+from vision.board.anchor import Anchor
+from vision.board.find import find_board
+from vision.board.orientation import orient
+from vision.board.view import BoardNotFound, BoardView, playing_area
+from vision.pieces.centres import piece_centres
+from vision.pieces.fallen import find_strays
+from vision.pieces.swapped import KnownPicture, looked_closer
+from vision.pieces.verify import Fault, FaultKind, examine_board
+from vision.reading.appearance import BLACK, EMPTY, WHITE
+from vision.reading.diagnosis import Diagnosis, explain
+from vision.reading.evidence import codes_of
+from vision.reading.moves import MoveReading
+from vision.reading.observer import Observation, Observer
+from vision.reading.outcome import ReadingOutcome, Situation
+from vision.reading.rectified_view import sight_of_frame
+
+States = NDArray[np.intp]
+Heights = NDArray[np.float64]
+
+PATIENCE: Final = 3.0
+"""So long a fresh frame is waited for [s]."""
+_LIKELY: Final = 0.5
+"""Of a piece's height: it is what it should be."""
+_ANSWERS: Final = frozenset({Situation.LEGAL, Situation.UNFINISHED})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """One look at the board.
+
+    Attributes:
+        decision: what was played since the known position, or doubt.
+        finding: what is the matter, and what to do; for people.
+        states: what stands on each square as it is seen, shape (64,): ``vision.reading.appearance`` EMPTY, WHITE,
+        BLACK.
+        look: to be confirmed.
+    """
+
+    decision: MoveReading
+    finding: Diagnosis
+    states: States
+    look: Observation
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """Whether the board is as it should be.
+
+    Attributes:
+        faults: what is not.
+        sighting: what is seen, for mending it.
+    """
+
+    faults: tuple[Fault, ...]
+    sighting: BoardObservation
+
+
+class Eyes:
+    """Follows one game by one camera, from ``begin`` on.
+
+    Args:
+        devices: of the rig; it has a camera.
+        table: board and trays.
+        view: where the board should be in the pictures of a camera, by calibration; None: nobody knows, so it is
+            searched for.
+    """
+
+    def __init__(self, devices: Devices, table: TableSettings, view: Callable[[Intrinsics], BoardView | None]) -> None:
+        assert devices.camera is not None
+        self._camera: Camera = devices.camera
+        self._clock: Clock = devices.clock
+        self._arm: Arm = devices.arm
+        self._guard = devices.guard
+        self._table, self._believed = table, view
+        self._observer: Observer | None = None
+        self._last: Frame | None = None
+        self._shows_known: KnownPicture | None = None
+        """A picture of the known position, if there is one."""
+        self._likeness: dict[int, tuple[str, float]] = {}
+        """Of pieces when the board was last as it should be, by square: name, and how well it looked like itself."""
+        self._doubted: frozenset[int] = frozenset()
+        self._assumed = False
+        """Nobody has seen yet that the board shows the position that was believed to stand there."""
+        self._wrong: frozenset[int] = frozenset()
+        """Squares on which something was wrong when the board was last verified, but for pieces off their centres."""
+        self._arrivals: int | None = None
+        """So often a hand had come when the newest frame was asked for; None: one was there, as it did not go."""
+        self._strayed: dict[str, tuple[float, float]] = {}
+        """Where pieces were that did not stand where they should, by name, since the board was last right [m]."""
+
+    def begin(self, board: chess.Board) -> None:
+        """Find the board, and learn the set from a position that stands there, with the arm at home.
+
+        Raises:
+            CannotSee: there is no board in the picture.
+            HardwareError: the camera failed.
+        """
+        frame = self.frame()
+        self._hold(frame, _find(frame, board, self._table, self._believed(frame.intrinsics)))
+        self._observer = Observer(board, sight_of_frame(frame, self.view))
+        self._shows_known = KnownPicture(frame, self.view)
+
+    @property
+    def last(self) -> Frame:
+        """The newest frame."""
+        assert self._last is not None, "nothing was looked at"
+        return self._last
+
+    @property
+    def looked_at(self) -> float:
+        """When the newest frame was exposed [s]; long ago, if nothing was looked at."""
+        return -math.inf if self._last is None else self._last.stamp
+
+    @property
+    def _known(self) -> Observer:
+        assert self._observer is not None, "begin first"
+        return self._observer
+
+    def frame(self) -> Frame:
+        """A frame exposed from now on, the arm being at rest, and, where somebody watches, no hand over the board; if
+        one does not go for long, with it: see ``seen``.
+
+        Raises:
+            HardwareError: the camera gives none.
+        """
+        if self._guard is not None:
+            self._arrivals = self._guard.arrivals if self._guard.wait_for_sight() else None
+        self._arm.state()  # in pace fast: once plant time stands, so that the exposure's tick is decided
+        since = self._clock.now()
+        while True:
+            frame = self._camera.read(FRAME_AGE)
+            if frame.stamp >= since:
+                self._last = frame
+                return frame
+            if self._clock.now() > since + PATIENCE:
+                raise HardwareError(f"the camera gave no new picture within {PATIENCE:.0f} s: see to its cable")
+            self._clock.sleep(0.01)
+
+    @property
+    def seen(self) -> Clearance | None:
+        """Up to which hand the newest frame shows the board; None: nothing was looked at."""
+        return None if self._last is None else Clearance(self._arrivals)
+
+    def verify(self, stands: Inventory) -> Verification:
+        """Whether the board is as it should be, in a new frame.
+
+        Args:
+            stands: what should stand where.
+
+        Raises:
+            CannotSee: the board is not in the picture.
+            HardwareError: the camera failed.
+        """
+        if self._observer is None:
+            self.begin(_shown(stands))
+            self._assumed = True
+        frame = self.frame()
+        self._follow(frame)
+        expected = on_board(stands)
+        before = {
+            square: likeness
+            for square, (name, likeness) in self._likeness.items()
+            if square in expected and expected[square].name == name
+        }
+        examined = examine_board(frame, self.view, expected, before)
+        faults = examined.faults
+        self._doubted = frozenset(fault.square for fault in faults if fault.kind is FaultKind.FALLEN)
+        self._wrong = frozenset(fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE)
+        if not faults:
+            self._strayed, self._assumed = {}, False
+            self._likeness = {square: (expected[square].name, one) for square, one in examined.likeness.items()}
+            return Verification(faults, BoardObservation({}))
+        look = self._known.look(sight_of_frame(frame, self.view))
+        states = look.evidence.read(codes_of(self._known.board))
+        wrong = {fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE}
+        for square in examined.likeness.keys() - wrong:  # the outline of a piece says more than its square's colours
+            states[square] = WHITE if expected[square].colour is Colour.WHITE else BLACK
+        top = None if look.solids is None else look.solids.top
+        sighting = BoardObservation.of(stands, states, faults, kinds=_kinds(stands, states, top, self._heights()))
+        return Verification(faults, sighting)
+
+    def _heights(self) -> dict[Kind, float]:
+        """Of the kinds as this camera sees them [m]; as the settings say, where it has not."""
+        seen = self._known.heights
+        return {kind: seen.get(piece_type, HEIGHTS[kind]) for piece_type, kind in KINDS.items()}
+
+    def forget_likeness(self) -> None:
+        """Pieces were touched: how they looked before says nothing any more."""
+        self._likeness = {}
+
+    def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
+        """Where pieces stand in the newest frame, board frame (x, y) [m], by square; those alone that can be seen.
+
+        Args:
+            believed: what stands where.
+        """
+        centres = piece_centres(self.last, self.view, on_board(believed))
+        return {square: (one.x, one.y) for square, one in centres.items() if one.upright}
+
+    def strays(self, stands: Inventory) -> list[Strayed]:
+        """Pieces that lie, or stand elsewhere, in the newest frame; on the board and beside it.
+
+        Args:
+            stands: what should stand where.
+        """
+        # of several alike, what is found is rather the one that is missing on the board
+        rows = sorted(stands, key=lambda piece: not piece.place.on_board)
+        expected = {piece.place: piece for piece in rows if not piece.place.in_box}
+        doubted = {square_place(square) for square in self._doubted}
+        before = {place: self._strayed[piece.name] for place, piece in expected.items() if piece.name in self._strayed}
+        found = find_strays(self.last, self.view, expected, doubted=doubted, trays=True, before=before)
+        strays = [Strayed.of(one, one.place) for one in found if one.place is not None]
+        self._strayed |= {one.piece.name: (one.pose.x, one.pose.y) for one in strays}
+        return strays
+
+    def read(self) -> Reading:
+        """What was played since the known position, in a new frame.
+
+        Raises:
+            CannotSee: the board is not in the picture.
+            HardwareError: the camera failed.
+        """
+        frame = self.frame()
+        self._follow(frame)
+        return self._read(frame)
+
+    def _read(self, frame: Frame) -> Reading:
+        look = self._known.look(sight_of_frame(frame, self.view))
+        decision = self._known.decide(look)
+        known = codes_of(self._known.board)
+        states, altered = look.evidence.read(known), look.evidence.altered(known)
+        finding = explain(states, self._known.board, altered)
+        if self._shows_known is not None:
+            now, pieces = KnownPicture(frame, self.view), pieces_of(self._known.board)
+            finding = looked_closer(finding, states, self._known.board, self._shows_known, now, pieces)
+        return Reading(decision, finding, states, look)
+
+    def answered(self, reply: AwaitedReply) -> bool:
+        """Whether the newest frame shows that somebody has made the next move already, or has begun to.
+
+        Args:
+            reply: the position that it follows is known from now on, if a hand can have made it.
+        """
+        if not reply.possible(self._guard):
+            return False
+        board = reply.position
+        if self._assumed and not self._learn_from_reply(board):
+            return False
+        self._known.stand(board)
+        self._shows_known = None
+        reading = self._read(self.last)
+        return reading.decision.verdict is ReadingOutcome.MOVE or reading.finding.situation in _ANSWERS
+
+    def _learn_from_reply(self, board: chess.Board) -> bool:
+        """What was learnt from a position that does not stand there is learnt again, from one move later."""
+        move = reply_shown(self.last, self.view, board, self._wrong)
+        if move is None:
+            return False
+        after = board.copy()
+        after.push(move)
+        self._observer = Observer(after, sight_of_frame(self.last, self.view))
+        self._assumed = False
+        return True
+
+    def confirm(self, board: chess.Board, look: Observation | None = None) -> None:
+        """The position is known: by the rules, a person, or since the arm has made it.
+
+        Args:
+            board: the position.
+            look: that shows it; None: the newest frame does.
+        """
+        if look is None:
+            look = self._known.look(sight_of_frame(self.last, self.view))
+        self._known.confirm(look, board)
+        self._assumed = False
+        self._shows_known = KnownPicture(self.last, self.view)
+
+    def _follow(self, frame: Frame) -> None:
+        check = self._anchor.follow(frame.colour)
+        if check.moved is None:
+            raise CannotSee(
+                "the board cannot be found in the camera's picture: clear the view of its edges and squares"
+            )
+        if check.moved:
+            self._hold(frame, BoardView.from_corners(frame.intrinsics, check.corners, self._table))
+
+    def _hold(self, frame: Frame, view: BoardView) -> None:
+        self.view = view
+        """Where the board is in the pictures."""
+        self._likeness = {}
+        if self._guard is not None:
+            self._guard.look(view)
+        self._anchor = Anchor(frame.colour, view.project(playing_area(self._table)))
+
+
+def on_board(inventory: Inventory) -> dict[int, PieceSpec]:
+    """The pieces that stand on squares, by square."""
+    return {piece.place.index: piece for piece in inventory if piece.place.on_board}
+
+
+def _shown(stands: Inventory) -> chess.Board:
+    """The position that an inventory has on the board; whose move it is, nobody can see."""
+    board = chess.Board(None)
+    for square, piece in on_board(stands).items():
+        board.set_piece_at(square, chess.Piece(PIECE_TYPES[piece.kind], piece.colour is Colour.WHITE))
+    return board
+
+
+def _kinds(stands: Inventory, states: States, top: Heights | None, known: Mapping[Kind, float]) -> dict[int, Chances]:
+    """How likely what stands on a square is of each kind by its height: of what stands where it should not, and of
+    what is as high as it should be, so that it is not taken for something else.
+    """
+    if top is None:
+        return {}
+    expected = np.full(64, EMPTY)
+    for square, piece in on_board(stands).items():
+        expected[square] = WHITE if piece.colour is Colour.WHITE else BLACK
+    strange = np.flatnonzero((states != expected) & (states != EMPTY) & (top > 0.0))
+    kinds: dict[int, Chances] = {int(square): kinds_by_height(float(top[square]), known) for square in strange}
+    for square, piece in on_board(stands).items():
+        if square not in kinds and states[square] != EMPTY and top[square] > 0.0:
+            chances = kinds_by_height(float(top[square]), known)
+            if chances[piece.kind] >= _LIKELY:
+                kinds[square] = chances
+    return kinds
+
+
+def _find(frame: Frame, board: chess.Board, table: TableSettings, view: BoardView | None) -> BoardView:
+    """The board in the first frame; where it should be, it is only refined, and the robot's side of it is known."""
+    near = None if view is None else view.project(playing_area(table))
+    try:
+        found = find_board(frame.colour, near=near)
+        corners = found.corners
+        if near is None:
+            turned = orient(frame.colour, corners, board)
+            if not turned.sure:
+                raise CannotSee(
+                    "the pieces do not tell which side of the board is White's: set the position up, or calibrate the "
+                    "camera with 'touchmove calibrate'"
+                )
+            corners = turned.corners
+        return BoardView.from_corners(frame.intrinsics, corners, table)
+    except BoardNotFound as error:
+        raise CannotSee(f"the camera does not see the board: {error}") from error

@@ -1,0 +1,285 @@
+"""Setting right what does not stand where it should: from what the camera finds to a plan of the arm; pure functions.
+
+One look, one plan: a piece that lies is stood up where it lies, one that stands elsewhere is carried to its place.
+Then look again. Pieces that lie come first, so that none is in the way of a carried one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from app.motion.arcs import Workcell
+from app.motion.fallen.lying import Lying, Strewn, crowd_of
+from app.motion.fallen.push import Nudge, find_nudge, plan_nudge
+from app.motion.fallen.stand_up import plan_upright, room_to_stand_up
+from app.motion.obstacles import Obstacle
+from app.motion.path import Vector
+from app.motion.plan import Plan, PlanRefused
+from app.motion.planner import fits_around, plan_ply
+from app.motion.settings import MotionSettings
+from app.pieces.manipulation import Inventory, Transfer
+from hardware.parameters import RobotParameters
+from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, square_place
+from vision.pieces.pose_search import Stray
+from vision.pieces.poses import Pose
+
+_CLEAR: Final = 0.11
+"""What makes way goes so far from where pieces lie [m]: they are up to 60 mm long, and the fingers need as much."""
+_PLACES_TRIED: Final = 6
+_RAISES: Final = 2
+"""So many higher grips are tried, up to …"""
+_ON_THE_PIECE: Final = 0.001
+"""… one at which the pads end so far below the top of the piece [m]."""
+LEANS: Final = 0.005
+"""A piece no further from another may lean on it [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Strayed:
+    """A piece that is not where it should stand.
+
+    Attributes:
+        piece: which; its ``place`` is that in the inventory.
+        target: where it has to stand.
+        pose: how it is there.
+    """
+
+    piece: PieceSpec
+    target: Place
+    pose: Pose
+
+    @classmethod
+    def of(cls, stray: Stray, target: Place) -> Strayed:
+        """What the camera found, of pieces that were given to it as ``PieceSpec``.
+
+        Raises:
+            TypeError: they were given as something else.
+        """
+        if not isinstance(stray.piece, PieceSpec):
+            raise TypeError(f"the stray is a {type(stray.piece).__name__}: look for pieces given as PieceSpec")
+        return cls(stray.piece, target, stray.pose)
+
+    @property
+    def lies(self) -> bool:
+        """Whether it has fallen."""
+        return self.pose.yaw is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Blocked:
+    """A piece that the arm cannot take, or stand up, because of another.
+
+    Attributes:
+        name: of the piece.
+        by: name of the other.
+        around: where the fingers would be around it, if that is not where it stands now.
+    """
+
+    name: str
+    by: str
+    around: Obstacle | None = None
+
+
+def in_order(strays: Sequence[Strayed]) -> list[Strayed]:
+    """As they are to be righted: those that lie before those that stand."""
+    return sorted(strays, key=lambda one: not one.lies)
+
+
+def strewn_of(strays: Sequence[Strayed]) -> Strewn:
+    """For whoever plans around them."""
+    return Strewn(
+        tuple(
+            Obstacle(one.piece.name, one.target, one.pose.x, one.pose.y, one.piece.kind)
+            for one in strays
+            if not one.lies
+        ),
+        tuple(_lying(one) for one in strays if one.lies),
+    )
+
+
+def leant_on(one: Strayed, strays: Sequence[Strayed], stands: Inventory) -> str | None:
+    """The piece that is nearest to one which does not lie flat, as the arm has felt; None: nothing is so near."""
+    shape, yaw = PIECE_SHAPES[one.piece.kind], one.pose.yaw or 0.0
+    along = np.linspace(0.0, shape.height, 12)
+    axis = np.array([one.pose.x, one.pose.y]) + along[:, None] * np.array([math.cos(yaw), math.sin(yaw)])
+    radius = np.where(along <= shape.foot_height, shape.foot_radius, shape.stem_radius)
+    table, astray = stands.table, {each.piece.name: (each.pose.x, each.pose.y) for each in strays}
+    nearest, found = LEANS, None
+    for piece in stands:
+        if piece.name == one.piece.name or piece.place.in_box:
+            continue
+        at = astray.get(piece.name, table.xy(piece.place))
+        gap = float((np.hypot(*(axis - at).T) - radius).min()) - PIECE_SHAPES[piece.kind].foot_radius
+        if gap < nearest:
+            nearest, found = gap, piece.name
+    return found
+
+
+def plan_righting(
+    one: Strayed, others: Sequence[Strayed], inventory: Inventory, start: Vector, finger: float,
+    settings: MotionSettings, parameters: RobotParameters, lead_ticks: int = 0,
+) -> Plan:  # fmt: skip
+    """Stand a piece up where it lies, or carry it from where it stands to its place; then home.
+
+    Args:
+        one: the piece.
+        others: all other strays.
+        inventory: what should stand where, with all strays at some place.
+        start: the arm's present reference, base frame (3,) [m].
+        finger: present finger position [m].
+        settings: speeds, gains, heights.
+        parameters: robot.
+        lead_ticks: pause between motions, for announcing the next one.
+
+    Raises:
+        PlanRefused: something is in the way; of a piece that lies, ``InTheWay`` says which piece.
+    """
+    gone = {stray.piece.name for stray in others if stray.piece.name != one.piece.name}
+    rest = [piece for piece in inventory if piece.name not in gone]
+    if not one.lies:
+        carried = Transfer.of(one.piece, one.target, (one.pose.x, one.pose.y))
+        label = f"{one.piece.name} to {one.target}"
+        return plan_ply(
+            label, [carried], Inventory.of(rest, inventory.table), start, finger, settings, parameters, lead_ticks
+        )
+    table = inventory.table
+    strewn = strewn_of([stray for stray in others if stray.piece.name in gone])
+    near = [Obstacle.at(piece.name, piece.place, piece.kind, table) for piece in rest
+            if piece.name != one.piece.name and not piece.place.in_box]  # fmt: skip
+    near += strewn.standing
+    lying = strewn.lying
+    return plan_upright(_lying(one), near, lying, start, finger, settings, parameters, table, lead_ticks).plan
+
+
+def plan_making_way(
+    blocks: str, strays: Sequence[Strayed], inventory: Inventory, start: Vector, finger: float,
+    settings: MotionSettings, parameters: RobotParameters, lead_ticks: int = 0,
+) -> tuple[Transfer, Plan]:  # fmt: skip
+    """Carry a piece that stands in the way to a free place; once all is right it has to be carried back.
+
+    One that itself is where it should not be goes where it belongs, if that is clear of what lies about.
+
+    Args:
+        blocks: name of the piece, as ``InTheWay`` has it.
+        strays: all strays; the piece goes where it is clear of them.
+        inventory: what should stand where, with all strays at some place.
+        start: the arm's present reference, base frame (3,) [m].
+        finger: present finger position [m].
+        settings: speeds, gains, heights.
+        parameters: robot.
+        lead_ticks: pause between motions, for announcing the next one.
+
+    Returns:
+        Where it goes, for the inventory, and the plan.
+
+    Raises:
+        PlanRefused: it lies, the fingers cannot take it either, or no place is free.
+    """
+    table, piece = inventory.table, inventory.find(blocks)
+    itself = next((stray for stray in strays if stray.piece.name == blocks), None)
+    if itself is not None and itself.lies:
+        raise PlanRefused(f"{blocks}, which is in the way, lies itself: take it off the board")
+    seen = None if itself is None else (itself.pose.x, itself.pose.y)
+    strays = [stray for stray in strays if stray is not itself]
+    gone = {stray.piece.name for stray in strays}
+    targets = {stray.target for stray in strays}
+    rest = Inventory.of([one for one in inventory if one.name not in gone], table)
+    places = (*map(square_place, range(64)), *table.tray_places())
+    free = [
+        place for place in places
+        if inventory.at(place) is None and place not in targets and _clear_of(table.xy(place), strays)
+    ]  # fmt: skip
+    # squares first: the camera sees whether it has come there
+    free.sort(key=lambda place: (not place.on_board, inventory.travel(piece.place, place), place))
+    if itself is not None and itself.target not in targets and _clear_of(table.xy(itself.target), strays):
+        free.insert(0, itself.target)
+    refused: PlanRefused | None = None
+    for raised in _raised(piece.kind, parameters):
+        for place in free[:_PLACES_TRIED]:
+            transfer = Transfer.of(piece, place, seen, raised)
+            try:
+                label = f"{piece.name} out of the way to {place}"
+                plan = plan_ply(
+                    label, [transfer], rest, start, finger, settings, parameters, lead_ticks, strewn=strewn_of(strays)
+                )
+                return transfer, plan
+            except PlanRefused as error:
+                refused = refused or error
+    raise refused or PlanRefused(f"no place is free for {blocks}, which is in the way: take a piece off the board")
+
+
+def plan_pushing(
+    blocked: Sequence[Blocked], strays: Sequence[Strayed], inventory: Inventory, start: Vector, finger: float,
+    settings: MotionSettings, parameters: RobotParameters, lead_ticks: int = 0,
+) -> tuple[Nudge, Plan]:  # fmt: skip
+    """Push one of two pieces aside that are in each other's way, so that one of them can be taken or stood up.
+
+    Args:
+        blocked: which cannot be, and by what.
+        strays: all strays.
+        inventory: what should stand where, with all strays at some place.
+        start: the arm's present reference, base frame (3,) [m].
+        finger: present finger position [m].
+        settings: speeds, gains, heights.
+        parameters: robot.
+        lead_ticks: pause between motions, for announcing the next one.
+
+    Returns:
+        The push, and the plan; where the piece comes to rest, a look must tell.
+
+    Raises:
+        PlanRefused: no push helps, or it leads out of the workspace.
+    """
+    table, cell = inventory.table, Workcell.of(settings, parameters, inventory.table)
+    gone = {stray.piece.name for stray in strays}
+    strewn = strewn_of(strays)
+    kept = tuple(
+        Obstacle.at(piece.name, piece.place, piece.kind, table)
+        for piece in inventory
+        if piece.name not in gone and not piece.place.in_box
+    )
+    scene = Strewn((*kept, *strewn.standing), strewn.lying)
+
+    def free(one: Blocked, scene: Strewn) -> bool:
+        others = crowd_of(scene, table, without=one.name)
+        if (lying := next((piece for piece in scene.lying if piece.name == one.name), None)) is not None:
+            return room_to_stand_up(lying, others, cell)
+        if one.around is not None:
+            return fits_around(one.around, others, cell)
+        return any(piece.name == one.name and fits_around(piece, others, cell) for piece in scene.standing)
+
+    blocked = [replace(one, around=None) if one.around in scene.standing else one for one in blocked]
+    # a piece that blocks counts as blocked itself: once it can be taken, it can make way
+    stuck = [one for pair in blocked for one in (pair, Blocked(pair.by, pair.name)) if not free(one, scene)]
+    there = {piece.name for piece in scene.standing} | {piece.name for piece in scene.lying}
+    names = tuple(dict.fromkeys(name for one in blocked for name in (one.name, one.by) if name in there))
+    nudge = find_nudge(
+        names, scene, frozenset(piece.name for piece in kept), lambda after: any(free(one, after) for one in stuck),
+        parameters.pads, table,
+    )  # fmt: skip
+    if nudge is None:
+        raise PlanRefused(f"no push of the {' or the '.join(names)} helps: move one of them away")
+    return nudge, plan_nudge(nudge, scene, start, finger, settings, parameters, table, lead_ticks)
+
+
+def _raised(kind: Kind, parameters: RobotParameters) -> Iterator[float]:
+    """By how much the fingers may take a piece higher than usual, so that they pass over what lies beside it [m]."""
+    shape = PIECE_SHAPES[kind]
+    most = shape.height - shape.grip_height - parameters.pads.half_height - _ON_THE_PIECE
+    yield 0.0
+    for part in range(1, _RAISES + 1):
+        yield max(0.0, most) * part / _RAISES
+
+
+def _clear_of(point: tuple[float, float], strays: Sequence[Strayed]) -> bool:
+    return all(math.dist(point, (stray.pose.x, stray.pose.y)) > _CLEAR for stray in strays)
+
+
+def _lying(stray: Strayed) -> Lying:
+    assert stray.pose.yaw is not None
+    return Lying(stray.piece.kind, (stray.pose.x, stray.pose.y), stray.pose.yaw, stray.piece.name)

@@ -1,0 +1,11 @@
+"""What to do about a board that is not as it should be: put right what is sure, ask people for the rest.
+
+``sighting`` is what the camera reports, ``belief`` finds which pieces must stand there, ``twice`` doubts it where two
+moves would look the same, and ``mending`` says what the arm does and what a person has to. Pure: nothing here looks or
+moves.
+"""
+
+from app.execution.repair.diagnosis import Ask, Repair, mend, repair_towards
+from app.execution.repair.observed import BoardObservation, kinds_by_height
+
+__all__ = ["Ask", "BoardObservation", "Repair", "kinds_by_height", "mend", "repair_towards"]

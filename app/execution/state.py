@@ -1,0 +1,154 @@
+"""What a game stands on and where it stands: devices, position, jobs of the arm, and how it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import chess
+
+from app import UserError
+from app.pieces.manipulation import Inventory, Transfer
+from app.records import History
+from app.records.events import Result
+from app.records.history import Unfinished
+from app.rig.arm import Arm
+from controller.wire.errors import ControllerError
+from hardware.interfaces import Camera, Clock, HardwareError
+from hardware.referee import Referee
+from hardware.table import Place
+
+if TYPE_CHECKING:
+    from app.execution.recovery_plans import Strayed
+    from app.guard.game_guard import GameGuard
+
+
+@dataclass(frozen=True, slots=True)
+class Devices:
+    """What a game runs on; camera, referee and who watches for hands may be missing."""
+
+    arm: Arm
+    clock: Clock
+    camera: Camera | None
+    referee: Referee | None
+    guard: GameGuard | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """Where a game stands.
+
+    Attributes:
+        board: with its moves.
+        inventory: what stands where.
+        begun: whether another program has begun it.
+        unfinished: what that had begun and not finished.
+    """
+
+    board: chess.Board
+    inventory: Inventory
+    begun: bool = False
+    unfinished: Unfinished | None = None
+
+    @classmethod
+    def of(cls, history: History) -> Position:
+        """Of a game that was broken off."""
+        return cls(history.board, history.inventory, True, history.unfinished)
+
+    def from_the_start(self) -> Position:
+        """The same, where what was under way is done from its beginning."""
+        if self.unfinished is None:
+            return self
+        return replace(self, unfinished=replace(self.unfinished, transfer=None, stage=None))
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """Whether what a picture shows is still so.
+
+    Attributes:
+        arrivals: how often a hand had come when the picture was asked for; None: one may be in it.
+    """
+
+    arrivals: int | None
+
+    def holds(self, guard: GameGuard | None) -> bool:
+        """Whether no hand was over the board since; where nobody watches for hands, nobody can tell."""
+        return guard is None or (self.arrivals is not None and guard.arrivals == self.arrivals)
+
+
+@dataclass(frozen=True, slots=True)
+class AwaitedReply:
+    """A person may make the next move before anybody looks again.
+
+    Attributes:
+        position: after which it is.
+        hands: how many hands had come and gone before; None: it may have been made at any time, as nobody watched.
+    """
+
+    position: chess.Board
+    hands: int | None = None
+
+    def possible(self, guard: GameGuard | None) -> bool:
+        """Whether a hand has come and gone since that may have made it, as far as anybody can tell."""
+        return self.hands is None or guard is None or guard.hands != self.hands
+
+
+@dataclass(frozen=True, slots=True)
+class GameEnd:
+    """Why the loop ended: PGN result, phrase, whether all that was asked was done, whether another game is wanted."""
+
+    result: Result
+    reason: str
+    complete: bool
+    again: bool = False
+
+
+LEFT: Final = GameEnd("*", "left by the person at the board", complete=True)
+"""They may go on with it another time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """Something the arm does from home to home.
+
+    Attributes:
+        label: what it is, for people.
+        transfers: in order of execution.
+        uci: the move, where it is one; None for a task.
+        strays: pieces that lie or stand elsewhere than the inventory says, and that the arm has to keep clear of.
+    """
+
+    label: str
+    transfers: tuple[Transfer, ...]
+    uci: str | None = None
+    strays: tuple[Strayed, ...] = ()
+
+
+class CannotSee(UserError):
+    """The camera shows no board where there should be one."""
+
+
+WRONG: Final = GameEnd("*", "the board is not as the game says", False)
+FRAME_AGE: Final = 10.0
+"""A frame is no older than this: exposed when it was asked for, but drawn slowly by a busy machine [s]."""
+EXPECTED_FAILURES: Final = (UserError, ControllerError, HardwareError)
+"""What may go wrong in a running game without a bug: each says in one sentence what and what to do."""
+
+
+def moved_all(inventory: Inventory, transfers: Iterable[Transfer]) -> Inventory:
+    """What stands where after some transfers.
+
+    Raises:
+        InventoryError: they were not planned for this inventory.
+    """
+    for transfer in transfers:
+        inventory = inventory.moved(transfer)
+    return inventory
+
+
+def changed(before: Inventory, after: Inventory) -> dict[str, Place]:
+    """Where the pieces stand that stand elsewhere, by name."""
+    places = {piece.name: piece.place for piece in before}
+    return {piece.name: piece.place for piece in after if places[piece.name] != piece.place}

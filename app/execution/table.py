@@ -1,0 +1,432 @@
+"""The board and its pieces while a game is on: what the arm or a hand does to them, seen, mended, judged, recorded.
+
+The position advances only when the board shows it. After whatever the arm has done the camera looks; what is not as it
+should be is mended first, by the arm where it can, else by a person who is asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import chess
+import chess.engine
+
+from app import UserError
+from app.execution.carrier import Begun, BoardTouched, Carried, Carrier, CarryFailed
+from app.execution.state import FRAME_AGE, AwaitedReply, Devices, Job, Position, changed, moved_all
+from app.pieces.judging import Verdict, judge
+from app.pieces.layout import colour_of
+from app.pieces.manipulation import Inventory, Ply, Transfer, move_kind, transfers
+from app.records import GameRecord, PlyOutcome, recording
+from app.records.events import Purpose
+from app.records.history import Unfinished, transfer_of
+from app.terminal.interface import Face
+from hardware.interfaces import Frame
+from hardware.table import Place
+
+if TYPE_CHECKING:
+    from app.execution.observation import Eyes
+    from app.execution.recovery import Mender
+    from app.execution.recovery_plans import Strayed
+    from app.guard.game_guard import GameGuard
+    from vision.reading.diagnosis import Diagnosis
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """What is recorded with a ply: what the player thinks of it, a comment, and what the clocks show after it [s], to
+    be asked for once the move stands on the board.
+    """
+
+    score: chess.engine.PovScore | None = None
+    comment: str = ""
+    clocks: Callable[[], dict[chess.Color, float] | None] = lambda: None
+
+
+NO_REMARK: Final = Remark()
+
+
+class Table:
+    """Board and pieces of one game.
+
+    Args:
+        position: where it stands.
+        devices: of the rig.
+        carrier: carries pieces.
+        mender: looks, and puts right what is not as it should be; None: nobody looks, and what fails ends the game.
+        record: of the game.
+        face: shown what happens.
+
+    Attributes:
+        board: the position, with its moves.
+        inventory: what stands where.
+    """
+
+    def __init__(
+        self,
+        position: Position,
+        devices: Devices,
+        carrier: Carrier,
+        mender: Mender | None,
+        record: GameRecord,
+        face: Face,
+    ) -> None:
+        self.board, self.inventory = position.board, position.inventory
+        self._unfinished, self._begun = position.unfinished, position.begun
+        self._unwatched: frozenset[chess.Color] = frozenset()
+        """A person plays these colours, and may have moved while nobody looked."""
+        self.replied = False
+        """The person at the board has made the next move already, while nobody looked."""
+        self._devices, self._carrier, self._mender = devices, carrier, mender
+        self._record, self._face = record, face
+
+    @property
+    def eyes(self) -> Eyes | None:
+        """That follow the game; None: nobody looks."""
+        return None if self._mender is None else self._mender.eyes
+
+    def subscribe(self, listener: Callable[[str], None]) -> None:
+        """As of ``Carrier.subscribe``."""
+        self._carrier.subscribe(listener)
+
+    @property
+    def guard(self) -> GameGuard | None:
+        """Against hands; None: nobody watches."""
+        return self._devices.guard
+
+    def now(self) -> float:
+        """Plant time [s]."""
+        return self._devices.clock.now()
+
+    def arm_ply(
+        self,
+        move: chess.Move,
+        remark: Remark = NO_REMARK,
+        answers: bool = False,
+    ) -> bool:
+        """The arm makes a move, home to home; then a look at the board; and one before, if the last one was long ago.
+
+        Args:
+            move: a legal one.
+            remark: recorded with it.
+            answers: a person moves next, by themselves, and may do so before the arm has gone home.
+
+        Returns:
+            False when the board came out wrong, by the referee's word.
+
+        Raises:
+            UserError: it cannot be done, or not without a person, and there is none.
+        """
+        if not self._look_again():
+            return False
+        ply = transfers(self.board, move, self.inventory)
+        return self._do_ply(ply, None, remark, answers=answers)
+
+    def hand_ply(self, move: chess.Move, remark: Remark = NO_REMARK) -> bool:
+        """A move was made by hand, and seen or told; what stands badly since is mended. False as of ``arm_ply``."""
+        ply = transfers(self.board, move, self.inventory)
+        outcome = PlyOutcome(by="hand", score=remark.score, clocks=remark.clocks(), comment=remark.comment)
+        done = self._conclude_ply(ply, self.inventory.after(ply), outcome)
+        return done and self.repair()
+
+    def take_back(self, plies: int) -> bool:
+        """The arm takes the last plies back; False as of ``arm_ply``.
+
+        Raises:
+            UserError: it cannot be done, for instance as a piece lies in a box.
+        """
+        if not self._look_again():
+            return False
+        before = self.board.copy()
+        moves = [before.pop() for _ in range(plies)]
+        label = "take back " + before.variation_san(reversed(moves))
+        moved = _arranged(self.inventory, before)
+        self._record.task(Purpose.TAKE_BACK, label, moved, self.now(), taken_back=plies)
+        return self._do_task(Job(label, moved), None, before)
+
+    def set_up(self, board: chess.Board) -> bool:
+        """The arm sets up any position with the pieces there; False as of ``arm_ply``.
+
+        Raises:
+            UserError: the pieces there cannot show it; or as ``arm_ply``.
+        """
+        if not self._look_again():
+            return False
+        moved = _arranged(self.inventory, board)
+        label = "set the pieces up"
+        self._record.task(Purpose.SET_UP, label, moved, self.now(), fen=board.fen())
+        return self._do_task(Job(label, moved), None, board)
+
+    def repair(self, reply: AwaitedReply | None = None) -> bool:
+        """The board is looked at, and put right where it is not as the game says; False as of ``arm_ply``.
+
+        Args:
+            reply: as of ``Mender.mend``.
+        """
+        if self._mender is None:
+            return True
+        mended = self._mender.mend(self.inventory, self.inventory, self.board, reply)
+        self.replied = mended.answered
+        if not mended.jobs:
+            return True
+        outcome = PlyOutcome(real=mended.duration)
+        return self._conclude_task(mended.inventory, outcome, self.board, answered=mended.answered)
+
+    def fallen(self) -> list[Strayed]:
+        """Pieces that lie on the board, in the newest frame, as far as depth shows them."""
+        if self.eyes is None or self.eyes.last.depth is None:
+            return []
+        return [one for one in self.eyes.strays(self.inventory) if one.lies]
+
+    def _look_again(self) -> bool:
+        """Before the arm moves, if the last look was long ago; False as of ``arm_ply``."""
+        return self._mender is None or not self._mender.stale or self.repair()
+
+    def note(self, finding: Diagnosis) -> None:
+        """Something that is no legal move was seen: that is in the record, whatever comes of it."""
+        squares = [chess.square_name(square) for square in finding.squares]
+        self._record.trouble(finding.situation.value, squares, finding.sentence, None, self.now())
+
+    def note_sides(self, person: chess.Color) -> None:
+        """The person at the board plays this colour from now on."""
+        self._record.sides_changed(colour_of(person), self.now())
+
+    def begin(self, by_hand: frozenset[chess.Color] = frozenset()) -> bool:
+        """First of all: what another program has begun and not finished is finished, and whether the board is as its
+        record says is looked at; False as of ``arm_ply``.
+
+        Args:
+            by_hand: colours that a person plays by hand, who may have moved while nobody looked.
+        """
+        if not self._begun:
+            if self.eyes is not None:
+                self.eyes.begin(self.board)
+            return True
+        self._unwatched = by_hand
+        well = self._finish() and self.repair(self._left_with(self.board))
+        self._unwatched = frozenset()
+        if self.eyes is not None and not self.replied:
+            self.eyes.confirm(self.board)
+        return well
+
+    def _left_with(self, position: chess.Board) -> AwaitedReply | None:
+        """The reply to a position that was reached before anybody looked again."""
+        return AwaitedReply(position) if position.turn in self._unwatched else None
+
+    def _finish(self) -> bool:
+        unfinished, self._unfinished = self._unfinished, None
+        begun = None
+        if unfinished is not None and unfinished.transfer is not None and unfinished.stage is not None:
+            begun = Begun(unfinished.transfer, unfinished.stage)
+        if begun is None:  # it may have been left where it stood a piece up, or pushed one
+            self._carrier.bring_home(self.inventory)
+        if unfinished is None:
+            return True
+        if unfinished.repair is not None:
+            return self._finish_repair(unfinished, begun)
+        if unfinished.uci is not None:
+            ply = transfers(self.board, chess.Move.from_uci(unfinished.uci), self.inventory)
+            return self._do_ply(ply, begun, NO_REMARK)
+        assert unfinished.task is not None
+        job = Job(unfinished.task.label, tuple(transfer_of(one) for one in unfinished.task.transfers))
+        return self._do_task(job, begun, self._goal(unfinished))
+
+    # jobs
+
+    def _do_ply(
+        self,
+        ply: Ply,
+        begun: Begun | None,
+        remark: Remark,
+        *,
+        answers: bool = False,
+    ) -> bool:
+        self._reset_peak()
+        wanted, after = self.inventory.after(ply), self.board.copy()
+        after.push_uci(ply.uci)
+        reply = self._left_with(after)
+        if reply is None and answers:
+            reply = AwaitedReply(after, None if self.guard is None else self.guard.hands)
+        job = Job(ply.san, ply.transfers, uci=ply.uci)
+        carried = self._carry(job, wanted, begun, reply)
+        outcome = replace(carried.outcome, score=remark.score, clocks=remark.clocks(), comment=remark.comment)
+        return self._conclude_ply(ply, carried.inventory, outcome, answered=carried.answered)
+
+    def _do_task(self, job: Job, begun: Begun | None, board: chess.Board) -> bool:
+        """Carry out a task that is in the record already, after which a position stands on the board."""
+        self._reset_peak()
+        try:
+            wanted = moved_all(self.inventory, job.transfers)
+            carried = self._carry(job, wanted, begun, self._left_with(board))
+        except UserError as error:
+            if self._carrier.untouched:
+                self._record.task_dropped(str(error), self.now())
+            raise
+        return self._conclude_task(carried.inventory, carried.outcome, board, answered=carried.answered)
+
+    def _finish_repair(self, unfinished: Unfinished, begun: Begun | None) -> bool:
+        """First the repair that was under way, then what it was for."""
+        assert unfinished.repair is not None
+        goal = self._goal(unfinished)
+        # one that was not begun is thought over: what it was planned around, or refused for, only a look can tell
+        repair = unfinished.repair if begun is not None or self._mender is None else ()
+        wanted = moved_all(self.inventory, repair)
+        reply = self._left_with(goal) if not _arranged(wanted, goal) else None
+        carried = self._carry(Job("put the board right", repair), wanted, begun, reply)
+        rest = () if carried.answered else _arranged(carried.inventory, goal)
+        stands = self.inventory
+        self.inventory = carried.inventory
+        if rest:
+            self._record.found(carried.inventory, "a repair was broken off", self.now())
+            self._record.task(Purpose.REPAIR, "put the board right", rest, self.now())
+            wanted = moved_all(self.inventory, rest)
+            carried = self._carry(Job("put the board right", rest), wanted, None, self._left_with(goal))
+        outcome = replace(carried.outcome, resumed=True)
+        self.inventory = stands
+        if unfinished.uci is None:
+            return self._conclude_task(carried.inventory, outcome, goal, answered=carried.answered)
+        move = chess.Move.from_uci(unfinished.uci)
+        kind, mover = move_kind(self.board, move), colour_of(self.board.turn)
+        ply = Ply(self.board.san(move), self.board.uci(move), kind, mover, (*repair, *rest))
+        return self._conclude_ply(ply, carried.inventory, outcome, answered=carried.answered)
+
+    def _goal(self, unfinished: Unfinished) -> chess.Board:
+        """The position that was to be reached."""
+        goal = self.board.copy()
+        if unfinished.uci is not None:
+            goal.push_uci(unfinished.uci)
+        elif unfinished.task is not None:
+            for _ in range(unfinished.task.taken_back):
+                goal.pop()
+            if unfinished.task.fen is not None:
+                goal = chess.Board(unfinished.task.fen, chess960=goal.chess960)
+        return goal
+
+    def _carry(self, job: Job, wanted: Inventory, begun: Begun | None, reply: AwaitedReply | None) -> _Done:
+        """Do a job, and mend what came of it, until the board shows what it should, or a person's answer to it."""
+        outcome, stands = PlyOutcome(real=0.0), wanted
+        if job.transfers:
+            try:
+                seen = None if self.eyes is None else self.eyes.seen
+                outcome = _outcome(self._carrier.carry(job, self.inventory, begun, seen))
+            except BoardTouched:
+                stands = self.inventory  # as far as is known: the mender looks first, then carries
+            except CarryFailed as failure:
+                if self._mender is None:
+                    raise UserError(str(failure)) from failure
+                stands, outcome = failure.inventory, replace(outcome, resumed=True)
+                self._mender.note_loss(failure)
+        if self._mender is None:
+            return _Done(wanted, outcome)
+        mended = self._mender.mend(stands, wanted, reply=reply)
+        if mended.jobs:
+            outcome = replace(outcome, real=(outcome.real or 0.0) + mended.duration, resumed=True)
+        return _Done(mended.inventory, outcome, mended.answered)
+
+    # after a job
+
+    def _conclude_ply(self, ply: Ply, inventory: Inventory, outcome: PlyOutcome, *, answered: bool = False) -> bool:
+        """The pieces were moved: judge, record, show. Where the next move is made already, the board shows that."""
+        places = changed(self.inventory, inventory)
+        self.board.push_uci(ply.uci)
+        self.inventory = inventory
+        self.inventory.check_against(self.board)
+        frame = self._look(learns=not answered)
+        outcome, verdict = (outcome, None) if answered else self._judged(outcome, places)
+        outcome = replace(outcome, frame=self._keep(frame))
+        event = self._record.ply(ply, outcome, self.now(), inventory)
+        self._face.ply(event, self.board)
+        return verdict is None or verdict.ok
+
+    def _conclude_task(
+        self, inventory: Inventory, outcome: PlyOutcome, board: chess.Board, *, answered: bool = False
+    ) -> bool:
+        """The same of a task."""
+        places = changed(self.inventory, inventory)
+        self.board, self.inventory = board, inventory
+        self.inventory.check_against(board)
+        self._look(learns=not answered)
+        outcome, verdict = (outcome, None) if answered else self._judged(outcome, places)
+        self._record.task_done(inventory, outcome, self.now())
+        self._face.position(self.board)
+        return verdict is None or verdict.ok
+
+    def _look(self, *, learns: bool = True) -> Frame | None:
+        """The picture of the position; eyes that follow the game have looked already, and learn from it."""
+        if self.eyes is not None:
+            if learns:
+                self.eyes.confirm(self.board)
+            return self.eyes.last
+        if self._devices.camera is None:
+            return None
+        self._devices.arm.state()  # in pace fast: once plant time stands, so that the exposure's tick is decided
+        return self._devices.camera.read(FRAME_AGE)
+
+    def _reset_peak(self) -> None:
+        if self._devices.referee is not None:
+            self._devices.referee.look(reset_peak=True)
+
+    def _judged(self, outcome: PlyOutcome, places: dict[str, Place]) -> tuple[PlyOutcome, Verdict | None]:
+        """With what the referee says of the board, for the record alone."""
+        if self._devices.referee is None:
+            return outcome, None
+        self._devices.arm.state()
+        truth, _ = self._devices.referee.look()
+        verdict = judge(truth, self.inventory)
+        force = max(truth.peak_contact_force, outcome.peak_force or 0.0)
+        errors = {name: 1e3 * verdict.errors[name] for name in places if name in verdict.errors}
+        judged = replace(
+            outcome, placement_mm=errors, peak_force=None if outcome.by == "hand" else force,
+            physical_ok=verdict.ok, failures=verdict.failures,
+        )  # fmt: skip
+        return judged, verdict
+
+    def _keep(self, frame: Frame | None) -> str | None:
+        if frame is None:
+            return None
+        name = f"frames/ply-{len(self.board.move_stack):03d}.jpg"
+        save_picture(self._record.folder / name, frame)
+        return name
+
+
+@dataclass(frozen=True, slots=True)
+class _Done:
+    """What stands where after a job, what is known of it, and whether a person has made the next move already."""
+
+    inventory: Inventory
+    outcome: PlyOutcome
+    answered: bool = False
+
+
+def _arranged(inventory: Inventory, board: chess.Board) -> tuple[Transfer, ...]:
+    """Transfers that put a position on the board."""
+    from app.pieces.position import set_up  # SciPy takes a second to load: not before something is to be set up
+
+    return set_up(inventory, board)
+
+
+def _outcome(carried: Carried) -> PlyOutcome:
+    done = carried.done
+    return PlyOutcome(
+        planned=carried.planned, real=done.duration, peak_torque=done.peak_torque, peak_force=done.peak_force,
+        resumed=carried.resumed,
+    )  # fmt: skip
+
+
+def save_picture(path: Path, frame: Frame) -> None:
+    """Write a frame's colours as JPEG.
+
+    Raises:
+        RecordError: it cannot be written.
+    """
+    import cv2  # only where there is a camera
+
+    done, encoded = cv2.imencode(".jpg", cv2.cvtColor(frame.colour, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])
+    if not done:
+        raise RuntimeError(f"OpenCV could not encode {path.name}")
+    with recording(path):
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(encoded.tobytes())

@@ -1,6 +1,0 @@
-"""The paper's figures and some of our own, each computed anew: ``touchmove figures NAME``; a module for each."""
-
-from app.figures.registry import FIGURES, UnknownFigure, make_figure
-from app.figures.result import Bar, FolderUnusable, Result
-
-__all__ = ["FIGURES", "Bar", "FolderUnusable", "Result", "UnknownFigure", "make_figure"]

@@ -1,0 +1,205 @@
+"""Where the arm is in the board frame, as capsules: what a camera must not take for a hand.
+
+Links lie where the servomotors' angles say, by the controller's kinematics; how thick they are is measured on the robot
+and stated here. What the fingers may hold counts as a part of the arm, whether they hold something or not.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+import threading
+from collections import deque
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.model.constants import ARM_COS, ARM_SIN, DeltaModel
+from controller.model.reach import tool_point_at
+from controller.protocol.messages import Telemetry
+from hardware.interfaces import Triple
+from hardware.parameters import RobotParameters
+from hardware.table import PIECE_SHAPES, TableSettings
+from vision.hands.arm_mask import Capsules
+
+Array = NDArray[np.float64]
+
+PROXIMAL_RADIUS: Final = 0.013
+SERVO_RADIUS: Final = 0.030
+SERVO_HALF_LENGTH: Final = 0.046
+"""Of a servomotor along its axis, from the middle of the proximal link [m]."""
+ROD_RADIUS: Final = 0.006
+ROD_HALF_DISTANCE: Final = 0.024
+"""Between the two rods of a pair, each from their middle [m]."""
+FLANGE_THICKNESS: Final = 0.008
+"""Half of it, with the joints on it [m]."""
+BODY_HALF_LENGTH: Final = 0.040
+BODY_RADIUS: Final = 0.021
+"""Of a round bar that the gripper's body lies in [m]."""
+BODY_HEIGHT: Final = 0.0635
+"""Of the body's middle above the tool point [m]."""
+FINGER_RADIUS: Final = 0.010
+HELD_RADIUS: Final = 0.002 + max(shape.foot_radius for shape in PIECE_SHAPES.values())
+HELD_BELOW: Final = max(shape.grip_height for shape in PIECE_SHAPES.values())
+HELD_ABOVE: Final = max(shape.height - shape.grip_height for shape in PIECE_SHAPES.values())
+"""From the tool point to both ends of the tallest piece that it may hold [m]."""
+_FAN: Final = 4
+"""The flange is drawn as so many bars across it."""
+_PLATE_BARS: Final = 3
+"""The marker's plate is drawn as so many bars along it."""
+_MOST_WAIT: Final = 2.0
+"""For telemetry that is on its way [s, wall]."""
+
+
+class ArmPose(NamedTuple):
+    """Servomotor angles (3,) [rad] and how far a finger is open [m]."""
+
+    angle: Triple
+    finger: float
+
+
+def arm_capsules(parameters: RobotParameters, table: TableSettings, pose: ArmPose) -> Capsules:
+    """All links of an arm, board frame.
+
+    Args:
+        parameters: lengths of the robot, and its pads.
+        table: where the board is below its base.
+        pose: of the arm.
+
+    Raises:
+        PoseError: no tool point belongs to these angles.
+    """
+    tool = tool_point_at(DeltaModel(parameters), np.array(pose.angle))
+    ends, radii = list[tuple[Array, Array]](), list[float]()
+    for arm in range(3):
+        for start, end, radius in _leg(parameters, arm, pose.angle[arm], tool):
+            ends.append((start, end))
+            radii.append(radius)
+    tool_parts = (*_flange(parameters, tool), *_gripper(parameters, tool, pose.finger), *_marker(parameters, tool))
+    for start, end, radius in tool_parts:
+        ends.append((start, end))
+        radii.append(radius)
+    return Capsules.of(table.board_from_base(np.array(ends)), radii)
+
+
+def _turned(arm: int, point: tuple[float, float, float]) -> Array:
+    """A point of an arm's own frame in the base frame (3,) [m]."""
+    x, y, z = point
+    cos, sin = ARM_COS[arm], ARM_SIN[arm]
+    return np.array([cos * x - sin * y, sin * x + cos * y, z])
+
+
+def _leg(parameters: RobotParameters, arm: int, angle: float, tool: Array) -> list[tuple[Array, Array, float]]:
+    g = parameters.geometry
+    along, down = g.proximal_length * math.cos(angle), g.proximal_length * math.sin(angle)
+    shoulder, elbow = _turned(arm, (0.0, g.base_radius, 0.0)), _turned(arm, (0.0, g.base_radius + along, down))
+    joint = tool + _turned(arm, (0.0, g.flange_radius, -g.gripper_height))
+    axis = _turned(arm, (1.0, 0.0, 0.0))
+    servo, aside = SERVO_HALF_LENGTH * axis, ROD_HALF_DISTANCE * axis
+    return [
+        (shoulder - servo, shoulder + servo, SERVO_RADIUS),
+        (shoulder, elbow, PROXIMAL_RADIUS),
+        (elbow - aside, elbow + aside, ROD_RADIUS),
+        (joint - aside, joint + aside, ROD_RADIUS),
+        (elbow - aside, joint - aside, ROD_RADIUS),
+        (elbow + aside, joint + aside, ROD_RADIUS),
+    ]
+
+
+def _flange(parameters: RobotParameters, tool: Array) -> list[tuple[Array, Array, float]]:
+    """A disc, as bars across it that overlap at its rim."""
+    g = parameters.geometry
+    centre = tool - [0.0, 0.0, g.gripper_height]
+    radius = g.flange_radius * math.sin(math.pi / (2 * _FAN))
+    reach = g.flange_radius - radius + FLANGE_THICKNESS
+    bars = []
+    for angle in np.arange(_FAN) * math.pi / _FAN:
+        way = reach * np.array([math.cos(angle), math.sin(angle), 0.0])
+        bars.append((centre - way, centre + way, radius))
+    return bars
+
+
+def _gripper(parameters: RobotParameters, tool: Array, finger: float) -> list[tuple[Array, Array, float]]:
+    pads, aside = parameters.pads, np.array([BODY_HALF_LENGTH - BODY_RADIUS / 2.0, 0.0, 0.0])
+    body = tool - [0.0, 0.0, BODY_HEIGHT]
+    links = [(body - aside, body + aside, BODY_RADIUS)]
+    out = finger + pads.half_width * math.tan(pads.groove_angle) + 0.5 * pads.back
+    for side in (-1.0, 1.0):
+        tip = tool + np.array([side * out, 0.0, 0.0])
+        links.append((tip - [0.0, 0.0, BODY_HEIGHT], tip, FINGER_RADIUS))
+    below, above = HELD_BELOW - HELD_RADIUS / 2.0, HELD_ABOVE - HELD_RADIUS / 2.0
+    links.append((tool - [0.0, 0.0, above], tool + np.array([0.0, 0.0, below]), HELD_RADIUS))
+    return links
+
+
+def _marker(parameters: RobotParameters, tool: Array) -> list[tuple[Array, Array, float]]:
+    """The printed marker's plate, as bars along it that overlap at its corners."""
+    marker = parameters.marker
+    if marker is None:
+        return []
+    half = 0.5 * marker.plate
+    up = np.array([0.0, math.sin(marker.tilt), -math.cos(marker.tilt)])
+    radius = 1.1 * half / _PLATE_BARS
+    links = []
+    for number in range(_PLATE_BARS):
+        middle = tool + marker.centre + ((2 * number + 1) / _PLATE_BARS - 1.0) * half * up
+        aside = np.array([half, 0.0, 0.0])
+        links.append((middle - aside, middle + aside, radius))
+    return links
+
+
+class ArmHistory:
+    """Where the arm was a moment ago, from its telemetry: frames arrive later than they were exposed.
+
+    Args:
+        tick: length of one [s].
+        kept: how long poses are kept [s].
+    """
+
+    def __init__(self, tick: float, kept: float = 1.0) -> None:
+        self._tick = tick
+        self._ticks: deque[int] = deque()
+        self._poses: deque[ArmPose] = deque()
+        self._kept = round(kept / tick)
+        self._news = threading.Condition()
+
+    def take(self, telemetry: Telemetry) -> None:
+        """Keep what one telemetry tells, unless it is older than the last; a listener of the controller's client."""
+        with self._news:
+            if self._ticks and telemetry.tick <= self._ticks[-1]:
+                return
+            self._ticks.append(telemetry.tick)
+            self._poses.append(ArmPose(telemetry.angle, telemetry.finger_position))
+            while self._ticks[-1] - self._ticks[0] > self._kept and len(self._ticks) > 2:
+                self._ticks.popleft()
+                self._poses.popleft()
+            self._news.notify_all()
+
+    @property
+    def newest(self) -> float:
+        """Plant time of the newest telemetry [s]; -∞ before the first."""
+        with self._news:
+            return self._ticks[-1] * self._tick if self._ticks else -math.inf
+
+    def at(self, stamp: float) -> ArmPose | None:
+        """The pose at a plant time [s], between the telemetry before and after it.
+
+        Waits for telemetry that is still on its way. None where nobody can say: it is older than all that is kept, or
+        no telemetry of that time came.
+        """
+        tick = stamp / self._tick
+        with self._news:
+            self._news.wait_for(lambda: bool(self._ticks) and self._ticks[-1] >= tick - 0.5, _MOST_WAIT)
+            if not self._ticks or self._ticks[0] > tick + 0.5 or self._ticks[-1] < tick - 0.5:
+                return None
+            after = min(bisect.bisect_left(self._ticks, tick), len(self._ticks) - 1)
+            before = max(after - 1, 0)
+            first, last = self._ticks[before], self._ticks[after]
+            share = min(max((tick - first) / (last - first), 0.0), 1.0) if last > first else 1.0
+            return _between(self._poses[before], self._poses[after], share)
+
+
+def _between(one: ArmPose, other: ArmPose, share: float) -> ArmPose:
+    a, b, c = ((1.0 - share) * p + share * q for p, q in zip(one.angle, other.angle, strict=True))
+    return ArmPose((a, b, c), (1.0 - share) * one.finger + share * other.finger)

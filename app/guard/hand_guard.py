@@ -1,0 +1,319 @@
+"""A hand over the board stops the arm: a thread that watches the camera's frames and asks the controller to hold.
+
+The guard looks at every frame, masks the arm's links as they were when it was exposed, and asks for a hold at the first
+frame that confirms a hand. The controller then refuses every motion until the board is clear again and whoever leads
+the game calls ``clear``, so that no motion can slip in between. From the hand being seen until the arm rests it
+takes, in plant time: up to one frame's interval until the next exposure, ``WatchSettings.confirm`` − 1 more of
+them, the camera's latency, and at most 0.1 s of the controlled stop; at 30 frames a second and 60 ms of
+latency 0.23 s.
+
+Nothing here replaces the controller's own protection, which notices what it touches; it only comes earlier.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Final, Self
+
+from app import UserError
+from app.guard.arm_silhouette import ArmHistory, ArmPose, arm_capsules
+from app.rig.devices import Holder, WatchedFrames
+from controller.wire.errors import ControllerError
+from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError
+from hardware.parameters import RobotParameters
+from hardware.table import TableSettings
+from vision.board.view import BoardView
+from vision.hands.arm_mask import Hidden, draw_mask
+from vision.hands.stillness import Seen, Watch
+
+FRAME_AGE: Final = 1.0
+"""Frames older than this say nothing about the present [s]; a late one is left out and told of."""
+MARGIN: Final = 0.008
+"""The arm is masked so much thicker than it is: what calibration and interpolation may err [m] …"""
+APART: Final = 0.020
+"""What is measured so far off the arm is not the arm [m]: besides that margin, what depth errs, and how far an arm at
+full speed moves in the time by which a frame's stamp errs."""
+GROW: Final = 4
+"""… and so much wider in the picture: edges that a depth camera smears [px]."""
+
+
+Listener = Callable[[Frame | DepthFrame, Seen], None]
+
+
+class Blind(UserError):
+    """The camera gives no frames any more, so that a hand would not be seen."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"hands over the board cannot be seen any more: {reason}; the arm holds")
+
+
+@dataclass(frozen=True, slots=True)
+class GuardStop:
+    """The arm was asked to hold: stamp of the frame that confirmed a hand [s], and squares that it was over."""
+
+    stamp: float
+    over: frozenset[int]
+
+
+class ArmMasks:
+    """Where the arm is before the table in a frame.
+
+    Args:
+        view: of the camera.
+        parameters: of the robot.
+        table: where the board is below the robot.
+        history: where the arm was.
+    """
+
+    def __init__(self, view: BoardView, parameters: RobotParameters, table: TableSettings, history: ArmHistory) -> None:
+        self._view, self._parameters, self._table, self._history = view, parameters, table, history
+        self._last: tuple[ArmPose, Hidden] | None = None
+
+    def at(self, stamp: float) -> Hidden | None:
+        """Where it was in a frame of this stamp [s]; None where nobody knows."""
+        pose = self._history.at(stamp)
+        if pose is None:
+            return None
+        if self._last is None or self._last[0] != pose:
+            capsules = arm_capsules(self._parameters, self._table, pose)
+            self._last = pose, Hidden(draw_mask(self._view, capsules, MARGIN, GROW), capsules.grown(APART))
+        return self._last[1]
+
+
+class HandGuard:
+    """Watches in a thread of its own from ``start`` to ``close``. A context manager.
+
+    Args:
+        frames: of the board's camera.
+        view: where the board is in them.
+        masks: where the arm is in them.
+        holder: asked to hold.
+        watch: what it sees with; None: a new one of the usual settings.
+        progress: told when a hand comes and goes.
+        listener: called with each frame and what was seen in it, in the guard's thread.
+        holding: whether a guard before this one has asked to hold, and that is in force.
+    """
+
+    def __init__(
+        self,
+        frames: WatchedFrames,
+        view: BoardView,
+        masks: ArmMasks,
+        holder: Holder,
+        watch: Watch | None = None,
+        progress: Callable[[str], None] | None = None,
+        listener: Listener | None = None,
+        *,
+        holding: bool = False,
+    ) -> None:
+        self.stops: list[GuardStop] = []
+        """Each time the arm was asked to hold."""
+        self._frames, self._view, self._masks, self._holder = frames, view, masks, holder
+        self._watch = watch or Watch()
+        self._progress, self._listener = progress, listener
+        self._news = threading.Condition()
+        self._newest: tuple[Frame | DepthFrame, Seen] | None = None
+        self._count = 0
+        self._came, self._departures = False, 0
+        self._gone_at: float | None = None
+        self._holding = holding
+        self._trouble: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="hand guard", daemon=True)
+
+    def start(self) -> None:
+        """Begin to watch."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread and give the camera back; a hold stays in force."""
+        self._frames.close()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def holding(self) -> bool:
+        """Whether a hold that this guard has asked for is in force."""
+        with self._news:
+            return self._holding
+
+    @property
+    def seen(self) -> Seen | None:
+        """What the newest frame showed; None before the first one.
+
+        Raises:
+            Blind: there are no frames any more.
+        """
+        with self._news:
+            self._check()
+            return None if self._newest is None else self._newest[1]
+
+    def wake(self, awake: bool) -> None:
+        """Whether plant time shall run for the camera while nothing moves; see ``WatchedFrames.wake``."""
+        self._frames.wake(awake)
+
+    @property
+    def blind(self) -> bool:
+        """Whether there are no frames any more."""
+        with self._news:
+            return self._trouble is not None
+
+    @property
+    def departures(self) -> int:
+        """So often a hand has come, has gone, and the board lay still."""
+        with self._news:
+            return self._departures
+
+    @property
+    def arrivals(self) -> int:
+        """So often a hand has come since it watches."""
+        with self._news:
+            return self._departures + self._came
+
+    @property
+    def last_stamp(self) -> float | None:
+        """Of the newest frame [s]; None before the first one."""
+        with self._news:
+            return None if self._newest is None else self._newest[0].stamp
+
+    @property
+    def leaving(self) -> bool:
+        """Whether a hand has gone, and the board does not lie still yet."""
+        with self._news:
+            return self._came and self._gone_at is not None
+
+    @property
+    def gone_at(self) -> float | None:
+        """Stamp of the first frame without the hand that was seen last [s]; None: there is one, or there was none."""
+        with self._news:
+            return self._gone_at
+
+    @property
+    def hand_present(self) -> bool:
+        """Whether a hand is over the board, as far as frames tell; a hold is in force then.
+
+        Raises:
+            Blind: there are no frames any more.
+        """
+        with self._news:
+            self._check()
+            return self._holding or (self._newest is not None and self._newest[1].hand_present)
+
+    def clear(self) -> Seen:
+        """Wait until no hand is over the board and the board is settled, then admit motions again.
+
+        The turn's interlock: called before every motion over the board, at rest. Plant time runs meanwhile.
+
+        Returns:
+            What a frame shows that was exposed after this call began.
+
+        Raises:
+            Blind: there are no frames any more.
+            ControllerError: the controller does not answer.
+        """
+        _, seen = self._wait(admit=True)
+        return seen
+
+    def settled(self, after: float | None = None) -> tuple[Frame, Seen]:
+        """Wait likewise, but admit no motion: for a person's turn, whose move is then looked for in the frame.
+
+        Args:
+            after: the stamp of a frame that was not clear enough: any later one will do [s].
+
+        Returns:
+            A frame that was exposed after this call began, or later than ``after``, and what was seen in it.
+
+        Raises:
+            Blind: there are no frames any more.
+        """
+        return self._wait(admit=False, after=after)
+
+    def _wait(self, *, admit: bool, after: float | None = None) -> tuple[Frame, Seen]:
+        self._frames.wake(True)
+        try:
+            with self._news:
+                # a frame that was exposed before this call may be on its way, and one or two more in the pipe
+                first = self._count + 3 if after is None else 0
+                self._news.wait_for(lambda: self._trouble is not None or self._settled_since(first, after) is not None)
+                self._check()
+                found = self._settled_since(first, after)
+                assert found is not None
+                if admit and self._holding:
+                    self._holding = False
+                    self._holder.resume()  # under the lock: a hand that comes now is told of to the controller later
+                    self._say("the board is clear: the arm may go on")
+        finally:
+            self._frames.wake(False)
+        return found
+
+    def _settled_since(self, first: int, after: float | None) -> tuple[Frame, Seen] | None:
+        if self._newest is None or self._count < first:
+            return None
+        frame, seen = self._newest
+        if after is not None and frame.stamp <= after:
+            return None
+        return (frame, seen) if isinstance(frame, Frame) and seen.settled and not seen.hand_present else None
+
+    def _check(self) -> None:
+        if self._trouble is not None:
+            raise Blind(str(self._trouble)) from self._trouble
+
+    def _run(self) -> None:
+        try:
+            while True:
+                self._take(self._frames.read(FRAME_AGE))
+        except CameraClosed:
+            pass  # by ``close``
+        except Exception as error:
+            self._give_up(error)
+            if not isinstance(error, ControllerError | HardwareError | UserError):
+                raise  # a bug: the arm holds already, and the traceback is told
+
+    def _take(self, frame: Frame | DepthFrame) -> None:
+        seen = self._watch.update(frame, self._view, self._masks.at(frame.stamp))
+        with self._news:
+            ask = seen.hand_present and not self._holding
+            self._holding = self._holding or ask
+            self._newest = frame, seen
+            if seen.hand_present:
+                self._came, self._gone_at = True, None
+            elif self._came and self._gone_at is None:
+                self._gone_at = frame.stamp
+            if self._came and seen.settled and not seen.hand_present:
+                self._came, self._departures = False, self._departures + 1
+        if ask:
+            self._holder.ask_to_hold()
+            self.stops.append(GuardStop(frame.stamp, seen.over))
+            self._say("a hand is over the board: the arm holds")
+        if self._listener is not None:
+            self._listener(frame, seen)
+        with self._news:
+            self._count += 1
+            self._news.notify_all()
+
+    def _give_up(self, error: Exception) -> None:
+        """Nobody watches any more: the arm must not move over the board."""
+        for last_act in (self._holder.ask_to_hold, self._frames.release):
+            try:
+                last_act()
+            except (ControllerError, HardwareError) as worse:
+                error = worse
+        with self._news:
+            self._holding = True
+            self._trouble = error
+            self._news.notify_all()
+
+    def _say(self, sentence: str) -> None:
+        if self._progress is not None:
+            self._progress(sentence)

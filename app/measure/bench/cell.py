@@ -1,0 +1,110 @@
+"""Supervisor and simulated plant in one process, in lockstep: what a demo in pace ``fast`` runs, but for the sockets.
+
+So ticks repeat exactly, and a bench sees both sides of every one of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from app.motion import Motion
+from controller.law.task_space import TaskSpaceController
+from controller.loop.supervisor import Ended, Supervisor
+from controller.model.constants import DeltaModel
+from controller.protection.limits import default_limits
+from controller.protocol import MotionFlag
+from controller.protocol.causes import explain
+from controller.protocol.messages import Announce, Samples
+from controller.protocol.states import State
+from controller.settings import ControllerSettings
+from hardware.interfaces import Command, Measurement
+from hardware.parameters import RobotParameters
+from hardware.sim.plant.plant import Plant
+from hardware.table import TableSettings
+
+LEAD: Final = 8
+"""Ticks between an announcement and the first sample, as on any lockstep bus."""
+_BOOT_TICKS = 400
+
+
+class Cell:
+    """A controller and its plant.
+
+    Args:
+        plant: arm and what stands around it.
+        parameters: robot.
+        table: from which the limits of the protection follow.
+        law: estimator and law; by default a new one.
+
+    Attributes:
+        plant: arm and what stands around it.
+        supervisor: states, protection, law.
+        watchers: called after every tick.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        parameters: RobotParameters,
+        table: TableSettings,
+        law: TaskSpaceController | None = None,
+    ) -> None:
+        self.plant = plant
+        law = law or TaskSpaceController(DeltaModel(parameters))
+        limits = default_limits(parameters, table)
+        self.supervisor = Supervisor(law, limits, ControllerSettings(), parameters.drive.tick, lockstep=True)
+        self.watchers: list[Callable[[], None]] = []
+        self._motions = 0
+
+    def tick(self) -> None:
+        """One exchange: the measurement is of the plant before the command acts."""
+        self.supervisor.advance(self._exchange(self.supervisor.command()))
+        for watch in self.watchers:
+            watch()
+
+    def _exchange(self, command: Command) -> Measurement:
+        measurement = self.plant.measure(standing=False)
+        self.plant.apply(command)
+        self.plant.step()
+        return measurement
+
+    def boot(self) -> None:
+        """Until the arm holds.
+
+        Raises:
+            RuntimeError: it does not.
+        """
+        for _ in range(_BOOT_TICKS):
+            self.tick()
+            if self.supervisor.state is State.HOLD:
+                return
+        raise RuntimeError(f"the arm does not hold after {_BOOT_TICKS} ticks: it is in {self.supervisor.state.name}")
+
+    def begin(self, samples: NDArray[Any], followed: bool = False) -> None:
+        """Announce a motion, shape (n,) of type ``SAMPLE``, and hand all of it over."""
+        supervisor = self.supervisor
+        self._motions += 1
+        flags = MotionFlag.FOLLOWED if followed else MotionFlag(0)
+        supervisor.announce(Announce(self._motions, supervisor.measurement.tick + LEAD, len(samples), flags))
+        supervisor.take_samples(Samples(self._motions, 0, samples))
+
+    def execute(self, samples: NDArray[Any], followed: bool = False) -> Ended:
+        """One motion to its end; says how it ended."""
+        self.begin(samples, followed)
+        while self.supervisor.motion.announced is not None:
+            self.tick()
+        return self.supervisor.ended
+
+    def carry_out(self, motion: Motion, followed: bool = False) -> None:
+        """One motion of a plan, to its end.
+
+        Raises:
+            RuntimeError: it did not end as it must.
+        """
+        ended = self.execute(motion.samples, followed)
+        if ended.result is not motion.wanted:
+            why = explain(*ended.reason[:3])
+            raise RuntimeError(f"{motion.label} ended as {ended.result.name}, not {motion.wanted.name}: {why}")

@@ -1,0 +1,238 @@
+"""Bench ``fallen``: pieces that fell are found by the camera, stood up and carried to their squares by the arm.
+
+In every world some pieces stand as in a game. One of them is knocked over, or lost from the fingers on its way, by a
+gripper that lets go. What the camera then shows is rendered from where the pieces really came to lie; nothing else of
+the truth is used until the end. Up to three times per piece the arm looks, stands up or carries, and looks again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from app.execution.recovery_plans import Strayed, in_order, plan_making_way, plan_righting
+from app.measure.bench.cell import LEAD, Cell
+from app.measure.bench.report import BenchReport, machine, row
+from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
+from app.motion.path import Vector
+from app.motion.plan import InTheWay
+from app.motion.planner import plan_return
+from app.pieces.manipulation import Inventory, Transfer
+from controller.protocol import CommandCode
+from hardware.parameters import RobotParameters, load_parameters
+from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.bodies.scene import build_model
+from hardware.sim.plant.grip_faults import GripFaults
+from hardware.sim.plant.imperfections import Flaws, Imperfections
+from hardware.sim.plant.plant import Plant
+from hardware.sim.process.table_studio import PlacedPiece, TableStudio
+from hardware.sim.render.appearance import Looks
+from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from vision.board.view import BoardView
+from vision.pieces.fallen import find_strays
+
+SEED: Final = 11
+TRIALS: Final = {True: 4, False: 60}
+"""By ``quick``; every other one a piece knocked over, the others lost from the fingers."""
+STANDING: Final = 14
+"""Pieces in a world."""
+PUSHED: Final = math.radians(40.0)
+"""A knocked piece begins so far from upright, and falls from there [rad]."""
+TRIES: Final = 3
+LOOKS: Final = 2 * TRIES + 3
+"""Each try is two plans at most, stand up and carry; and some pieces may have to make way."""
+UPRIGHT: Final = math.radians(5.0)
+PLACED: Final = 0.004
+"""A piece further than this from its square's centre is carried there; the game's own tolerance is 5 mm [m]."""
+RIGHT: Final = 0.005
+UNMENDED_LIMIT: Final = 0.05
+_SETTLE: Final = 1.0
+"""From a fall until all is at rest [s]."""
+
+
+def fallen_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
+    """Run the bench; ``quick`` with fewer pieces."""
+    table = TableSettings()
+    unmended, plans = list[float](), list[float]()
+    with TableStudio(_set(), table, MotionSettings().home) as studio:
+        for number in range(TRIALS[quick]):
+            trial = FallTrial(studio, table, number, lost=bool(number % 2))
+            trouble = trial.run()
+            unmended.append(float(trouble is not None))
+            plans.append(float(trial.plans))
+            progress(f"{number + 1} of {TRIALS[quick]}: {trial.what}: {trouble or f'mended by {trial.plans} plans'}")
+    rows = {
+        "unmended": row(unmended, "1", UNMENDED_LIMIT, "mean"),
+        "plans": row(plans, "1"),
+    }
+    return BenchReport(
+        bench="fallen", seed=SEED, pace="fast", machine=machine(), holds=all(one.holds for one in rows.values()),
+        rows=rows,
+    )  # fmt: skip
+
+
+def _set() -> tuple[PieceSpec, ...]:
+    """Two of each kind and side, as they are called; the places are those of no world."""
+    specs, square = list[PieceSpec](), 0
+    for colour in Colour:
+        for kind in Kind:
+            for twin in (1, 2):
+                specs.append(PieceSpec(f"{colour}-{kind}-{twin}", kind, colour, square_place(square)))
+                square += 1
+    return tuple(specs)
+
+
+class FallTrial:
+    """One world and one mishap.
+
+    Args:
+        studio: draws.
+        table: board and trays.
+        number: decides what stands where and what happens.
+        lost: a piece falls out of the fingers; else it is knocked over.
+
+    Attributes:
+        what: happened.
+        plans: the arm carried out to mend it.
+    """
+
+    def __init__(self, studio: TableStudio, table: TableSettings, number: int, *, lost: bool) -> None:
+        self._studio, self._table, self._number = studio, table, number
+        self._settings, self._parameters = MotionSettings(), load_parameters()
+        self._rng = np.random.default_rng([SEED, number])
+        specs, squares = self._rng.permutation(np.array(_set(), dtype=object)), self._rng.permutation(64)
+        stands = [
+            replace(spec, place=square_place(int(at))) for spec, at in zip(specs[:STANDING], squares, strict=False)
+        ]
+        self._victim: PieceSpec = stands[0]
+        self._target = square_place(int(squares[STANDING])) if lost else self._victim.place
+        self._inventory = Inventory.of(stands, table)
+        self._lost = lost
+        pushed = () if lost else (self._victim.name,)
+        pieces = tuple(self._put(spec, spec.name in pushed) for spec in stands)
+        model = build_model(self._parameters, table, pieces, np.array(self._settings.home), looks=False)
+        faults = Imperfections(grip=GripFaults(holds=(1,) if lost else (), latest=0.4))
+        plant = Plant(model, self._parameters, tuple(p.name for p in stands), flaws=Flaws(faults, number))
+        self._cell = Cell(plant, self._parameters, table)
+        self._looks = Looks()
+        self._view = studio.camera_from_board(self._looks.mount)
+        self.what = f"{self._victim.kind} on {self._victim.place} {'lost on its way' if lost else 'knocked over'}"
+        self.plans, self._ways = 0, list[Transfer]()
+
+    def _put(self, spec: PieceSpec, pushed: bool) -> StandingPiece:
+        x, y = np.array(self._table.xy(spec.place)) + self._rng.normal(0.0, 0.0007, 2).clip(-0.002, 0.002)
+        tip = PUSHED if pushed else 0.0
+        lift = 0.012 * math.sin(tip) + 0.001 * bool(tip)
+        return StandingPiece(spec, float(x), float(y), float(self._rng.uniform(-math.pi, math.pi)), lift, tip=tip)
+
+    def run(self) -> str | None:
+        """A sentence if the piece does not stand on its square in the end, or another one no longer does."""
+        self._cell.boot()
+        if self._lost:
+            self._lose()
+        self._wait(_SETTLE)
+        for _ in range(LOOKS):
+            strays = self._strays()
+            one = next(iter(in_order(strays)), None)
+            if one is None:
+                break
+            try:
+                plan = plan_righting(one, strays, self._inventory, *self._arm(), LEAD)
+            except InTheWay as blocked:
+                if trouble := self._make_way(blocked.piece.name, strays):
+                    return trouble
+                continue
+            except PlanRefused as refused:
+                return str(refused)
+            self.plans += 1
+            self._carry_out(plan)
+            self._wait(0.3)
+        for transfer in reversed(self._ways):
+            back = Transfer(transfer.name, transfer.kind, transfer.colour, transfer.target, transfer.source)
+            self._carry_out(plan_ply("", [back], self._as_righted(), *self._arm(), LEAD))
+            self._inventory = self._inventory.moved(back)
+        return self._judge()
+
+    def _arm(self) -> tuple[Vector, float, MotionSettings, RobotParameters]:
+        """Where the arm is, and how it moves: what planners ask for."""
+        supervisor = self._cell.supervisor
+        return (
+            supervisor.reference.position.copy(), supervisor.measurement.finger_position, self._settings,
+            self._parameters,
+        )  # fmt: skip
+
+    def _as_righted(self) -> Inventory:
+        """With the victim where it had to go."""
+        return Inventory.of((replace(spec, place=self._place(spec)) for spec in self._inventory), self._table)
+
+    def _make_way(self, name: str, strays: Sequence[Strayed]) -> str | None:
+        """Carry a piece away that is where the fingers have to go; a sentence if that is impossible."""
+        if name not in {spec.name for spec in self._inventory}:
+            return f"the {name} lies in the way"
+        try:
+            transfer, plan = plan_making_way(name, strays, self._inventory, *self._arm(), LEAD)
+        except PlanRefused as refused:
+            return str(refused)
+        self._carry_out(plan)
+        self._inventory = self._inventory.moved(transfer)
+        self._ways.append(transfer)
+        self.plans += 1
+        return None
+
+    def _lose(self) -> None:
+        """Carry the victim; the gripper lets go on the way, and the arm notices, at the latest when nothing stands."""
+        plan = plan_ply("", [Transfer.of(self._victim, self._target)], self._inventory, *self._arm(), LEAD)
+        self._carry_out(plan)
+
+    def _carry_out(self, plan: Plan) -> None:
+        """As far as it goes; then home."""
+        supervisor = self._cell.supervisor
+        try:
+            for number in range(len(plan.motions)):
+                self._cell.carry_out(plan.continued(number, supervisor.reference.position.copy()))
+        except RuntimeError:
+            self._wait(0.5)
+            supervisor.obey(CommandCode.RESUME)
+            back = plan_return(*self._arm(), self._table, release=self._victim.kind)
+            self._cell.carry_out(back.motions[0])
+
+    def _wait(self, duration: float) -> None:
+        for _ in range(round(duration / self._parameters.drive.tick)):
+            self._cell.tick()
+
+    def _poses(self) -> Iterator[PlacedPiece]:
+        """Of all pieces, for the picture."""
+        for spec in self._inventory:
+            body = self._cell.plant.data.body(spec.name)
+            x, y, z = body.xpos.tolist()
+            axis = body.xmat.reshape(3, 3)[:, 2]
+            yield PlacedPiece(
+                spec.name, x, y, z, math.atan2(axis[0], -axis[1]), math.acos(max(-1.0, min(1.0, axis[2])))
+            )
+
+    def _strays(self) -> list[Strayed]:
+        """What the camera finds out of place; the victim first."""
+        self._number += 1000
+        frame = self._studio.frame(self._poses(), self._looks, self._number)
+        view = BoardView(frame.intrinsics, self._view, self._table)
+        expected = {self._place(spec): spec for spec in self._inventory}
+        found = find_strays(frame, view, expected, tolerance=PLACED)
+        return [Strayed.of(stray, self._place(expected[stray.place])) for stray in found if stray.place is not None]
+
+    def _place(self, spec: PieceSpec) -> Place:
+        return self._target if spec.name == self._victim.name else spec.place
+
+    def _judge(self) -> str | None:
+        poses: Mapping[str, PlacedPiece] = {pose.name: pose for pose in self._poses()}
+        for spec in self._inventory:
+            pose, (x, y) = poses[spec.name], self._table.xy(self._place(spec))
+            off = math.hypot(pose.x - x, pose.y - y)
+            if pose.tip > UPRIGHT:
+                return f"{spec.name} leans by {math.degrees(pose.tip):.0f}°"
+            if off > RIGHT:
+                return f"{spec.name} stands {1e3 * off:.1f} mm off {self._place(spec)}"
+        return None

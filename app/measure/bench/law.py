@@ -1,0 +1,164 @@
+"""Bench ``law``: how long a tick of the control law takes, on ticks that a supervisor lived through.
+
+Row ``tick`` is the pair of calls that the supervisor makes, `TaskSpaceController.update` and `.torque`, from Python.
+The same ticks must give the same torques, positions and velocities as in the supervisor, to the last bit.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Sequence
+from time import perf_counter_ns
+from typing import Final
+
+import numpy as np
+
+from app.measure.bench.parts import Poses, nothing, time_parts
+from app.measure.bench.recording import Tick, TickRecording, found, record
+from app.measure.bench.report import BenchReport, Row, machine, row
+from app.measure.bench.start import measure_starts
+from controller.law.task_space import TaskSpaceController, pack_reference
+from controller.model.compiled import FloatArray
+from controller.model.constants import DISTAL, DeltaModel
+from controller.model.kinematics import arm_directions
+from controller.model.state import blank_state
+
+TICKS: Final = 10_000
+SEED: Final = 1
+TICK_LIMIT: Final = 3.0
+"""p50 of a tick [µs]."""
+TAIL_LIMIT: Final = 30.0
+"""p99.9 of a tick [µs]."""
+CLOSURE_LIMIT: Final = 1e-8
+"""Newton must leave less than this between the arms' tool points [m]."""
+FIRST_COMPILE_LIMIT: Final = 20.0
+CACHED_START_LIMIT: Final = 1.0
+
+
+def law_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
+    """Measure.
+
+    Args:
+        quick: the ticks once instead of five times, three starts from the cache instead of seven.
+        progress: told what is being done.
+    """
+    progress(f"recording {TICKS} ticks of a game in the simulated world")
+    recording = record(TICKS, SEED)
+    model = DeltaModel(recording.parameters)
+    progress("comparing with the supervisor")
+    rows, poses = _verified(model, recording)
+    progress("timing the law")
+    rows |= _timed(model, recording, 1 if quick else 5)
+    rows |= {name: row(values, "µs") for name, values in time_parts(model, poses).items()}
+    progress("compiling the law in a process with an empty cache (about 10 s)")
+    starts = measure_starts(3 if quick else 7)
+    rows["first_compile"] = row([starts.first], "s", FIRST_COMPILE_LIMIT)
+    rows["cached_start"] = row(starts.cached, "s", CACHED_START_LIMIT)
+    return BenchReport(
+        bench="law", seed=SEED, pace="fast", machine=machine(), holds=all(one.holds for one in rows.values()), rows=rows
+    )
+
+
+def replayed(model: DeltaModel, recording: TickRecording) -> TaskSpaceController:
+    """A new law that has lived through the recording's first ticks, those on the brakes."""
+    law = TaskSpaceController(model)
+    for tick in recording.boot:
+        law.update(tick.angle, tick.velocity)
+    return law
+
+
+def _verified(model: DeltaModel, recording: TickRecording) -> tuple[dict[str, Row], Poses]:
+    """Run the law over the recording: rows on what it found, and its poses."""
+    law = replayed(model, recording)
+    n = len(recording.ticks)
+    poses = Poses(*(np.empty((n, *shape)) for shape in ((3,), (3,), (3,), (3, 3), (3, 3), (3, 3))))
+    differing, steps, closure, state = 0, np.empty(n), np.empty(n), law.state
+    for k, tick in enumerate(recording.ticks):
+        poses.near[k] = state.position
+        differing += not _same(law, tick)
+        steps[k] = state.quality[2]
+        poses.angle[k], poses.velocity[k] = state.angle, state.rate
+        poses.jacobian[k] = state.jacobian
+        x, y, z = state.position.tolist()
+        poses.rods[k], poses.elbows[k] = arm_directions(model.constants, state.angle, (x, y, z))
+        # with each distal link pointing to where the law says that the tool is, no two tips are farther apart
+        closure[k] = 2.0 * model.constants[DISTAL] * np.abs(np.linalg.norm(poses.rods[k], axis=1) - 1.0).max()
+    rows = {
+        "differing_ticks": row([differing], "ticks", 0.0, "max"),
+        "newton_steps": row(steps, "steps"),
+        "newton_closure": row(closure, "m", CLOSURE_LIMIT, "max"),
+    }
+    return rows, poses
+
+
+def _same(law: TaskSpaceController, tick: Tick) -> bool:
+    """Whether the law finds in a tick what the supervisor's found, to the last bit."""
+    law.update(tick.angle, tick.velocity)
+    before = found(law)
+    assert tick.reference is not None
+    torque = law.torque(tick.reference, tick.tactile)
+    return before.tobytes() == tick.found.tobytes() and np.array(torque).tobytes() == np.array(tick.torque).tobytes()
+
+
+def _timed(model: DeltaModel, recording: TickRecording, rounds: int) -> dict[str, Row]:
+    """Rows of the calls from Python [µs]."""
+    gc.collect()  # as the server does before its loop
+    gc.freeze()
+    try:
+        tick = np.array([_tick_durations(model, recording) for _ in range(rounds)]) / 1e3
+        update, torque = np.concatenate([_call_durations(model, recording) for _ in range(rounds)]).T / 1e3
+        call = np.array(_calls(recording.ticks)) / 1e3
+    finally:
+        gc.unfreeze()
+    tail = float(np.percentile(tick, 99.9))
+    return {
+        "tick": row(tick, "µs", TICK_LIMIT),
+        "tick_p99_9": Row(
+            unit="µs", n=tick.size, mean=tail, p50=tail, p99=tail, max=tail, limit=TAIL_LIMIT, holds=tail <= TAIL_LIMIT
+        ),
+        "update": row(update, "µs"),
+        "torque": row(torque, "µs"),
+        "call": row(call, "µs"),
+    }
+
+
+def _tick_durations(model: DeltaModel, recording: TickRecording) -> list[int]:
+    """Of ``update`` and ``torque`` together in each tick [ns]; the clock's own time is in it once."""
+    law = replayed(model, recording)
+    clock, update, torque = perf_counter_ns, law.update, law.torque
+    durations, reference = [], pack_reference((0.0, 0.0, 0.0))
+    for tick in recording.ticks:
+        angle, velocity, tactile = tick.angle, tick.velocity, tick.tactile
+        reference[:] = tick.reference  # one row that is written anew in each tick, as in the supervisor
+        start = clock()
+        update(angle, velocity)
+        torque(reference, tactile)
+        durations.append(clock() - start)
+    return durations
+
+
+def _call_durations(model: DeltaModel, recording: TickRecording) -> FloatArray:
+    """Of ``update`` and ``torque`` by themselves, shape (n, 2) [ns]; the clock's own time is in each."""
+    law = replayed(model, recording)
+    times, reference = np.zeros((len(recording.ticks), 3), dtype=np.int64), pack_reference((0.0, 0.0, 0.0))
+    clock, update, torque = perf_counter_ns, law.update, law.torque
+    for k, tick in enumerate(recording.ticks):
+        angle, velocity, tactile = tick.angle, tick.velocity, tick.tactile
+        reference[:] = tick.reference
+        start = clock()
+        update(angle, velocity)
+        middle = clock()
+        torque(reference, tactile)
+        times[k] = start, middle, clock()
+    return np.asarray(np.diff(times, axis=1), dtype=np.float64)
+
+
+def _calls(ticks: Sequence[Tick]) -> list[int]:
+    """Durations of calls that do nothing [ns]."""
+    state, clock = blank_state(), perf_counter_ns
+    durations = []
+    for tick in ticks:
+        start = clock()
+        nothing(state, tick.angle, tick.velocity)
+        durations.append(clock() - start)
+    return durations

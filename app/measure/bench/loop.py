@@ -1,0 +1,180 @@
+"""Bench ``loop``: how regularly the controller ticks while the rest of the program is busy.
+
+World, controller and this process run in pace real, telemetry flows, the arm moves back and forth, and Stockfish thinks
+on every core. The figures are the controller's own, of its whole run.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import cycle
+from typing import Final
+
+import chess
+import numpy as np
+
+from app import UserError
+from app.commissioning.processor import ProcessorTime, stolen_share
+from app.measure.bench.report import BenchReport, Row, machine, row
+from app.motion import Motion, MotionSettings, Plan
+from app.motion.gains import critical
+from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
+from app.rig.arm import ArmPaused
+from app.rig.simulation.timed import RunEnd, Statistics, TimedRig, timed_rig
+from controller.wire.errors import ControllerError
+from engine.errors import EngineProblem
+from engine.stockfish import Engine, EngineSettings
+
+SEED: Final = 1
+DURATION: Final = 60.0
+QUICK_DURATION: Final = 15.0
+"""How long the arm moves [s]."""
+MISSED_LIMIT: Final = 0.1
+"""Ticks without an exchange, with real time [%]."""
+WORK_LIMIT: Final = 200.0
+"""p99 of a tick's whole computation, with real time [µs]."""
+STOLEN: Final = 0.001
+"""Share of the processors' time; no privilege helps against a host that takes more."""
+WAY: Final = ((0.12, 0.02, 0.335), (-0.12, -0.05, 0.345), (0.06, -0.10, 0.355), (-0.08, 0.10, 0.33))
+"""The arm goes round these tool points, base frame [m]; above every piece."""
+THOUGHT: Final = 0.5
+"""Stockfish is asked anew after this [s]."""
+POSITION: Final = "r1bq1rk1/pp2bppp/2n1pn2/3p4/3P1B2/2PBPN2/PP1N1PPP/R2Q1RK1 w - - 0 9"
+"""A middle game with much to think about."""
+HASH_MB: Final = 64
+RECOVERY: Final = 0.2
+"""After a motion that did not end well [s]."""
+
+
+def loop_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
+    """Measure.
+
+    Args:
+        quick: 15 s instead of 60 s.
+        progress: told what is being done, and which part of real time was not granted.
+
+    Raises:
+        UserError: there is no Stockfish, or it failed.
+    """
+    duration = QUICK_DURATION if quick else DURATION
+    with timed_rig(SEED, progress) as timed, thinking(progress):
+        progress(f"moving the arm for {duration:g} s")
+        before = ProcessorTime.now()
+        stopped = sweep(timed, duration)
+        stolen = stolen_share(before, ProcessorTime.now())
+        end = timed.finish()
+    for note in end.pulse.realtime.notes:
+        progress(note)
+    if stolen > STOLEN:
+        progress(
+            f"the host of this virtual machine took {100.0 * stolen:.2g} % of its processors, at most "
+            f"{100.0 * STOLEN:g} % leaves a loop alone: measure on a PC of its own"
+        )
+    rows = loop_rows(end, stopped, stolen)
+    return BenchReport(
+        bench="loop",
+        seed=SEED,
+        pace="real",
+        machine=machine(),
+        holds=all(one.holds for one in rows.values()),
+        rows=rows,
+    )
+
+
+def loop_rows(end: RunEnd, stopped: int, stolen: float) -> dict[str, Row]:
+    """The rows: what must hold holds only where real time was granted, but the arm must rest in any case.
+
+    Args:
+        end: what the controller and the world left.
+        stopped: motions that did not end as planned.
+        stolen: share of the processor's time that the host of a virtual machine took, 0 to 1.
+    """
+    pulse, granted = end.pulse, end.pulse.realtime.granted
+    missed = row([100.0 * pulse.missed], "%", MISSED_LIMIT if granted else None, "max")
+    return {
+        "real_time": row([float(granted)], "granted"),
+        "missed_ticks": missed.model_copy(update={"n": pulse.ticks + pulse.skipped}),
+        "tick_work": _row(pulse.work, WORK_LIMIT if granted else None),
+        "law": _row(pulse.law),
+        "lateness": _row(pulse.lateness),
+        "period_error": _row(pulse.period_error),
+        "stolen_time": row([100.0 * stolen], "%"),
+        "stopped_motions": row([stopped], "motions"),
+        "arm_not_at_rest": row([float(not end.at_rest)], "arms", 0.0, "max"),
+    }
+
+
+def sweep(timed: TimedRig, duration: float) -> int:
+    """Move back and forth for so long [s, wall]; the number of motions that did not end as planned."""
+    arm, stopped, until = timed.rig.arm, 0, time.monotonic() + duration
+    for target in cycle(WAY):
+        if time.monotonic() >= until:
+            break
+        try:
+            arm.execute(straight(arm.state().reference, np.array(target), timed.motion))
+        except (ControllerError, ArmPaused) as error:
+            if timed.rig.failure() is not None:
+                raise UserError(f"the bench was cut short: {timed.rig.failure()}") from error
+            stopped += 1
+            time.sleep(RECOVERY)
+    return stopped
+
+
+def straight(start: Vector, end: Vector, settings: MotionSettings, tick: float = 0.00088) -> Plan:
+    """One straight motion at the speed of a game, fingers at rest.
+
+    Args:
+        start: present reference, base frame (3,) [m].
+        end: where to (3,) [m].
+        settings: speeds and gains.
+        tick: [s].
+    """
+    bounds = Bounds(settings.speed, settings.acceleration, settings.jerk)
+    path = join([dwell(start, 1), line(start, end, bounds, tick)])
+    n = len(path)
+    samples = to_samples(path, critical((settings.gains.frequency_in_air,) * 3, n), np.zeros(n))
+    return Plan("sweep", (Motion("sweep", samples, n * tick),))
+
+
+@contextmanager
+def thinking(progress: Callable[[str], None]) -> Iterator[None]:
+    """Stockfish thinks on every core within the block.
+
+    Raises:
+        UserError: there is no Stockfish, or it failed.
+    """
+    settings = EngineSettings(threads=os.cpu_count() or 1, hash_mb=HASH_MB, move_time=THOUGHT)
+    progress(f"Stockfish thinks with {settings.threads} threads")
+    done, troubles = threading.Event(), list[EngineProblem]()
+
+    def think(engine: Engine) -> None:
+        try:
+            while not done.is_set():
+                engine.choose(chess.Board(POSITION))
+        except EngineProblem as error:
+            troubles.append(error)
+
+    try:
+        with Engine(settings) as engine:
+            thinker = threading.Thread(target=think, args=(engine,), name="thinking")
+            thinker.start()
+            try:
+                yield
+            finally:
+                done.set()
+                thinker.join()
+        if troubles:
+            raise troubles[0]
+    except EngineProblem as error:
+        raise UserError(str(error)) from error
+
+
+def _row(statistics: Statistics, limit: float | None = None) -> Row:
+    """In µs; a limit is one of p99."""
+    mean, p50, p99, largest = (1e6 * v for v in (statistics.mean, statistics.p50, statistics.p99, statistics.max))
+    holds = limit is None or p99 <= limit
+    return Row(unit="µs", n=statistics.n, mean=mean, p50=p50, p99=p99, max=largest, limit=limit, holds=holds)

@@ -1,0 +1,133 @@
+"""Ticks of a game as the controller lives them: its supervisor and the simulated plant in one process, in lockstep.
+
+Everything is what a demo in pace ``fast`` runs, but for the sockets between them; so the ticks repeat exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import chess
+import numpy as np
+
+from app.measure.bench.cell import LEAD, Cell
+from app.motion import MotionSettings, plan_ply
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, transfers
+from app.players.given_line import parse_line
+from controller.law.task_space import TaskSpaceController
+from controller.model.compiled import FloatArray
+from controller.model.constants import DeltaModel
+from controller.model.kinematics import Status
+from hardware.interfaces import Triple
+from hardware.parameters import RobotParameters, load_parameters
+from hardware.sim.bodies.scene import build_model
+from hardware.sim.plant.plant import Plant
+from hardware.sim.process.settings import WorldSettings, stand_pieces
+from hardware.table import TableSettings
+
+LINE = "e4 d5 exd5 Qxd5 Nc3 Qxg2 Bxg2"
+"""Quiet moves and captures over near and far squares; as many of its plies are played as ticks are wanted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """What the supervisor asked of the law in one tick, and what it got.
+
+    Attributes:
+        angle: y [rad].
+        velocity: ẏ [rad/s].
+        reference: shape (16,), None where only the state was estimated.
+        tactile: forces on the right and left pad [N].
+        torque: what the supervisor then commanded [N m].
+        found: shape (7,): tool point [m], its velocity [m/s] and the number of Newton steps.
+    """
+
+    angle: Triple
+    velocity: Triple
+    reference: FloatArray | None
+    tactile: tuple[float, float]
+    torque: Triple
+    found: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class TickRecording:
+    """A run of the supervisor: ticks on the brakes first, in which no torque was asked for, then all others."""
+
+    parameters: RobotParameters
+    boot: tuple[Tick, ...]
+    ticks: tuple[Tick, ...]
+    plies: int
+
+
+class _Listening(TaskSpaceController):
+    """The law, and a record of what it was asked."""
+
+    def __init__(self, model: DeltaModel) -> None:
+        super().__init__(model)
+        self.ticks: list[Tick] = []
+
+    def update(self, angle: Triple, velocity: Triple) -> Status:
+        status = super().update(angle, velocity)
+        self.ticks.append(Tick(angle, velocity, None, (0.0, 0.0), (0.0, 0.0, 0.0), found(self)))
+        return status
+
+    def torque(self, reference: FloatArray, tactile: tuple[float, float] = (0.0, 0.0)) -> Triple:
+        self.ticks[-1] = replace(self.ticks[-1], reference=reference.copy(), tactile=tactile)
+        return super().torque(reference, tactile)
+
+
+def found(law: TaskSpaceController) -> FloatArray:
+    """Shape (7,): tool point [m], its velocity [m/s] and Newton steps of the last ``update``."""
+    return np.concatenate([law.state.position, law.state.velocity, law.state.quality[2:]])
+
+
+class _RecordedCell(Cell):
+    """Of which every tick is recorded."""
+
+    def __init__(self, inventory: Inventory, motion: MotionSettings, seed: int) -> None:
+        parameters, table = load_parameters(), inventory.table
+        world = WorldSettings(pieces=tuple(inventory), home=motion.home, table=table, seed=seed, cameras=False)
+        model = build_model(parameters, table, stand_pieces(world), np.array(motion.home))
+        self.parameters = parameters
+        self.law = _Listening(DeltaModel(parameters))
+        super().__init__(Plant(model, parameters, tuple(p.name for p in world.pieces)), parameters, table, self.law)
+
+    def tick(self) -> None:
+        super().tick()
+        if self.law.ticks[-1].reference is not None:
+            self.law.ticks[-1] = replace(self.law.ticks[-1], torque=self.supervisor.torque)
+
+
+def record(ticks: int, seed: int) -> TickRecording:
+    """Play the line until so many ticks with torque are recorded.
+
+    Args:
+        ticks: wanted; the recording has exactly as many.
+        seed: decides how the pieces were set up.
+
+    Raises:
+        RuntimeError: the line is too short, or a motion of it failed.
+    """
+    board, table, settings = chess.Board(), TableSettings(), MotionSettings()
+    inventory = Inventory.of(start_layout(board, table), table)
+    cell = _RecordedCell(inventory, settings, seed)
+    cell.boot()
+    boot = sum(tick.reference is None for tick in cell.law.ticks)
+    plies = 0
+    for move in parse_line(LINE, board):
+        ply = transfers(board, move, inventory)
+        finger = cell.supervisor.measurement.finger_position
+        start = cell.supervisor.reference.position.copy()
+        plan = plan_ply(ply.san, ply.transfers, inventory, start, finger, settings, cell.parameters, LEAD)
+        for index in range(len(plan.motions)):
+            motion = plan.continued(index, cell.supervisor.reference.position)
+            cell.carry_out(motion, followed=index < len(plan.motions) - 1)
+        plies += 1
+        board.push(move)
+        inventory = inventory.after(ply)
+        if len(cell.law.ticks) - boot >= ticks:
+            heard = tuple(cell.law.ticks)
+            return TickRecording(cell.parameters, heard[:boot], heard[boot : boot + ticks], plies)
+    raise RuntimeError(f"the line of {plies} plies gave {len(cell.law.ticks) - boot} ticks, {ticks} are wanted")

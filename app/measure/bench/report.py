@@ -1,0 +1,76 @@
+"""What a bench reports: rows of statistics, each with its limit, under the names that the command prints as JSON."""
+
+from __future__ import annotations
+
+import os
+import platform
+from pathlib import Path
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hardware.frozen import Frozen
+
+
+class Row(Frozen):
+    """Statistics of one quantity; ``holds`` is true where there is no limit."""
+
+    unit: str
+    n: int
+    mean: float
+    p50: float
+    p99: float
+    max: float
+    limit: float | None = None
+    holds: bool = True
+
+
+class BenchReport(Frozen):
+    """One bench: ``holds`` says whether all of its rows hold."""
+
+    bench: str
+    seed: int
+    pace: str
+    machine: str
+    holds: bool
+    rows: dict[str, Row]
+
+    def table(self) -> str:
+        """For people: one line a row."""
+        lines = [f"{'':16}{'unit':>7}{'n':>8}{'mean':>11}{'p50':>11}{'p99':>11}{'max':>11}{'limit':>9}"]
+        for name, one in self.rows.items():
+            numbers = "".join(f"{value:>11.4g}" for value in (one.mean, one.p50, one.p99, one.max))
+            limit = "" if one.limit is None else f"{one.limit:g}"
+            verdict = "" if one.limit is None else ("  holds" if one.holds else "  does not hold")
+            lines.append(f"{name:16}{one.unit:>7}{one.n:>8}{numbers}{limit:>9}{verdict}")
+        return "\n".join([*lines, self.machine])
+
+
+def row(values: ArrayLike, unit: str, limit: float | None = None, bound: str = "p50") -> Row:
+    """Statistics of values.
+
+    Args:
+        values: at least one, all finite.
+        unit: of the values and the limit.
+        limit: the bar: at most this.
+        bound: which statistic must keep it: ``mean``, ``p50``, ``p99`` or ``max``.
+    """
+    numbers = np.asarray(values, dtype=np.float64).reshape(-1)
+    p50, p99 = np.percentile(numbers, (50.0, 99.0)).tolist()
+    statistics = {"mean": float(numbers.mean()), "p50": p50, "p99": p99, "max": float(numbers.max())}
+    holds = limit is None or statistics[bound] <= limit
+    return Row(unit=unit, n=numbers.size, **statistics, limit=limit, holds=holds)
+
+
+def machine() -> str:
+    """Processor, cores and software that numbers were measured on; names no host."""
+    cpu = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        names = [
+            line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")
+        ]
+        cpu = names[0] if names else cpu
+    versions = f"Python {platform.python_version()}, NumPy {np.__version__}, Numba {numba.__version__}"
+    return f"{cpu}, {os.cpu_count()} cores, {platform.system()}, {versions}"

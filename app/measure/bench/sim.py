@@ -1,0 +1,182 @@
+"""Bench ``sim``: how fast the simulated world runs with everything that belongs to it, and whether it repeats itself.
+
+A game of Stockfish against itself in pace fast: world, controller and app are processes of their own. The world keeps
+every command, so that the same ticks can be done again by MuJoCo alone, which is what a tick costs at least. Then the
+game is played once more while another process burns a processor.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from app import UserError
+from app.measure.bench.report import BenchReport, Row, machine, row
+from app.play.launch import run_games
+from app.records import Report
+from app.records.telemetry import TELEMETRY_FILE, read_telemetry
+from app.settings.files import settings_of
+from app.terminal.interface import Quiet
+from controller.settings import ControllerSettings
+from hardware.interfaces import Pace
+from hardware.sim.process.construction import Construction
+from hardware.sim.process.journal import Replay
+from hardware.sim.process.settings import END_FILE, load_settings
+
+SEED: Final = 1
+PLIES: Final = 24
+QUICK_PLIES: Final = 6
+NODES: Final = 20_000
+COST_LIMIT: Final = 1.0 / 8.0
+"""Wall time of a simulated second while ticks run, controller in the loop [s]."""
+OVERHEAD_LIMIT: Final = 2.5
+"""That, over the cost of the same ticks in MuJoCo alone."""
+CLOSURE_LIMIT: Final = 30.0
+"""Of the arm's loops [µm]."""
+
+
+class PlayedGame(NamedTuple):
+    """A game as played: its report, how long it took [s, wall], and a digest of its telemetry at each tick."""
+
+    report: Report
+    wall: float
+    telemetry: dict[int, bytes]
+
+
+class Again(NamedTuple):
+    """A game's ticks done again: seconds of plant time, wall time of MuJoCo alone [s], widest gap of a closure [m],
+    and whether the last state is another one than the world's.
+    """
+
+    simulated: float
+    wall: float
+    closure: float
+    differs: bool
+
+
+def sim_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
+    """Measure.
+
+    Args:
+        quick: 6 plies instead of 24.
+        progress: told what is being done.
+
+    Raises:
+        UserError: a game failed, or something is missing on this machine.
+    """
+    plies = QUICK_PLIES if quick else PLIES
+    with tempfile.TemporaryDirectory(prefix="touchmove-sim-") as name:
+        folder = Path(name)
+        progress(f"a game of {plies} plies, {NODES} nodes a move")
+        first = play(folder / "first", plies)
+        progress("its ticks again, without controller and processes")
+        again = do_again(folder / "first" / "run")
+        progress("the game again, with a load on the machine")
+        with _load():
+            second = play(folder / "second", plies)
+    rows = rows_of(first, second, again)
+    holds = all(one.holds for one in rows.values())
+    return BenchReport(bench="sim", seed=SEED, pace="fast", machine=machine(), holds=holds, rows=rows)
+
+
+def rows_of(first: PlayedGame, second: PlayedGame, again: Again) -> dict[str, Row]:
+    """The rows of two games and the ticks of the first one."""
+    report = first.report
+    assert report.speed is not None, "a world of our own has one"
+    ticking = again.simulated / report.speed
+    thinking = float(str(report.details.get("thinking_s", 0.0)))
+    return {
+        "speed": row([report.speed], "s/s"),
+        "cost": row([1.0 / report.speed], "s/s", COST_LIMIT, "max"),
+        "mujoco_alone": row([again.wall / again.simulated], "s/s"),
+        "over_mujoco": row([ticking / again.wall], "1", OVERHEAD_LIMIT, "max"),
+        "speed_under_load": row([second.report.speed or 0.0], "s/s"),
+        "thinking": row([thinking], "s"),
+        "rendering_and_rest": row([first.wall - ticking - thinking], "s"),
+        "closure": row([1e6 * again.closure], "µm", CLOSURE_LIMIT, "max"),
+        "again_differs": row([float(again.differs)], "states", 0.0, "max"),
+        "second_differs": row(
+            [
+                float(report.world_state != second.report.world_state),
+                float(telemetry_differs(first.telemetry, second.telemetry)),
+            ],
+            "records", 0.0, "max",
+        ),
+    }  # fmt: skip
+
+
+def play(folder: Path, plies: int) -> PlayedGame:
+    """One game.
+
+    Raises:
+        UserError: it failed.
+    """
+    settings = settings_of(
+        {
+            "rig.pace": Pace.FAST, "rig.seed": SEED, "rig.video": False, "rig.linger": 5.0, "rig.journal": True,
+            "game.plies": plies, "engine.nodes": NODES, "out": folder,
+        }
+    )  # fmt: skip
+    since = time.perf_counter()
+    done = run_games(settings, Quiet())
+    wall = time.perf_counter() - since
+    if not done.holds:
+        raise UserError(f"the game failed: {'; '.join(one.reason for one in done.report.failures)}")
+    return PlayedGame(done.report, wall, _telemetry_digests(folder / TELEMETRY_FILE))
+
+
+def _telemetry_digests(path: Path) -> dict[int, bytes]:
+    """Of all that telemetry says of plant and controller at every 16th tick, at which it is sent in any case: what is
+    told in between, and of the link, depends on the machine.
+    """
+    every, digests = ControllerSettings().telemetry_ticks, dict[int, bytes]()
+    for _, told in read_telemetry(path):
+        if told.tick % every == 0 and told.tick not in digests:
+            said = (told.tick, told.state, told.angle, told.angle_velocity, told.position, told.velocity)
+            said_too = (told.reference, told.torque, told.finger_position, told.tactile)
+            digests[told.tick] = hashlib.sha256(repr((said, said_too)).encode()).digest()
+    return digests
+
+
+def telemetry_differs(first: dict[int, bytes], second: dict[int, bytes]) -> bool:
+    """Whether two games told anything else, from when both recorders were listening to when the first one stopped."""
+    begin, end = max(min(first), min(second)), min(max(first), max(second))
+    return any(first.get(tick) != second.get(tick) for tick in first.keys() | second.keys() if begin <= tick <= end)
+
+
+def do_again(run_dir: Path) -> Again:
+    """What a world did, done by MuJoCo alone: timed first, then with a look at the closures in every tick."""
+    construction, replay = Construction.of(load_settings(run_dir)), Replay(run_dir)
+    plant = construction.plant()
+    since = time.perf_counter()
+    replay.run(plant)
+    wall = time.perf_counter() - since
+    state = plant.digest()
+    watched, widest = construction.plant(), [0.0]
+    watched.watch_step = lambda: widest.append(max(widest.pop(), watched.closure_gap()))
+    replay.run(watched)
+    end = json.loads((run_dir / END_FILE).read_text(encoding="utf-8"))
+    return Again(len(replay) * plant.parameters.drive.tick, wall, widest[0], state != end["state_sha256"])
+
+
+@contextmanager
+def _load() -> Iterator[None]:
+    process = multiprocessing.get_context("spawn").Process(target=_burn, daemon=True)
+    process.start()
+    try:
+        yield
+    finally:
+        process.kill()
+        process.join()
+
+
+def _burn() -> None:
+    while True:
+        sum(range(100_000))

@@ -1,0 +1,53 @@
+"""Bench ``vision``: whether the camera can be trusted with the state of the game."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from app.measure.bench.report import BenchReport, Row, machine
+from app.measure.bench.vision_actions import action_rows
+from app.measure.bench.vision_calibration import calibration_rows, centre_rows
+from app.measure.bench.vision_find import find_rows
+from app.measure.bench.vision_games import game_rows, trouble_rows
+from app.measure.bench.vision_hand import hand_rows
+from app.measure.bench.vision_photos import VARIABLE, photo_folder, photo_rows
+from app.measure.bench.vision_turn import turn_rows
+
+Progress = Callable[[str], None]
+
+RENDERED: Final[dict[str, Callable[[bool, Progress], dict[str, Row]]]] = {
+    "games": game_rows,
+    "trouble": trouble_rows,
+    "actions": action_rows,
+    "centres": centre_rows,
+}
+WHOLE_RIG: Final[dict[str, Callable[[bool, Progress], dict[str, Row]]]] = {
+    "calibration": calibration_rows,
+    "hands": hand_rows,
+    "turns": turn_rows,
+}
+"""These start a world and a controller; too slow for ``quick``."""
+
+
+def vision_bench(quick: bool, progress: Progress, photos: Path | None = None) -> BenchReport:
+    """Run the bench.
+
+    Args:
+        quick: few pictures, no whole rig and no photographs: ends within a minute.
+        progress: told what is being done.
+        photos: folder with labelled photographs; where there is none, its rows are left out, and it is said why.
+    """
+    rows: dict[str, Row] = {}
+    for part in (RENDERED if quick else {**RENDERED, **WHOLE_RIG}).values():
+        rows |= part(quick, progress)
+    folder = photo_folder(photos)
+    if quick or folder is None:
+        progress(f"photographs are left out: give --photos DIR or set {VARIABLE}, and not --quick")
+    else:
+        rows |= photo_rows(folder, progress)
+        rows |= find_rows(folder, progress)
+    return BenchReport(
+        bench="vision", seed=0, pace="fast", machine=machine(), holds=all(one.holds for one in rows.values()), rows=rows
+    )

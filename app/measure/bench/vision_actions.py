@@ -1,0 +1,336 @@
+"""Rows of ``touchmove bench vision``: what people do that is no legal move, none of which may be taken for one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Final
+
+import chess
+import numpy as np
+
+from app.measure.bench.positions import RandomTable
+from app.measure.bench.report import Row, row
+from app.measure.bench.vision_games import Eye, GameTally, Scene, open_studio, random_game
+from app.pieces.layout import start_layout
+from hardware.sim.process.table_studio import PlacedPiece
+from hardware.table import PIECE_SHAPES, TableSettings, square_place
+from vision.pieces.swapped import KnownPicture, looked_closer
+from vision.pieces.verify import verify_board
+from vision.reading.diagnosis import explain
+from vision.reading.evidence import codes_of, states_of
+from vision.reading.outcome import ReadingOutcome
+
+Progress = Callable[[str], None]
+Poses = dict[str, PlacedPiece]
+Action = tuple[Poses, frozenset[int]]
+"""How the pieces stand afterwards, and the squares that are not as they should be."""
+
+ACTIONS: Final = {True: 15, False: 510}
+"""By ``quick``."""
+A_GAME: Final = 15
+"""Actions on one set-up: then light and camera are drawn anew."""
+LINES: Final = (
+    "e4 e5 Nf3 Nc6 Bc4 Bc5",
+    "d4 d5 Nc3 Nf6 Bg5 e6 Qd3 Be7",
+    "e4 a6 e5 d5",
+    "e4 d5 exd5 Nf6 d4 c6 dxc6 Nxc6",
+)
+"""Positions in which castling, en passant and captures are at hand."""
+
+
+class ClumsyHands:
+    """What a person's hands can do to a set-up.
+
+    Args:
+        table: how the pieces stand, and where they should.
+        settings: board and trays.
+        board: the position.
+        rng: chooses.
+    """
+
+    def __init__(
+        self, table: RandomTable, settings: TableSettings, board: chess.Board, rng: np.random.Generator
+    ) -> None:
+        self.board, self.rng = board, rng
+        self._table, self._settings = table, settings
+        self.poses: Poses = dict(table.poses)
+        self.touched: set[int] = set()
+
+    def name(self, square: int) -> str:
+        """Of the piece on a square."""
+        name = self._table.standing_on(square)
+        assert name is not None
+        return name
+
+    def put(self, name: str, square: int) -> None:
+        """Put a piece on a square."""
+        self.poses[name] = self._table.put_down(name, square_place(square))
+        self.touched.add(square)
+
+    def lift(self, square: int) -> str:
+        """Take off what stands on a square; its name."""
+        name = self.name(square)
+        del self.poses[name]
+        self.touched.add(square)
+        return name
+
+    def carry(self, start: int, end: int) -> None:
+        """Move a piece, and take off what stood there."""
+        name = self.lift(start)
+        if self.board.piece_at(end) is not None:
+            self.lift(end)
+        self.put(name, end)
+
+    def play(self, move: chess.Move) -> None:
+        """Make a legal move as it should be made; promotions leave the pawn."""
+        if self.board.is_en_passant(move):
+            self.lift(chess.square(chess.square_file(move.to_square), chess.square_rank(move.from_square)))
+        if self.board.is_castling(move):
+            rank, kingside = chess.square_rank(move.from_square), self.board.is_kingside_castling(move)
+            self.carry(chess.square(7 if kingside else 0, rank), chess.square(5 if kingside else 3, rank))
+        self.carry(move.from_square, move.to_square)
+
+    def shift(self, square: int, share: float) -> None:
+        """Push a piece towards a neighbour by a share of a square's side."""
+        pose, side = self.poses[self.name(square)], self._settings.square
+        angle = 0.5 * np.pi * self.rng.integers(4)
+        x, y = self._settings.xy(square_place(square))
+        dx, dy = share * side * np.cos(angle), share * side * np.sin(angle)
+        self.poses[pose.name] = replace(pose, x=float(x + dx), y=float(y + dy))
+        self.touched.add(square)
+
+    def knock(self, square: int) -> None:
+        """Knock a piece over: it lies beside its place."""
+        pose = self.poses[self.name(square)]
+        piece = self.board.piece_at(square)
+        assert piece is not None
+        kind = next(shape for kind, shape in PIECE_SHAPES.items() if kind.value == chess.piece_name(piece.piece_type))
+        self.poses[pose.name] = replace(pose, height=kind.foot_radius, tip=0.5 * np.pi)
+        self.touched.add(square)
+
+    def pick(self, squares: list[int]) -> int:
+        """One of them."""
+        return int(squares[self.rng.integers(len(squares))])
+
+    def pieces(self, colour: chess.Color, *, kings: bool = False) -> list[int]:
+        """Squares of a side's pieces."""
+        return [
+            square
+            for square, piece in self.board.piece_map().items()
+            if piece.color == colour and (kings or piece.piece_type != chess.KING)
+        ]
+
+    def empty(self) -> list[int]:
+        """Empty squares."""
+        return [square for square in chess.SQUARES if self.board.piece_at(square) is None]
+
+    def moves(self, board: chess.Board) -> list[chess.Move]:
+        """Legal moves but promotions."""
+        return [move for move in board.legal_moves if move.promotion is None]
+
+    def spare(self, like: chess.Color) -> str:
+        """A piece of a colour from the trays."""
+        start = "white" if like else "black"
+        names = sorted(name for name in self.poses if name.startswith(start) and "spare" in name)
+        return names[int(self.rng.integers(len(names)))]
+
+
+def _illegal(hands: ClumsyHands) -> None:
+    hands.carry(hands.pick(hands.pieces(hands.board.turn)), hands.pick(hands.empty()))
+
+
+def _own_piece_taken(hands: ClumsyHands) -> None:
+    own = hands.pieces(hands.board.turn)
+    start = hands.pick(own)
+    hands.carry(start, hands.pick([square for square in own if square != start]))
+
+
+def _wrong_side(hands: ClumsyHands) -> None:
+    hands.carry(hands.pick(hands.pieces(not hands.board.turn)), hands.pick(hands.empty()))
+
+
+def _missing(hands: ClumsyHands) -> None:
+    hands.lift(hands.pick(hands.pieces(bool(hands.rng.random() < 0.5))))
+
+
+def _extra(hands: ClumsyHands) -> None:
+    hands.put(hands.spare(bool(hands.rng.random() < 0.5)), hands.pick(hands.empty()))
+
+
+def _recoloured(hands: ClumsyHands) -> None:
+    colour = bool(hands.rng.random() < 0.5)
+    square = hands.pick(hands.pieces(colour))
+    hands.lift(square)
+    hands.put(hands.spare(not colour), square)
+
+
+def _both_moved(hands: ClumsyHands) -> None:
+    _twice(hands, own=False)
+
+
+def _moved_twice(hands: ClumsyHands) -> None:
+    _twice(hands, own=True)
+
+
+def _twice(hands: ClumsyHands, *, own: bool) -> None:
+    board = hands.board.copy()
+    quiet = [move for move in hands.moves(board) if not board.is_capture(move) and not board.is_castling(move)]
+    first = quiet[int(hands.rng.integers(len(quiet)))]
+    hands.play(first)
+    board.push(first)
+    if own:
+        board.turn, board.ep_square = hands.board.turn, None
+    second = [
+        move
+        for move in hands.moves(board)
+        if not board.is_capture(move) and not board.is_castling(move) and move.from_square != first.to_square
+        and move.to_square != first.from_square
+    ]  # fmt: skip
+    move = second[int(hands.rng.integers(len(second)))]
+    hands.carry(move.from_square, move.to_square)
+
+
+def _taken_back(hands: ClumsyHands) -> None:
+    last = hands.board.peek()
+    if hands.board.piece_at(last.from_square) is None and not hands.board.is_castling(last):
+        hands.carry(last.to_square, last.from_square)
+
+
+def _half_castled(hands: ClumsyHands) -> None:
+    _first_piece_only(hands, hands.board.is_castling, _illegal)
+
+
+def _en_passant_left(hands: ClumsyHands) -> None:
+    _first_piece_only(hands, hands.board.is_en_passant, _extra)
+
+
+def _first_piece_only(
+    hands: ClumsyHands, sort: Callable[[chess.Move], bool], otherwise: Callable[[ClumsyHands], None]
+) -> None:
+    """Of a move of this sort, that takes two pieces, only the first is moved; something else where there is none."""
+    move = next(filter(sort, hands.board.legal_moves), None)
+    if move is None:
+        otherwise(hands)
+    else:
+        hands.carry(move.from_square, move.to_square)
+
+
+def _capture_begun(hands: ClumsyHands) -> None:
+    captures = [move for move in hands.board.legal_moves if hands.board.is_capture(move) and not move.promotion]
+    if not captures:
+        _missing(hands)
+        return
+    move = captures[int(hands.rng.integers(len(captures)))]
+    if hands.board.is_en_passant(move):
+        _missing(hands)
+        return
+    hands.lift(move.to_square)
+    if hands.rng.random() < 0.5:
+        hands.lift(move.from_square)
+
+
+def _between(hands: ClumsyHands) -> None:
+    hands.shift(hands.pick(hands.pieces(bool(hands.rng.random() < 0.5))), 0.5)
+
+
+def _knocked_over(hands: ClumsyHands) -> None:
+    hands.knock(hands.pick(hands.pieces(bool(hands.rng.random() < 0.5))))
+
+
+def _swept(hands: ClumsyHands) -> None:
+    for square in hands.pieces(True)[:4] + hands.pieces(False)[:4]:
+        hands.lift(square)
+
+
+SORTS: Final[Mapping[str, Callable[[ClumsyHands], None]]] = {
+    "illegal move": _illegal, "own piece taken": _own_piece_taken, "wrong side": _wrong_side, "missing": _missing,
+    "extra": _extra, "recoloured": _recoloured, "both moved": _both_moved, "moved twice": _moved_twice,
+    "taken back": _taken_back, "half castled": _half_castled, "en passant left": _en_passant_left,
+    "capture begun": _capture_begun, "between squares": _between, "knocked over": _knocked_over, "swept off": _swept,
+}  # fmt: skip
+
+
+def action_rows(quick: bool, progress: Progress) -> dict[str, Row]:
+    """All sorts, in random positions, light and camera: whether one was accepted, whether its squares were named."""
+    accepted, unnamed = judge_actions(ACTIONS[quick], 0, progress)
+    return {
+        "action accepted": row(accepted, "1", 0.0, "max"),
+        "action unnamed": row(unnamed, "1", 0.0, "mean"),
+    }
+
+
+def judge_actions(count: int, first: int, progress: Progress) -> tuple[list[float], list[float]]:
+    """Try so many actions, on set-ups with the seeds ``first``, ``first`` + 1 and so on.
+
+    Args:
+        count: of actions.
+        first: seed of the first set-up: parts of a long run can be made by themselves.
+        progress: told what is being done.
+
+    Returns:
+        For each action 1 where it was accepted; and 1 where not all of its squares were named.
+    """
+    accepted, unnamed = list[float](), list[float]()
+    settings, seed = TableSettings(), first
+    with open_studio(settings) as studio:
+        while len(accepted) < count:
+            scene = Scene(studio, settings, 5000 + seed)
+            board = chess.Board()
+            eye = Eye(scene.picture(board), board, settings)
+            for san in _line(seed):
+                board.push(san)
+            before = KnownPicture(scene.picture(board), eye.view)
+            eye.observer.confirm(eye.observer.look(eye.sight(before.frame)), board)
+            for sort, act in list(SORTS.items())[: count - len(accepted)]:
+                hands = ClumsyHands(scene.table, settings, board, scene.rng)
+                act(hands)
+                if _is_legal(hands, scene, board, settings):
+                    continue
+                bad, named = _judge(eye, before, scene, hands, board, settings)
+                accepted.append(float(bad))
+                unnamed.append(float(not named))
+                progress(f"set-up {seed}, {sort}{', ACCEPTED' if bad else ''}{'' if named else ', squares not named'}")
+            seed += 1
+    return accepted, unnamed
+
+
+def _line(seed: int) -> list[chess.Move]:
+    """A position to act in: every other one of the lines', else one of a random game."""
+    if seed % 2:
+        return list(random_game(seed, 10 + 7 * (seed % 5)))
+    board = chess.Board()
+    return [board.push_san(san) for san in LINES[(seed // 2) % len(LINES)].split()]
+
+
+def _is_legal(hands: ClumsyHands, scene: Scene, board: chess.Board, settings: TableSettings) -> bool:
+    """Whether the hands have, by chance, left what a legal move or none would."""
+    states = np.zeros(64, dtype=np.intp)
+    for name, pose in hands.poses.items():
+        file, rank = int(np.floor(pose.x / settings.square)) + 4, int(np.floor(pose.y / settings.square)) + 4
+        if 0 <= file < 8 and 0 <= rank < 8:
+            states[8 * rank + file] = 1 if name.startswith("white") else 2
+    legal = []
+    for move in board.legal_moves:
+        board.push(move)
+        legal.append(states_of(codes_of(board)))
+        board.pop()
+    untouched = hands.poses == dict(scene.table.poses)
+    return untouched or any(np.array_equal(states, one) for one in legal)
+
+
+def _judge(
+    eye: Eye, before: KnownPicture, scene: Scene, hands: ClumsyHands, board: chess.Board, settings: TableSettings
+) -> tuple[bool, bool]:
+    """Whether what the hands did was taken for a move, and whether all its squares are named."""
+    frame = scene.photograph(hands.poses)
+    look, decision = eye.read(frame, GameTally())
+    bad = decision.verdict is ReadingOutcome.MOVE
+    known = codes_of(board)
+    expected = {piece.place.index: piece for piece in start_layout(board, settings) if piece.place.on_board}
+    seen = look.evidence.read(known)
+    finding = explain(seen, board, look.evidence.altered(known))
+    named = set(looked_closer(finding, seen, board, before, KnownPicture(frame, eye.view), expected).squares)
+    if not hands.touched <= named:
+        named |= {fault.square for fault in verify_board(frame, eye.view, expected)}
+    return bad, hands.touched <= named

@@ -1,0 +1,180 @@
+"""How often the board is found in photographs, how well, and how often a wrong one is given without a word."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from app.measure.bench.report import Row, row
+from vision.board.find import find_board
+from vision.board.grid import CORNERS
+from vision.board.lattice import fit_homography, project
+from vision.board.view import CORNER_NAMES, BoardNotFound
+
+Array = NDArray[np.float64]
+
+TOLERANCE: Final = 0.15
+"""A corner further from where it was labelled is wrong [sides of a square]."""
+LEAST_FOUND: Final = 0.9
+"""Share of pictures in which the board must be found."""
+POLYGON_ORIGIN: Final = 0.5
+"""Polygons drawn in LabelMe (``corners_unordered``) count from the outer corner of the first pixel, as its canvas draws
+the picture from (0, 0) on and a click may lie anywhere within a pixel; everything else here, like OpenCV, counts from
+that pixel's centre [px]."""
+ASTRAY: Final = 0.5
+"""A corner this far off belongs to another row of squares, whatever the labels' precision [sides of a square]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Photograph:
+    """A labelled picture.
+
+    Attributes:
+        name: folder and file.
+        colour: RGB, shape (h, w, 3).
+        corners: outer corners counter-clockwise, from a1 on where ``oriented``, shape (4, 2) [px].
+        oriented: whether the label tells a1.
+    """
+
+    name: str
+    colour: NDArray[np.uint8]
+    corners: Array
+    oriented: bool
+
+
+def photographs(photos: Path) -> Iterator[Photograph]:
+    """The first frame of every sequence and all stills below a folder, by its ``labels.json`` files.
+
+    Args:
+        photos: holds folders with ``labels.json`` (schemas chess-seq/1, chess-stills/1, chess-video/1).
+
+    Raises:
+        FileNotFoundError: no labels lie below the folder.
+        ValueError: a label names a picture that cannot be read.
+    """
+    labels = sorted(photos.rglob("labels.json"))
+    if not labels:
+        raise FileNotFoundError(f"no labels.json lies below {photos}: give the folder of the labelled photographs")
+    for path in labels:
+        yield from _of_folder(path.parent, json.loads(path.read_text()))
+
+
+def find_rows(photos: Path, progress: Callable[[str], None] = lambda _: None) -> dict[str, Row]:
+    """Find the board in all photographs below a folder.
+
+    Returns:
+        ``found``: 1 where every corner is within ``TOLERANCE``; ``wrong``: 1 where a board was given without a doubt
+        and a corner is not; ``doubtful``: 1 where one was given with a doubt; ``astray``: 1 where a corner is off by
+        ``ASTRAY``, doubt or not; ``turned``: 1 where a1 was said to be sure and is not the labelled one; ``corner``:
+        worst corner of each board given; ``underrated``: 1 where that is beyond both the error that was given and the
+        tolerance; ``find``: time a picture.
+    """
+    tries = [_try(picture, progress) for picture in photographs(photos)]
+    off, claimed = np.array([one.off for one in tries]), np.array([one.claimed for one in tries])
+    doubtful = np.array([one.doubtful for one in tries])
+    share = row(off <= TOLERANCE, "1")
+    rows = {
+        "found": share.model_copy(update={"limit": LEAST_FOUND, "holds": share.mean >= LEAST_FOUND}),
+        "wrong": row((off > TOLERANCE) & ~doubtful, "1"),
+        "doubtful": row(doubtful, "1"),
+        "astray": row(off > ASTRAY, "1", 0.0, "max"),
+        "underrated": row(off > np.maximum(claimed, TOLERANCE), "1"),
+        "find": row([one.duration for one in tries], "s", 1.5, "p50"),
+    }
+    if np.isfinite(off).any():
+        rows["corner"] = row(off[np.isfinite(off)], "squares")
+    turned = [float(one.turned) for one in tries if one.turned is not None]
+    if turned:
+        rows["turned"] = row(turned, "1", 0.0, "max")
+    return rows
+
+
+@dataclass(frozen=True, slots=True)
+class _Try:
+    """What came of one picture: not a number where there was no board; ``turned`` None where nobody says."""
+
+    duration: float
+    off: float = float("nan")
+    claimed: float = float("nan")
+    doubtful: bool = False
+    turned: bool | None = None
+
+
+def _try(picture: Photograph, progress: Callable[[str], None]) -> _Try:
+    start = time.perf_counter()
+    try:
+        board = find_board(picture.colour)
+    except BoardNotFound as reason:
+        progress(f"{picture.name}: {reason}")
+        return _Try(time.perf_counter() - start)
+    duration = time.perf_counter() - start
+    off, turn = _corner_error(board.corners, picture.corners)
+    if off > TOLERANCE:
+        progress(f"{picture.name}: a corner is off by {off:.2f} squares; {board.doubt or 'no doubt was said'}")
+    turned = turn != 0 if picture.oriented and board.oriented else None
+    return _Try(duration, off, board.error, board.doubt is not None, turned)
+
+
+def _of_folder(folder: Path, labels: dict[str, Any]) -> Iterator[Photograph]:
+    if labels["schema"] == "chess-stills/1":
+        for image in labels["images"]:
+            named = image.get("corners_px")
+            corners = _named(named) if named else _polygon(image["corners_unordered"])
+            known = bool(named) and bool(image.get("orientation_known", True))
+            yield _photograph(folder / image["file"], corners, known)
+    elif labels["schema"] == "chess-seq/1":
+        first = labels["frames"][0]
+        yield _photograph(folder / first["file"], _named(first.get("corners_px") or labels["corners_px"]), True)
+    elif labels["schema"] == "chess-video/1":
+        frame = labels["stable_intervals"][0]["first_frame"]
+        yield _photograph(folder / labels["video"], _named(labels["corners_px"]), True, frame)
+
+
+def _photograph(path: Path, corners: Array, oriented: bool, frame: int | None = None) -> Photograph:
+    picture = cv2.imread(str(path)) if frame is None else _video_frame(path, frame)
+    if picture is None:
+        raise ValueError(f"{path} cannot be read: check that the file is there and whole")
+    colour = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+    return Photograph(f"{path.parent.name}/{path.name}", colour, corners, oriented)
+
+
+def _video_frame(path: Path, frame: int) -> NDArray[Any] | None:
+    video = cv2.VideoCapture(str(path))
+    try:
+        for _ in range(frame):
+            video.grab()
+        read, picture = video.read()
+    finally:
+        video.release()
+    return np.asarray(picture) if read else None
+
+
+def _named(corners: dict[str, list[float]]) -> Array:
+    return np.array([corners[name] for name in CORNER_NAMES], dtype=float)
+
+
+def _counter_clockwise(corners: Array) -> Array:
+    """The same corners in the sense of a1, h1, h8, a8; v points down."""
+    middle = corners.mean(axis=0)
+    return np.asarray(corners[np.argsort(-np.arctan2(corners[:, 1] - middle[1], corners[:, 0] - middle[0]))])
+
+
+def _polygon(points: list[list[float]]) -> Array:
+    """Corners of a polygon from LabelMe, counter-clockwise, as OpenCV counts pixels."""
+    return _counter_clockwise(np.array(points, dtype=float) - POLYGON_ORIGIN)
+
+
+def _corner_error(found: Array, labelled: Array) -> tuple[float, int]:
+    """Distance of the worst corner on the board [sides of a square] at the best of four turns, and that turn."""
+    places = project(fit_homography(labelled, CORNERS), found)
+    errors = [float(np.linalg.norm(places - np.roll(CORNERS, -turn, axis=0), axis=1).max()) for turn in range(4)]
+    best = int(np.argmin(errors))
+    return errors[best], best

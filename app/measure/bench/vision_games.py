@@ -1,0 +1,303 @@
+"""Rows of ``touchmove bench vision``: games of rendered pictures, in good light and bad, and what people do wrong.
+
+Positions are rendered one by one; nobody plays them. The board is found in the first picture of each game, as in a lab.
+Truth is the game that the pictures were made from.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+import chess
+import numpy as np
+
+from app.measure.bench.positions import RandomTable
+from app.measure.bench.report import Row, row
+from app.measure.bench.vision_calibration import OFF, random_looks, random_mount
+from app.motion import MotionSettings
+from app.pieces.layout import start_layout
+from hardware.interfaces import Frame
+from hardware.sim.bodies.hand import HandPose
+from hardware.sim.process.table_studio import PlacedPiece, TableStudio
+from hardware.sim.render.appearance import LightSettings, Looks, MountSettings
+from hardware.table import Colour, TableSettings
+from vision.board.anchor import Anchor
+from vision.board.find import find_board
+from vision.board.orientation import orient
+from vision.board.view import BoardView
+from vision.hands.stillness import Watch
+from vision.reading.evidence import codes_of, states_of
+from vision.reading.moves import MoveReading
+from vision.reading.observer import Observation, Observer
+from vision.reading.outcome import LOOKS, ReadingOutcome
+from vision.reading.rectified_view import RectifiedView, sight_of_frame
+
+Progress = Callable[[str], None]
+
+PLIES: Final = {True: 16, False: 2000}
+"""By ``quick``."""
+A_GAME: Final = 80
+"""Plies of a game at most: then light, camera and set-up are drawn anew."""
+TROUBLED: Final = {True: 6, False: 300}
+TROUBLED_FIRST: Final = 1000
+"""Seed of the first game in trouble."""
+KNOCKED: Final = 0.06
+"""A camera that is knocked again and again stays within this of where it should hang, along both axes [m]."""
+SLOWEST_MS: Final = 25.0
+ASKED_LIMIT: Final = 0.01
+SQUARE_LIMIT: Final = 0.0005
+"""Share of squares that may be read wrong."""
+
+
+@dataclass(slots=True)
+class GameTally:
+    """What came of looks."""
+
+    plies: int = 0
+    wrong: list[float] = field(default_factory=list)
+    asked: list[float] = field(default_factory=list)
+    squares: list[float] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    """Of the processor, for a settled frame: watching, finding the board again, laying out, looking, deciding [ms]."""
+    watched: list[float] = field(default_factory=list)
+    """Of that, for what every frame goes through [ms]."""
+    promotions: int = 0
+
+
+class Eye:
+    """Looks at a rendered board like the app: finds it, follows it, reads it.
+
+    Args:
+        frame: shows ``board``.
+        board: what stands there.
+        table: size of the squares.
+
+    Attributes:
+        observer: reads.
+        view: of the board, as found.
+    """
+
+    def __init__(self, frame: Frame, board: chess.Board, table: TableSettings) -> None:
+        self._table = table
+        found = orient(frame.colour, find_board(frame.colour).corners, board)
+        if not found.sure:
+            raise RuntimeError("the start position does not tell which side is White's: this bench cannot begin")
+        self._watch = Watch()
+        self._hold(frame, found.corners)
+        self._watch.update(frame, self.view)
+        self.observer = Observer(board, self.sight(frame))
+
+    def sight(self, frame: Frame) -> RectifiedView:
+        """The board in a frame of the same camera."""
+        check = self._anchor.follow(frame.colour)
+        if check.moved:
+            self._hold(frame, check.corners)
+        return sight_of_frame(frame, self.view)
+
+    def _hold(self, frame: Frame, corners: np.ndarray) -> None:
+        self._anchor = Anchor(frame.colour, corners)
+        self.view = BoardView.from_corners(frame.intrinsics, corners, self._table)
+
+    def read(self, frame: Frame, tally: GameTally) -> tuple[Observation, MoveReading]:
+        """What a frame tells; its time is taken down.
+
+        Time is the processor's in all threads: that of one core, however busy the machine is.
+        """
+        since = time.process_time()
+        self._watch.update(frame, self.view)
+        watched = time.process_time()
+        look = self.observer.look(self.sight(frame))
+        decision = self.observer.decide(look)
+        tally.watched.append(1e3 * (watched - since))
+        tally.times.append(1e3 * (time.process_time() - since))
+        return look, decision
+
+
+class Scene:
+    """A table that is set up and photographed, in light and with a camera of its own.
+
+    Args:
+        studio: draws.
+        table: board and trays.
+        seed: decides how pieces are put down, light, camera and noise.
+
+    Attributes:
+        looks: light, exposure and how the camera hangs, in the next picture.
+        hand: where a hand is, in the next picture; None: nowhere.
+        square: side of one [m].
+        table: how the pieces stand.
+    """
+
+    def __init__(self, studio: TableStudio, table: TableSettings, seed: int) -> None:
+        self.rng = np.random.default_rng([seed, 5])
+        self.looks: Looks = random_looks(self.rng, random_mount(self.rng))
+        self.hand: HandPose | None = None
+        self.square = table.square
+        self.table = RandomTable(table, OFF * table.square, seed)
+        self._studio, self._seed = studio, seed
+
+    def picture(self, board: chess.Board | None = None) -> Frame:
+        """Of a position, or of what stands there."""
+        if board is not None:
+            self.table.set(board)
+        return self.photograph(self.table.poses)
+
+    def photograph(self, poses: Mapping[str, PlacedPiece]) -> Frame:
+        """Of pieces that stand so, by name."""
+        return self._studio.frame(poses.values(), self.looks, self._seed, self.hand)
+
+
+def open_studio(table: TableSettings, hand: Colour | None = None) -> TableStudio:
+    """With the whole set on board and trays, and one side's hand if it is asked for.
+
+    Raises:
+        HardwareError: there is no OpenGL here.
+    """
+    return TableStudio(start_layout(chess.Board(), table), table, MotionSettings().home, hand=hand)
+
+
+def random_game(seed: int, plies: int) -> Iterator[chess.Move]:
+    """Moves of a game that captures, castles and promotes more often than people do."""
+    rng, board = np.random.default_rng([seed, 6]), chess.Board()
+    for _ in range(plies):
+        moves = [move for move in board.legal_moves if move.promotion in (None, chess.QUEEN)]
+        if not moves or board.is_insufficient_material():
+            return
+        rare = [board.is_capture(move) or board.is_castling(move) or bool(move.promotion) for move in moves]
+        weight = np.where(rare, 3.0, 1.0)
+        move = moves[rng.choice(len(moves), p=weight / weight.sum())]
+        board.push(move)
+        yield move
+
+
+def game_rows(quick: bool, progress: Progress) -> dict[str, Row]:
+    """Games in random light, with a random camera, pieces up to a fifth of a square off and a noisy sensor."""
+    tally = follow_games(PLIES[quick], 0, _steady, progress)
+    return {
+        "game wrong": row(tally.wrong, "1", 0.0, "max"),
+        "game asked": row(tally.asked, "1", ASKED_LIMIT, "mean"),
+        "game squares": row(tally.squares, "1", SQUARE_LIMIT, "mean"),
+        "frame pair": row(tally.times, "ms", SLOWEST_MS, "p50"),
+        "frame pair watched": row(tally.watched, "ms"),
+    }
+
+
+def trouble_rows(quick: bool, progress: Progress) -> dict[str, Row]:
+    """The same while light, camera and hands make trouble, drawn anew for each picture; see ``TROUBLES``."""
+    tally = follow_games(TROUBLED[quick], TROUBLED_FIRST, _troubled, progress)
+    return {"trouble wrong": row(tally.wrong, "1", 0.0, "max"), "trouble asked": row(tally.asked, "1")}
+
+
+def follow_games(plies: int, first: int, change: Callable[[Scene], None], progress: Progress) -> GameTally:
+    """Follow so many plies of games with the seeds ``first``, ``first`` + 1 and so on.
+
+    Args:
+        plies: of all games together; none has more than ``A_GAME``.
+        first: seed of the first game: parts of a long run can be made by themselves.
+        change: what happens to the scene before each picture.
+        progress: told what is being done.
+    """
+    table, tally, seed = TableSettings(), GameTally(), first
+    with open_studio(table, hand=Colour.WHITE) as studio:
+        while tally.plies < plies:
+            scene = Scene(studio, table, seed)
+            _follow(scene, seed, min(A_GAME, plies - tally.plies), tally, progress, change)
+            seed += 1
+    return tally
+
+
+def _steady(_scene: Scene) -> None:
+    """Nothing happens."""
+
+
+def _troubled(scene: Scene) -> None:
+    """Each sort of trouble in a third of pictures, independently of the others."""
+    for trouble in TROUBLES.values():
+        if scene.rng.random() < 1.0 / 3.0:
+            trouble(scene)
+
+
+def _shadows(scene: Scene) -> None:
+    """Light from elsewhere: every shadow on the board is another one."""
+    _relight(scene, random_looks(scene.rng, scene.looks.mount).light)
+
+
+def _glare(scene: Scene) -> None:
+    """A strong lamp across the board from the camera, so that the board throws it into the picture."""
+    x, y = scene.rng.uniform(-0.3, 0.3, 2).tolist()
+    light = scene.looks.light.model_copy(
+        update={"direction": (x, y - 0.8, 0.8), "brightness": float(scene.rng.uniform(0.9, 1.5)), "radius": 0.0}
+    )
+    _relight(scene, light)
+
+
+def _relight(scene: Scene, light: LightSettings) -> None:
+    scene.looks = scene.looks.model_copy(update={"light": light})
+
+
+def _exposure_step(scene: Scene) -> None:
+    exposure = scene.looks.exposure
+    factor = float(scene.rng.choice([scene.rng.uniform(0.5, 0.75), scene.rng.uniform(1.35, 1.7)]))
+    scene.looks = scene.looks.model_copy(
+        update={"exposure": exposure.model_copy(update={"time": exposure.time * factor})}
+    )
+
+
+def _knock(scene: Scene) -> None:
+    """The camera is knocked by up to half a square, and stays so."""
+    mount = scene.looks.mount
+    x, y = (np.array(mount.shift[:2]) + scene.rng.uniform(-0.5, 0.5, 2) * scene.square).clip(-KNOCKED, KNOCKED).tolist()
+    scene.looks = replace_mount(scene.looks, MountSettings(shift=(x, y, mount.shift[2]), turn=mount.turn))
+
+
+def _resting_hand(scene: Scene) -> None:
+    """White's hand rests on the border, fingertips down to some millimetres before the first rank."""
+    rng, edge = scene.rng, 4.0 * scene.square
+    scene.hand = HandPose(
+        float(rng.uniform(-edge, edge)), -edge - float(rng.uniform(0.008, 0.04)), float(rng.uniform(0.008, 0.03)),
+        float(rng.uniform(-0.5, 0.5)), float(rng.uniform(0.0, 0.02)),
+    )  # fmt: skip
+
+
+TROUBLES: Final[dict[str, Callable[[Scene], None]]] = {
+    "shadows": _shadows, "glare": _glare, "exposure step": _exposure_step, "knocked camera": _knock,
+    "resting hand": _resting_hand,
+}  # fmt: skip
+
+
+def _follow(
+    scene: Scene, seed: int, plies: int, tally: GameTally, progress: Progress, change: Callable[[Scene], None]
+) -> None:
+    """Follow one game; where it is in doubt, the truth is the answer."""
+    board = chess.Board()
+    eye = Eye(scene.picture(board), board, TableSettings())
+    for move in random_game(seed, plies):
+        board.push(move)
+        start = scene.looks
+        change(scene)
+        look, decision = eye.read(scene.picture(board), tally)
+        for _ in range(LOOKS - 1):  # as in a game
+            if decision.verdict is not ReadingOutcome.DOUBT:
+                break
+            look, decision = eye.read(scene.picture(), tally)
+        scene.looks, scene.hand = replace_mount(start, scene.looks.mount), None
+        tally.plies += 1
+        asked = decision.verdict is ReadingOutcome.DOUBT or (decision.promotion_unsure and bool(move.promotion))
+        tally.asked.append(float(asked))
+        tally.wrong.append(float(not asked and decision.moves != (move,)))
+        read = look.evidence.read(codes_of(eye.observer.board))
+        tally.squares.append(float((read != states_of(codes_of(board))).mean()))
+        progress(
+            f"game {seed}, ply {len(board.move_stack)}: {move.uci()}"
+            + (f", asked ({decision.margin:.1f})" if asked else "")
+            + (f", WRONG: {decision}" if tally.wrong[-1] else "")
+        )
+        eye.observer.confirm(look, board)
+
+
+def replace_mount(looks: Looks, mount: MountSettings) -> Looks:
+    """Light and exposure as they were; a camera that was knocked stays where it is now."""
+    return looks.model_copy(update={"mount": mount})

@@ -1,0 +1,246 @@
+"""Rows of bench ``vision`` about hands: how soon the arm rests when one comes, and how often it stops for nothing.
+
+Hands come at random moments of the arm's motion, to random points, at random speeds, over a board that the guard has
+seen settled, as before any motion of a game. When a hand crosses the board's edge is the referee's word, when the arm
+rests the controller's. While the arm moves the camera gives depth alone, by which hands are judged wherever there is
+depth, and it begins to watch when the hand comes near: pictures take most of the bench's time.
+
+Plies without a hand are watched at half the rate, and one frame that shows a hand is enough to stop them: of two
+frames in a row that would stop the arm in a game one is among these, so no stop is missed, and more may be counted.
+"""
+
+from __future__ import annotations
+
+import random
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, field
+from typing import Final
+
+import chess
+import numpy as np
+
+from app import UserError
+from app.measure.bench.hand_scene import INTERVAL, Follower, HandScene, hand_scene, until
+from app.measure.bench.loop import straight
+from app.measure.bench.report import Row, row
+from app.motion import Motion, MotionSettings, Plan, plan_ply
+from app.pieces.manipulation import transfers
+from app.rig.arm import ArmHeld
+from controller.protocol.causes import Cause
+from controller.wire.errors import MotionRefused, MotionStopped
+from hardware.interfaces import HardwareError
+from hardware.sim.clients.hand import SimHand
+from hardware.sim.hand.actions import HandSettings, Hover, Withdraw
+from hardware.table import Colour
+from vision.hands.stillness import Watch, WatchSettings
+
+SEED: Final = 11
+ENTRIES: Final = {True: 3, False: 200}
+"""By ``quick``."""
+PLIES: Final = {True: 1, False: 500}
+REST_LIMIT: Final = 0.4
+"""From the hand's crossing of the board's edge until the arm rests, plant time [s]."""
+FORCE_LIMIT: Final = 280.0
+"""On a hand that comes into the arm's way and is free to give way, ISO/TS 15066: twice what a clamped one bears [N]."""
+CONTROLLED_STOP: Final = 0.12
+"""A controlled stop takes no longer [s]; an arm that a hand reaches meanwhile gives way and rests later."""
+TOUCH: Final = 0.5
+"""A hand that feels more is touched [N]."""
+FALSE_STOPS_LIMIT: Final = 1.0
+"""In 500 plies."""
+A_WORLD: Final = 20
+"""So many entries, or plies, are made in one world."""
+WAY: Final = ((0.12, 0.02, 0.335), (-0.12, -0.05, 0.345), (0.06, -0.10, 0.355), (-0.08, 0.10, 0.33))
+"""The arm goes round these tool points, base frame [m]; above every piece."""
+ALONE: Final = WatchSettings(confirm=1)
+"""Of plies without a hand: one frame is enough to stop the arm."""
+EVERY: Final = 2.0 * INTERVAL
+
+
+@dataclass(slots=True)
+class HandFigures:
+    """What was seen: durations in plant time [s], and counts."""
+
+    rest: list[float] = field(default_factory=list)
+    """Of hands that the arm did not touch, until it was at rest."""
+    yielded: list[float] = field(default_factory=list)
+    """Of hands that reached the arm before it was at rest, until it left off its motion and gave way: after that it is
+    the hand that moves it."""
+    force: list[float] = field(default_factory=list)
+    """Of the robot on those hands [N]."""
+    missed: int = 0
+    late: int = 0
+    """Hands that came when the motion was over, on a busy machine: they count for nothing and come again."""
+    braked: int = 0
+    """Hands that went on through the arm at rest, and pushed it to the end of its range: it was on its brakes then, and
+    their world was left."""
+    plies: int = 0
+    false_stops: int = 0
+
+    @property
+    def hands(self) -> int:
+        """That came while the arm moved."""
+        return len(self.rest) + len(self.yielded) + self.missed
+
+
+def hand_rows(quick: bool, progress: Callable[[str], None]) -> dict[str, Row]:
+    """Measure.
+
+    Args:
+        quick: few entries and plies.
+        progress: told what is being done.
+
+    Raises:
+        UserError: a process failed, or there is no OpenGL.
+    """
+    return measure(ENTRIES[quick], PLIES[quick], progress)
+
+
+def measure(entries: int, plies: int, progress: Callable[[str], None], seed: int = SEED) -> dict[str, Row]:
+    """Measure with so many entries of a hand, and so many plies without one; see ``hand_rows``."""
+    figures, rng = HandFigures(), random.Random(seed)
+    try:
+        first = 0
+        while figures.hands < entries:
+            person = HandSettings(side=rng.choice(list(Colour)), speed=rng.uniform(0.4, 1.2))
+            with hand_scene(seed + first, person) as scene:
+                watch = Watch()
+                with scene.guard(watch=watch) as guard:
+                    guard.clear()
+                most = min(figures.hands + A_WORLD, entries)
+                while figures.hands < most and not scene.braked():
+                    _enter(scene, watch, rng, figures)
+                    progress(f"{figures.hands} of {entries} hands: {_last(figures)}")
+                figures.braked += scene.braked()
+            first += A_WORLD
+        world = 0
+        while figures.plies < plies:  # a stop ends its world, so how many there are is not known beforehand
+            with hand_scene(seed + 1000 + world, None) as scene:
+                _play(scene, min(A_WORLD, plies - figures.plies), rng, figures, progress)
+            world += 1
+    except HardwareError as error:
+        raise UserError(str(error)) from error
+    return _rows(figures)
+
+
+def _last(figures: HandFigures) -> str:
+    rest = f"rest after {figures.rest[-1]:.3f} s" if figures.rest else "none"
+    return f"{rest}, {len(figures.yielded)} touched first, {figures.missed} missed"
+
+
+def _rows(figures: HandFigures) -> dict[str, Row]:
+    rows = {}
+    if figures.rest:
+        rows["hand_to_rest"] = row(figures.rest, "s", REST_LIMIT, "max")
+        rows["hand_missed"] = row([figures.missed], "hands", 0.0, "max")
+        rows["hand_touched_first"] = row([len(figures.yielded)], "hands")
+        rows["hand_pushed_to_brakes"] = row([figures.braked], "hands")
+    if figures.yielded:
+        rows["hand_to_give_way"] = row(figures.yielded, "s", REST_LIMIT, "max")
+        rows["hand_force"] = row(figures.force, "N", FORCE_LIMIT, "max")
+    if figures.plies:
+        stops = row([500.0 * figures.false_stops / figures.plies], "in 500", FALSE_STOPS_LIMIT, "max")
+        rows["false_stops"] = stops.model_copy(update={"n": figures.plies})
+    return rows
+
+
+def _enter(scene: HandScene, watch: Watch, rng: random.Random, figures: HandFigures) -> None:
+    """A hand comes while the arm moves, and goes again."""
+    half = 3.4 * scene.table.square
+    point = rng.uniform(-half, half), rng.uniform(-half, half)
+    hover = Hover(at=point, height=rng.uniform(0.07, 0.14), duration=rng.uniform(0.1, 0.5))
+    delay = rng.uniform(0.0, 0.5)
+    watch.pause()
+    guard = scene.guard(watch=watch)
+    with ExitStack() as stack:
+        hand = stack.enter_context(closing(SimHand(scene.run_dir)))
+        stack.callback(guard.close)
+        follower = stack.enter_context(closing(Follower(scene, guard.start)))
+
+        def come() -> None:
+            # plant time that ran for the hand already would keep a motion from beginning
+            until(lambda: scene.moving() or scene.braked(), "an arm that moves")
+            if not scene.braked():
+                scene.rig.clock.sleep(delay)
+                hand.perform(hover, Withdraw())
+
+        comer = threading.Thread(target=come, name="comer")
+        stopped = _sweep(scene, comer)
+        comer.join()
+        guard.close()
+        if stopped is Cause.NOT_HOLDING:  # the hand before this one had pushed it so far
+            return
+        _note_stop(scene, figures, follower, stopped)
+        hand.wait()
+        if not scene.braked():
+            scene.rig.client.resume()
+
+
+def _sweep(scene: HandScene, comer: threading.Thread) -> Cause:
+    """Move to and fro in one motion that is longer than a hand's way; why it was stopped."""
+    arm = scene.rig.arm
+    state = arm.state()
+    plan = _round(state.reference, scene.motion)
+    try:
+        arm.execute(plan, lambda _: comer.start() if comer.ident is None else None)
+    except ArmHeld:
+        return Cause.HOLD_COMMAND
+    except (MotionStopped, MotionRefused) as error:
+        return error.cause
+    return Cause.NONE
+
+
+def _round(start: np.ndarray[tuple[int], np.dtype[np.float64]], settings: MotionSettings) -> Plan:
+    """Three times round, as one plan of straight motions."""
+    motions, at = list[Motion](), start
+    for target in (*WAY, *WAY, *WAY):
+        motions.extend(straight(at, np.array(target), settings).motions)
+        at = np.array(target)
+    return Plan("sweep", tuple(motions))
+
+
+def _note_stop(scene: HandScene, figures: HandFigures, follower: Follower, stopped: Cause) -> None:
+    """How long the arm moved after the hand had crossed the edge."""
+    crossed = until(lambda: follower.crossings()[:1], "a hand that crosses the board's edge")[0]
+    if stopped is Cause.NONE:
+        ended = until(scene.at_rest_since, "an arm at rest")
+        figures.missed += crossed < ended
+        figures.late += crossed >= ended
+        return
+    rested = until(lambda: scene.rested(crossed), "an arm at rest")
+    left_off = until(lambda: scene.left_off(crossed), "an arm that leaves off")
+    force = max([force for when, force in list(follower.touches) if when <= rested], default=0.0)
+    if rested - left_off > CONTROLLED_STOP and force > TOUCH:
+        figures.yielded.append(max(0.0, left_off - crossed))
+        figures.force.append(force)
+    else:
+        figures.rest.append(max(0.0, rested - crossed))
+
+
+def _play(
+    scene: HandScene, plies: int, rng: random.Random, figures: HandFigures, progress: Callable[[str], None]
+) -> None:
+    """Random plies without a hand, all of them watched."""
+    board, inventory = chess.Board(), scene.inventory
+    with scene.guard(watch=Watch(ALONE), interval=EVERY) as guard:
+        for _ in range(plies):
+            move = rng.choice(list(board.legal_moves))
+            ply = transfers(board, move, inventory)
+            guard.clear()
+            state = scene.rig.arm.state()
+            plan = plan_ply(
+                ply.san, ply.transfers, inventory, state.reference, state.finger, scene.motion, scene.parameters,
+                scene.rig.arm.lead_ticks,
+            )  # fmt: skip
+            figures.plies += 1
+            try:
+                scene.rig.arm.execute(plan)
+            except ArmHeld:
+                figures.false_stops += 1
+                progress(f"ply {figures.plies}, {ply.san}: stopped, {guard.stops[-1]}")
+                return  # the piece is somewhere on its way: go on in another world
+            progress(f"{figures.plies} plies without a hand, {figures.false_stops} stops")
+            board.push(move)
+            inventory = inventory.after(ply)

@@ -1,0 +1,233 @@
+"""Figure ``5``: Bode plot of the admittance, finger velocity over force at one finger, with and without feedback.
+
+Curves: the nonlinear closed loop of arm (2), law (23), gripper and sensors, linearised. Dots: a force of one frequency
+after the other on the right finger of the nonlinear model itself. Crosses: the same with the torque held for a tick and
+given a tick late, as the controller does it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import JsonValue
+
+from app.measure.figures.drawing import DARK, WITH, WITHOUT, axes, picture
+from app.measure.figures.gripper import SPEED, Fingers, TactileLaw, effective_mass, push
+from app.measure.figures.linear import ComplexArray, LinearLoop, linearised
+from app.measure.figures.result import Bar, FigureResult, Picture, Progress
+from controller.law.tactile import Pair, admittance
+from controller.law.task_space import pack_reference
+from controller.model.compiled import FloatArray, Vector
+from controller.model.constants import DeltaModel
+from controller.offline.simulation import ArmMotion, ConstrainedArm, Moment, Trajectory
+from hardware.parameters import RobotParameters, load_parameters
+
+POINT = (0.0, 0.0, 0.4575)
+"""Over the middle of the board, the pads' centre 12.5 mm above it [m]."""
+STIFFNESS, DAMPING = 1.0, 2.0
+"""k_p [1/s²] and k_v [1/s] along z1; the paper's."""
+ASIDE = 70.0
+"""ω of the other directions, as in a game [rad/s]."""
+GAINS = (0.0, 2.0)
+"""k* [1/kg]."""
+OMEGA = np.logspace(-2.0, 3.0, 251)
+SWEEP = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+"""Frequencies of the sweep [rad/s]."""
+SAMPLED_FROM = 10.0
+EXCURSION = 5e-3
+"""The force is chosen for this amplitude of the finger … [m]"""
+LARGEST_FORCE = 1.0
+"""… but is at most this [N]."""
+PERIODS = 2
+SAMPLES = 64
+"""Of a period."""
+
+
+class _Pushed:
+    """Gripper whose right finger is pushed by a cosine."""
+
+    def __init__(self, fingers: Fingers, amplitude: float, omega: float, start: FloatArray) -> None:
+        self._fingers, self._amplitude, self._omega, self._start = fingers, amplitude, omega, start
+
+    def _forces(self, time: float) -> Pair:
+        return self._amplitude * float(np.cos(self._omega * time)), 0.0
+
+    def start(self) -> FloatArray:
+        """States at time 0."""
+        return self._start
+
+    def rates(self, moment: Moment) -> FloatArray:
+        """Of the gripper's states."""
+        return np.array(self._fingers.rates(moment.own, self._forces(moment.time)))
+
+    def force(self, moment: Moment) -> Vector:
+        """On the arm [N]."""
+        return push(self._forces(moment.time))
+
+
+class Loop(NamedTuple):
+    """One closed loop: plant, rest position, gripper, its law for a gain, and the linearisation of the whole."""
+
+    arm: ConstrainedArm
+    rest: ArmMotion
+    fingers: Fingers
+    law: Callable[[], TactileLaw]
+    linear: LinearLoop
+
+
+def closed_loop(parameters: RobotParameters, tactile_gain: float) -> Loop:
+    """The loop of Fig. 5 for a k* [1/kg]."""
+    model = DeltaModel(parameters)
+    arm, fingers = ConstrainedArm(model), Fingers(parameters)
+    reference = pack_reference(
+        POINT,
+        stiffness=(STIFFNESS, ASIDE**2, ASIDE**2),
+        damping=(DAMPING, 2.0 * ASIDE, 2.0 * ASIDE),
+        tactile_gain=tactile_gain,
+    )
+    rest = arm.at(POINT)
+    linear = linearised(arm, rest, TactileLaw(model, reference, warm=False), fingers)
+    return Loop(arm, rest, fingers, lambda: TactileLaw(model, reference), linear)
+
+
+def swept(loop: Loop, omega: float, sampled: bool = False) -> complex:
+    """The admittance at one frequency as the nonlinear model shows it: first harmonic of the finger's velocity.
+
+    Args:
+        loop: the closed loop.
+        omega: [rad/s].
+        sampled: torque held for a tick and a tick late; else in continuous time.
+    """
+    per_force = loop.linear.state(omega)
+    amplitude = min(LARGEST_FORCE, EXCURSION * omega / float(np.abs(loop.linear.c @ per_force)))
+    # the linear model's own oscillation as the start leaves hardly anything to die out
+    first = amplitude * per_force.real
+    start = loop.arm.consistent(loop.rest.q + first[:9], loop.rest.v + first[9:18])
+    pushed = _Pushed(loop.fingers, amplitude, omega, first[18:])
+    period = 2.0 * np.pi / omega
+    tick = loop.arm.model.parameters.drive.tick
+    if sampled:
+        ticks = int(np.ceil(PERIODS * period / tick))
+        path = loop.arm.simulate_sampled(start, loop.law(), max(ticks, 200), attachment=pushed)
+    else:
+        times = np.linspace(0.0, PERIODS * period, PERIODS * SAMPLES + 1)
+        path = loop.arm.simulate(
+            start, loop.law(), float(times[-1]), attachment=pushed, method="RK4", step=min(1e-3, period / 100.0),
+            times=times,
+        )  # fmt: skip
+    return _harmonic(path, omega) / amplitude
+
+
+def _harmonic(path: Trajectory, omega: float) -> complex:
+    """Complex amplitude of the finger's velocity at ω over the path's second half, with a mean and a slope [m/s]."""
+    half = path.time >= path.time[-1] / 2.0
+    time, velocity = path.time[half], (path.velocity[:, 0] + path.own[:, SPEED])[half]
+    basis = np.stack([np.cos(omega * time), -np.sin(omega * time), np.ones_like(time), time], axis=1)
+    real, imaginary = np.linalg.lstsq(basis, velocity)[0][:2].tolist()
+    return complex(real, imaginary)
+
+
+def closed_form(parameters: RobotParameters, mass: float, tactile_gain: float) -> ComplexArray:
+    """A(jω) at ``OMEGA`` of an arm that is one mass [kg] under (23), see `controller.law.tactile.admittance`."""
+    return np.array([admittance(parameters, mass, STIFFNESS, DAMPING, tactile_gain, 1j * w) for w in OMEGA.tolist()])
+
+
+class Curve(NamedTuple):
+    """The admittance for one k*, [m/(N s)]."""
+
+    linear: ComplexArray
+    """At ``OMEGA``."""
+    at_sweep: ComplexArray
+    """The linear model at the frequencies of the sweep."""
+    sweep: ComplexArray
+    sampled: ComplexArray
+    """From ``SAMPLED_FROM`` on."""
+    formula_error: float
+    """Of the closed form against the linear model, the largest [dB]."""
+
+
+def curve(parameters: RobotParameters, tactile_gain: float, frequencies: tuple[float, ...] = SWEEP) -> Curve:
+    """All there is to know for one k* [1/kg]."""
+    loop = closed_loop(parameters, tactile_gain)
+    linear = loop.linear.response(OMEGA)
+    return Curve(
+        linear,
+        loop.linear.response(np.array(frequencies)),
+        np.array([swept(loop, omega) for omega in frequencies]),
+        np.array([swept(loop, omega, sampled=True) for omega in frequencies if omega >= SAMPLED_FROM]),
+        float(
+            np.abs(decibel(closed_form(parameters, effective_mass(loop.arm.model, POINT), tactile_gain) / linear)).max()
+        ),
+    )
+
+
+def decibel(gain: ComplexArray) -> FloatArray:
+    """Magnitude in dB."""
+    return np.asarray(20.0 * np.log10(np.abs(gain)))
+
+
+def figure_5(progress: Progress) -> FigureResult:
+    """Compute and draw."""
+    parameters, curves = load_parameters(), []
+    for gain in GAINS:
+        progress(f"sweeping a sine over the nonlinear model, k* = {gain:g}")
+        curves.append(curve(parameters, gain))
+    without, fed_back = curves
+    increase = decibel(fed_back.linear / without.linear)
+    at = {omega: float(np.interp(omega, OMEGA, increase)) for omega in (0.1, 1.0, 10.0, 100.0, 1000.0)}
+    worst = max(float(np.abs(decibel(one.sweep / one.at_sweep)).max()) for one in (without, fed_back))
+    bars = {
+        "increase_at_1_rad_s": Bar(at[1.0], "dB", 9.0, 11.0),
+        "increase_at_10_rad_s": Bar(at[10.0], "dB", 9.0, 11.0),
+        "increase_at_the_sensors_bandwidth": Bar(at[100.0], "dB", 5.0, 8.0),
+        "increase_at_1000_rad_s": Bar(at[1000.0], "dB", 0.0, 1.0),
+        "sweep_against_linear_model": Bar(worst, "dB", high=0.05),
+    }
+    mass = effective_mass(DeltaModel(parameters), POINT)
+    numbers: dict[str, JsonValue] = {
+        "k_p": STIFFNESS, "k_v": DAMPING, "k_s_rad_s": parameters.tactile.bandwidth, "k_star": list(GAINS),
+        "point_m": list(POINT),
+        "effective_mass_kg": mass,
+        "increase_of_the_arm_alone_dB": 20.0 * float(np.log10(1.0 + GAINS[1] * mass)),
+        "increase_dB": {f"{omega:g}": value for omega, value in at.items()},
+        "sweep_rad_s": list(SWEEP),
+        "sweep_dB": {f"{g:g}": decibel(c.sweep).tolist() for g, c in zip(GAINS, (without, fed_back), strict=True)},
+        "sampled_dB": {f"{g:g}": decibel(c.sampled).tolist() for g, c in zip(GAINS, (without, fed_back), strict=True)},
+        "closed_form_against_linear_model_dB": max(without.formula_error, fed_back.formula_error),
+    }  # fmt: skip
+    title = "Admittance of arm and gripper at one finger"
+    return FigureResult(
+        title, bars, numbers, {"": _draw(without, fed_back, increase, parameters.tactile.bandwidth, title)}
+    )
+
+
+def _draw(without: Curve, fed_back: Curve, increase: FloatArray, bandwidth: float, title: str) -> Picture:
+    sheet = picture(7.6, 7.8)
+    magnitude, phase, more = axes(sheet, 3, 1, sharex=True)
+    frequencies = np.array(SWEEP)
+    late = frequencies[frequencies >= SAMPLED_FROM]
+    for one, gain, colour in ((without, GAINS[0], WITHOUT), (fed_back, GAINS[1], WITH)):
+        magnitude.semilogx(OMEGA, decibel(one.linear), color=colour, lw=1.5, label=f"k* = {gain:g}")
+        magnitude.plot(frequencies, decibel(one.sweep), "o", color=colour, ms=5)
+        magnitude.plot(late, decibel(one.sampled), "x", color=DARK, ms=5, mew=1.2)
+        phase.semilogx(OMEGA, np.degrees(np.unwrap(np.angle(one.linear))), color=colour, lw=1.5)
+        phase.plot(frequencies, np.degrees(np.angle(one.sweep)), "o", color=colour, ms=5)
+        phase.plot(late, np.degrees(np.angle(one.sampled)), "x", color=DARK, ms=5, mew=1.2)
+    magnitude.plot([], [], "o", color="grey", ms=5, label="swept sine, nonlinear model")
+    magnitude.plot([], [], "x", color=DARK, ms=5, label="the same, law in ticks of 0.88 ms, one late")
+    magnitude.set_ylabel("|A| [dB re 1 m/(N s)]", fontsize=9)
+    magnitude.set_title(f"{title}: $k_p$ = 1/s², $k_v$ = 2/s, $k_s$ = {bandwidth:g} rad/s", fontsize=10)
+    magnitude.set_ylim(-60.0, 22.0)
+    magnitude.legend(fontsize=8, loc="upper right")
+    phase.set_ylabel("phase [°]", fontsize=9)
+    phase.set_yticks([-90, -45, 0, 45, 90])
+    more.semilogx(OMEGA, increase, color=DARK, lw=1.5)
+    more.axhline(10.0, color="grey", lw=0.8, ls="--")
+    more.axvline(bandwidth, color="grey", lw=0.8, ls=":")
+    more.text(bandwidth * 0.92, 2.0, "sensor's bandwidth", fontsize=8, color="grey", ha="right")
+    more.set_ylim(-0.5, 11.5)
+    more.set_ylabel("increase by k* = 2 [dB]", fontsize=9)
+    more.set_xlabel("ω [rad/s]", fontsize=9)
+    return sheet

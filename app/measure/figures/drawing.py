@@ -1,0 +1,83 @@
+"""One look for all figures: sizes, colours, quiet axes. Pictures are drawn without any window or global state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+
+from app.measure.figures.result import Picture
+from app.motion.timing.reference import Vector
+from hardware.table import TableSettings, square_place
+
+WITHOUT, WITH = "#2b5fa8", "#c23b2e"
+"""Without and with tactile feedback: blue and red, as in the paper."""
+GREY, DARK = "#8a8f96", "#22262b"
+PIXELS_PER_INCH = 110
+
+
+def picture(width: float, height: float) -> Picture:
+    """An empty picture of a size in inches."""
+    return Picture(figsize=(width, height), dpi=PIXELS_PER_INCH, layout="constrained")
+
+
+def axes(within: Picture, rows: int = 1, columns: int = 1, sharex: bool = False) -> list[Axes]:
+    """A grid of axes, row by row."""
+    grid = within.subplots(rows, columns, squeeze=False, sharex=sharex)
+    found = [axis for line in grid for axis in line]
+    for axis in found:
+        quiet(axis)
+    return found
+
+
+def quiet(axis: Axes) -> None:
+    """Grid in the back, no frame at the top and right."""
+    axis.grid(True, color="#dfe2e6", linewidth=0.6)
+    axis.set_axisbelow(True)
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.tick_params(labelsize=8)
+
+
+def board_map(axis: Axes, table: TableSettings, x: Sequence[float], y: Sequence[float], values: Vector, label: str,
+              limits: tuple[float, float] | None = None, colours: str = "viridis") -> None:  # fmt: skip
+    """A quantity over the table, seen from above, with squares, trays and a scale.
+
+    Args:
+        axis: to draw on.
+        table: board and trays.
+        x: of the columns, board frame [m], evenly spaced.
+        y: of the rows [m].
+        values: shape (len(y), len(x)); not finite where there is none.
+        label: of the scale.
+        limits: of the scale.
+        colours: name of the colour map.
+    """
+    low, high = limits or (None, None)
+    axis.grid(False)
+    mesh = axis.pcolormesh(
+        [1e3 * v for v in x], [1e3 * v for v in y], values, shading="nearest", vmin=low, vmax=high, cmap=colours,
+        rasterized=True,
+    )  # fmt: skip
+    assert axis.figure is not None
+    scale = axis.figure.colorbar(mesh, ax=axis, orientation="horizontal", shrink=0.85, aspect=35)
+    scale.set_label(label, fontsize=9)
+    scale.ax.tick_params(labelsize=8)
+    draw_table(axis, table)
+
+
+def draw_table(axis: Axes, table: TableSettings) -> None:
+    """Outlines of squares and boxes and dots for the trays' places, in millimetres of the board frame."""
+    side = 1e3 * table.square
+    for index in range(64):
+        cx, cy = (1e3 * v for v in table.xy(square_place(index)))
+        axis.add_patch(Rectangle((cx - side / 2, cy - side / 2), side, side, fill=False, lw=0.5, ec="white", alpha=0.7))
+    for place in table.tray_places():
+        cx, cy = (1e3 * v for v in table.xy(place))
+        axis.plot(cx, cy, "o", ms=2.5, mfc="none", mec="white", mew=0.6)
+    for box in table.boxes():
+        corner = 1e3 * (box.x - box.half_x), 1e3 * (box.y - box.half_y)
+        axis.add_patch(Rectangle(corner, 2e3 * box.half_x, 2e3 * box.half_y, fill=False, lw=1.0, ec="white"))
+    axis.set_aspect("equal")
+    axis.set_xlabel("board x = z₁ [mm]", fontsize=9)
+    axis.set_ylabel("board y = −z₂ [mm]", fontsize=9)

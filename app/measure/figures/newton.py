@@ -1,0 +1,140 @@
+"""Figure ``newton``: steps of (7) from tick to tick along a fast move, against "1-2 iterations" to 8 decimals."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import chess
+import numpy as np
+from pydantic import JsonValue
+
+from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
+from app.measure.figures.result import Bar, FigureResult, Picture, Progress
+from app.motion import MotionSettings, plan_ply
+from app.motion.timing.reference import Vector
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, transfers
+from controller.model.constants import DeltaModel
+from controller.model.kinematics import TOLERANCE, newton_step
+from controller.model.reach import posture_at
+from hardware.parameters import load_parameters
+from hardware.table import ContactLimits, TableSettings
+
+POSITION = "7r/8/8/8/8/8/8/Q1K4k w - - 0 1"
+MOVE = "a1h8"
+"""The longest way over the board, and a capture, so that a tray is visited too."""
+SPEED, ACCELERATION, JERK = 1.5, 25.0, 1000.0
+"""Of the fast profile [m/s, m/s², m/s³]; beyond it the drives exceed their rated torque."""
+DECIMALS = 1e-8
+"""What the paper iterates to, 8 decimals; here of |h| [m]."""
+MOVING = 0.05
+"""A tool faster than this moves [m/s]."""
+ENOUGH = 6
+
+
+class Steps(NamedTuple):
+    """Newton along a motion, one row a tick."""
+
+    residual: Vector
+    """|h| that the last tick's solution leaves at this tick's angles, then after each step, shape (n, 6) [m]."""
+    to_decimals: Vector
+    """Steps until |h| <= 1e-8 m, shape (n,)."""
+    to_tolerance: Vector
+    """Steps until |h| <= 1e-10 m, what the law asks for, shape (n,)."""
+
+
+def fast_way(model: DeltaModel) -> Vector:
+    """The tool's way in a fast ply, shape (n, 3), one row a tick, base frame [m]."""
+    table = TableSettings(limits=ContactLimits(tool_speed=SPEED))
+    settings = MotionSettings(speed=SPEED, acceleration=ACCELERATION, jerk=JERK)
+    board = chess.Board(POSITION)
+    inventory = Inventory.of(start_layout(board, table), table)
+    ply = transfers(board, chess.Move.from_uci(MOVE), inventory)
+    home = np.array(settings.home)
+    plan = plan_ply(ply.san, ply.transfers, inventory, home, 0.01, settings, model.parameters)
+    ways: list[Vector] = []
+    for index, motion in enumerate(plan.motions):
+        way = motion.samples["position"]
+        if motion.touches:  # the board is where it should be
+            way = way[: np.flatnonzero(way[:, 2] < plan.motions[index + 1].samples["position"][0, 2])[-1] + 1]
+        ways.append(way)
+    return np.concatenate(ways)
+
+
+def counted(model: DeltaModel, way: Vector) -> Vector:
+    """Servomotor angles along a way as the encoders give them, shape (n, 3) [rad]."""
+    count = 2.0 * np.pi / 2**model.parameters.drive.encoder_bits
+    angles = np.array([posture_at(model, point).y for point in way])
+    return np.asarray(np.round(angles / count) * count)
+
+
+def newton_along(model: DeltaModel, angles: Vector, start: Vector) -> Steps:
+    """Iterate (7) in each tick from the solution of the tick before.
+
+    Args:
+        model: the robot.
+        angles: y, shape (n, 3) [rad].
+        start: x, shape (6,), before the first tick [rad].
+    """
+    residual = np.zeros((len(angles), ENOUGH))
+    x = start.copy()
+    for k, y in enumerate(angles):
+        for step in range(ENOUGH):
+            residual[k, step] = newton_step(model.constants, y, x)[1]
+            if residual[k, step] <= TOLERANCE:
+                break
+    return Steps(residual, (residual > DECIMALS).sum(axis=1), (residual > TOLERANCE).sum(axis=1))
+
+
+def newton(progress: Progress) -> FigureResult:
+    """Compute and draw."""
+    progress("planning a fast move and iterating along it")
+    model = DeltaModel(load_parameters())
+    tick = model.parameters.drive.tick
+    way = fast_way(model)
+    angles = counted(model, way)
+    steps = newton_along(model, angles, posture_at(model, way[0]).x)
+    speed = np.linalg.norm(np.gradient(way, tick, axis=0), axis=1)
+    moving = speed > MOVING
+    counts = {name: np.bincount(values[moving], minlength=4)
+              for name, values in (("1e-8", steps.to_decimals), ("1e-10", steps.to_tolerance))}  # fmt: skip
+    bars = {
+        "most_steps_to_8_decimals": Bar(float(steps.to_decimals.max()), "steps", high=2.0),
+        "fewest_steps_while_moving": Bar(float(steps.to_decimals[moving].min()), "steps", low=1.0),
+    }
+    numbers: dict[str, JsonValue] = {
+        "ticks": len(way),
+        "ticks_moving": int(moving.sum()),
+        "tool_speed_max_m_s": float(speed.max()),
+        "servo_speed_max_rad_s": float(np.abs(np.diff(angles, axis=0)).max() / tick),
+        "ticks_by_steps_to_1e-8_m": {str(n): int(v) for n, v in enumerate(counts["1e-8"])},
+        "ticks_by_steps_to_1e-10_m": {str(n): int(v) for n, v in enumerate(counts["1e-10"])},
+        "mean_steps_to_1e-8_m": float(steps.to_decimals[moving].mean()),
+        "closure_before_first_step_max_m": float(steps.residual[:, 0].max()),
+        "closure_after_one_step_max_m": float(steps.residual[:, 1].max()),
+        "closure_after_two_steps_max_m": float(steps.residual[:, 2].max()),
+    }
+    title = "Newton steps of (7) along a fast move, from tick to tick"
+    return FigureResult(title, bars, numbers, {"": _draw(steps, speed, tick, title)})
+
+
+def _draw(steps: Steps, speed: Vector, tick: float, title: str) -> Picture:
+    sheet = picture(8.2, 5.6)
+    top, middle, bottom = axes(sheet, 3, 1, sharex=True)
+    time = np.arange(len(speed)) * tick
+    top.plot(time, speed, color=DARK, lw=1.0)
+    top.set_ylabel("tool speed [m/s]", fontsize=9)
+    top.set_title(f"{title} ({MOVE}, capturing)", fontsize=10)
+    labels = ("start: solution of the last tick", "after 1 step", "after 2 steps")
+    for column, (label, colour) in enumerate(zip(labels, (GREY, WITHOUT, WITH), strict=True)):
+        shown = np.where(steps.residual[:, column] > 0.0, steps.residual[:, column], np.nan)
+        middle.semilogy(time, shown, ".", ms=1.6, color=colour, label=label)
+    middle.axhline(DECIMALS, color=DARK, lw=0.8, ls="--")
+    middle.set_ylabel("|h| [m]", fontsize=9)
+    middle.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, markerscale=5, frameon=False)
+    bottom.plot(time, steps.to_decimals, ".", ms=1.6, color=WITHOUT)
+    bottom.set_yticks([0, 1, 2, 3])
+    bottom.set_ylim(-0.3, 3.3)
+    bottom.set_ylabel("steps to 1e-8 m", fontsize=9)
+    bottom.set_xlabel("time [s]", fontsize=9)
+    return sheet

@@ -1,0 +1,130 @@
+"""What people know of the pictures in a folder: ``labels.json``.
+
+Corners, moves and positions by hand, in the forms ``chess-seq/1`` (a settled picture a frame) and ``chess-video/1``.
+More may stand in the file than is read here.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import chess
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
+
+from app import UserError
+from vision.board.view import CORNER_NAMES
+
+FILE_NAME: Final = "labels.json"
+
+Point = tuple[float, float]
+
+
+def _position(fen: str) -> str:
+    try:
+        chess.Board(fen)
+    except ValueError as error:
+        raise ValueError(f"'{fen}' is no position: {error}") from error
+    return fen
+
+
+Fen = Annotated[str, AfterValidator(_position)]
+
+
+class _Read(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+
+
+class Corners(_Read):
+    """Outer corners of the playing area [px]."""
+
+    a1: Point
+    h1: Point
+    h8: Point
+    a8: Point
+
+    def pixels(self) -> NDArray[np.float64]:
+        """In the order of ``vision.board.view.CORNER_NAMES``, shape (4, 2)."""
+        return np.array([getattr(self, name) for name in CORNER_NAMES])
+
+
+class FrameLabel(_Read):
+    """One picture of a sequence."""
+
+    file: str
+    moves_since_previous: tuple[str, ...] = ()
+    fen: Fen | None = None
+    """The position after them."""
+    corners_px: Corners | None = None
+
+
+class Interval(_Read):
+    """Frames of a video in which nothing moves, both ends included."""
+
+    ply: int
+    first_frame: int
+    last_frame: int
+    fen: Fen
+
+
+class Labels(_Read):
+    """All that is known."""
+
+    schema_: Literal["chess-seq/1", "chess-video/1"]
+    initial_fen: Fen = chess.STARTING_FEN
+    corners_px: Corners | None = None
+    frames: tuple[FrameLabel, ...] = ()
+    video: str | None = None
+    fps: float | None = None
+    stable_intervals: tuple[Interval, ...] = ()
+    moves_uci: tuple[str, ...] = ()
+
+    def of_view(self, name: str, played: int) -> FrameLabel | None:
+        """What is known of a settled view, None where nothing is.
+
+        Args:
+            name: of its file; of a video, the number of the frame.
+            played: plies that are known to have been played before it.
+        """
+        if self.video is None:
+            return self.by_file().get(name)
+        for one in self.stable_intervals:
+            if one.first_frame <= int(name) <= one.last_frame:
+                return FrameLabel(file=name, moves_since_previous=self.moves_uci[played : one.ply], fen=one.fen)
+        return None
+
+    def by_file(self) -> Mapping[str, FrameLabel]:
+        """Pictures by the name of their file."""
+        return {frame.file: frame for frame in self.frames}
+
+
+def load_labels(folder: Path) -> Labels | None:
+    """What ``labels.json`` of a folder says, None where there is none.
+
+    Raises:
+        UserError: it cannot be read, or says what cannot be.
+    """
+    path = folder / FILE_NAME
+    if not path.exists():
+        return None
+    try:
+        content: dict[str, Any] = _renamed(path.read_text(encoding="utf-8"))
+        return Labels.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part).removesuffix("_") for part in first["loc"])
+        raise UserError(f"{path}: {place}: {first['msg']}: correct it, or move the file away") from error
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path} cannot be read: {error}: correct it, or move the file away") from error
+
+
+def _renamed(text: str) -> dict[str, Any]:
+    """``schema`` is a name of pydantic's own."""
+    content = json.loads(text)
+    if not isinstance(content, dict):
+        raise ValueError("an object was expected")
+    return {("schema_" if key == "schema" else key): value for key, value in content.items()}

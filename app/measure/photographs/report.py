@@ -1,0 +1,79 @@
+"""What following a game in pictures came to, in the form that ``touchmove vision --json`` prints."""
+
+from __future__ import annotations
+
+from rich.table import Table
+
+from hardware.frozen import Frozen
+
+
+class VisionEvent(Frozen):
+    """One picture, or one settled view of a video.
+
+    Attributes:
+        frame: name of its file; of a video, its number.
+        moves: played since the one before, in UCI; where it was asked, what the answer was.
+        confidence: probability of the moves by what was seen, before anybody was asked.
+        asked: whether a person had to say what was played.
+        said: what there is to say about it, in words.
+    """
+
+    frame: str
+    moves: tuple[str, ...]
+    confidence: float
+    asked: bool
+    said: str = ""
+
+
+class Score(Frozen):
+    """How it compares with what is known.
+
+    Attributes:
+        plies: that were played by the labels.
+        right: of them, seen and accepted as played.
+        wrong: accepted as something else, or overlooked.
+        asked: left to a person.
+        square_accuracy: share of squares whose state (empty, white, black) was read right, before the rules and any
+            answer counted; the first picture left out. None where no position is known.
+    """
+
+    plies: int
+    right: int
+    wrong: int
+    asked: int
+    square_accuracy: float | None
+
+
+class VisionReport(Frozen):
+    """A game followed: ``score`` is None where nobody knows better.
+
+    ``failed`` says why it could not be followed to the end.
+    """
+
+    events: tuple[VisionEvent, ...]
+    score: Score | None
+    pgn: str
+    failed: str | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Followed to the end, and nothing wrong where that is known."""
+        return self.failed is None and (self.score is None or self.score.wrong == 0)
+
+    def table(self) -> Table:
+        """For people: the game, and how sure its moves were."""
+        table = Table(title=self.failed or self.pgn, caption=self._summary(), title_justify="left")
+        for name in ("frame", "moves", "confidence", ""):
+            table.add_column(name, justify="right" if name == "confidence" else "left")
+        for event in self.events:
+            moves = " ".join(event.moves) or "-"
+            table.add_row(event.frame, moves, f"{event.confidence:.4f}", "asked" if event.asked else event.said)
+        return table
+
+    def _summary(self) -> str:
+        asked = sum(event.asked for event in self.events)
+        if self.score is None:
+            return f"{len(self.events)} views, asked at {asked}"
+        one = self.score
+        squares = "" if one.square_accuracy is None else f", {100 * one.square_accuracy:.2f} % of squares read right"
+        return f"{one.plies} plies: {one.right} right, {one.wrong} wrong, {one.asked} asked{squares}"

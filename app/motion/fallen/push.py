@@ -1,0 +1,255 @@
+"""Pushing a piece a little aside with the closed fingers, where nothing else gets at it or past it.
+
+The fingers come down beside a piece, its foot's height or lower, and go slowly along the board. A piece that stands is
+pushed at its foot, far below where it would topple: at a height h it slides rather than tips while h < r / μ, 22 mm for
+a pawn's foot on felt. One that lies is pushed through its centre of mass. Where exactly it comes to rest, only eyes can
+tell: nothing relies on it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from app.motion.arcs import Hop, Way, Workcell, over, polygon
+from app.motion.fallen.lying import Strewn, Strip, crowd_of, discs_of, in_the_strip
+from app.motion.fallen.pivot_edge import MASS_HEIGHT, reach
+from app.motion.motions import motion_of
+from app.motion.obstacles import Crowd
+from app.motion.path import Vector
+from app.motion.plan import Motion, Plan, Style
+from app.motion.route import Route
+from app.motion.settings import MotionSettings
+from hardware.parameters import Pads, RobotParameters
+from hardware.table import PIECE_SHAPES, TableSettings
+
+_TIPS: Final = (0.004, 0.009, 0.014)
+"""So far above the board the fingers' tips go [m], the lowest way first: at that, a board that is 3 mm too high is not
+touched. Higher up they pass over what lies, and push what stands at its stem."""
+_GAP: Final = 0.005
+"""The fingers come down so far from the piece: where it is may be wrong by as much [m]."""
+_SPEED: Final = 0.08
+"""Of a push: what is let go of at this speed slides on by 0.7 mm [m/s]."""
+_DIRECTIONS: Final = 16
+_FIRST, _STEP, _LAST = 0.006, 0.004, 0.042
+"""Ways that are tried [m]."""
+_SURE: Final = 0.004
+"""A push must be of use over so much of its end: the piece may come to rest a little elsewhere [m]."""
+_MARGIN: Final = 0.002
+"""Other pieces stay so far from all that moves [m]."""
+_SAMPLES: Final = 9
+_DISTURBS: Final = 0.020
+"""So much further [m] may one be pushed that is out of place anyway, rather than one that is not."""
+_OBLIQUE: Final = 0.008
+"""… and so much further along the fingers' faces than over their corners, where a piece may slip aside."""
+_EDGE: Final = 0.040
+"""Nothing is pushed further beyond the first or the last rank [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Nudge:
+    """A push.
+
+    Attributes:
+        name: of the piece.
+        direction: from the x axis of the board, counter-clockwise [rad].
+        way: by so much [m].
+        tips: how high above the board the fingers' tips are [m].
+        begin: the tool's centre when the fingers have come down, board frame (x, y) [m].
+        end: when they go up again [m].
+    """
+
+    name: str
+    direction: float
+    way: float
+    tips: float
+    begin: tuple[float, float]
+    end: tuple[float, float]
+
+
+def find_nudge(
+    names: tuple[str, ...], scene: Strewn, kept: frozenset[str], helps: Callable[[Strewn], bool], pads: Pads,
+    table: TableSettings,
+) -> Nudge | None:  # fmt: skip
+    """The least push that helps, if there is one.
+
+    Args:
+        names: of pieces that may be pushed.
+        scene: all pieces on the table, where they are.
+        kept: those that stand where they should.
+        helps: whether a scene is one in which the arm can go on.
+        pads: of the fingers.
+        table: board and trays.
+    """
+    best, least = None, math.inf
+    bodies = _bodies(scene)
+    for name in names:
+        others = crowd_of(scene, table, without=name)
+        for number in range(_DIRECTIONS):
+            direction = 2.0 * math.pi * number / _DIRECTIONS
+            oblique = _OBLIQUE if number % (_DIRECTIONS // 4) else 0.0
+            dearer = oblique + (_DISTURBS if name in kept else 0.0)
+            for way in _ways(bodies, name, direction, table):
+                if way + dearer >= least:
+                    break
+                push = _push(scene, bodies[name], name, direction, way, pads)
+                nudge = next((one for one in _at_heights(push, scene) if _is_free(one, others, pads)), None)
+                if nudge is None:
+                    break
+                if all(helps(_pushed(scene, nudge, way + more)) for more in (-0.5 * _SURE, 0.5 * _SURE)):
+                    best, least = nudge, way + dearer
+                    break
+    return best
+
+
+def plan_nudge(
+    nudge: Nudge,
+    scene: Strewn,
+    start: Vector,
+    finger: float,
+    settings: MotionSettings,
+    parameters: RobotParameters,
+    table: TableSettings,
+    lead_ticks: int = 0,
+) -> Plan:
+    """Over to the piece, the push, and home.
+
+    Args:
+        nudge: the push.
+        scene: all pieces on the table, where they are.
+        start: the arm's present reference, base frame (3,) [m].
+        finger: present finger position [m].
+        settings: speeds, gains, heights.
+        parameters: robot.
+        table: board and trays.
+        lead_ticks: pause between motions, for announcing the next one.
+
+    Raises:
+        PlanRefused: it leads out of the workspace.
+    """
+    cell = Workcell.of(settings, parameters, table)
+    height = nudge.tips + parameters.pads.half_height
+    begin, end = cell.base([(*nudge.begin, height), (*nudge.end, height)])
+    home = np.asarray(cell.settings.home, dtype=float)
+    hop = Hop(cell.board(np.asarray(start, dtype=float)), (*nudge.begin, height), 0.0, None, finger)
+    to = over(cell, hop, crowd_of(scene, table))
+    push = polygon(cell, np.array([begin, end]), [], None)
+    push = push._replace(bounds=tuple(replace(one, speed=min(one.speed, _SPEED)) for one in push.bounds))
+    back = polygon(cell, np.array([end, [end[0], end[1], min(end[2], home[2])], home]), [0.0], None)
+    motions = [
+        _motion(cell, f"to the {nudge.name}", to, finger),
+        _motion(cell, f"push the {nudge.name} by {1e3 * nudge.way:.0f} mm", push, 0.0),
+        _motion(cell, "home", back, 0.0),
+    ]
+    return Plan(f"push the {nudge.name}", tuple(motions), lead_ticks * cell.tick, Style(settings, table, cell.tick))
+
+
+def _motion(cell: Workcell, label: str, way: Way, finger: float) -> Motion:
+    """Stiff all along, with the fingers closed."""
+    return motion_of(cell, label, Route(*way, contact=(0.0, 0.0), finger=finger, opens=0.0), None, None)[0]
+
+
+def _bodies(scene: Strewn) -> dict[str, Vector]:
+    """Of each piece what it covers of the table: x, y and radius of discs, (n, 3) [m]."""
+    bodies = {piece.name: np.array([[piece.x, piece.y, PIECE_SHAPES[piece.kind].foot_radius]])
+              for piece in scene.standing}  # fmt: skip
+    for piece in scene.lying:
+        bodies[piece.name] = np.array([[*piece.along(way), radius] for way, radius, _ in discs_of(piece.kind)])
+    return bodies
+
+
+def _unit(direction: float) -> Vector:
+    return np.array([math.cos(direction), math.sin(direction)])
+
+
+def _ways(bodies: dict[str, Vector], name: str, direction: float, table: TableSettings) -> Iterator[float]:
+    """How far a piece may be pushed: on the table, and coming near to no other that it is not leaving."""
+    body, unit = bodies[name], _unit(direction)
+    rest = [other for one, other in bodies.items() if one != name]
+    # up to the table's edge, or the inner walls of boxes
+    walls = [abs(box.x) - box.half_x - box.wall - _MARGIN for box in table.boxes()]
+    most_x, most_y = min([table.half_width, *walls]), 4.0 * table.square + _EDGE
+    at_first = [_apart(body, other) for other in rest]
+    for way in np.arange(_FIRST, _LAST, _STEP).tolist():
+        moved = body + np.append(way * unit, 0.0)
+        aside = moved[:, 2] if walls else 0.0
+        if (np.abs(moved[:, 0]) + aside > most_x).any() or (np.abs(moved[:, 1]) > most_y).any():
+            return
+        for other, first in zip(rest, at_first, strict=True):
+            nearest = min(_apart(body + np.append(s * unit, 0.0), other) for s in np.linspace(0.0, way, _SAMPLES))
+            if nearest < min(_MARGIN, first - 0.5e-3):
+                return
+        yield way
+
+
+def _apart(one: Vector, other: Vector) -> float:
+    """Between two rows of discs [m]; less than 0: they overlap."""
+    away = np.hypot(one[:, None, 0] - other[None, :, 0], one[:, None, 1] - other[None, :, 1])
+    return float((away - one[:, None, 2] - other[None, :, 2]).min())
+
+
+def _at_heights(push: Nudge, scene: Strewn) -> Iterator[Nudge]:
+    """The same push, the lowest first; what lies is pushed at the lowest height alone."""
+    lies = any(piece.name == push.name for piece in scene.lying)
+    return (replace(push, tips=tips) for tips in _TIPS[: 1 if lies else None])
+
+
+def _push(scene: Strewn, body: Vector, name: str, direction: float, way: float, pads: Pads) -> Nudge:
+    """The fingers' way behind a piece, so that they push through its centre of mass, at the lowest height."""
+    unit = _unit(direction)
+    aside = np.array([-unit[1], unit[0]])
+    centre = np.array(_centre(scene, name))
+    wide = reach(pads, aside)
+    off = body[:, :2] - centre
+    beyond = np.maximum(0.0, np.abs(off @ aside) - wide)
+    met = beyond < body[:, 2]
+    behind = float((np.sqrt(body[met, 2] ** 2 - beyond[met] ** 2) - off[met] @ unit).max())
+    touching = centre - (behind + reach(pads, unit)) * unit
+    begin, end = (touching - _GAP * unit).tolist(), (touching + way * unit).tolist()
+    return Nudge(name, direction, way, _TIPS[0], (begin[0], begin[1]), (end[0], end[1]))
+
+
+def _centre(scene: Strewn, name: str) -> tuple[float, float]:
+    """Of a piece's mass, seen from above [m]."""
+    for piece in scene.lying:
+        if piece.name == name:
+            return piece.along(MASS_HEIGHT * PIECE_SHAPES[piece.kind].height)
+    return next((piece.x, piece.y) for piece in scene.standing if piece.name == name)
+
+
+def _is_free(nudge: Nudge, others: Crowd, pads: Pads) -> bool:
+    """Whether the fingers touch nothing else."""
+    unit = _unit(nudge.direction)
+    ahead, wide = reach(pads, unit), reach(pads, np.array([-unit[1], unit[0]]))
+    x, y = (np.array(nudge.begin) - ahead * unit).tolist()
+    strip = Strip((x, y), unit, 2.0 * ahead + math.dist(nudge.begin, nudge.end), wide, max(0.0, nudge.tips - _MARGIN))
+    return in_the_strip([strip], others, _MARGIN) is None and not _meets_boxes(strip, others)
+
+
+def _meets_boxes(strip: Strip, others: Crowd) -> bool:
+    """Whether a strip comes near to a box: as no axis of either parts them."""
+    across = np.array([-strip.along[1], strip.along[0]])
+    middle = np.array(strip.start) + 0.5 * strip.length * strip.along
+    for x, y, half_x, half_y, _ in others.boxes.tolist():
+        axes = np.array([[1.0, 0.0], [0.0, 1.0], strip.along, across])
+        apart = np.abs(axes @ (middle - (x, y)))
+        strips = np.abs(axes @ strip.along) * 0.5 * strip.length + np.abs(axes @ across) * strip.half_width
+        boxes = np.abs(axes) @ np.array([half_x, half_y])
+        if (apart < strips + boxes + _MARGIN).all():
+            return True
+    return False
+
+
+def _pushed(scene: Strewn, nudge: Nudge, way: float) -> Strewn:
+    """The scene after a push of some length [m]."""
+    dx, dy = (way * _unit(nudge.direction)).tolist()
+    standing = (one._replace(x=one.x + dx, y=one.y + dy) if one.name == nudge.name else one for one in scene.standing)
+    lying = (
+        replace(one, base=(one.base[0] + dx, one.base[1] + dy)) if one.name == nudge.name else one
+        for one in scene.lying
+    )
+    return Strewn(tuple(standing), tuple(lying))

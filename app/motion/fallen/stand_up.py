@@ -1,0 +1,184 @@
+"""Standing up a piece that lies, with a tool that cannot turn: the closed fingers press on its heel and draw it over.
+
+A lying piece rests on the rim of its foot. The closed fingers come down on top of that rim, just inside of its edge,
+press, and go outwards, away from the head, round the rim below. Friction takes the heel along, the head rises, and
+once the centre of mass is over the rim the piece falls onto its foot by itself. All contacts push within the plane in
+which it turns, so that it may lie in any direction; no friction of the pads against turning is in the way, as it is
+when a piece hangs between them.
+
+Afterwards it stands, within some millimetres of ``Uprighted.stands``. From there ``plan_ply`` takes it, told by
+``Transfer.seen``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from app.motion.arcs import Hop, Workcell, over, polygon
+from app.motion.fallen.lying import Lying, Strip, in_the_strip, standing_near
+from app.motion.fallen.pivot_edge import Heel, Heeling, circle, eased, heel_of, reach, sweep
+from app.motion.motions import motion_of
+from app.motion.obstacles import Crowd, Obstacle
+from app.motion.path import Vector
+from app.motion.plan import InTheWay, Motion, Plan, Style
+from app.motion.route import Route
+from app.motion.settings import MotionSettings
+from app.motion.timing.reference import Segment, dwell, join, to_samples
+from hardware.parameters import RobotParameters
+from hardware.table import PIECE_SHAPES, TableSettings
+
+_USUAL: Final = Heeling()
+_UPRIGHT: Final = 0.025
+"""So far above the heel the fingers come straight down [m] …"""
+_FEELING: Final = 0.010
+"""… and from here on slowly, feeling for it: what lies on the foot of another piece is as much higher [m]."""
+
+
+class Uprighted(NamedTuple):
+    """A plan that stands a piece up, and where its foot's centre should be afterwards, board frame (x, y) [m]."""
+
+    plan: Plan
+    stands: tuple[float, float]
+
+
+def plan_upright(
+    lying: Lying,
+    standing: Iterable[Obstacle],
+    others_lying: Iterable[Lying],
+    start: Vector,
+    finger: float,
+    settings: MotionSettings,
+    parameters: RobotParameters,
+    table: TableSettings,
+    lead_ticks: int = 0,
+    how: Heeling = _USUAL,
+) -> Uprighted:
+    """Stand a piece up where it lies, and go home.
+
+    Args:
+        lying: the piece.
+        standing: all pieces that stand, each where it stands.
+        others_lying: other pieces that lie.
+        start: the arm's present reference, base frame (3,) [m].
+        finger: present finger position [m].
+        settings: speeds, gains, heights.
+        parameters: robot.
+        table: board and trays.
+        lead_ticks: pause between motions, for announcing the next one.
+        how: to press and to go.
+
+    Raises:
+        InTheWay: a piece is where the fingers or the foot have to go.
+        PlanRefused: it lies beyond the arm's workspace.
+    """
+    cell, shape = Workcell.of(settings, parameters, table), PIECE_SHAPES[lying.kind]
+    heel, others = heel_of(shape, how), standing_near(standing, others_lying, table)
+    blocking = _blocking(cell, lying, heel, others, how)
+    if blocking is not None:
+        raise InTheWay(
+            f"the {lying.called} cannot be stood up: the {blocking.kind} near {blocking.place} is where the fingers "
+            "have to go; move that piece away first",
+            blocking,
+        )
+    begin = _tool_point(cell, lying, heel.contact)
+    route = _approach(cell, lying, begin, np.asarray(start, dtype=float), finger, others)
+    first, finger = motion_of(cell, f"onto the heel of the {lying.called}", route, None, None)
+    first = replace(first, touches_at=float(begin[2]))
+    second = _draw_over(cell, lying, heel, begin, how)
+    end = second.samples["position"][-1].astype(float)
+    home = np.asarray(cell.settings.home, dtype=float)
+    up = np.array([end[0], end[1], min(end[2], home[2])])
+    back = Route(
+        *polygon(cell, np.array([end, up, home]), [0.0], None), contact=(0.0, 0.0), finger=finger, opens=finger
+    )
+    third, _ = motion_of(cell, "home", back, None, None)
+    plan = Plan(f"stand up the {lying.called}", (first, second, third), lead_ticks * cell.tick,
+                Style(settings, table, cell.tick))  # fmt: skip
+    x, y = (np.array(lying.base) + heel.stands * lying.outwards).tolist()
+    return Uprighted(plan, (x, y))
+
+
+def _tool_point(cell: Workcell, lying: Lying, edge: tuple[float, float]) -> Vector:
+    """The tool, base frame (3,) [m], with the fingers' inner lower edge at a point of frame ``over``."""
+    pads = cell.parameters.pads
+    x, y = (np.array(lying.base) + (edge[0] + reach(pads, lying.outwards)) * lying.outwards).tolist()
+    point: Vector = cell.base([(x, y, edge[1] + pads.half_height)])[0]
+    return point
+
+
+def room_to_stand_up(lying: Lying, others: Crowd, cell: Workcell) -> bool:
+    """Whether nothing else is where the fingers or the foot have to go."""
+    return _blocking(cell, lying, heel_of(PIECE_SHAPES[lying.kind], _USUAL), others, _USUAL) is None
+
+
+def _blocking(cell: Workcell, lying: Lying, heel: Heel, others: Crowd, how: Heeling) -> Obstacle | None:
+    pads, out = cell.parameters.pads, lying.outwards
+    block, aside = 2.0 * reach(pads, out), reach(pads, np.array([-out[1], out[0]]))
+    base, foot = np.array(lying.base), PIECE_SHAPES[lying.kind].foot_radius
+    strips = [
+        Strip(_xy(base + edge * out), out, block, aside, max(0.0, up - how.margin)) for edge, up in sweep(heel, how)
+    ]
+    strips.append(Strip(_xy(base + heel.stands * out), out, 0.0, 0.0, around=foot))
+    return in_the_strip(strips, others, how.margin)
+
+
+def _xy(point: Vector) -> tuple[float, float]:
+    x, y = point.tolist()
+    return x, y
+
+
+def _approach(cell: Workcell, lying: Lying, begin: Vector, start: Vector, finger: float, others: Crowd) -> Route:
+    """Over to the heel with the fingers closing, down to it, and slowly on until it is felt."""
+    x, y, height = cell.board(begin)
+    low = 2.0 * PIECE_SHAPES[lying.kind].foot_radius + cell.parameters.pads.half_height + cell.settings.clearance
+    above, end = (x, y, height + _UPRIGHT), (x, y, height + _FEELING)
+    way = over(cell, Hop(cell.board(start), above, low, None, finger), others)
+    down = polygon(cell, cell.base([above, end]), [], None)
+    return Route(
+        np.concatenate([way.points, down.points[1:]]), np.append(way.tangents, 0.0), (*way.bounds, *down.bounds),
+        contact=(0.0, height), finger=finger, opens=0.0, touches=True,
+    )  # fmt: skip
+
+
+def _draw_over(cell: Workcell, lying: Lying, heel: Heel, begin: Vector, how: Heeling) -> Motion:
+    """Press, go round the rim, on outwards, and wait until the piece stands still."""
+    tick, mass = cell.tick, cell.parameters.inertia.moving_platform_mass
+    stiffness = mass * how.frequency**2
+    ticks = [math.ceil(time / tick) for time in (how.pressing_time, how.turning_time, how.leaving_time)]
+    press = np.zeros((ticks[0], 2, 3))
+    press[:, 0, 0] = heel.contact[0]
+    press[:, 1] = -how.press / stiffness * eased(ticks[0], tick)
+    press[:, 1, 0] += heel.contact[1]
+    turn = circle(heel, how, stiffness, ticks[1], tick)
+    share = eased(ticks[2], tick)
+    leave = np.zeros((ticks[2], 2, 3))
+    leave[:, 0] = how.away * share
+    leave[:, 1] = (max(how.lowest, turn[-1, 1, 0]) + how.rise - turn[-1, 1, 0]) * share
+    leave[:, :, 0] += turn[-1, :, 0]
+    way = np.concatenate([press, turn, leave])
+    away = np.array([lying.outwards[0], -lying.outwards[1], 0.0])  # in the base frame: x = z₁, y = −z₂
+    down = np.array([0.0, 0.0, 1.0])
+    outwards, upwards = way[:, 0], way[:, 1]
+    table = np.zeros((len(way), 9))
+    for part in range(3):
+        table[:, 3 * part : 3 * part + 3] = np.outer(outwards[:, part], away) - np.outer(upwards[:, part], down)
+    table[:, 0:3] += begin - heel.contact[0] * away + heel.contact[1] * down
+    path = join([dwell(begin, 1), Segment(table), dwell(table[-1, 0:3], math.ceil(how.settling_time / tick))])
+    samples = to_samples(path, _gains(cell, ticks, len(path), how), np.zeros(len(path)))
+    samples.flags.writeable = False
+    return Motion(f"draw the {lying.called} over its heel", samples, (len(path) - 1) * tick)
+
+
+def _gains(cell: Workcell, ticks: list[int], count: int, how: Heeling) -> Vector:
+    """Height as soft as at a touch in the beginning, then so that forces are as planned, and stiff on the way out."""
+    gains = cell.settings.gains
+    knots = np.array([0.0, ticks[0], ticks[0] + ticks[1], sum(ticks)])
+    values = np.array([gains.frequency_at_contact, how.frequency, how.frequency, gains.frequency_in_air])
+    upright = np.interp(np.arange(float(count)), knots, values)
+    stiff, double = np.full(count, gains.frequency_in_air), 2.0 * gains.damping_ratio
+    return np.stack([stiff**2, stiff**2, upright**2, double * stiff, double * stiff, double * upright], axis=1)

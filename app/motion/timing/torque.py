@@ -1,0 +1,46 @@
+"""What torques a motion asks of the servomotors, by the inverse dynamics of the model."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Final
+
+import numpy as np
+
+from app.motion.timing.reference import Segment
+from controller.law.task_space import LawSettings
+from controller.model.compiled import FloatArray
+from controller.model.constants import DeltaModel
+from controller.model.demand import torque_demand
+from controller.model.kinematics import OK
+from hardware.parameters import RobotParameters
+
+EVERY: Final = 8
+"""Samples are looked at so far apart: 7 ms, in which a torque changes by some tenths of a newton metre."""
+
+
+@cache
+def _numbers(parameters: RobotParameters) -> tuple[FloatArray, float]:
+    return DeltaModel(parameters).constants, LawSettings().coulomb_speed
+
+
+class TorqueModel:
+    """The inverse dynamics of a robot."""
+
+    def __init__(self, parameters: RobotParameters) -> None:
+        self._numbers = _numbers(parameters)
+
+    def peak(self, motion: Segment) -> tuple[float, float]:
+        """The largest torque of a motion, and the largest of what rest would take at the same places [N m].
+
+        Args:
+            motion: all within reach.
+
+        Raises:
+            ValueError: it is not.
+        """
+        status, row, torque, holding = torque_demand(*self._numbers, np.ascontiguousarray(motion.table[::EVERY]))
+        if status != OK:
+            x, y, z = motion.position[EVERY * row].tolist()
+            raise ValueError(f"the arm does not reach ({x:.3f}, {y:.3f}, {z:.3f}) m")
+        return float(np.abs(torque).max()), float(np.abs(holding).max())

@@ -1,0 +1,1 @@
+"""Who plays what on which rig: matches, sessions, replays, set-ups, and a game's devices put together."""

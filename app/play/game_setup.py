@@ -1,0 +1,198 @@
+"""What a game is played on: rig, table, robot and how it moves, as the settings say; and opening it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import chess
+
+from app import UserError
+from app.motion import PROFILES, MotionSettings, contact_limits
+from app.pieces.manipulation import Inventory
+from app.rig.board import BoardRig
+from app.rig.devices import Rig
+from app.rig.rig_file import RigFile, load_rig
+from app.rig.simulation.settings import SimRigSettings, settings_for_game
+from app.settings.tree import BOARD, SIMULATED, PadKind, RigSection
+from controller.wire.link import Listener
+from hardware.camera.settings import NoCameraSettings
+from hardware.interfaces import Pace
+from hardware.parameters import DEFAULT_FILE, FLAT_PADS_FILE, RobotParameters, load_parameters
+from hardware.table import PIECE_SHAPES, Captured, Colour, TableSettings
+
+if TYPE_CHECKING:
+    from app.settings.calibration import Calibration
+
+_ROBOTS: Final = {PadKind.GROOVED: DEFAULT_FILE, PadKind.FLAT: FLAT_PADS_FILE}
+
+
+@dataclass(frozen=True, slots=True)
+class Venue:
+    """A rig, not open yet, and what is known of it.
+
+    Attributes:
+        section: the settings it follows from.
+        file: the rig file; None for a simulation of our own and for the rig ``board``.
+        table: board and trays, where they were found.
+        parameters: of the robot.
+        motion: how the arm moves there.
+        pace: how plant time goes.
+        calibration: of the camera; None: there is none.
+        meant: where the table is meant to stand: that of a simulation of our own.
+    """
+
+    section: RigSection
+    file: RigFile | None
+    table: TableSettings
+    parameters: RobotParameters
+    motion: MotionSettings
+    pace: Pace
+    calibration: Calibration | None
+    meant: TableSettings
+
+    @property
+    def own(self) -> bool:
+        """Whether it is a simulation of our own, started with the game and ended with it."""
+        return self.section.name == SIMULATED
+
+    @property
+    def simulated(self) -> bool:
+        """Whether a simulated world, whosever, is behind it."""
+        return self.own or (self.file is not None and self.file.simulated)
+
+    @property
+    def sees(self) -> bool:
+        """Whether it has a camera."""
+        if self.file is None:
+            return self.own and self.section.cameras
+        return (
+            self.file.world_section.cameras
+            if self.file.simulated
+            else not isinstance(self.file.lab_camera, NoCameraSettings)
+        )
+
+    @property
+    def fen(self) -> str | None:
+        """What stands on the board if nobody says otherwise; None: the usual position."""
+        return self.file.world_section.fen if self.file is not None and self.file.simulated else None
+
+    def run_dir(self, folder: Path) -> Path:
+        """Run directory of the world and the controller, for a game in this folder."""
+        return folder / "run" if self.file is None else self.file.run_dir
+
+    def world(self, inventory: Inventory, person: Colour | None) -> SimRigSettings:
+        """Settings of a simulation of our own.
+
+        Args:
+            inventory: what stands where.
+            person: whose simulated hand plays; None: nobody sits there.
+
+        Raises:
+            UserError: the file of ``randomise`` is wrong.
+        """
+        robot = _ROBOTS[self.section.pads]
+        return settings_for_game(self.section, inventory, self.motion, self.meant, self.pace, robot, person)
+
+    def open(
+        self, folder: Path, world: SimRigSettings | None, progress: Callable[[str], None], listener: Listener | None
+    ) -> Rig:
+        """Open the rig; returns when the arm holds.
+
+        Args:
+            folder: of the game.
+            world: of a simulation of our own; None takes over what runs, or was left, in the folder's run directory.
+            progress: told what is being waited for.
+            listener: called with each telemetry of the controller, in a thread of its own.
+
+        Raises:
+            RigFailed: something did not start or answer.
+        """
+        if self.section.name == BOARD:
+            return BoardRig(self.motion.home, self.parameters)
+        from app.rig.factory import open_rig  # devices take seconds to load
+
+        return open_rig(self.file, self.run_dir(folder), world, progress, listener)
+
+
+def venue_of(section: RigSection, calibration_file: Path | None = None) -> Venue:
+    """Find out what a rig is made of.
+
+    Args:
+        section: of the settings.
+        calibration_file: how the camera hangs; None: as the rig file says, where it has been calibrated.
+
+    Raises:
+        UserError: there is no such rig, something in its file or its calibration is wrong, it contradicts the other
+            settings, or the arm does not reach a board of such squares anywhere.
+    """
+    if section.name in (SIMULATED, BOARD):
+        file = None
+        meant, parameters = _own_table(section), load_parameters(_ROBOTS[section.pads])
+        pace = section.pace or (Pace.FAST if section.name == BOARD else Pace.REAL)
+    else:
+        file = _rig_file(section)
+        meant, parameters, pace = file.table, load_parameters(file.parameters), file.pace
+        if calibration_file is None and file.calibration.exists():
+            calibration_file = file.calibration
+    calibration, table = None, meant
+    if calibration_file is not None:
+        from app.settings.calibration import load_calibration  # what sees takes a second to load
+
+        calibration = load_calibration(calibration_file)
+        table = calibration.table(meant)
+    # home stays where it is meant to be: a simulation of our own begins there
+    return Venue(section, file, table, parameters, PROFILES[section.profile].at(meant), pace, calibration, meant)
+
+
+def _rig_file(section: RigSection) -> RigFile:
+    rig = load_rig(Path(section.name))
+    if section.pace not in (None, rig.pace):
+        raise UserError(f"rig {section.name} runs in pace {rig.pace}: leave --pace out, or change its file")
+    if section.captured not in (None, rig.table.captured):
+        raise UserError(
+            f"on the table of rig {section.name} captured pieces go to a {rig.table.captured}: leave --captured out, "
+            "or change its file"
+        )
+    return rig
+
+
+def start_board(fen: str | None, *, chess960: bool = False, option: str = "--fen") -> chess.Board:
+    """The position a game starts from.
+
+    Args:
+        fen: None: the usual one.
+        chess960: castling from any squares.
+        option: that gives it, for people.
+
+    Raises:
+        UserError: it is no position, or no legal one.
+    """
+    try:
+        board = chess.Board(fen if fen is not None else chess.STARTING_FEN, chess960=chess960)
+    except ValueError as error:
+        raise UserError(f"{option} is no position: {error}") from error
+    if not board.is_valid():
+        problems = ", ".join(str(flag.name).lower().replace("_", " ") for flag in board.status())
+        raise UserError(
+            f"{option} is no legal position ({problems}): {fen}: set it up in any chess program and copy it"
+        )
+    return board
+
+
+def _own_table(section: RigSection) -> TableSettings:
+    """With larger squares it stands nearer to the robot."""
+    table = TableSettings(limits=contact_limits(section.profile), captured=section.captured or Captured.TRAY)
+    if section.square is None:
+        return table
+    from controller.model.constants import DeltaModel
+    from controller.model.workspace import BoardDoesNotFit, seated
+
+    heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
+    robot = DeltaModel(load_parameters(_ROBOTS[section.pads]), heaviest)
+    try:
+        return seated(robot, table.model_copy(update={"square": 1e-3 * section.square}))
+    except BoardDoesNotFit as error:
+        raise UserError(f"--square: {error}") from error

@@ -1,0 +1,296 @@
+"""Games from their settings: the demo of two engines, a game against a person, and going on with either."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+import chess
+
+from app import UserError
+from app.game import GameEnd, Position
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory
+from app.play.game_setup import Venue, start_board, venue_of
+from app.play.match import Fixture, Match, Start, last_round, match_of
+from app.play.player_selection import engine_players, line_players, start_clock
+from app.play.replay import RecordedGame, recorded_games
+from app.play.session import Filming, SessionResult, Sight, run_session
+from app.play.simulated_hand import SimHands
+from app.play.table_setup import Seating
+from app.players.given_line import parse_line
+from app.players.person import Human
+from app.players.players import Players
+from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
+from app.records.events import EndEvent
+from app.records.files import GAMES
+from app.settings.files import keep_settings, kept_settings
+from app.settings.tree import BOARD, PlayerKind, Settings
+from app.terminal.interface import Face
+from app.terminal.typed_lines import TypedLines
+from hardware.interfaces import Intrinsics
+from hardware.table import Colour
+
+if TYPE_CHECKING:
+    from vision.board.view import BoardView
+
+NOBODY = "-"
+"""Plays where a position is only set up."""
+
+
+def run_games(settings: Settings, face: Face, typed: TextIO | None = None) -> SessionResult:
+    """Play as the settings say.
+
+    Args:
+        settings: of rig, games and players.
+        face: shown what happens.
+        typed: what the person at the board types; needed where one plays.
+
+    Raises:
+        UserError: bad settings, something missing on this machine, or no space for the record.
+        EngineProblem: Stockfish is missing or fails for good.
+    """
+    venue = venue_of(settings.rig, settings.vision.calibration)
+    settings = _completed(settings, venue)
+    folder = settings.out if settings.out is not None else new_folder(GAMES, utc_now())
+    with ExitStack() as stack:
+        games = _Games(settings, venue, face, _human(settings, venue, folder, typed, stack, face))
+        match = stack.enter_context(_match(settings, venue, games, folder, face))
+        standing = None if settings.game.standing is None else start_board(settings.game.standing, option="--standing")
+        inventory = match.start(lambda board: Inventory.of(start_layout(board, venue.table), venue.table), standing)
+        keep_settings(folder, settings)
+        world = venue.world(inventory, _person(settings) or settings.rig.person) if venue.own else None
+        return run_session(
+            folder,
+            lambda listener: venue.open(folder, world, face.phase, listener),
+            match, venue.parameters.drive.tick, _filming(venue, folder), face,
+            _sight(settings, venue, games.human, face),
+        )  # fmt: skip
+
+
+def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> SessionResult:
+    """Go on with what was interrupted, or whose program or controller died: first with the ply under way.
+
+    Raises:
+        UserError: the folder holds no such game, or the game is over; or as ``run_games``.
+        EngineProblem: as ``run_games``.
+    """
+    folder = match_of(folder)
+    settings = kept_settings(folder)
+    venue = venue_of(settings.rig, settings.vision.calibration)
+    path, number, sets_up = last_round(folder)
+    history = read_history(path / EVENTS_FILE, venue.table)
+    if any(event.physical_ok is False for event in history.plies):
+        raise UserError(f"a ply of the game in {path} left the board wrong, see its report: start a new one")
+    sets_up = sets_up or not settings.game.plies
+    position = Position.of(history)
+    if settings.rig.name == BOARD:  # nothing stands anywhere: what was under way is done over
+        position = position.from_the_start()
+    with ExitStack() as stack:
+        human = _human(settings, venue, folder, typed, stack, face)
+        games = _Games(settings, venue, face, human, begun=number)
+        if not sets_up and _over(history, games.most(number)) and games(number + 1, None) is None:
+            raise UserError(f"the game in {path} is over, after {len(history.plies)} plies: start a new one")
+        match = stack.enter_context(_match(settings, venue, games, folder, face))
+        match.go_on(Start(number, sets_up, GameRecord.go_on(path, history), position))
+        if venue.own:
+            from app.rig.simulation.sim import require_present  # devices take seconds to load
+
+            require_present(venue.run_dir(folder), history.events[-1].plant_time, venue.parameters.drive.tick)
+        return run_session(
+            folder,
+            lambda listener: venue.open(folder, None, face.phase, listener),
+            match, venue.parameters.drive.tick, None, face, _sight(settings, venue, human, face),
+        )  # fmt: skip
+
+
+class _Games:
+    """``Fixtures`` of the settings.
+
+    Args:
+        settings: of the match.
+        venue: where it is played.
+        face: shown what happens.
+        human: who plays one side by hand; None: nobody.
+        begun: number of the game that was begun last.
+    """
+
+    def __init__(self, settings: Settings, venue: Venue, face: Face, human: Human | None, *, begun: int = 1) -> None:
+        self._settings, self._venue, self._face, self._begun = settings, venue, face, begun
+        self.human = human
+        game = settings.game
+        self._replayed: tuple[RecordedGame, ...] = ()
+        if game.replay is not None:
+            found = recorded_games(game.replay, game.replay_game)
+            self._replayed = tuple(one.from_ply(game.from_ply) for one in found) if game.from_ply > 1 else found
+        self._board = start_board(game.fen, chess960=game.chess960)
+        self._line = None if game.moves is None else parse_line(game.moves, self._board)
+
+    def __call__(self, number: int, last: GameEnd | None) -> Fixture | None:
+        """See ``Fixtures``."""
+        plies = self._settings.game.plies
+        if self._replayed:
+            if number > len(self._replayed):
+                return None
+            one = self._replayed[number - 1]
+            names = (one.white, one.black)
+            most = min(plies, len(one.moves))
+            result = one.result if most == len(one.moves) else "*"
+            return Fixture(one.board.copy(), _follow(one.board, one.moves, names), most, None, one.comments, result)
+        wanted = max(self._settings.game.games, self._begun)  # a person may have asked for more
+        if number > wanted and not (last is not None and last.again):
+            return None
+        if self._line is not None:
+            most = min(plies, len(self._line))
+            players = _follow(self._board, self._line, ("line", "line"))
+            return Fixture(self._board.copy(), players, most, result="*")
+        clock = start_clock(self._settings)
+        return Fixture(self._board.copy(), self._engines(number), plies, self.human, clock=clock)
+
+    def most(self, number: int) -> int:
+        """Plies of a game after which it is over in any case."""
+        fixture = self(number, None)
+        return 0 if fixture is None else fixture.plies
+
+    def _engines(self, number: int) -> Callable[[ExitStack], Players]:
+        settings, seed = self._settings, self._settings.rig.seed + number - 1
+        if not settings.game.plies:
+            return _follow(self._board, (), (NOBODY, NOBODY))
+
+        def make(stack: ExitStack) -> Players:
+            return stack.enter_context(engine_players(settings, self._board, seed, stack, self._face, self._venue.pace))
+
+        return make
+
+
+def _follow(
+    board: chess.Board, moves: tuple[chess.Move, ...], names: tuple[str, str]
+) -> Callable[[ExitStack], Players]:
+    return lambda stack: stack.enter_context(line_players(board, moves, names))
+
+
+def _over(history: History, most: int) -> bool:
+    """Whether a game had its result, or as many plies as it may have."""
+    last = history.events[-1]
+    decided = isinstance(last, EndEvent) and last.result != "*"
+    return history.ended and history.unfinished is None and (decided or len(history.plies) >= most)
+
+
+def _match(settings: Settings, venue: Venue, games: _Games, folder: Path, face: Face) -> Match:
+    looks = _looks(settings, venue, games.human)
+    seating = Seating(venue.motion, venue.parameters, looks, lambda intrinsics: _believed_view(venue, intrinsics))
+    return Match(folder, games, seating, face, settings.rig.seed, venue.pace)
+
+
+def _looks(settings: Settings, venue: Venue, human: Human | None) -> bool:
+    """Whether the camera follows the games.
+
+    Raises:
+        UserError: it should, and there is none.
+    """
+    if settings.vision.verify and not venue.sees:
+        raise UserError("this rig has no camera that could look after each ply: leave --verify out")
+    wanted = human is not None or not venue.simulated
+    return venue.sees and (wanted if settings.vision.verify is None else settings.vision.verify)
+
+
+def _believed_view(venue: Venue, intrinsics: Intrinsics) -> BoardView | None:
+    """Where the board should be in the pictures of a camera: by its calibration; in a simulation also as it is meant.
+
+    Raises:
+        UserError: the calibration is of another camera.
+    """
+    if venue.calibration is not None:
+        venue.calibration.require_camera(intrinsics)
+        return venue.calibration.board_view(venue.table)
+    if not venue.simulated:
+        return None
+    from app.rig.simulation.nominal_view import nominal_view
+
+    return nominal_view(intrinsics, venue.table)
+
+
+def _sight(settings: Settings, venue: Venue, human: Human | None, face: Face) -> Sight:
+    """What sees for the games: the camera, corrected by its calibration, and the guard where there is one.
+
+    Raises:
+        UserError: a guard is wanted where there is no camera, or where it would not know where the board is.
+    """
+    factor = 1.0 if venue.calibration is None else venue.calibration.depth_factor
+    wanted = settings.vision.guard
+    if wanted and not venue.sees:
+        raise UserError("this rig has no camera that could watch for hands: leave --guard out")
+    guarding = None
+    if venue.sees and (not venue.simulated if wanted is None else wanted):
+        from app.guard.game_guard import Guarding  # what sees takes a second to load
+
+        knows = venue.calibration is not None or venue.simulated or _looks(settings, venue, human)
+        if not knows:
+            raise UserError(
+                "a guard against hands has to know where the board is: run 'touchmove calibrate', let the camera "
+                "follow the game with --verify, or leave it out with --no-guard"
+            )
+        guarding = Guarding(
+            venue.parameters, venue.table, lambda intrinsics: _believed_view(venue, intrinsics), factor,
+            1.0 / settings.vision.guard_rate, face.phase,
+        )  # fmt: skip
+    if factor == 1.0:
+        return Sight(guarding=guarding)
+    from app.rig.depth_scale import scaled_camera
+
+    return Sight(lambda camera: scaled_camera(camera, factor), guarding)
+
+
+def _completed(settings: Settings, venue: Venue) -> Settings:
+    """With what the rig says, and with paths that hold for any working directory."""
+    if settings.game.fen is None and venue.fen is not None:
+        settings = settings.with_changes({"game.fen": venue.fen})
+    paths = {
+        "game.replay": settings.game.replay, "vision.calibration": settings.vision.calibration,
+        "rig.randomise": settings.rig.randomise, "engine.book": settings.engine.book,
+        "white.book": settings.white.book, "black.book": settings.black.book,
+    }  # fmt: skip
+    settings = settings.with_changes({name: path.absolute() for name, path in paths.items() if path is not None})
+    engines = {
+        "engine.path": settings.engine.path,
+        "white.path": settings.white.path,
+        "black.path": settings.black.path,
+    }
+    settings = settings.with_changes(
+        {name: str(Path(path).absolute()) for name, path in engines.items() if path is not None and "/" in path}
+    )
+    if venue.file is not None:
+        settings = settings.with_changes({"rig.name": str(Path(settings.rig.name).absolute())})
+    return settings
+
+
+def _person(settings: Settings) -> Colour | None:
+    """The side that a person plays."""
+    humans = [colour for colour in Colour if settings.side(colour is Colour.WHITE).player is PlayerKind.HUMAN]
+    if len(humans) > 1:
+        raise UserError("two humans need no robot: let an engine play one side")
+    return humans[0] if humans else None
+
+
+def _human(
+    settings: Settings, venue: Venue, folder: Path, typed: TextIO | None, stack: ExitStack, face: Face
+) -> Human | None:
+    colour = _person(settings)
+    if colour is None:
+        return None
+    if typed is None:
+        raise UserError("a person plays by 'touchmove play': say that, or let an engine play both sides")
+    hands = None
+    if venue.own:
+        hands = SimHands(venue.run_dir(folder))
+        stack.callback(hands.close)
+    return Human(colour is Colour.WHITE, TypedLines(typed, face.heard), hands)
+
+
+def _filming(venue: Venue, folder: Path) -> Filming | None:
+    section = venue.section
+    if not (section.video and section.cameras and venue.simulated):
+        return None
+    return Filming(venue.run_dir(folder), folder / "game.webm", section.video_length, venue.pace)

@@ -1,0 +1,241 @@
+"""Games one after the other on one rig; between them the arm sets the pieces up.
+
+Each game, and each setting up, has a record of its own: the first game in the match's folder itself, what was set up
+for the second in its ``set-up-2``, the second game in ``game-2``, and so on.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, Protocol
+
+import chess
+
+from app.execution.state import WRONG
+from app.execution.table import Table
+from app.game import Devices, Game, GameEnd, Position
+from app.game.clock import ChessClock
+from app.game.game import require_empty_fingers
+from app.game.timing import Timing, clock_of
+from app.pieces.manipulation import Inventory
+from app.play.session import Round
+from app.play.table_setup import Seating
+from app.players.person import Human
+from app.players.players import Players
+from app.records import EVENTS_FILE, GameRecord, GameSetup
+from app.records.events import Result
+from app.records.history import counted_plies, persons_side
+from app.settings.files import SETTINGS_FILE
+from app.terminal.interface import Face
+from hardware.interfaces import Pace
+from hardware.table import Colour
+
+PERSON: Final = "Human"
+"""Name of whoever plays by hand."""
+SET_UP: Final = GameEnd("*", "set up", complete=True)
+_NAME: Final = re.compile(r"(game|set-up)-(\d+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Fixture:
+    """A game that is to be played.
+
+    Attributes:
+        board: where it starts.
+        players: makes those who choose the arm's moves; what they need is closed with the stack.
+        plies: it ends after so many; 0: the position is only set up.
+        human: who plays one side by hand; None: nobody.
+        comments: for each ply of a game that is played again.
+        result: of that game; None: it is no such game.
+        clock: before the game; None: it is played without.
+    """
+
+    board: chess.Board
+    players: Callable[[ExitStack], Players]
+    plies: int
+    human: Human | None = None
+    comments: tuple[str, ...] = ()
+    result: Result | None = None
+    clock: ChessClock | None = None
+
+
+class Fixtures(Protocol):
+    """The games of a match."""
+
+    def __call__(self, number: int, last: GameEnd | None) -> Fixture | None:
+        """The game of a number, from 1, after one that has ended so; None: there are no more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """How a match begins: which game it is or is for, whether it sets up; its record; where it stands."""
+
+    number: int
+    sets_up: bool
+    record: GameRecord
+    position: Position
+
+
+class Match:
+    """A ``Programme`` of games. A context manager: at its end nobody thinks any more, and no record is open.
+
+    Args:
+        folder: of the whole.
+        fixtures: the games.
+        seating: puts a table together.
+        face: shown what happens.
+        seed: for the records.
+        pace: for the records.
+    """
+
+    def __init__(self, folder: Path, fixtures: Fixtures, seating: Seating, face: Face, seed: int, pace: Pace) -> None:
+        self._folder, self._fixtures, self._seating, self._face = folder, fixtures, seating, face
+        self._seed, self._pace = seed, pace
+        self._records = ExitStack()
+        self._players = ExitStack()
+        self._start: Start | None = None
+        self._table: Table | None = None
+        self._number = 0
+        self._sets_up = False
+        self._fixture: Fixture | None = None
+        self._chosen: Players | None = None
+
+    def __enter__(self) -> Match:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._players.close()
+        self._records.close()
+
+    def start(self, layout: Callable[[chess.Board], Inventory], standing: chess.Board | None) -> Inventory:
+        """Open the first game's players and record, before any device; what stands where at its beginning.
+
+        Args:
+            layout: what stands where in a position.
+            standing: the position that stands there, if the first one is to be set up; None: that one does.
+
+        Raises:
+            UserError: an engine is missing, the set cannot show the position, or the folder cannot be written.
+        """
+        fixture = self._take_up(1, None)
+        assert fixture is not None, "a match has at least one game"
+        board = fixture.board if standing is None else standing
+        stands = layout(board)
+        sets_up = standing is not None
+        name = "set-up-1" if sets_up and fixture.plies else ""
+        self._start = Start(1, sets_up, self._record(name, board, stands, 0.0), Position(board.copy(), stands))
+        return stands
+
+    def go_on(self, start: Start) -> None:
+        """Begin with what another program has left."""
+        fixture = self._take_up(start.number, None)
+        assert fixture is not None, "what was begun is among the fixtures"
+        self._records.enter_context(start.record)
+        self._start = start
+
+    def next(self, devices: Devices, last: GameEnd | None) -> Round | None:
+        """See ``Programme.next``."""
+        if last is None:
+            assert self._start is not None
+            self._number, self._sets_up = self._start.number, self._start.sets_up
+            if not self._start.position.begun:
+                require_empty_fingers(devices.arm.state().felt)
+            return self._round(devices, self._start.record, self._start.position)
+        assert self._table is not None
+        if self._sets_up:
+            assert self._fixture is not None
+            if not self._fixture.plies:
+                return None
+            self._sets_up = False
+        else:
+            self._number += 1
+            if self._take_up(self._number, last) is None:
+                return None
+            self._sets_up = not self._shows(self._table.board)
+        return self._next_round(devices, self._table)
+
+    def _take_up(self, number: int, last: GameEnd | None) -> Fixture | None:
+        self._fixture = self._fixtures(number, last)
+        if self._fixture is not None:
+            self._players.close()
+            self._chosen = self._fixture.players(self._players)
+        return self._fixture
+
+    def _shows(self, board: chess.Board) -> bool:
+        assert self._fixture is not None
+        return board.board_fen() == self._fixture.board.board_fen()
+
+    def _next_round(self, devices: Devices, table: Table) -> Round:
+        assert self._fixture is not None
+        board = table.board.copy(stack=False) if self._sets_up else self._fixture.board.copy()
+        name = self._name("set-up" if self._sets_up else "game", self._number)
+        record = self._record(name, board, table.inventory, devices.clock.now())
+        return self._round(devices, record, Position(board, table.inventory))
+
+    def _round(self, devices: Devices, record: GameRecord, position: Position) -> Round:
+        assert self._fixture is not None
+        assert self._chosen is not None
+        if position.begun:
+            record.resumed(devices.clock.now())
+        human, side = self._fixture.human, persons_side(record.events)
+        if human is not None and side is not None:
+            human = replace(human, colour=side is Colour.WHITE)
+        table = self._table = self._seating.table(devices, record, position, self._face, human)
+        if self._sets_up:
+            goal = self._fixture.board
+            return Round(record, lambda: _set_up(table, goal), dict)
+        clock = clock_of(self._fixture.clock, counted_plies(record.events))
+        timing = Timing(clock, devices.clock.now)
+        game = Game(
+            table, self._chosen, self._face, human, self._fixture.comments, self._fixture.result, timing
+        )  # fmt: skip
+        plies = self._fixture.plies
+        return Round(record, lambda: game.play(plies), lambda: {"thinking_s": round(game.thinking, 3)})
+
+    def _name(self, what: str, number: int) -> str:
+        return "" if number == 1 and what == "game" else f"{what}-{number}"
+
+    def _record(self, name: str, board: chess.Board, inventory: Inventory, plant_time: float) -> GameRecord:
+        assert self._chosen is not None
+        assert self._fixture is not None
+        human, clock = self._fixture.human, self._fixture.clock
+        white, black = (
+            PERSON if human is not None and human.colour is colour else self._chosen.name(colour)
+            for colour in (chess.WHITE, chess.BLACK)
+        )
+        control = None if clock is None else clock.white.pgn
+        setup = GameSetup(white, black, self._seed, self._pace.value, time_control=control)
+        record = GameRecord.begin(self._folder / name, setup, board, inventory, plant_time)
+        return self._records.enter_context(record)
+
+
+def _set_up(table: Table, goal: chess.Board) -> GameEnd:
+    if not table.begin():
+        return WRONG
+    return SET_UP if table.set_up(goal) else WRONG
+
+
+def match_of(folder: Path) -> Path:
+    """The folder of a match, which may itself be named, or one of its rounds'."""
+    own = folder.resolve()
+    is_round = _NAME.fullmatch(own.name) and not (own / SETTINGS_FILE).exists()
+    return own.parent if is_round and (own.parent / SETTINGS_FILE).exists() else folder
+
+
+def last_round(folder: Path) -> tuple[Path, int, bool]:
+    """The last round of a match that was left: folder, number of the game that it is or is for, whether it sets up."""
+    rounds = []
+    for path in folder.iterdir() if folder.is_dir() else ():
+        name = _NAME.fullmatch(path.name)
+        if name is not None:
+            rounds.append((int(name[2]), name[1] == "game", path))
+    if (folder / EVENTS_FILE).exists():
+        rounds.append((1, True, folder))  # comes after its own setting up
+    if not rounds:
+        return folder, 1, False
+    number, is_game, path = max(rounds)
+    return path, number, not is_game

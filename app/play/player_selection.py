@@ -1,0 +1,129 @@
+"""Who chooses the arm's moves, as the settings say."""
+
+from __future__ import annotations
+
+import random
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Final
+
+import chess
+
+from app import UserError
+from app.game.clock import ChessClock
+from app.players.players import EnginePlayer, LinePlayer, Player, Players
+from app.settings.time_control import TimeControl
+from app.settings.tree import PlayerKind, Settings
+from app.terminal.interface import Face
+from engine.book import Book, BookSettings
+from engine.openings import opening_engine, varied_opening
+from engine.policy import Manners
+from engine.settings import EngineSettings
+from engine.stockfish import Engine
+from hardware.interfaces import Pace
+
+OPENING_PLIES: Final = 8
+MOVE_TIME: Final = 0.2
+"""Of a move where neither a clock, nor a time, nor nodes say otherwise [s]."""
+LOST_BY: Final = 900
+"""An engine that may resign does at so many centipawns, four times in a row."""
+
+
+def line_players(
+    board: chess.Board, line: tuple[chess.Move, ...], names: tuple[str, str] = ("line", "line")
+) -> Players:
+    """Both sides follow a given line.
+
+    Args:
+        board: where it begins.
+        line: moves.
+        names: of White and Black.
+    """
+    white, black = (LinePlayer(board, line, name=name) for name in names)
+    return Players(white, black)
+
+
+def engine_players(
+    settings: Settings, board: chess.Board, seed: int, stack: ExitStack, face: Face, pace: Pace
+) -> Players:
+    """An engine for each side.
+
+    Args:
+        settings: of the game.
+        board: where it starts.
+        seed: chooses the opening of two engines.
+        stack: ends them.
+        face: shown that they start.
+        pace: of the rig; in pace fast nobody thinks ahead.
+
+    Raises:
+        UserError: the settings contradict each other.
+        EngineProblem: an engine is missing or refuses its settings.
+    """
+    sides = [settings.side(colour) for colour in chess.COLORS]
+    if settings.engine.nodes is not None and any(side.elo is not None or side.skill is not None for side in sides):
+        raise UserError("--nodes is for repeatable games at full strength: leave --white-elo and --black-elo out")
+    face.phase("starting Stockfish")
+    human = any(side.player is PlayerKind.HUMAN for side in sides)
+    books = any(_book_of(settings, colour) is not None for colour in chess.COLORS)
+    chosen = human or books or settings.game.fen is not None
+    opening = () if chosen else _opening(settings, board, seed, face)
+    players = dict[chess.Color, Player]()
+    for colour in chess.COLORS:
+        kept = _engine_settings(settings, colour, human=human)
+        engine = stack.enter_context(Engine(kept))
+        found = _book_of(settings, colour)
+        book = None
+        if found is not None:
+            book = stack.enter_context(Book(BookSettings(path=found, max_plies=settings.engine.book_plies), seed))
+        manners = Manners(resign_below=LOST_BY) if settings.engine.resigns else Manners()
+        player = EnginePlayer(engine, _name(kept), book=book, manners=manners)
+        players[colour] = LinePlayer(board, opening, player)
+    return Players(players[chess.WHITE], players[chess.BLACK], ahead=pace is Pace.REAL)
+
+
+def start_clock(settings: Settings) -> ChessClock | None:
+    """The clock before a game; None: it is played without.
+
+    Raises:
+        UserError: a time control means nothing.
+    """
+    white, black = (settings.side(colour).time or settings.clock.time for colour in (True, False))
+    if white is None and black is None:
+        return None
+    if white is None or black is None:
+        raise UserError("only one side has a time control: give both, or --clock for both")
+    return ChessClock.new(TimeControl.parse(white), TimeControl.parse(black), settings.clock.arm_time)
+
+
+def _name(settings: EngineSettings) -> str:
+    name = "Stockfish" if settings.path is None else Path(settings.path).stem
+    if settings.elo is not None:
+        return f"{name} (Elo {settings.elo})"
+    return name if settings.skill is None else f"{name} (skill {settings.skill})"
+
+
+def _book_of(settings: Settings, colour: chess.Color) -> Path | None:
+    return settings.side(colour).book or settings.engine.book
+
+
+def _engine_settings(settings: Settings, colour: chess.Color, *, human: bool) -> EngineSettings:
+    engine, side = settings.engine, settings.side(colour)
+    timed = settings.clock.time is not None or side.time is not None
+    move_time = engine.move_time
+    if move_time is None and engine.nodes is None and not timed:
+        move_time = MOVE_TIME
+    ponder = engine.ponder if engine.ponder is not None else timed and (human or settings.rig.pace is not Pace.FAST)
+    return EngineSettings(
+        path=side.path or engine.path, elo=side.elo, skill=side.skill, threads=engine.threads, hash_mb=engine.hash_mb,
+        options=engine.options, move_time=None if engine.nodes is not None else move_time, nodes=engine.nodes,
+        ponder=ponder,
+    )  # fmt: skip
+
+
+def _opening(settings: Settings, board: chess.Board, seed: int, face: Face) -> tuple[chess.Move, ...]:
+    plain = EngineSettings(path=settings.engine.path)
+    with opening_engine(plain) as engine:
+        if not engine.ranks:
+            face.say(f"{_name(plain)} has no option MultiPV, so its opening is chosen by searching each move alone.")
+        return varied_opening(engine, board, min(OPENING_PLIES, settings.game.plies), random.Random(seed))

@@ -1,0 +1,254 @@
+"""Games on a rig from end to end: devices, telemetry, film, the games, and the report of however each ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from pydantic import JsonValue
+
+from app.execution.state import LEFT
+from app.game import EXPECTED_FAILURES, Devices, GameEnd
+from app.records import GameRecord, RecordError, Report
+from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
+from app.rig.devices import Rig, RigFailed
+from app.terminal.interface import Face
+from controller.protocol.messages import Telemetry
+from controller.wire.errors import ControllerError
+from controller.wire.link import Listener
+from engine.errors import EngineProblem
+from hardware.interfaces import Camera, HardwareError, Pace
+
+if TYPE_CHECKING:
+    from app.guard.game_guard import GameGuard, Guarding
+
+FAILED = GameEnd("*", "failed", complete=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Filming:
+    """The film of a simulated world: run directory of the world, the file, its longest duration [s], pace."""
+
+    run_dir: Path
+    path: Path
+    longest: float
+    pace: Pace
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What sees for a session.
+
+    Attributes:
+        camera: makes of the rig's camera the one that the games look through.
+        guarding: against hands; None: nobody watches.
+    """
+
+    camera: Callable[[Camera], Camera] = lambda camera: camera
+    guarding: Guarding | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """One game, or one setting up, on an open rig.
+
+    Attributes:
+        record: of it; ended by the session.
+        play: plays it.
+        details: for its report, asked for at its end.
+    """
+
+    record: GameRecord
+    play: Callable[[], GameEnd]
+    details: Callable[[], dict[str, JsonValue]]
+
+
+class Programme(Protocol):
+    """What is played on a rig, one round after the other."""
+
+    def next(self, devices: Devices, last: GameEnd | None) -> Round | None:
+        """The next round.
+
+        Args:
+            devices: of the rig.
+            last: how the round before ended; None: there was none.
+
+        Returns:
+            None when nothing more is to be played.
+        """
+
+
+class Interrupted(KeyboardInterrupt):
+    """What was played in a folder was broken off on purpose, and may be gone on with."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self.folder = folder
+
+
+@dataclass(frozen=True, slots=True)
+class SessionResult:
+    """The report, where it lies, whether everything held, and whether another program could go on with the game."""
+
+    report: Report
+    folder: Path
+    holds: bool
+    resumable: bool
+    before: tuple[SessionResult, ...] = ()
+    """Of the rounds before the last one."""
+
+
+@dataclass(slots=True)
+class _RoundProgress:
+    """How a round went so far, whatever ends it."""
+
+    round: Round
+    end: GameEnd = FAILED
+    failures: list[str] = field(default_factory=list)
+    interrupted: bool = False
+    plant_time: float = 0.0
+    speed: float | None = None
+    world_state: str | None = None
+
+
+def run_session(
+    folder: Path,
+    open_rig: Callable[[Listener], Rig],
+    programme: Programme,
+    tick: float,
+    filming: Filming | None,
+    face: Face,
+    sight: Sight = Sight(),
+) -> SessionResult:
+    """Play what is to be played on a rig.
+
+    Args:
+        folder: of the session; the telemetry lies there.
+        open_rig: given a listener of the telemetry.
+        programme: says what is played.
+        tick: length of a tick [s].
+        filming: None: no film.
+        face: shown what happens.
+        sight: what sees.
+
+    Raises:
+        UserError: the rig did not start, or a record cannot be written.
+        Interrupted: it was, by Ctrl-C; the record says so, and the arm is at rest.
+    """
+    telemetry = TelemetryRecorder(_free(folder, TELEMETRY_FILE), tick)
+    done: list[SessionResult] = []
+    guarding = sight.guarding
+
+    def listen(told: Telemetry) -> None:
+        telemetry.take(told)
+        if guarding is not None:
+            guarding.take(told)
+
+    with telemetry, open_rig(listen) as rig:
+        with _filming(filming, tick), ExitStack() as stack:
+            guard = None if guarding is None else guarding.open(rig)
+            if guard is not None:
+                stack.enter_context(guard)
+            course = _play_all(rig, _devices(rig, sight, guard), programme, done)
+        face.phase("the arm goes to rest")
+        last = rig.close()
+    if last is None or not last.at_rest:
+        course.failures.append("the arm did not come to rest")
+    result = _result(course, rested=last is not None)
+    if course.interrupted:
+        raise Interrupted(folder)
+    holds = result.holds and all(one.holds for one in done)
+    return SessionResult(result.report, result.folder, holds, result.resumable, tuple(done))
+
+
+def _devices(rig: Rig, sight: Sight, guard: GameGuard | None) -> Devices:
+    camera = None if rig.camera is None else sight.camera(rig.camera)
+    return Devices(rig.arm, rig.clock, camera, rig.referee, guard)
+
+
+def _play_all(rig: Rig, devices: Devices, programme: Programme, done: list[SessionResult]) -> _RoundProgress:
+    """Round after round; the results of all but the last, whose report waits for the arm's rest, go to ``done``."""
+    first = programme.next(devices, None)
+    assert first is not None, "a programme has at least one round"
+    course = _RoundProgress(first)
+    while True:
+        _play(rig, course)
+        if course.failures or course.interrupted or not course.end.complete:
+            return course
+        following = _following(programme, devices, course)
+        if following is None:
+            return course
+        done.append(_result(course, rested=True))
+        course = _RoundProgress(following)
+
+
+def _following(programme: Programme, devices: Devices, course: _RoundProgress) -> Round | None:
+    """The round after one that was played; that one is ended in any case."""
+    try:
+        return programme.next(devices, course.end)
+    except BaseException as error:
+        _result(course, rested=True)
+        if isinstance(error, ControllerError | HardwareError):
+            raise RigFailed(str(error)) from error
+        raise
+
+
+def _play(rig: Rig, course: _RoundProgress) -> None:
+    try:
+        course.end = course.round.play()
+        _take_stock(rig, course)
+    except KeyboardInterrupt:
+        course.end, course.interrupted = GameEnd("*", "interrupted", complete=False), True
+    except RecordError:
+        raise
+    except (*EXPECTED_FAILURES, EngineProblem) as error:
+        course.failures.append(rig.failure() or str(error))
+
+
+def _result(course: _RoundProgress, *, rested: bool) -> SessionResult:
+    """End the record of a round."""
+    record = course.round.record
+    until = course.plant_time or record.events[-1].plant_time  # a game that broke off lasted to its last event
+    report = record.end(
+        course.end.result, course.end.reason, until, failures=course.failures, speed=course.speed,
+        world_state=course.world_state, details=course.round.details(),
+    )  # fmt: skip
+    holds = course.end.complete and not course.failures and report.physical_ok is not False
+    # not where the board came out wrong, which wants a hand first, nor where nobody knows how the arm was left
+    resumable = (course.end is FAILED or course.end is LEFT) and rested
+    return SessionResult(report, record.folder, holds, resumable)
+
+
+def _take_stock(rig: Rig, course: _RoundProgress) -> None:
+    """The last state of a world; once plant time stands, so that a repeated run ends in the same tick."""
+    rig.arm.state()
+    course.plant_time = rig.clock.now()
+    if rig.referee is not None:
+        truth, run = rig.referee.look()
+        course.speed, course.world_state = run.ratio, truth.state_sha256
+
+
+@contextmanager
+def _filming(filming: Filming | None, tick: float) -> Iterator[None]:
+    if filming is None:
+        yield
+        return
+    from app.play.film import Film  # loads an encoder: not where nothing is filmed
+
+    film = Film(filming.run_dir, filming.path, filming.longest, filming.pace, tick)
+    try:
+        yield
+    finally:
+        film.finish()
+
+
+def _free(folder: Path, name: str) -> Path:
+    """A file of that name, or with a number where a game before took it."""
+    path, number = folder / name, 1
+    while path.exists():
+        number += 1
+        path = folder / f"{Path(name).stem}-{number}{Path(name).suffix}"
+    return path

@@ -1,0 +1,1 @@
+"""Who chooses the moves: engines, given lines, people."""

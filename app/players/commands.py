@@ -1,0 +1,139 @@
+"""What a person types at the terminal: moves in SAN or UCI, and plain words."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+
+import chess
+
+from app import UserError
+from app.players.given_line import MoveError, parse_move, tokens_of
+from hardware.table import Place
+
+
+class Word(StrEnum):
+    """A command of one word."""
+
+    HELP = "help"
+    LOOK = "look"
+    TAKE_BACK = "takeback"
+    HINT = "hint"
+    FIX = "fix"
+    PAUSE = "pause"
+    GO = "go"
+    DRAW = "draw"
+    RESIGN = "resign"
+    SIDE = "side"
+    NEW = "new"
+    QUIT = "quit"
+
+
+MEANINGS: Mapping[Word, str] = MappingProxyType(
+    {
+        Word.HELP: "what can be typed",
+        Word.LOOK: "the camera looks at the board, for instance when it has missed a move",
+        Word.TAKE_BACK: "the arm takes your last move and its own back",
+        Word.HINT: "what the engine would play for you",
+        Word.FIX: "the arm puts the board right after an illegal or half-made move",
+        Word.PAUSE: "stop the clocks",
+        Word.GO: "go on after a pause",
+        Word.DRAW: "offer a draw, or claim one",
+        Word.RESIGN: "give the game up",
+        Word.SIDE: "change sides: the engine plays for you, and you for it",
+        Word.NEW: "give this game up and play another; the arm sets the pieces up",
+        Word.QUIT: "leave; 'touchmove resume' goes on with the game",
+    }
+)
+_SAME: Mapping[str, Word] = MappingProxyType(
+    {"undo": Word.TAKE_BACK, "back": Word.TAKE_BACK, "exit": Word.QUIT, "?": Word.HELP, "swap": Word.SIDE}
+)
+
+
+class HandVerb(StrEnum):
+    """What a simulated hand can be told to do, besides making legal moves."""
+
+    MOVE = "move"
+    KNOCK = "knock"
+    HOVER = "hover"
+    REST = "rest"
+
+
+@dataclass(frozen=True, slots=True)
+class PlayMove:
+    """A legal move."""
+
+    move: chess.Move
+
+
+@dataclass(frozen=True, slots=True)
+class MoveHand:
+    """``hand VERB PLACES``: the simulated hand does something, legal or not.
+
+    Attributes:
+        verb: what.
+        places: of move: from and to; of the others one.
+    """
+
+    verb: HandVerb
+    places: tuple[Place, ...]
+
+
+Command = PlayMove | MoveHand | Word
+
+
+class CommandError(UserError):
+    """What was typed means nothing here; says what would."""
+
+
+def parse_command(text: str, board: chess.Board) -> Command:
+    """Understand a line.
+
+    Args:
+        text: as typed.
+        board: the position, in which a move must be legal.
+
+    Raises:
+        CommandError: it is neither a word nor a legal move.
+    """
+    words = text.strip().split()
+    if not words:
+        raise CommandError("type a move such as e4 or e2e4, or 'help'")
+    first = words[0].lower()
+    if first == "hand":
+        return _hand(words[1:])
+    if len(words) == 1 and (first in list(Word) or first in _SAME):
+        return Word(first) if first in list(Word) else _SAME[first]
+    tokens = tokens_of(text) or words
+    try:
+        move = parse_move(tokens[0], board)
+    except MoveError as error:
+        near = difflib.get_close_matches(first, [*Word, *_SAME], n=1, cutoff=0.75)
+        hint = f"did you mean '{near[0]}'?" if near else "'help' lists what can be typed"
+        raise CommandError(f"{error}; {hint}") from error
+    if len(tokens) > 1:
+        raise CommandError("one move at a time: type only yours")
+    return PlayMove(move)
+
+
+def _hand(words: list[str]) -> MoveHand:
+    usage = "say 'hand move b1 b4', 'hand knock e4', 'hand hover e4' or 'hand rest e4'"
+    if not words or words[0].lower() not in list(HandVerb):
+        raise CommandError(f"what shall the hand do? {usage}")
+    verb = HandVerb(words[0].lower())
+    try:
+        places = tuple(Place.parse(word) for word in words[1:])
+    except ValueError as error:
+        raise CommandError(f"{error}; {usage}") from error
+    if len(places) != (2 if verb is HandVerb.MOVE else 1):
+        raise CommandError(f"'hand {verb}' wants {2 if verb is HandVerb.MOVE else 1} place(s): {usage}")
+    return MoveHand(verb, places)
+
+
+def help_text() -> str:
+    """What can be typed, a line each."""
+    width = max(len(word) for word in Word)
+    return "\n".join(["a move: e4, Nf3, O-O, e2e4, e7e8q", *(f"{word:{width}}  {MEANINGS[word]}" for word in Word)])

@@ -1,0 +1,63 @@
+"""A person who plays: what they say, and how their pieces are moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import chess
+
+from app import UserError
+from app.pieces.manipulation import Inventory, Ply
+from app.players.commands import MoveHand
+
+
+class PersonGone(UserError):
+    """Nobody types any more."""
+
+    def __init__(self) -> None:
+        super().__init__("nobody is at the keyboard any more: 'touchmove resume' goes on with the game")
+
+
+class Lines(Protocol):
+    """Where a person's words come from."""
+
+    def next(self, timeout: float) -> str | None:
+        """The next line; None: none came within the timeout [s, wall].
+
+        Raises:
+            PersonGone: no more will come.
+        """
+
+
+class Hands(Protocol):
+    """A person's hands, where somebody has to be told: those of a simulated world."""
+
+    def play(self, ply: Ply, inventory: Inventory) -> None:
+        """Make a move; returns when the hand is drawn back.
+
+        Args:
+            ply: the move.
+            inventory: what stands where before it.
+
+        Raises:
+            HardwareError: it cannot be done; the sentence says why.
+        """
+
+    def do(self, command: MoveHand, inventory: Inventory) -> None:
+        """Do something else; returns when the hand is drawn back. Raises as ``play``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Human:
+    """The person at the board.
+
+    Attributes:
+        colour: that they play at the start.
+        lines: what they type.
+        hands: theirs, in a simulated world; None: they move pieces by themselves, or there are no pieces to move.
+    """
+
+    colour: chess.Color
+    lines: Lines
+    hands: Hands | None

@@ -1,0 +1,1 @@
+"""One way to a rig: simulated, without devices, or a lab's."""

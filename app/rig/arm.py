@@ -1,0 +1,196 @@
+"""The arm on the app's side: carry out plans and say what was really done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Protocol
+
+import numpy as np
+
+from app import UserError
+from app.pieces.manipulation import Stage
+from controller.protocol.causes import Cause
+from controller.wire.client import ControllerClient, MotionOutcome
+from controller.wire.errors import MotionRefused, MotionStopped
+
+if TYPE_CHECKING:
+    from app.motion.plan import Motion, Plan
+    from app.motion.timing.reference import Vector
+
+FELT: Final = 0.5
+"""Both pads feel more than this where something is between them; what they are commanded to press with is 4 N [N]."""
+TOUCH_ERROR: Final = 0.0017
+"""What the fingers come down on is so near to where it should be, in height [m]: places are known to a millimetre or
+two, and heels are pressed in by one (seen: 0.7 to 1.0 mm, and 1.9 and -3.6 where it was something else)."""
+_LATE: Final = (Cause.UNDERRUN, Cause.LATE)
+_HELD: Final = (Cause.HOLD_COMMAND, Cause.NOT_ADMITTED)
+
+
+class GraspFailed(UserError):
+    """The fingers closed and felt no piece."""
+
+    def __init__(self, motion: Motion, finger_position: float) -> None:
+        super().__init__(
+            f"could not {motion.label}: the fingers closed to {finger_position * 1e3:.1f} mm and felt nothing; "
+            "is the piece where the game says?"
+        )
+
+
+class PieceSlipped(UserError):
+    """A piece was carried, and was lost on its way, or was no longer in the fingers when they came to its place."""
+
+    def __init__(self, motion: Motion, *, on_its_way: bool = False) -> None:
+        how = "the piece slipped out of the fingers" if on_its_way else "the fingers came there empty"
+        super().__init__(f"{motion.label}: {how}; where has it gone?")
+
+
+class TouchedElsewhere(UserError):
+    """Something else was in the way of the fingers than what they had to come down on, or that lies otherwise."""
+
+    def __init__(self, motion: Motion, off: float) -> None:
+        super().__init__(
+            f"{motion.label}: touched {abs(off) * 1e3:.1f} mm {'below' if off > 0.0 else 'above'} where it should be; "
+            "something else is there, or it is propped up"
+        )
+
+
+class NothingTouched(UserError):
+    """A piece was lowered and nothing held it up."""
+
+    def __init__(self, motion: Motion, depth: float) -> None:
+        super().__init__(
+            f"{motion.label}: lowered {depth * 1e3:.0f} mm below the board's height and felt nothing; does the board "
+            "stand where the settings say?"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a plan came to: duration [s] of plant time, peak torque [N m], peak tactile force [N], last tick."""
+
+    duration: float
+    peak_torque: float
+    peak_force: float
+    end_tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class ArmAtRest:
+    """Where the arm rests: reference, base frame (3,) [m]; finger position [m]; tick; what both pads feel [N].
+
+    ``measured`` is where the tool is by the encoders, (3,) [m]; None: nobody measures, it is where it should be.
+    """
+
+    reference: Vector
+    finger: float
+    tick: int
+    felt: float = 0.0
+    measured: Vector | None = None
+
+    @property
+    def position(self) -> Vector:
+        """Of the tool, base frame (3,) [m]."""
+        return self.reference if self.measured is None else self.measured
+
+
+class ArmPaused(UserError):
+    """The arm stopped by itself because this program or the network was late; nothing else is wrong."""
+
+
+class ArmHeld(ArmPaused):
+    """The arm was told to hold, as a hand is over the board; it may go on once that is gone."""
+
+
+class Arm(Protocol):
+    """Executes plans."""
+
+    lead_ticks: int
+
+    def state(self) -> ArmAtRest:
+        """The arm at rest; on a simulated rig in pace fast, once plant time stands."""
+
+    def settle(self) -> ArmAtRest:
+        """Wait until an arm whose motion was stopped is at rest; where it rests."""
+
+    def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
+        """Do a whole plan; ``begin`` is told each motion before it is announced.
+
+        Raises:
+            ArmPaused: samples came too late and the arm stopped by itself; it may go on from where it is.
+            ArmHeld: it was told to hold; it may go on once that is taken back.
+        """
+
+
+class ControllerArm:
+    """``Arm`` over the controller's client."""
+
+    def __init__(self, client: ControllerClient, progress: Callable[[str], None] | None = None) -> None:
+        """``progress`` is told what each motion does."""
+        self._client = client
+        self._progress = progress
+        self.lead_ticks = 8 if client.lockstep else 30
+
+    def state(self) -> ArmAtRest:
+        """See ``Arm.state``."""
+        telemetry = self._client.wait_standing()
+        felt = min(telemetry.tactile)
+        measured = np.array(telemetry.position)
+        return ArmAtRest(np.array(telemetry.reference), telemetry.finger_position, telemetry.tick, felt, measured)
+
+    def settle(self) -> ArmAtRest:
+        """See ``Arm.settle``."""
+        self._client.stop()
+        return self.state()
+
+    def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
+        """Stream the motions one after the other.
+
+        Raises:
+            GraspFailed: a motion that had to grip ended without.
+            NothingTouched: a motion that had to touch ended without.
+            TouchedElsewhere: a motion touched at another height than it should.
+            PieceSlipped: a piece was lost on its way.
+            ArmPaused: samples came too late.
+            ArmHeld: a hand is over the board.
+            ControllerError: refused, stopped or lost; the arm rests.
+        """
+        first_tick, end_tick, torque, force = None, 0, 0.0, 0.0
+        done: MotionOutcome | None = None
+        for index, planned in enumerate(plan.motions):
+            motion = planned if done is None else plan.continued(index, np.array(done.reference))
+            if self._progress is not None:
+                self._progress(motion.label)
+            if begin is not None:
+                begin(motion)
+            done = self._carry_out(motion, followed=index < len(plan.motions) - 1)
+            first_tick = done.first_tick if first_tick is None else first_tick
+            end_tick = done.end_tick
+            torque, force = max(torque, done.peak_torque), max(force, done.peak_tactile)
+            if motion.grips and not done.gripped:
+                self._client.stop()
+                raise GraspFailed(motion, done.finger_position)
+            if motion.touches and not done.touched:
+                self._client.stop()
+                assert plan.style is not None
+                raise NothingTouched(motion, plan.style.settings.touch_depth)
+            if motion.touches_at is not None and abs(off := done.position[2] - motion.touches_at) > TOUCH_ERROR:
+                self._client.stop()
+                raise TouchedElsewhere(motion, off)
+            if motion.stage is Stage.CARRY and min(done.tactile) < FELT:  # what held it up is something else
+                self._client.stop()
+                raise PieceSlipped(motion)
+        assert first_tick is not None
+        return Outcome((end_tick - first_tick) * self._client.period, torque, force, end_tick)
+
+    def _carry_out(self, motion: Motion, *, followed: bool) -> MotionOutcome:
+        try:
+            return self._client.execute(motion.samples, followed=followed)
+        except (MotionRefused, MotionStopped) as error:
+            if error.cause in _LATE:
+                raise ArmPaused(str(error)) from error
+            if error.cause is Cause.GRIP_LOST:
+                raise PieceSlipped(motion, on_its_way=True) from error
+            if error.cause in _HELD:
+                raise ArmHeld(str(error)) from error
+            raise

@@ -1,0 +1,61 @@
+"""Depth as the calibration corrects it: frames whose distances are multiplied by a factor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from app.rig.devices import WatchedFrames
+from hardware.interfaces import Camera, DepthFrame, Frame
+
+_F = TypeVar("_F", bound=Frame | DepthFrame)
+
+
+def scaled_camera(camera: Camera, factor: float) -> Camera:
+    """The same camera with corrected depth; itself where there is nothing to correct."""
+    return camera if factor == 1.0 else _ScaledCamera(camera, factor)
+
+
+def scaled_frames(frames: WatchedFrames, factor: float) -> WatchedFrames:
+    """The same frames with corrected depth."""
+    return frames if factor == 1.0 else _ScaledFrames(frames, factor)
+
+
+def _scaled(frame: _F, factor: float) -> _F:
+    return frame if frame.depth is None else replace(frame, depth=frame.depth * np.float32(factor))
+
+
+class _ScaledCamera:
+    def __init__(self, camera: Camera, factor: float) -> None:
+        self._camera, self._factor = camera, factor
+
+    def read(self, max_age: float) -> Frame:
+        """See ``Camera.read``."""
+        return _scaled(self._camera.read(max_age), self._factor)
+
+    def close(self) -> None:
+        """See ``Camera.close``."""
+        self._camera.close()
+
+
+class _ScaledFrames:
+    def __init__(self, frames: WatchedFrames, factor: float) -> None:
+        self._frames, self._factor = frames, factor
+
+    def read(self, max_age: float) -> Frame | DepthFrame:
+        """See ``WatchedFrames.read``."""
+        return _scaled(self._frames.read(max_age), self._factor)
+
+    def wake(self, awake: bool) -> None:
+        """See ``WatchedFrames.wake``."""
+        self._frames.wake(awake)
+
+    def release(self) -> None:
+        """See ``WatchedFrames.release``."""
+        self._frames.release()
+
+    def close(self) -> None:
+        """See ``WatchedFrames.close``."""
+        self._frames.close()

@@ -1,0 +1,102 @@
+"""What a game runs on, seen from the game: arm, clock, and where there are any, camera and referee."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self
+
+from app import UserError
+from app.rig.arm import Arm
+from hardware.interfaces import Camera, Clock, DepthFrame, Frame
+from hardware.referee import Referee
+
+
+class RigFailed(UserError):
+    """A process or device of the rig did not start, does not answer or ended unexpectedly; says what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class EndState:
+    """How the arm was left: at rest or not, and its fastest joint or the tool's speed [rad/s, m/s]."""
+
+    at_rest: bool
+    arm_speed: float
+
+
+class WatchedFrames(Protocol):
+    """A camera whose frames come one after the other at a steady rate."""
+
+    def read(self, max_age: float) -> Frame | DepthFrame:
+        """The next frame, as ``Camera.read``; depth alone where nobody needs colour: while the camera is not awake."""
+
+    def close(self) -> None:
+        """Release the device; a reader in another thread ends with ``CameraClosed``."""
+
+    def wake(self, awake: bool) -> None:
+        """Whether plant time shall run for it, also while nothing moves; where time runs anyway, nothing happens."""
+
+    def release(self) -> None:
+        """The last frame is done with."""
+
+
+class Holder(Protocol):
+    """What the guard asks of a controller's client."""
+
+    def ask_to_hold(self) -> None:
+        """Stop the present motion and refuse others."""
+
+    def resume(self) -> None:
+        """Admit motions again."""
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """What a guard against hands needs of a rig.
+
+    Attributes:
+        frames: begins to read the board's camera, each time anew. Given the interval from frame to frame [s] of a
+            camera that has none of its own.
+        holder: of the arm.
+    """
+
+    frames: Callable[[float], WatchedFrames]
+    holder: Holder
+
+
+class Rig(Protocol):
+    """Devices that were opened together and are given up together. A context manager."""
+
+    @property
+    def arm(self) -> Arm:
+        """Executes plans."""
+
+    @property
+    def clock(self) -> Clock:
+        """Plant time."""
+
+    @property
+    def camera(self) -> Camera | None:
+        """Looks at the board."""
+
+    @property
+    def referee(self) -> Referee | None:
+        """Knows what is really so; only of a simulated world."""
+
+    def watched(self) -> Watched | None:
+        """For a guard against hands; None where nothing can be watched."""
+
+    def failure(self) -> str | None:
+        """A sentence on what has ended unexpectedly, None while all runs."""
+
+    def close(self) -> EndState | None:
+        """Bring the arm to rest and give everything up; None where nobody can say how the arm was left."""
+
+    def __enter__(self) -> Self:
+        """Nothing more."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close."""

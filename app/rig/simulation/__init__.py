@@ -1,0 +1,1 @@
+"""A simulation of our own: its settings, its processes, and the devices that it offers."""

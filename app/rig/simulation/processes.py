@@ -1,0 +1,271 @@
+"""What runs inside the processes that a rig starts, and inside ``touchmove controller``."""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Final
+
+from app import UserError
+from app.records.files import GAMES
+from app.rig.rig_file import ControllerSection, RigFile, load_rig
+from app.settings.toml import ConfigError
+from app.settings.tree import SIMULATED
+from controller.protocol.key import KEY_FILE, KeyFileError, create_key
+from controller.settings import ControllerSettings
+from hardware.interfaces import ServoBus
+from hardware.parameters import RobotParameters, load_parameters
+from hardware.sim.clients.wire import world_pid
+from hardware.sim.hand.actions import HandSettings
+from hardware.sim.plant.live_state import LIVE_FILE
+from hardware.sim.plant.snapshot import STATE_FILE
+from hardware.sim.process.settings import FILE_NAME, WorldSettings, load_settings
+
+CONTROLLER_SETTINGS_FILE = "controller_settings.json"
+RIG_FILE: Final = "rig.toml"
+DRIVERS: Final = "touchmove.drives"
+"""Group of entry points under which a lab's package names its driver: a function of the robot's parameters that opens
+the drives and returns a ``ServoBus``."""
+WORLD_TIMEOUT: Final = 60.0
+"""A world with cameras takes a few seconds to start [s, wall]."""
+_ALONE: Final = 15.0
+"""How long a world waits for the controller that has started it, and has nothing else to do then [s, wall]."""
+
+
+def spawn(name: str, run_dir: Path) -> subprocess.Popen[bytes]:
+    """Start the world or the controller of a run directory; what it says goes to its log there."""
+    with log_of(name, run_dir).open("ab") as log:
+        return subprocess.Popen(
+            # -P: a folder of the user's named like one of ours must not come first
+            [sys.executable, "-P", "-m", "app.cli", name, "--run-dir", str(run_dir)],
+            stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+            start_new_session=True,  # Ctrl-C reaches its starter alone, which ends the others in order
+        )  # fmt: skip
+
+
+def log_of(name: str, run_dir: Path) -> Path:
+    """Where a process of a run directory writes what it has to say."""
+    return run_dir / f"{name}.log"
+
+
+def last_words(log: Path) -> str | None:
+    """The last line of a log, None where nothing was said."""
+    lines = log.read_text(encoding="utf-8", errors="replace").split("\n") if log.exists() else []
+    return next((line.strip() for line in reversed(lines) if line.strip()), None)
+
+
+def run_world(run_dir: Path) -> int:
+    """The simulated world until it is no longer needed; exit status."""
+    from hardware.sim.process.server import serve
+
+    serve(run_dir)
+    return 0
+
+
+def view_world(game: Path | None, progress: Callable[[str], None]) -> int:
+    """MuJoCo's viewer on a world that runs; exit status.
+
+    Args:
+        game: folder of a game, or a rig's run directory; None: the newest game that runs.
+        progress: told what is shown.
+
+    Raises:
+        UserError: none runs.
+        HardwareError: there is no screen, or the viewer is not installed.
+    """
+    from hardware.sim.clients.viewer import watch_world
+
+    games = sorted(GAMES.glob("*/run"), reverse=True) if game is None else [game / "run", game]
+    running = next((folder for folder in games if folder.is_dir() and world_pid(folder) is not None), None)
+    if running is None:
+        where = f"in {GAMES}/" if game is None else f"in {game}"
+        raise UserError(f"no world runs {where}: start one with 'touchmove demo', or name the folder of its game")
+    watch_world(running, progress)
+    return 0
+
+
+def run_controller(run_dir: Path) -> int:
+    """The controller of a run directory until it is shut down; exit status."""
+    settings = ControllerSettings.model_validate_json((run_dir / CONTROLLER_SETTINGS_FILE).read_text(encoding="utf-8"))
+    world = load_settings(run_dir)
+    rig = RigFile(
+        controller=ControllerSection.model_construct(**settings.model_dump(), key=run_dir / KEY_FILE),
+        run_dir=run_dir, parameters=world.parameters_file, table=world.table,
+    )  # fmt: skip
+    return _serve(rig, lambda _parameters: _simulated_bus(run_dir), lambda _host, _port: None)
+
+
+def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
+    """The controller of a rig until Ctrl-C, SIGTERM or a client's shutdown; exit status.
+
+    A simulated world is started with it, unless one runs already in the rig's run directory: then a controller before
+    this one was killed, and this one goes on with what it held.
+
+    Args:
+        name: ``sim``, or the path of a rig file.
+        progress: told what is being waited for, and where clients find the controller.
+
+    Raises:
+        UserError: the rig file, the key, the driver or the world is not as it should be.
+        HardwareError: the drives do not answer.
+    """
+    with _rig(name) as (rig, file):
+        key = rig.controller.key
+        try:
+            if not key.exists():
+                create_key(key)
+                progress(f"made the key {key}: copy it to every computer that has to reach this controller")
+        except KeyFileError as error:
+            raise UserError(str(error)) from error
+        with contextlib.suppress(FileExistsError):
+            rig.run_dir.mkdir(mode=0o700, parents=True)
+
+        def ready(host: str, port: int) -> None:
+            if name == SIMULATED:
+                file.write_text(_as_toml(host, port), encoding="utf-8")
+            progress(f"ready: clients find it at {host}:{port}, with --rig {file}; Ctrl-C brakes and ends")
+
+        status = _serve(rig, _bus(rig, progress), ready)
+        _await_end_of_world(rig)
+        return status
+
+
+def _await_end_of_world(rig: RigFile) -> None:
+    """A simulated world ends with its controller; its last state must be on the disk before this process ends."""
+    deadline = time.monotonic() + WORLD_TIMEOUT
+    while rig.simulated and world_pid(rig.run_dir) is not None and time.monotonic() < deadline:
+        time.sleep(0.02)
+
+
+def _serve(rig: RigFile, open_bus: Callable[[RobotParameters], ServoBus], ready: Callable[[str, int], None]) -> int:
+    """Run a controller.
+
+    The law is compiled before the drives are opened: they would brake on a controller that says nothing for so long.
+    """
+    from controller.law.task_space import TaskSpaceController
+    from controller.loop.server import serve
+    from controller.model.constants import DeltaModel
+    from controller.protection.limits import default_limits
+
+    parameters = load_parameters(rig.parameters)
+    TaskSpaceController(DeltaModel(parameters))
+    try:
+        limits = default_limits(parameters, rig.table)
+    except ValueError as error:  # the board is out of reach: said before the drives are opened
+        raise UserError(str(error)) from error
+    bus, section = open_bus(parameters), rig.controller
+    return serve(bus, parameters, section, rig.run_dir, limits, key_file=section.key, ready=ready)
+
+
+@contextlib.contextmanager
+def _rig(name: str) -> Iterator[tuple[RigFile, Path]]:
+    """The rig that a name stands for, and its file; of ``sim`` one of its own, which goes with it."""
+    if name != SIMULATED:
+        yield load_rig(Path(name)), Path(name)
+        return
+    with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
+        section = ControllerSection.model_construct(key=Path(folder) / "touchmove.key", port=0)
+        yield RigFile(controller=section, run_dir=Path(folder) / "run"), Path(folder) / RIG_FILE
+
+
+def _as_toml(host: str, port: int) -> str:
+    return f'[controller]\nhost = "{host}"\nport = {port}\n'
+
+
+def _bus(rig: RigFile, progress: Callable[[str], None]) -> Callable[[RobotParameters], ServoBus]:
+    """What opens the rig's drives; a driver that is not there is found out before anything starts."""
+    if not rig.simulated:
+        return _driver(rig.drives.bus)
+
+    def open_simulated(_parameters: RobotParameters) -> ServoBus:
+        require_world(rig, progress)
+        return _simulated_bus(rig.run_dir)
+
+    return open_simulated
+
+
+def require_world(rig: RigFile, progress: Callable[[str], None]) -> None:
+    """Start the simulated world of a rig, unless one runs in its run directory.
+
+    Raises:
+        UserError: it does not start.
+    """
+    if world_pid(rig.run_dir) is None:
+        progress("starting the simulated world")
+        _start_world(rig)
+    else:
+        progress(f"a simulated world runs already in {rig.run_dir}: going on with it")
+
+
+@contextlib.contextmanager
+def drives_of(rig: RigFile, progress: Callable[[str], None]) -> Iterator[Callable[[RobotParameters], ServoBus]]:
+    """What opens the drives of a rig; a simulated world has ended with them afterwards.
+
+    Raises:
+        UserError: the driver is not installed.
+    """
+    with contextlib.suppress(FileExistsError):
+        rig.run_dir.mkdir(mode=0o700, parents=True)
+    yield _bus(rig, progress)
+    _await_end_of_world(rig)
+
+
+def _simulated_bus(run_dir: Path) -> ServoBus:
+    from hardware.sim.clients.bus import SimServoBus
+
+    return SimServoBus(run_dir)
+
+
+def _driver(name: str) -> Callable[[RobotParameters], ServoBus]:
+    """A lab's own driver, by the name of its entry point."""
+    drivers = entry_points(group=DRIVERS)
+    if name not in drivers.names:
+        known = ", ".join([SIMULATED, *sorted(drivers.names)])
+        raise ConfigError(
+            f"drives.bus is '{name}', installed here are: {known}: install the package that has it as an entry point "
+            f"of the group {DRIVERS}"
+        )
+    try:
+        opener: Callable[[RobotParameters], ServoBus] = drivers[name].load()
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(f"the driver '{name}' cannot be loaded ({error}): install its package again") from error
+    return opener
+
+
+def _start_world(rig: RigFile) -> None:
+    """Start a simulated world that ends with its controller, and wait until it answers; the pieces are set up anew."""
+    import chess
+
+    from app.motion import MotionSettings
+    from app.pieces.layout import start_layout
+
+    world = rig.world_section
+    try:
+        board = chess.Board(world.fen) if world.fen is not None else chess.Board()
+    except ValueError as error:
+        raise ConfigError(f"world.fen is no position: {error}") from error
+    settings = WorldSettings(
+        pieces=start_layout(board, rig.table), home=MotionSettings().at(rig.table).home, table=rig.table,
+        pace=world.pace, parameters_file=rig.parameters, seed=world.seed, first_controller=_ALONE,
+        cameras=world.cameras, randomisation=world.randomisation, camera=world.camera, light=world.light,
+        hand=None if world.person is None else HandSettings(side=world.person),
+    )  # fmt: skip
+    for left in (STATE_FILE, LIVE_FILE):  # of a world before: nobody resumes a game from it here
+        (rig.run_dir / left).unlink(missing_ok=True)
+    (rig.run_dir / FILE_NAME).write_text(settings.model_dump_json(), encoding="utf-8")
+    process = spawn("world", rig.run_dir)
+    threading.Thread(target=process.wait, daemon=True).start()  # it ends by itself: nothing of it is left then
+    deadline = time.monotonic() + WORLD_TIMEOUT
+    while world_pid(rig.run_dir) is None:
+        if process.poll() is not None or time.monotonic() > deadline:
+            process.kill()
+            log = log_of("world", rig.run_dir)
+            raise UserError(last_words(log) or f"the simulated world did not start; see {log}")
+        time.sleep(0.02)

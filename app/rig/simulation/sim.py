@@ -1,0 +1,332 @@
+"""A simulated rig: world and controller as processes of their own.
+
+``SimRig`` starts them, or takes over those of a program that was killed, connects to them through the run directory,
+and sees to it that nothing is left running and the arm is at rest, however the game ends.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from app.records import recording
+from app.rig.arm import ControllerArm
+from app.rig.attach import attach
+from app.rig.devices import EndState, RigFailed, Watched
+from app.rig.simulation.adopted import Adopted, Process, adopt
+from app.rig.simulation.processes import CONTROLLER_SETTINGS_FILE, last_words, log_of, spawn
+from app.rig.simulation.settings import SimRigSettings
+from controller.model.constants import DeltaModel
+from controller.model.workspace import BoardDoesNotFit, require_fit
+from controller.protocol.key import KEY_FILE, KeyFileError, create_key
+from controller.settings import CONTROLLER_FILE
+from controller.wire.client import ControllerClient
+from controller.wire.errors import ControllerError
+from controller.wire.link import Listener
+from hardware.interfaces import HardwareError
+from hardware.parameters import load_parameters
+from hardware.sim.clients.camera import SimCamera, SimClock
+from hardware.sim.clients.referee import SimReferee
+from hardware.sim.clients.video_stream import SimWatchCamera
+from hardware.sim.clients.wire import world_pid
+from hardware.sim.plant.live_state import LIVE_FILE, load_live_state
+from hardware.sim.plant.snapshot import STATE_FILE, load_snapshot
+from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings, load_settings
+from hardware.table import PIECE_SHAPES
+
+_AHEAD = 10
+"""So far a record may be ahead of a world's state that is written aside [ticks]."""
+START_TIMEOUT = 120.0
+"""World and controller together; the first start on a machine compiles the law [s, wall]."""
+LAST_WORDS_TIME = 2.0
+"""For a world that may be ending to say why, when another process has failed first [s, wall]."""
+END_TIMEOUT = 8.0
+"""For each process to end by itself; then it is killed, and the drives' watchdog brakes [s, wall]."""
+
+
+class SimRig:
+    """Simulated devices in processes of their own. Use as a context manager."""
+
+    def __init__(
+        self,
+        run_dir: Path,
+        settings: SimRigSettings | None,
+        progress: Callable[[str], None],
+        listener: Listener | None = None,
+    ) -> None:
+        """Start everything; returns when the arm holds.
+
+        Args:
+            run_dir: made here; key, sockets, logs and the world's snapshot lie in it.
+            settings: of world and controller. None takes over what a program that was killed has left running in the
+                run directory, and starts a controller where that is gone, too.
+            progress: told what is being waited for.
+            listener: called with each telemetry of the controller, in a thread of its own.
+
+        Raises:
+            RigFailed: the board does not fit the arm, or a process ended or did not answer in time; or there is no
+                world to take over.
+            RecordError: the run directory cannot be written.
+        """
+        self._run_dir = run_dir.resolve()  # processes are known by it, however the folder was spelled
+        self._processes: dict[str, Process] = {}
+        self._client: ControllerClient | None = None
+        self._open = True
+        try:
+            cameras = self._take_over(progress) if settings is None else self._start(settings, progress)
+            self._await_controller()
+            self._client = ControllerClient.from_run_directory(self._run_dir, name="touchmove game", listener=listener)
+            attach(self._client, progress, forgive=settings is None)
+            self.arm = ControllerArm(self._client, progress)
+            self.clock = SimClock(self._run_dir)
+            self.camera = SimCamera(self._run_dir) if cameras else None
+            self.referee = SimReferee(self._run_dir)
+        except (ControllerError, KeyFileError, HardwareError) as error:
+            self._give_up()
+            raise RigFailed(str(error)) from error
+        except BaseException:
+            self._give_up()
+            raise
+
+    @property
+    def client(self) -> ControllerClient:
+        """Of the controller, for whoever has to stop the arm.
+
+        Raises:
+            RigFailed: the rig is not open.
+        """
+        if self._client is None:
+            raise RigFailed("this rig is not open: open it again")
+        return self._client
+
+    def _give_up(self) -> None:
+        """Of what could not be opened as a whole; processes that others have started go on as they did."""
+        spawned = [name for name, process in self._processes.items() if not isinstance(process, Adopted)]
+        if len(spawned) == len(self._processes):
+            self.close()
+            return
+        self._open = False
+        self._close_devices()
+        if self._client is not None:
+            self._client.close()
+        for name in spawned:
+            self._end(name, orderly=False)
+
+    def _start(self, settings: SimRigSettings, progress: Callable[[str], None]) -> bool:
+        """Start world and controller; whether there are cameras."""
+        _require_fit(settings.world)
+        self._prepare(settings)
+        progress("starting the simulated world")
+        self._spawn("world")
+        self._start_controller(progress)
+        return settings.world.cameras
+
+    def _take_over(self, progress: Callable[[str], None]) -> bool:
+        """Adopt the world, and the controller where there still is one; whether there are cameras."""
+        pid = world_pid(self._run_dir)
+        if pid is not None and (world := adopt(pid, str(self._run_dir))) is not None:
+            self._processes["world"] = world
+        elif any((self._run_dir / left).exists() for left in (STATE_FILE, LIVE_FILE)):
+            progress("starting the simulated world from where it ended")
+            self._spawn("world")
+        else:
+            raise RigFailed(
+                f"the simulated world in {self._run_dir} has left no state, so that nobody knows "
+                "where the pieces are: start a new game"
+            )
+        if (controller := self._old_controller()) is not None:
+            self._processes["controller"] = controller
+        else:
+            for left in (CONTROLLER_FILE, KEY_FILE):
+                (self._run_dir / left).unlink(missing_ok=True)
+            create_key(self._run_dir / KEY_FILE)
+            self._start_controller(progress)
+        return load_settings(self._run_dir).cameras
+
+    def _old_controller(self) -> Process | None:
+        try:
+            pid = int(json.loads((self._run_dir / CONTROLLER_FILE).read_text(encoding="utf-8"))["pid"])
+        except (OSError, ValueError, KeyError):
+            return None
+        return adopt(pid, str(self._run_dir))
+
+    def _start_controller(self, progress: Callable[[str], None]) -> None:
+        progress("starting the controller (the first start on a machine compiles its law, about 10 s)")
+        self._spawn("controller")
+
+    def _prepare(self, settings: SimRigSettings) -> None:
+        with recording(self._run_dir):
+            self._run_dir.mkdir(parents=True, mode=0o700)
+            (self._run_dir / FILE_NAME).write_text(settings.world.model_dump_json(), encoding="utf-8")
+            controller = settings.controller.model_dump_json()
+            (self._run_dir / CONTROLLER_SETTINGS_FILE).write_text(controller, encoding="utf-8")
+            create_key(self._run_dir / KEY_FILE)
+
+    def _spawn(self, name: str) -> None:
+        with recording(self._run_dir):
+            self._processes[name] = spawn(name, self._run_dir)
+
+    def _await_controller(self) -> None:
+        deadline = time.monotonic() + START_TIMEOUT
+        while not (self._run_dir / CONTROLLER_FILE).exists():
+            if culprit := self._culprit():
+                raise RigFailed(self._last_words(culprit))
+            if time.monotonic() > deadline:
+                raise RigFailed(f"the controller is not ready after {START_TIMEOUT:.0f} s; logs are in {self._run_dir}")
+            time.sleep(0.02)
+
+    def _culprit(self) -> str | None:
+        """The process that ended by itself and took others along: one with a failure, the world before others."""
+        status = self._statuses()
+        if any(status.values()) and status.get("world", 0) is None:
+            # A world that fails lets its connections go before it is gone itself, and a quick controller ends first.
+            with suppress(subprocess.TimeoutExpired):
+                self._processes["world"].wait(LAST_WORDS_TIME)
+            status = self._statuses()
+        failed = [name for name, code in status.items() if code]
+        if not failed and status and None not in status.values():
+            failed = list(status)
+        return failed[0] if failed else None
+
+    def _statuses(self) -> dict[str, int | None]:
+        return {name: process.poll() for name, process in self._processes.items()}
+
+    def _last_words(self, name: str) -> str:
+        said = last_words(log_of(name, self._run_dir))
+        said = said or f"it said nothing (exit status {self._processes[name].poll()})"
+        return f"the {name} could not start: {said}"
+
+    def __enter__(self) -> SimRig:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def watched(self) -> Watched | None:
+        """See ``Rig.watched``."""
+        return None if self.camera is None else Watched(self._watching, self.client)
+
+    def _watching(self, interval: float) -> SimWatchCamera:
+        return SimWatchCamera(self._run_dir, interval, colour_asleep=False)
+
+    def failure(self) -> str | None:
+        """A sentence on a process that has ended unexpectedly, None while all run."""
+        culprit = self._culprit()
+        return self._last_words(culprit).replace("could not start", "has ended") if culprit else None
+
+    def free_lease(self) -> None:
+        """Leave the controller, which holds the arm, to another client; from here this rig only waits for ``close``."""
+        if self._client is not None:
+            self._client.close()
+
+    def close(self) -> EndState | None:
+        """Stop the arm, brake, end every process; nothing is left running. A second call does nothing.
+
+        Returns:
+            The world's last state, None where it left none.
+        """
+        if not self._open:
+            return None
+        self._open = False
+        with _uninterrupted():
+            self._close_devices()
+            orderly = self._shut_down()
+            for name in ("controller", "world"):
+                self._end(name, orderly)
+            (self._run_dir / KEY_FILE).unlink(missing_ok=True)
+        return self._end_state()
+
+    def _close_devices(self) -> None:
+        for device in ("camera", "clock", "referee"):
+            if getattr(self, device, None) is not None:
+                getattr(self, device).close()
+
+    def _shut_down(self) -> bool:
+        """Ask the controller to brake and end; the world follows it. False where nobody can be asked."""
+        if self._client is None:
+            return False
+        try:
+            self._client.shutdown()
+        except ControllerError:
+            self._client.close()  # it is gone or deaf: signals and watchdogs do the rest
+            return False
+        return True
+
+    def _end(self, name: str, orderly: bool) -> None:
+        """Wait for a process that was told to end; SIGTERM for one that was not, which brakes as well."""
+        process = self._processes.get(name)
+        if process is None:
+            return
+        if not orderly:
+            process.terminate()
+        try:
+            process.wait(END_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+    def _end_state(self) -> EndState | None:
+        path = self._run_dir / END_FILE
+        if not path.exists():  # it was killed: from what it kept it goes on as after a power cut
+            return EndState(False, math.nan) if (self._run_dir / LIVE_FILE).exists() else None
+        summary = json.loads(path.read_text(encoding="utf-8"))
+        return EndState(bool(summary["at_rest"] and summary["braked"]), float(summary["arm_speed"]))
+
+
+def _require_fit(world: WorldSettings) -> None:
+    """Refuse a board on which the arm cannot play with the heaviest piece, before anything starts."""
+    heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
+    try:
+        require_fit(DeltaModel(load_parameters(world.parameters_file), heaviest), world.table)
+    except BoardDoesNotFit as error:
+        raise RigFailed(str(error)) from error
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """A second Ctrl-C must not leave processes behind."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def require_present(run_dir: Path, recorded: float, period: float) -> None:
+    """Refuse to go on with a world that was left as it stood earlier than the record ends.
+
+    That is so where a computer lost its power before the newest state was on its disk: nobody knows then where the
+    pieces are. Nothing is started or written here. A world that runs is not asked.
+
+    Args:
+        run_dir: of the game.
+        recorded: until when its record goes [s, plant].
+        period: of a tick [s].
+
+    Raises:
+        RigFailed: it is so, or what lies there is no state of a world.
+    """
+    if world_pid(run_dir) is not None:
+        return
+    try:
+        left = load_snapshot(run_dir / STATE_FILE) or load_live_state(run_dir / LIVE_FILE)
+    except HardwareError as error:
+        raise RigFailed(str(error)) from error
+    if left is not None and left.tick < recorded / period - _AHEAD:
+        raise RigFailed(
+            f"the simulated world in {run_dir} was kept as it stood at {left.tick * period:.2f} s, but the record goes "
+            f"on until {recorded:.2f} s, so that nobody knows where the pieces are: start a new game from its last "
+            "position"
+        )
+
+
+def new_run_dir(folder: Path | None) -> Path:
+    """The run directory of a game's folder, or a temporary one."""
+    return folder / "run" if folder is not None else Path(tempfile.mkdtemp(prefix="touchmove-")) / "run"

@@ -1,0 +1,142 @@
+"""A simulated rig in pace real with a punctual world: what benches and tests of time measure a controller on."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import chess
+
+from app import UserError
+from app.motion import MotionSettings
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory
+from app.rig.simulation.settings import SimRigSettings
+from app.rig.simulation.sim import SimRig
+from controller.loop.statistics import PULSE_FILE
+from controller.settings import ControllerSettings
+from hardware.frozen import Frozen
+from hardware.interfaces import Pace
+from hardware.sim.process.settings import WorldSettings
+from hardware.table import TableSettings
+
+
+class Statistics(Frozen):
+    """Of one duration over a whole run [s]."""
+
+    n: int
+    mean: float
+    p50: float
+    p99: float
+    max: float
+
+
+class GrantedRealTime(Frozen):
+    """What the controller got of the operating system; see ``hardware.realtime.RealTime``."""
+
+    granted: bool
+    scheduled: bool
+    locked: bool
+    pinned: bool
+    notes: tuple[str, ...]
+
+
+class RunPulse(Frozen):
+    """A controller's statistics of its whole run, as it leaves them in the run directory."""
+
+    period: float
+    lockstep: bool
+    ticks: int
+    skipped: int
+    period_error: Statistics
+    lateness: Statistics
+    law: Statistics
+    work: Statistics
+    realtime: GrantedRealTime
+
+    @property
+    def missed(self) -> float:
+        """Share of the ticks that went by without an exchange, 0 to 1."""
+        return self.skipped / max(1, self.ticks + self.skipped)
+
+
+class NoStatistics(UserError):
+    """The controller left no statistics, or none of this version."""
+
+    def __init__(self, path: Path, reason: str) -> None:
+        super().__init__(f"the controller left no statistics at {path} ({reason}): was it killed? Run it again")
+
+
+@dataclass(frozen=True, slots=True)
+class RunEnd:
+    """How a run ended: the loop's statistics, and whether the arm rested on its brakes."""
+
+    pulse: RunPulse
+    at_rest: bool
+
+
+class TimedRig:
+    """Devices for measurements of time; see ``timed_rig``.
+
+    Attributes:
+        rig: the devices.
+        run_dir: their run directory.
+        motion: how the arm moves on it.
+    """
+
+    def __init__(self, run_dir: Path, seed: int, progress: Callable[[str], None]) -> None:
+        table, self.motion = TableSettings(), MotionSettings()
+        inventory = Inventory.of(start_layout(chess.Board(), table), table)
+        world = WorldSettings(
+            pieces=tuple(inventory), home=self.motion.home, table=table, pace=Pace.REAL, seed=seed, cameras=False,
+            realtime=True, linger=1.0,
+        )  # fmt: skip
+        self.run_dir = run_dir
+        self._started = False
+        settings = SimRigSettings(world=world, controller=ControllerSettings(linger=5.0))
+        # not what each of hundreds of motions does
+        self.rig = SimRig(run_dir, settings, lambda step: None if self._started else progress(step))
+        self._started = True
+
+    def finish(self) -> RunEnd:
+        """End all processes and read what they left.
+
+        Raises:
+            NoStatistics: the controller was killed.
+        """
+        last = self.rig.close()
+        return RunEnd(read_pulse(self.run_dir), last is not None and last.at_rest)
+
+
+@contextmanager
+def timed_rig(seed: int, progress: Callable[[str], None]) -> Iterator[TimedRig]:
+    """A rig in a temporary folder: all pieces on the board, no cameras, every process as punctual as the PC allows.
+
+    Args:
+        seed: decides how the pieces stand.
+        progress: told what is being waited for.
+
+    Raises:
+        RigFailed: a process did not start.
+    """
+    with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
+        timed = TimedRig(Path(folder) / "run", seed, progress)
+        with timed.rig:
+            yield timed
+
+
+def read_pulse(run_dir: Path) -> RunPulse:
+    """The statistics that a controller left in its run directory.
+
+    Raises:
+        NoStatistics: it left none.
+    """
+    path = run_dir / PULSE_FILE
+    try:
+        return RunPulse.model_validate(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError) as error:
+        raise NoStatistics(path, type(error).__name__) from error

@@ -1,0 +1,111 @@
+"""Settings in files: a person's TOML, and what a game was played with, beside its record."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import textwrap
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from pydantic import BaseModel, ValidationError
+
+from app import UserError
+from app.records.files import write_atomically
+from app.settings.toml import ConfigError, load_toml
+from app.settings.tree import Settings
+
+SETTINGS_FILE: Final = "settings.json"
+"""In the folder of a match: what it was started with."""
+
+
+def settings_of(changes: Mapping[str, Any], file: Path | None = None) -> Settings:
+    """The settings with what a file and the command line say; the latter counts for more.
+
+    Args:
+        changes: by dotted name such as ``rig.pace``; None changes nothing.
+        file: TOML; None: none.
+
+    Raises:
+        ConfigError: the file cannot be read, a field does not exist, or a value is impossible.
+    """
+    base = Settings() if file is None else load_settings(file)
+    try:
+        return base.with_changes(changes)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        choices = str(first.get("ctx", {}).get("expected", "")).replace("'", "")
+        wrong = f"choose {choices}" if choices else first["msg"].removeprefix("Value error, ")
+        raise ConfigError(f"{_option(first['loc'])} is '{first['input']}': {wrong}") from error
+
+
+def _option(where: tuple[int | str, ...]) -> str:
+    """The option of the command line that sets a field; those of a side begin with its colour."""
+    section, name = str(where[0]), str(where[-1]).replace("_", "-")
+    return f"--{section}-{name}" if section in ("white", "black") else f"--{name}"
+
+
+def load_settings(path: Path) -> Settings:
+    """Read a person's TOML.
+
+    Raises:
+        ConfigError: it cannot be read, or something in it is wrong.
+    """
+    return load_toml(path, Settings, "settings", "'touchmove config' prints one to begin with")
+
+
+def as_toml(settings: Settings) -> str:
+    """The tree as a TOML file: every field with what it means; one without a value is a comment."""
+    lines = ["# Settings of Touchmove, as 'touchmove config' prints them.", *_fields(settings)]
+    for name, section in settings:
+        if isinstance(section, BaseModel):
+            doc = inspect.cleandoc(type(section).__doc__ or "").split(":", 1)[-1].strip().rstrip(".")
+            lines += ["", f"[{name}]  # {doc}", *_fields(section)]
+    return "\n".join(lines) + "\n"
+
+
+def _fields(section: BaseModel) -> list[str]:
+    lines = []
+    for name, field in type(section).model_fields.items():
+        value = getattr(section, name)
+        if isinstance(value, BaseModel):
+            continue
+        comment = " ".join((field.description or "").split())
+        lines += [f"# {line}" for line in textwrap.wrap(comment, 110)]
+        lines.append(f"# {name} =" if value is None else f"{name} = {_value(value)}")
+    return lines
+
+
+def _value(value: object) -> str:
+    """As TOML has it; strings, numbers, truth and tables of them are written as in JSON, but for tables."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_value(key)} = {_value(one)}" for key, one in value.items()) + " }"
+    if isinstance(value, Path):
+        value = str(value)
+    # JSON's strings are TOML's, but for this one character
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def keep_settings(folder: Path, settings: Settings) -> None:
+    """Write what a match is played with into its folder.
+
+    Raises:
+        RecordError: it cannot be written.
+    """
+    write_atomically(folder / SETTINGS_FILE, settings.model_dump_json(indent=2) + "\n")
+
+
+def kept_settings(folder: Path) -> Settings:
+    """What a match was started with.
+
+    Raises:
+        UserError: there is no such folder, or another version wrote it.
+    """
+    path = folder / SETTINGS_FILE
+    try:
+        return Settings.model_validate_json(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror}): name the folder of a game") from error
+    except ValidationError as error:
+        raise UserError(f"{path} is of another version: go on with the version that wrote it") from error

@@ -1,0 +1,214 @@
+"""What a game is played with: one strict tree of settings, from a TOML file and the command line.
+
+``touchmove config`` prints the tree that is in force, as a TOML file with what every field means. A field that is not
+given has its default; a field that does not exist is refused with the nearest one that does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
+
+from app.motion import Profile
+from app.settings.time_control import ArmTime
+from engine.settings import HASH_MB, THREADS, OptionValue
+from hardware.interfaces import Pace
+from hardware.table import Captured, Colour
+
+SIMULATED: Final = "sim"
+"""Name of the rig that is simulated and started with the program that uses it; also of its bus."""
+BOARD: Final = "board"
+"""Name of the rig without physics, camera or arm."""
+
+
+class PadKind(StrEnum):
+    """What the fingers of a simulation of our own end in."""
+
+    GROOVED = "grooved"
+    """V-grooves, which centre round stems."""
+    FLAT = "flat"
+    """Flat rubber."""
+
+
+class PlayerKind(StrEnum):
+    """Who chooses the moves of a side."""
+
+    ENGINE = "engine"
+    HUMAN = "human"
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+class RigSection(_Section):
+    """``[rig]``: what the game is played on, and how the arm moves."""
+
+    name: str = SIMULATED
+    """sim, a simulation of our own; board, without physics, camera or arm; or the TOML file of a lab's rig."""
+    pace: Pace | None = None
+    """Of a simulation of our own: real (the default), by the wall clock; fast, as fast as the machine can. A rig file
+    says its own."""
+    profile: Profile = Profile.DEFAULT
+    """How the arm moves: default, fast, gentle (children in reach) or minimum-jerk."""
+    seed: NonNegativeInt = 1
+    """Chooses the opening of two engines, and all randomness of a simulation."""
+    square: PositiveFloat | None = None
+    """Side of a square of a simulation of our own [mm]; the default board if left out. A larger board stands nearer to
+    the robot."""
+    pads: PadKind = PadKind.GROOVED
+    """What the fingers of a simulation of our own end in: grooved, or flat."""
+    captured: Captured | None = None
+    """Where captured pieces go on the table of a simulation of our own: tray (the default), to places of their own;
+    box, dropped. A rig file says its own."""
+    randomise: Path | None = None
+    """TOML file that says how a simulation of our own differs from what the game believes of it."""
+    person: Colour | None = None
+    """A simulated person sits at this side of a simulation of our own, though nobody plays by hand: their hand does
+    what a program of its own has it do."""
+    linger: NonNegativeFloat = 30.0
+    """If the game's program is killed: how long the arm waits for another one, before it is put on its brakes [s]."""
+    port: Annotated[int, Field(ge=0, le=65535)] = 0
+    """UDP port of our own controller; 0: any that is free."""
+    journal: bool = False
+    """A simulation of our own keeps every command, so that its ticks can be done again."""
+    cameras: bool = True
+    """A simulation of our own is drawn. False: it needs no OpenGL and is faster, but nothing is seen, filmed or kept as
+    a picture."""
+    video: bool = True
+    """Film the first part of a game in a simulation."""
+    video_length: Annotated[float, Field(ge=1.0)] = 40.0
+    """Longest film, in plant time [s]."""
+
+
+class GameSection(_Section):
+    """``[game]``: where it starts, and how long it goes on."""
+
+    fen: str | None = None
+    """Start from this position; the usual one if left out."""
+    chess960: bool = False
+    """Castling by the rules of Chess960; needed where the start position castles from other squares than usual."""
+    standing: str | None = None
+    """What stands on the board at the beginning, as FEN: the arm sets up the start position from there. Left out: the
+    start position stands there already."""
+    moves: str | None = None
+    """Play this line (SAN or UCI) instead of asking players."""
+    replay: Path | None = None
+    """Play the games of this PGN file again, or that of this folder."""
+    replay_game: PositiveInt | None = None
+    """Of those only this one, from 1."""
+    from_ply: PositiveInt = 1
+    """Of those only from this ply on, from 1."""
+    plies: NonNegativeInt = 300
+    """End after so many plies; 0: only set the start position up."""
+    games: PositiveInt = 1
+    """So many games one after the other; the arm sets the pieces up in between."""
+
+
+class EngineSection(_Section):
+    """``[engine]``: the UCI engines that play."""
+
+    path: str | None = None
+    """Of any UCI engine; Stockfish if left out."""
+    move_time: PositiveFloat | None = None
+    """Thinking time per move [s]; with a clock the longest. Left out: 0.2 s where there is no clock."""
+    nodes: PositiveInt | None = None
+    """Think so many nodes instead: a run then repeats exactly, at full strength."""
+    threads: PositiveInt = THREADS
+    """Of the search; more than one, and no run repeats exactly."""
+    hash_mb: PositiveInt = HASH_MB
+    """Memory of the search [MiB]."""
+    ponder: bool | None = None
+    """Think while others move. Left out: in a game with a clock."""
+    options: dict[str, OptionValue] = Field(default_factory=dict)
+    """Further UCI options by name, as the engine offers them."""
+    book: Path | None = None
+    """Opening book in Polyglot's format; without one two engines choose an opening by the seed."""
+    book_plies: PositiveInt = 20
+    """The book is asked in the first plies only."""
+    resigns: bool = False
+    """Whether it gives up a lost game. People like to see a game end on the board."""
+
+
+class SideSection(_Section):
+    """``[white]`` and ``[black]``."""
+
+    player: PlayerKind = PlayerKind.ENGINE
+    """engine or human."""
+    elo: PositiveInt | None = None
+    """Strength of the engine; full strength if left out."""
+    skill: NonNegativeInt | None = None
+    """Strength of the engine by its Skill Level, 0 to 20 of Stockfish, for less than its lowest Elo."""
+    path: str | None = None
+    """Of this side's own engine."""
+    book: Path | None = None
+    """Of this side's own."""
+    time: str | None = None
+    """Time control of this side, if it is another one than the clock's."""
+
+
+class ClockSection(_Section):
+    """``[clock]``."""
+
+    time: str | None = None
+    """Time control: 5+3 (minutes and seconds a move), 15+10, 0:30+1, 40/90+30,30+30; no clock if left out."""
+    arm_time: ArmTime = ArmTime.NOBODY
+    """Who pays for the arm's motion: nobody, or own, the side for which it moves. Even then no flag falls by it."""
+
+
+class VisionSection(_Section):
+    """``[vision]``: what the camera is used for, where there is one."""
+
+    verify: bool | None = None
+    """Compare the board with the game after each ply of the arm, and mend what is wrong. Left out: in a lab, and in
+    every game against a human."""
+    guard: bool | None = None
+    """Watch for hands all the time, and hold the arm while one is over the board. Left out: in a lab; a simulation
+    draws every frame that is watched, which is slow."""
+    guard_rate: PositiveFloat = 30.0
+    """Frames a second that a simulated camera draws for that; a lab's camera has a rate of its own [1/s]."""
+    calibration: Path | None = None
+    """How the camera hangs and the board lies, as 'touchmove calibrate' wrote it. Left out: the file that a lab's rig
+    file names, where there is one; a simulation of our own is believed to be as it is meant."""
+
+
+class Settings(_Section):
+    """Everything."""
+
+    rig: RigSection = RigSection()
+    game: GameSection = GameSection()
+    engine: EngineSection = EngineSection()
+    white: SideSection = SideSection()
+    black: SideSection = SideSection()
+    clock: ClockSection = ClockSection()
+    vision: VisionSection = VisionSection()
+    out: Path | None = None
+    """Folder of the record; games/<time> if left out."""
+
+    def side(self, white: bool) -> SideSection:
+        """Of a colour, as python-chess has it (True is white)."""
+        return self.white if white else self.black
+
+    def with_changes(self, changes: Mapping[str, Any]) -> Settings:
+        """The tree with some fields changed.
+
+        Args:
+            changes: by dotted name such as ``rig.pace``; one that is None changes nothing.
+
+        Raises:
+            pydantic.ValidationError: a value is impossible.
+        """
+        tree = self.model_dump()
+        for name, value in changes.items():
+            if value is None:
+                continue
+            *path, last = name.split(".")
+            branch = tree
+            for part in path:
+                branch = branch[part]
+            branch[last] = value
+        return Settings.model_validate(tree)

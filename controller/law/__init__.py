@@ -1,0 +1,1 @@
+"""The control laws, and what they know of forces."""

@@ -1,0 +1,241 @@
+"""The flight recorder: every tick of the last half minute in memory, on disk after a fault or a stop by protection.
+
+The loop writes a row a tick into a ring made before the first one. When something goes wrong the loop goes on a little,
+so that the file also tells what the arm did next; then it takes the spare ring, and a helper thread writes the full one
+to ``flight-<tick>.npz`` in the run directory. A file so begins where the one before it ended, or half a minute earlier.
+The loop never waits: while a file is being written further faults are noted and their ticks kept for the next one.
+
+`controller.loop.flight_file` says what a row holds, and reads the files.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import struct
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.loop.flight_file import FLIGHT, FlightHead, Order, Trigger, write_flight
+from controller.loop.supervisor import Supervisor
+from controller.model.state import POSITION, TORQUE, VELOCITY
+from controller.protocol.causes import Cause
+from controller.protocol.layout import CommandCode
+from controller.protocol.messages import Announce
+
+ORDERLY: Final = frozenset({Cause.NONE, Cause.HOLD_COMMAND, Cause.STOP_COMMAND, Cause.SHUTDOWN})
+"""Causes that somebody asked for; every other one is written to disk."""
+AFTERMATH: Final = 0.25
+"""What a file still holds after a fault [s of plant time]: the longest controlled stop and the closing of the
+brakes."""
+PATIENCE: Final = 0.5
+"""The same in wall time, where plant time stands [s]."""
+_ORDERS: Final = 64
+_TRIGGERS: Final = 16
+_TURN: Final = 1e-4
+_END_TIMEOUT: Final = 5.0
+"""For the last file to be written when the process ends [s]."""
+
+# a row: first what comes as single numbers and tuples, in one call; then copies of arrays
+_PACKED: Final = struct.Struct("<" + "".join(field.code for field in FLIGHT.fields[:15]))
+_PACK_INTO: Final = _PACKED.pack_into
+_SIZE: Final = FLIGHT.size
+_TOOL: Final = _PACKED.size
+_ASKED: Final = _TOOL + 6 * 8
+_REFERENCE: Final = _ASKED + 3 * 8
+
+
+class _Ring:
+    """The last rows, oldest overwritten first; every page of it has been touched."""
+
+    def __init__(self, length: int) -> None:
+        self._rows: NDArray[Any] = np.empty(length, FLIGHT.dtype)
+        self.memory = self._rows.view(np.uint8).data
+        self._rows.view(np.uint8).fill(0)
+        self.length, self.count = length, 0
+
+    def parts(self) -> list[NDArray[Any]]:
+        """Rows in order of time, without a copy."""
+        rows = self._rows
+        if self.count <= self.length:
+            return [rows[: self.count]]
+        oldest = self.count % self.length
+        return [rows[oldest:], rows[:oldest]]
+
+
+class _Job(NamedTuple):
+    loop: int
+    tick: int
+    head: FlightHead
+    ring: _Ring
+
+
+class FlightRecorder:
+    """Records the ticks of one controller. Make it before real time is set up, else its thread inherits the loop's.
+
+    Args:
+        supervisor: whose ticks.
+        directory: of the run; the files go there.
+        period: of a tick [s].
+        duration: of what is kept in memory [s].
+        files: so many are kept, the newest; older ones are deleted.
+    """
+
+    def __init__(self, supervisor: Supervisor, directory: Path, *, period: float, duration: float, files: int) -> None:
+        length = max(1, round(duration / period))
+        self._supervisor = supervisor
+        state = supervisor.law.memory
+        arrays = (state[POSITION : VELOCITY + 1], state[TORQUE], supervisor.reference.row)
+        # windows on arrays that are rewritten every tick: to copy bytes costs a fifth of what NumPy takes
+        self._tool, self._asked, self._reference = (array.data.cast("B") for array in arrays)
+        self._directory, self._period, self._files = directory, period, files
+        self._ring = _Ring(length)
+        self._spare: _Ring | None = _Ring(length)
+        self._epoch = time.time() - time.monotonic()
+        self._cause: object = None
+        self._tick = 0
+        self._orders: deque[Order] = deque(maxlen=_ORDERS)
+        self._triggers: list[Trigger] = []
+        self._aftermath = max(1, round(AFTERMATH / period))
+        self._due_count, self._due_time = 0, 0.0
+        self._jobs: SimpleQueue[_Job | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._write_files, name="flight recorder", daemon=True)
+        self._thread.start()
+
+    def record(self, answered: float) -> None:
+        """Take a tick in, when all its work is done.
+
+        Args:
+            answered: wall time at which the exchange brought it, on the monotonic clock [s].
+        """
+        ring, supervisor = self._ring, self._supervisor
+        measured, motion, memory = supervisor.measurement, supervisor.motion, ring.memory
+        tick, angle, velocity, finger, tactile, status = measured
+        announced, at = motion.announced, ring.count % ring.length * _SIZE
+        self._tick = tick
+        _PACK_INTO(
+            memory,
+            at,
+            tick,
+            self._epoch + answered,
+            time.monotonic() - answered,
+            supervisor.state,
+            supervisor.cause[0],
+            status,
+            0 if announced is None else announced[0],
+            motion.executed,
+            *angle,
+            *velocity,
+            *supervisor.torque,
+            finger,
+            supervisor.reference.finger_velocity,
+            *tactile,
+            *supervisor.force,
+        )
+        memory[at + _TOOL : at + _ASKED] = self._tool
+        memory[at + _ASKED : at + _REFERENCE] = self._asked
+        memory[at + _REFERENCE : at + _SIZE] = self._reference
+        ring.count += 1
+
+    def note(self, order: CommandCode | Announce) -> None:
+        """Remember what the client asked for; repeated announcements once."""
+        if not (self._orders and self._orders[-1].order == order and isinstance(order, Announce)):
+            self._orders.append(Order(self._tick, self._epoch + time.monotonic(), order))
+
+    def watch(self, now: float) -> None:
+        """Notice faults, and hand the ring over once their aftermath is in it. For every turn of the loop.
+
+        Args:
+            now: wall time, on the monotonic clock [s].
+        """
+        cause = self._supervisor.cause
+        if cause is not self._cause:
+            self._cause = cause
+            if cause.cause not in ORDERLY:
+                self._alarm(Trigger(self._tick, self._epoch + now, *cause[:3]), now)
+        if self._triggers and (self._ring.count >= self._due_count or now >= self._due_time):
+            spare = self._spare
+            if spare is not None:  # only then is it taken away: the helper may give it back at any moment
+                self._spare = None
+                full, self._ring = self._ring, spare
+                self._hand_over(full, abnormal=False)
+
+    def close(self, abnormal: bool) -> None:
+        """The end: write what was noted, wait for the files. A second call does nothing.
+
+        Args:
+            abnormal: write in any case, the process did not bring the arm to rest.
+        """
+        if not self._thread.is_alive():
+            return
+        if abnormal and self._supervisor.measurement.tick > self._tick:
+            self.record(time.monotonic())  # what could not be carried through is what one wants to see
+        if (self._triggers or abnormal) and self._ring.count:
+            self._hand_over(self._ring, abnormal)
+        self._jobs.put(None)
+        self._thread.join(_END_TIMEOUT)
+
+    def _alarm(self, trigger: Trigger, now: float) -> None:
+        if not self._triggers:
+            self._due_count, self._due_time = self._ring.count + self._aftermath, now + PATIENCE
+        if len(self._triggers) < _TRIGGERS:
+            self._triggers.append(trigger)
+
+    def _hand_over(self, ring: _Ring, abnormal: bool) -> None:
+        """Let the helper thread write a ring, named after the first fault, or after the last tick."""
+        triggers, self._triggers = self._triggers, []
+        head = FlightHead(self._period, abnormal, tuple(triggers), tuple(self._orders))
+        self._jobs.put(_Job(threading.get_native_id(), triggers[0].tick if triggers else self._tick, head, ring))
+
+    def _write_files(self) -> None:
+        """The helper thread."""
+        while (job := self._jobs.get()) is not None:
+            path = self._directory / f"flight-{job.tick}.npz"
+            try:
+                with _beside(job.loop):
+                    write_flight(path, job.head, job.ring.parts())
+                    self._prune()
+            except OSError as error:
+                sentence = f"{path} cannot be written ({error.strerror}): the ticks before the fault are lost"
+                print(f"{sentence}; free some space", file=sys.stderr, flush=True)
+            job.ring.count = 0
+            self._spare = job.ring
+
+    def _prune(self) -> None:
+        """Delete the oldest files."""
+        found = sorted(self._directory.glob("flight-*.npz"), key=lambda path: path.stat().st_mtime_ns)
+        for path in found[: -self._files]:
+            path.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _beside(loop: int) -> Iterator[None]:
+    """While this thread works it does not keep the loop from the interpreter for longer than a moment.
+
+    It lets go of the interpreter after a tenth of a millisecond. And where the loop has real time this thread has it
+    too, one step below: else any other program could take the processor from it while it has the interpreter.
+
+    Args:
+        loop: the kernel's number of the loop's thread.
+    """
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(_TURN)
+    with contextlib.suppress(OSError):
+        if os.sched_getscheduler(loop) == os.SCHED_FIFO:
+            priority = max(1, os.sched_getparam(loop).sched_priority - 1)
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        sys.setswitchinterval(before)

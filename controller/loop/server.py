@@ -1,0 +1,366 @@
+"""The controller process: one loop that ticks with the plant and serves one client over UDP.
+
+Exchange with the drives, estimate, protect, law, limit (all in ``Supervisor.advance``), serve the socket, publish. The
+torque computed from the measurement of tick k is given to the drives with the exchange that brings tick k+1.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Final
+
+from controller.law.task_space import TaskSpaceController
+from controller.loop.flight import FlightRecorder
+from controller.loop.realtime import set_up_real_time
+from controller.loop.statistics import LoopClock, write_pulse
+from controller.loop.supervisor import Supervisor
+from controller.loop.telemetry import report
+from controller.model.constants import DeltaModel
+from controller.protection.limits import Limits, Violation, check_limits, default_limits
+from controller.protocol.causes import Cause, explain
+from controller.protocol.key import KEY_FILE, KeyFileError, load_key
+from controller.protocol.layout import COMMAND, HEARTBEAT, VERSION, CommandCode, DatagramKind
+from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
+from controller.protocol.states import State
+from controller.settings import CONTROLLER_FILE, ControllerSettings
+from controller.wire.endpoint import Door
+from controller.wire.sockets import PortInUse
+from hardware.interfaces import BusLost, Command, ServoBus
+from hardware.parameters import RobotParameters
+from hardware.table import TableSettings
+
+_NO_TORQUE = (0.0, 0.0, 0.0)
+_COMMANDS: Final = {int(code): code for code in CommandCode}
+_MOST_PIECES: Final = 16
+"""Of what can wait, after so many ticks that were missed; each takes some 50 µs."""
+_READ, _TELL, _RELAY = 0, 1, 2
+_TURNS: Final = ((_TELL, _RELAY, _READ), (_RELAY, _READ, _TELL), (_READ, _TELL, _RELAY))
+"""In which order they are asked for work, by who worked last."""
+Ready = Callable[[str, int], None]
+"""Told address and UDP port of a controller that clients are welcome at."""
+
+
+def _nobody(_host: str, _port: int) -> None:
+    """Whom the default tells that a controller is ready."""
+
+
+def serve(
+    bus: ServoBus,
+    parameters: RobotParameters,
+    settings: ControllerSettings,
+    run_directory: Path,
+    limits: Limits | None = None,
+    *,
+    key_file: Path | None = None,
+    ready: Ready = _nobody,
+) -> int:
+    """Run the controller until it is shut down, and leave the arm on its brakes.
+
+    Args:
+        bus: drives, gripper and sensors; closed at the end.
+        parameters: of the robot.
+        settings: of this process.
+        run_directory: ``controller.json`` is written there as soon as clients are welcome.
+        limits: of the protection; by default those of the robot and the default table.
+        key_file: holds the secret shared with the clients; by default ``key`` in the run directory.
+        ready: told the address once clients are welcome.
+
+    Returns:
+        Exit status: 0 the arm rests on its brakes, 1 the drives were lost or the arm did not come to rest, 2 set-up.
+    """
+    try:
+        limits = limits or default_limits(parameters, TableSettings())
+        check_limits(limits)
+        key = load_key(key_file or run_directory / KEY_FILE)
+        law = TaskSpaceController(DeltaModel(parameters))
+        server = Server(bus, law, limits, settings, key=key, run_directory=run_directory, ready=ready)
+    except (KeyFileError, PortInUse, ValueError) as error:
+        bus.close()
+        return _complain(f"the controller cannot start: {error}", 2)
+    with _ending_by_signal(server), set_up_real_time(settings, bus.lockstep) as granted:
+        try:
+            server.run()
+        except BusLost as error:
+            return _complain(f"the controller ends because the drives are lost: {error}", 1)
+        finally:
+            server.close()
+            write_pulse(run_directory, server.clock, {"granted": granted.granted, **granted._asdict()})
+    if server.supervisor.exhausted:
+        return _complain(f"the controller ends on its brakes: {explain(*server.supervisor.cause[:3])}", 1)
+    return 0
+
+
+class Server:
+    """Bus, supervisor and socket tied together by the loop.
+
+    Args:
+        bus: drives, gripper and sensors.
+        law: estimator and law.
+        limits: of the protection.
+        settings: of this process.
+        key: secret shared with the clients.
+        run_directory: where ``controller.json`` goes.
+        ready: told the address once clients are welcome.
+
+    Attributes:
+        supervisor: what decides.
+        clock: how regularly the loop ticks.
+        ending: set it to end as by a shutdown.
+
+    Raises:
+        PortInUse: the UDP port is taken.
+    """
+
+    def __init__(
+        self,
+        bus: ServoBus,
+        law: TaskSpaceController,
+        limits: Limits,
+        settings: ControllerSettings,
+        *,
+        key: bytes,
+        run_directory: Path,
+        ready: Ready = _nobody,
+    ) -> None:
+        self.supervisor = Supervisor(law, limits, settings, bus.period, bus.lockstep)
+        self.ending = False
+        self.clock = LoopClock(bus.period, bus.lockstep)
+        self._bus = bus
+        self._settings = settings
+        self._file = run_directory / CONTROLLER_FILE
+        self._prepared = self._file.with_suffix(".new")
+        self._door = Door(settings.host, settings.port, key, settings.lease, self._welcome)
+        self._prepare_file()
+        self._flight = FlightRecorder(
+            self.supervisor, run_directory, period=bus.period, duration=settings.flight_time,
+            files=settings.flight_files,
+        )  # fmt: skip
+        self._booted, self._tell_ready = False, ready
+        self._alone_since = 0.0
+        self._ping = 0
+        self._echo = 0
+        self._turn = 0
+        self._samples: Samples | None = None
+        self._gathered: Telemetry | None = None
+        self._packed: bytes | None = None
+        self._published: object = None
+        self._published_tick = -1
+        self._published_at = 0.0
+
+    def run(self) -> None:
+        """The loop; returns when the arm rests on its brakes for good.
+
+        Raises:
+            BusLost: the drives no longer answer.
+        """
+        supervisor, bus, door, clock = self.supervisor, self._bus, self._door, self.clock
+        most, reading = self._settings.datagrams_per_tick, self._settings.reading_time
+        monotonic, piecemeal = time.monotonic, not bus.lockstep
+        flight, fresh, answered = self._flight, False, 0.0
+        tick, pieces = -1, 1
+        while not supervisor.finished:
+            ping, asked, fresh = self._ping, monotonic(), False
+            if supervisor.may_exchange:
+                measurement = bus.exchange(supervisor.command())
+                answered = monotonic()
+                if measurement.tick != tick:
+                    pieces = min(measurement.tick - tick, _MOST_PIECES)
+                    tick = measurement.tick
+                    supervisor.advance(measurement)
+                    clock.ran(tick, asked, answered, monotonic())
+                    fresh = True
+                else:
+                    supervisor.measurement = measurement
+                    clock.stood(asked)
+            else:
+                clock.stood(asked)
+                door.wait(1)
+            self._echo = ping
+            now = monotonic()
+            if piecemeal:
+                for _ in range(pieces):  # those of ticks that went by without an exchange are made up for
+                    door.sift(now, now + reading)
+                    self._do_one_piece(now, tick)
+                self._live(now)
+            else:
+                door.drain(now, now + reading, most, self._handle)
+                door.relay()
+                self._live(now)
+                if self._telemetry_is_due(now, tick):
+                    door.publish(self._telemetry().pack(), now)
+            if fresh:
+                flight.record(answered)
+            flight.watch(now)
+            if clock.warning_due:
+                clock.warn()
+        self._say_goodbye()
+
+    def close(self) -> None:
+        """Brakes, if the drives still answer; then give socket, file and bus up. A grip is not let go of."""
+        grip = min(0.0, self.supervisor.reference.finger_velocity)
+        try:
+            self._bus.exchange(Command(_NO_TORQUE, grip, brake=True, enable=False, busy=False))
+        except BusLost:
+            pass  # the drives' own watchdog brakes
+        finally:
+            self._bus.close()
+            self._door.close()
+            for file in (self._file, self._prepared):
+                file.unlink(missing_ok=True)
+            self._flight.close(abnormal=not self.supervisor.finished)
+
+    def _live(self, now: float) -> None:
+        """What happens by itself: readiness, loss of the client, the end."""
+        supervisor, door = self.supervisor, self._door
+        if not self._booted:
+            self._booted, self._alone_since = self._ready(), now
+        if door.expire(now):
+            self._alone_since = now
+            supervisor.stop(Violation(Cause.CLIENT_LOST, door.silence(now), self._settings.lease))
+        alone = 0.0 if door.leased else now - self._alone_since
+        if self.ending or (alone > self._settings.linger and not self._settings.stays):
+            supervisor.retire()
+        elif alone > self._settings.linger:
+            supervisor.park(alone)
+
+    def _ready(self) -> bool:
+        """Tell clients where to find this process once the arm holds (or cannot, which the telemetry explains)."""
+        if self.supervisor.state is State.BOOT:
+            return False
+        self._prepared.replace(self._file)
+        self._tell_ready(*self._door.address)
+        return True
+
+    def _prepare_file(self) -> None:
+        """Everything slow about the file, before the first tick; one left by a killed controller misleads nobody."""
+        self._file.unlink(missing_ok=True)
+        host, port = self._door.address
+        content = {"host": host, "port": port, "pid": os.getpid(), "protocol": VERSION}
+        self._prepared.write_text(json.dumps(content) + "\n", encoding="utf-8")
+
+    def _welcome(self) -> bytes:
+        bus = self._bus
+        return Welcome(bus.period, self._settings.capacity, bus.lockstep, self.supervisor.last_motion).pack()
+
+    def _handle(self, kind: int, payload: memoryview) -> bool:
+        """Carry a client's datagram out; false where its content is impossible."""
+        if kind == DatagramKind.SAMPLES:
+            samples = Samples.unpack(payload)
+            if samples is None:
+                return False
+            self.supervisor.take_samples(samples)
+        elif kind == DatagramKind.HEARTBEAT:
+            (self._ping,) = HEARTBEAT.struct.unpack(payload)
+        elif kind == DatagramKind.ANNOUNCE:
+            announce = Announce.unpack(payload)
+            self._flight.note(announce)
+            self.supervisor.announce(announce)
+        elif kind == DatagramKind.COMMAND:
+            code = _COMMANDS.get(COMMAND.struct.unpack(payload)[0])
+            if code is None:
+                return False
+            self._flight.note(code)
+            self.supervisor.obey(code)
+        else:
+            return False
+        return True
+
+    def _do_one_piece(self, now: float, tick: int) -> None:
+        """On a bus in real time: one piece of what can wait for a tick, so that no tick has much to do.
+
+        A datagram of the client is carried out in one tick, and the samples in it are checked in a later one. Telemetry
+        is gathered, packed and sent in three; what it tells is of the first. Reading, telling and relaying take turns,
+        so that a client that sends much silences nobody.
+        """
+        if self._samples is not None:
+            samples, self._samples = self._samples, None
+            self.supervisor.take_samples(samples)
+        elif self._packed is not None:
+            packed, self._packed = self._packed, None
+            self._door.publish(packed, now)
+        elif self._gathered is not None:
+            self._packed, self._gathered = self._gathered.pack(), None
+        else:
+            for turn in _TURNS[self._turn]:
+                if self._take_turn(turn, now, tick):
+                    self._turn = turn
+                    return
+
+    def _take_turn(self, turn: int, now: float, tick: int) -> bool:
+        """Whether there was something to do."""
+        if turn == _READ:
+            return self._door.take(self._handle_later)
+        if turn == _RELAY:
+            return self._door.relay()
+        if self._telemetry_is_due(now, tick):
+            self._gathered = self._telemetry()
+            return True
+        return False
+
+    def _handle_later(self, kind: int, payload: memoryview) -> bool:
+        """As ``_handle``, but samples wait for a later tick; nothing else is taken before, so the view lasts."""
+        if kind != DatagramKind.SAMPLES:
+            return self._handle(kind, payload)
+        self._samples = Samples.unpack(payload)
+        return self._samples is not None
+
+    def _telemetry_is_due(self, now: float, tick: int) -> bool:
+        """On every change, once in every so many ticks, and at least every so often in wall time; marked as done then.
+
+        In lockstep that once is at their begin, whatever was told in between: so two runs tell the same of those ticks.
+        """
+        supervisor, settings = self.supervisor, self._settings
+        change = (supervisor.state, supervisor.ended, supervisor.may_exchange, self._door.last_command, self._echo)
+        due = tick // settings.telemetry_ticks != self._published_tick // settings.telemetry_ticks
+        if due or now - self._published_at >= settings.telemetry_interval or change != self._published:
+            self._published, self._published_tick, self._published_at = change, tick, now
+            return True
+        return False
+
+    def _telemetry(self) -> Telemetry:
+        return report(
+            self.supervisor,
+            self._bus.lockstep,
+            self._echo,
+            self._door.last_command,
+            self.clock.pulse(),
+            self._door.dropped,
+        )
+
+    def _say_goodbye(self) -> None:
+        """Tell client and listeners that the arm rests; some copies, as one may get lost."""
+        telemetry = self._telemetry().pack()
+        for _ in range(5):
+            self._door.take_leave(telemetry, time.monotonic())
+
+
+def _complain(sentence: str, status: int) -> int:
+    print(sentence, file=sys.stderr, flush=True)
+    return status
+
+
+@contextlib.contextmanager
+def _ending_by_signal(server: Server) -> Iterator[None]:
+    """SIGINT and SIGTERM have the effect of a shutdown (only the main thread may ask for that)."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def end(_number: int, _frame: FrameType | None) -> None:
+        server.ending = True
+
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,147 @@
+"""A quick look at a tick, compiled, which tells whether anybody has to look closer.
+
+Nearly every tick is. The checks of `controller.protection.limits` and `controller.protection.monitor` say what is
+wrong, with numbers, and remember what lasts; they are Python, and together cost a third of a tick's work, more than
+that where another program has driven them out of the processor's cache. Here the same limits are compared once, in a
+microsecond, and nothing is
+said but yes or no: after a no they all are asked. A yes therefore means exactly that each of them has nothing to say;
+`tests/controller/test_screen.py` holds the two against each other.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from controller.model.compiled import PAIR, ROW, STATUS, TABLE, VECTOR, FloatArray, Vector, compiled_as, direct
+from controller.model.state import POSITION, VELOCITY
+from controller.protection.limits import Limits
+from hardware.interfaces import Triple
+
+# What the compiled functions are given beside the tick: one array, as each array costs a tenth of a microsecond.
+_BEFORE: Final = 0
+_PERIOD: Final = 3
+_MIDDLE: Final = 4
+_RANGE: Final = 7
+_SPEED: Final = 8
+_JUMP: Final = 9
+_CENTRE: Final = 10
+_HALF: Final = 13
+_OUTSIDE: Final = 16
+_TOOL_SPEED: Final = 17
+_PRESS: Final = 18
+_GRIP: Final = 19
+_TACTILE: Final = 20
+_TRACKING: Final = 21
+_LEAST: Final = 22
+_MOST: Final = 23
+_RMS: Final = 24
+_SHARE: Final = 25
+_SQUARES: Final = 26
+_SIZE: Final = 29
+
+
+@compiled_as(STATUS(ROW, VECTOR, VECTOR))
+def joints_well(memory: FloatArray, angle: Vector, velocity: Vector) -> int:
+    """Encoders, speed and range of the servomotors.
+
+    Args:
+        memory: shape (29,); the angles of the tick before are replaced by these.
+        angle: y [rad].
+        velocity: ẏ [rad/s].
+
+    Returns:
+        1 where every encoder has moved, agrees with its velocity, and is within its limits; else 0.
+    """
+    well = 1
+    for i in range(3):
+        moved = angle[i] - memory[_BEFORE + i]
+        memory[_BEFORE + i] = angle[i]
+        agrees = abs(moved - velocity[i] * memory[_PERIOD]) <= memory[_JUMP]
+        within = abs(angle[i] - memory[_MIDDLE + i]) <= memory[_RANGE]
+        if not (moved != 0.0 and agrees and within and abs(velocity[i]) <= memory[_SPEED]):
+            well = 0
+    return well
+
+
+@compiled_as(STATUS(ROW, TABLE, ROW, VECTOR, PAIR, VECTOR))
+def arm_well(
+    memory: FloatArray, state: FloatArray, reference: FloatArray, force: Vector, tactile: tuple[float, float],
+    torque: Vector,
+) -> int:  # fmt: skip
+    """Tool, fingers, motors and the distance to the reference.
+
+    Args:
+        memory: shape (29,); the servomotors' mean squares go on in it, if all is well.
+        state: shape (24, 3), as the law's estimate left it.
+        reference: shape (16,) or longer, of this tick.
+        force: on the tool [N].
+        tactile: forces on the pads [N].
+        torque: of the last exchange [N m].
+
+    Returns:
+        1 where nothing is beyond any limit, not even for a while; else 0, and nothing has changed.
+    """
+    squared = 0.0
+    for i in range(3):
+        at = state[POSITION, i]
+        error = abs(at - reference[i])
+        gain = max(reference[9 + i], 1.0)
+        allowed = max(memory[_LEAST], min(memory[_MOST], memory[_TRACKING] / gain))
+        if not (error <= allowed and abs(at - memory[_CENTRE + i]) - memory[_HALF + i] <= memory[_OUTSIDE]):
+            return 0
+        squared += state[VELOCITY, i] * state[VELOCITY, i]
+    press = math.sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2])
+    if not (math.sqrt(squared) <= memory[_TOOL_SPEED] and press <= memory[_PRESS]):
+        return 0
+    if not (max(tactile[0], tactile[1]) <= memory[_TACTILE] and min(tactile[0], tactile[1]) <= memory[_GRIP]):
+        return 0
+    a = memory[_SQUARES] + memory[_SHARE] * (torque[0] * torque[0] - memory[_SQUARES])
+    b = memory[_SQUARES + 1] + memory[_SHARE] * (torque[1] * torque[1] - memory[_SQUARES + 1])
+    c = memory[_SQUARES + 2] + memory[_SHARE] * (torque[2] * torque[2] - memory[_SQUARES + 2])
+    if not max(a, b, c) <= memory[_RMS] * memory[_RMS]:
+        return 0
+    memory[_SQUARES], memory[_SQUARES + 1], memory[_SQUARES + 2] = a, b, c
+    return 1
+
+
+_joints_well: Final = direct(joints_well)
+_arm_well: Final = direct(arm_well)
+
+
+class Screen:
+    """The quick look with its limits and its memory.
+
+    Args:
+        limits: of the protection.
+        period: of a tick [s].
+
+    Attributes:
+        squares: the servomotors' mean squares, shape (3,), shared with `controller.protection.monitor` [N² m²].
+    """
+
+    def __init__(self, limits: Limits, period: float) -> None:
+        self._memory = memory = np.zeros(_SIZE)
+        memory[_BEFORE : _BEFORE + 3] = math.nan
+        memory[_PERIOD] = period
+        memory[_MIDDLE : _MIDDLE + 3], memory[_RANGE] = limits.joint_middle, limits.joint_range
+        memory[_SPEED], memory[_JUMP] = limits.joint_speed, limits.encoder_jump
+        memory[_CENTRE : _CENTRE + 3], memory[_HALF : _HALF + 3] = limits.centre, limits.half_size
+        memory[_OUTSIDE], memory[_TOOL_SPEED], memory[_PRESS] = limits.outside, limits.tool_speed, limits.press_force
+        memory[_GRIP], memory[_TACTILE] = limits.grip_force, limits.tactile
+        memory[_TRACKING] = limits.tracking_acceleration
+        memory[_LEAST], memory[_MOST] = limits.tracking_least, limits.tracking_most
+        memory[_RMS], memory[_SHARE] = limits.rms_torque, 1.0 - math.exp(-period / limits.rms_window)
+        self.squares = memory[_SQUARES : _SQUARES + 3]
+
+    def joints(self, angle: Triple, velocity: Triple) -> bool:
+        """Whether nobody has to look closer at the servomotors [rad, rad/s]; to be asked in every tick."""
+        return _joints_well(self._memory, angle, velocity) == 1
+
+    def arm(
+        self, state: FloatArray, reference: FloatArray, force: Triple, tactile: tuple[float, float], torque: Triple
+    ) -> bool:
+        """Whether nobody has to look closer at tool, fingers and motors; arguments as of `arm_well`."""
+        return _arm_well(self._memory, state, reference, force, tactile, torque) == 1

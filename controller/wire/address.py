@@ -1,0 +1,63 @@
+"""Where a controller is reached, and a socket to it; for clients and listeners."""
+
+from __future__ import annotations
+
+import json
+import socket
+from pathlib import Path
+from typing import NamedTuple
+
+from controller.protocol.key import KEY_FILE, load_key
+from controller.protocol.layout import VERSION
+from controller.settings import CONTROLLER_FILE
+from controller.wire.errors import ControllerUnavailable
+
+
+class ControllerAddress(NamedTuple):
+    """IPv4 address, UDP port and shared secret of a controller."""
+
+    host: str
+    port: int
+    key: bytes
+
+
+def find_controller(directory: Path) -> ControllerAddress:
+    """The controller that runs in this directory.
+
+    Raises:
+        ControllerUnavailable: there is no ``controller.json``, or it names another version of the protocol.
+        KeyFileError: the key cannot be read.
+    """
+    file = directory / CONTROLLER_FILE
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+        host, port, version = str(found["host"]), int(found["port"]), int(found["protocol"])
+    except (OSError, ValueError, KeyError) as error:
+        raise ControllerUnavailable(f"{file} cannot be used ({error}): is the controller running?") from error
+    if version != VERSION:
+        raise ControllerUnavailable(
+            f"the controller speaks protocol {version:08x}, this program {VERSION:08x}: "
+            "start both from the same version"
+        )
+    return ControllerAddress(host, port, load_key(directory / KEY_FILE))
+
+
+def open_socket(host: str, port: int, timeout: float) -> socket.socket:
+    """A UDP socket that sends to a controller and hears it alone.
+
+    Args:
+        host: IPv4 address.
+        port: UDP port.
+        timeout: of each receive [s].
+
+    Raises:
+        ControllerUnavailable: the address cannot be used.
+    """
+    end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    end.settimeout(timeout)
+    try:
+        end.connect((host, port))
+    except OSError as error:
+        end.close()
+        raise ControllerUnavailable(f"{host}:{port} cannot be used: {error}: give the controller's address") from error
+    return end

@@ -1,0 +1,172 @@
+"""A listener's end of the wire: telemetry without the lease, for displays and recorders. It cannot command anything."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+import threading
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from controller.protocol.envelope import Drop, Envelope
+from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, WATCH, DatagramKind
+from controller.protocol.messages import Telemetry
+from controller.wire.address import find_controller, open_socket
+from controller.wire.errors import ControllerLost, ControllerUnavailable
+from controller.wire.link import HEARTBEAT_INTERVAL, REPEAT, SILENCE, Listener
+
+
+class TelemetryWatch:
+    """Listens to one controller; connects again by itself when the controller was away. Use as a context manager.
+
+    Args:
+        host: IPv4 address of the controller.
+        port: its UDP port.
+        key: the shared secret.
+        listener: called with each telemetry in a thread of its own; it must be quick and must not raise.
+    """
+
+    def __init__(self, host: str, port: int, key: bytes, listener: Listener | None = None) -> None:
+        self._host, self._port = host, port
+        self._listener = listener
+        self._envelope = Envelope(key)
+        self._telemetry: Telemetry | None = None
+        self._news = threading.Condition()
+        self._challenged = False
+        self._open = False
+        self._heard = time.monotonic()
+        self._begin()
+
+    @classmethod
+    def from_run_directory(cls, directory: Path, listener: Listener | None = None) -> Self:
+        """A listener of the controller that runs in this directory (not connected yet).
+
+        Raises:
+            ControllerUnavailable: there is no ``controller.json``, or it names another version of the protocol.
+            KeyFileError: the key cannot be read.
+        """
+        return cls(*find_controller(directory), listener=listener)
+
+    def __enter__(self) -> Self:
+        self.connect()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """The newest telemetry.
+
+        Raises:
+            ControllerLost: there was none for a second, or there is no connection.
+        """
+        telemetry, silence = self._telemetry, time.monotonic() - self._heard
+        if telemetry is None or silence > SILENCE or not self._open:
+            raise ControllerLost(f"no telemetry from {self._where} for {silence:.2f} s: is the controller running?")
+        return telemetry
+
+    def connect(self, timeout: float = 5.0) -> None:
+        """Begin to listen and wait for the first telemetry.
+
+        Args:
+            timeout: wall time to wait [s].
+
+        Raises:
+            ControllerUnavailable: nobody answered in time, or the controller has too many listeners already.
+        """
+        self.close()
+        self._begin()
+        self._telemetry, self._challenged = None, False
+        end = open_socket(self._host, self._port, REPEAT)
+        self._open = True
+        self._thread = threading.Thread(target=self._listen, args=(end,), name="telemetry watch", daemon=True)
+        self._thread.start()
+        with self._news:
+            heard = self._news.wait_for(lambda: self._telemetry is not None, timeout)
+        if not heard:
+            self.close()
+            raise ControllerUnavailable(self._explain(timeout))
+
+    def close(self) -> None:
+        """Fall silent; the controller forgets the listener after a second. A second call does nothing."""
+        if self._open:
+            self._open = False
+            if threading.current_thread() is not self._thread:
+                self._thread.join()
+
+    @property
+    def _where(self) -> str:
+        return f"{self._host}:{self._port}"
+
+    def _explain(self, timeout: float) -> str:
+        if self._challenged:
+            return f"{self._where} answers but admits no more listeners: end another one that watches it"
+        return (
+            f"no answer from {self._where} within {timeout:g} s: "
+            "is the controller running, with the same key and the same version?"
+        )
+
+    def _begin(self) -> None:
+        """A new session, of which nobody knows anything."""
+        self._session = secrets.randbits(64) | 1
+        self._sequence = self._newest = self._cookie = 0
+        self._admitted = False
+        self._alive = time.monotonic()
+
+    def _listen(self, end: socket.socket) -> None:
+        """The thread: WATCH out, telemetry in."""
+        buffer = bytearray(MAX_DATAGRAM + 1)
+        asked = 0.0
+        with end:
+            while self._open:
+                now = time.monotonic()
+                if now - self._alive > SILENCE:
+                    self._begin()
+                if now - asked >= (HEARTBEAT_INTERVAL if self._admitted else REPEAT):
+                    asked = now
+                    self._ask(end)
+                try:
+                    size = end.recv_into(buffer)
+                except TimeoutError:
+                    continue
+                except ConnectionRefusedError:
+                    time.sleep(REPEAT)
+                    continue
+                if self._receive(memoryview(buffer)[:size]):
+                    self._ask(end)
+
+    def _ask(self, end: socket.socket) -> None:
+        self._sequence += 1
+        datagram = self._envelope.seal(
+            DatagramKind.WATCH, self._session, self._sequence, WATCH.struct.pack(self._cookie)
+        )
+        try:
+            end.send(datagram)
+        except OSError:
+            time.sleep(REPEAT)  # nobody is there at present; asked again soon
+
+    def _receive(self, data: memoryview) -> bool:
+        """Take a datagram in; true where it is a challenge to be answered at once."""
+        opened = self._envelope.open(data)
+        if isinstance(opened, Drop) or opened.session != self._session or opened.sequence <= self._newest:
+            return False
+        self._newest = opened.sequence
+        if opened.kind == DatagramKind.CHALLENGE:
+            (self._cookie,) = CHALLENGE.struct.unpack(opened.payload)
+            self._challenged, self._admitted = True, False
+            return True
+        if opened.kind == DatagramKind.TELEMETRY:
+            self._heard = self._alive = time.monotonic()
+            self._admitted = True
+            telemetry = Telemetry.unpack(opened.payload)
+            if self._listener is not None:
+                self._listener(telemetry)
+            with self._news:
+                self._telemetry = telemetry
+                self._news.notify_all()
+        return False

@@ -1,0 +1,1 @@
+"""Cameras: RealSense, webcams, recordings, and a RealSense made of software."""

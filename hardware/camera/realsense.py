@@ -1,0 +1,254 @@
+"""A RealSense camera: found by its serial number, read in a thread of its own, found again after it was unplugged."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from dataclasses import dataclass
+from typing import Any, Final
+
+import pyrealsense2 as rs
+
+from hardware.camera.background import Background, Newest
+from hardware.camera.framesets import FrameMaker
+from hardware.camera.settings import RealSenseSettings
+from hardware.interfaces import CameraClosed, Clock, Frame, HardwareError, StaleFrame
+
+FIRST_FRAME: Final = 5.0
+"""A camera that has sent nothing so long after its start does not work [s, wall]."""
+SILENCE: Final = 1.0
+"""A camera that sends nothing for so long is lost, and looked for again [s, wall]."""
+RETRY: Final = 0.25
+"""Between two looks for a lost camera [s, wall]."""
+EXPOSURE_UNIT: Final = 1e-4
+"""In which librealsense counts a colour sensor's exposure [s]."""
+
+
+class NoRealSense(HardwareError):
+    """The camera is not there."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """A frameset and when it was exposed [s, system clock]."""
+
+    frameset: Any
+    exposed: float
+
+
+class RealSenseCamera:
+    """``Camera`` on a RealSense device. A thread keeps the newest pair; who reads aligns it.
+
+    Args:
+        settings: which camera and how.
+        clock: of the frames' stamps: a stamp is the clock's now less the frame's age by the system clock.
+        context: librealsense's, where devices are looked for; None: a new one. In tests it holds a software device.
+
+    Raises:
+        NoRealSense: it is not plugged in; or there are several and none is named.
+        HardwareError: it does not stream as it is asked to.
+    """
+
+    def __init__(self, settings: RealSenseSettings, clock: Clock, context: Any = None) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._context = context if context is not None else rs.context()
+        self._serial = choose_serial(settings.serial, _serials(self._context))
+        self._maker, self._making = FrameMaker(), threading.Lock()
+        self._newest = Newest[_Pair]()
+        self._exposed = -math.inf
+        self._made: tuple[_Pair, Frame] | None = None
+        self._pipeline = self._start()  # here, so that a wrong setting is told at once
+        self._background = Background("realsense", self._run)
+        self._background.start()
+        try:
+            if self._newest.get(FIRST_FRAME) is None:
+                raise HardwareError(
+                    f"RealSense {self._serial} sends no pictures: plug it into a USB 3 port, and close other programs "
+                    "that use it"
+                )
+        except HardwareError:
+            self.close()
+            raise
+
+    def read(self, max_age: float) -> Frame:
+        """See ``Camera.read``. While the camera is unplugged this raises; afterwards it works again."""
+        if self._background.closing.is_set():
+            raise CameraClosed
+        newest = self._newest.get()
+        if newest is None:
+            raise self._lost()
+        age = time.time() - newest.exposed
+        if age > max_age:
+            raise StaleFrame(age, max_age)
+        with self._making:  # who plays and who watches for hands read in threads of their own
+            if self._made is None or self._made[0] is not newest:
+                stamp = self._clock.now() - max(age, 0.0)
+                if self._made is not None:
+                    stamp = max(stamp, self._made[1].stamp)
+                self._made = newest, self._maker.make(newest.frameset, stamp)
+            frame = self._made[1]
+        depth = None if frame.depth is None else frame.depth.copy()
+        return Frame(frame.colour.copy(), depth, frame.intrinsics, frame.stamp)
+
+    def close(self) -> None:
+        """See ``Camera.close``."""
+        self._background.end()
+        self._newest, self._made = Newest(), None
+
+    # the thread
+
+    def _run(self) -> None:
+        """Take framesets until the camera is closed; when they stop coming, look for the camera again."""
+        pipeline: Any = self._pipeline
+        while not self._background.closing.is_set():
+            if pipeline is None:
+                pipeline = self._restart()
+            elif not self._take(pipeline):
+                _stop(pipeline)
+                pipeline = None
+                self._newest.fail(self._lost())
+        if pipeline is not None:
+            _stop(pipeline)
+
+    def _take(self, pipeline: Any) -> bool:
+        """Wait for the next pair and keep it; False: none came."""
+        deadline = time.monotonic() + SILENCE
+        while time.monotonic() < deadline and not self._background.closing.is_set():
+            try:
+                there, frameset = pipeline.try_wait_for_frames(100)
+            except RuntimeError:  # librealsense noticed first that the device is gone
+                return False
+            if there and frameset.size() == 2:
+                self._keep(frameset)
+                return True
+        return self._background.closing.is_set()
+
+    def _keep(self, frameset: Any) -> None:
+        frameset.keep()
+        arrived = time.time()
+        exposed = min(exposure_time(frameset.get_color_frame(), arrived), arrived)
+        self._exposed = max(exposed, self._exposed)
+        self._newest.put(_Pair(frameset, self._exposed))
+
+    def _restart(self) -> Any:
+        """A new pipeline if the camera is there again, else None after a while."""
+        if self._serial in _serials(self._context):
+            try:
+                return self._start()
+            except HardwareError as error:
+                self._newest.fail(error)
+        self._background.closing.wait(RETRY)
+        return None
+
+    def _lost(self) -> HardwareError:
+        return NoRealSense(
+            f"RealSense {self._serial} sends no pictures any more: check its cable; once it is plugged in again it is "
+            "used again"
+        )
+
+    def _start(self) -> Any:
+        wanted = self._settings
+        config = rs.config()
+        config.enable_device(self._serial)
+        config.enable_stream(rs.stream.depth, wanted.depth_width, wanted.depth_height, rs.format.z16, wanted.fps)
+        config.enable_stream(rs.stream.color, wanted.width, wanted.height, rs.format.rgb8, wanted.fps)
+        pipeline = rs.pipeline(self._context)
+        try:
+            profile = pipeline.start(config)
+        except RuntimeError as error:
+            raise HardwareError(
+                f"RealSense {self._serial} does not stream colour at {wanted.width}x{wanted.height} with depth at "
+                f"{wanted.depth_width}x{wanted.depth_height} and {wanted.fps} pictures a second ({error}): choose a "
+                "mode that it has, and a USB 3 port"
+            ) from error
+        try:
+            apply_options(profile.get_device().query_sensors(), wanted)
+        except HardwareError:
+            _stop(pipeline)
+            raise
+        return pipeline
+
+
+def choose_serial(wanted: str | None, present: list[str]) -> str:
+    """The serial number of the camera to use.
+
+    Args:
+        wanted: by the settings; None: whichever is there.
+        present: of all that are plugged in.
+
+    Raises:
+        NoRealSense: it is not there; or there are several and none is wanted.
+    """
+    listed = ", ".join(present)
+    if wanted is not None and wanted not in present:
+        there = f"there are {listed}" if present else "there is none at all"
+        raise NoRealSense(f"RealSense {wanted} is not plugged in, {there}: check its cable and the serial number")
+    if wanted is not None:
+        return wanted
+    if not present:
+        raise NoRealSense("no RealSense camera is plugged in: check its cable, and that this user may use USB devices")
+    if len(present) > 1:
+        raise NoRealSense(f"there are several RealSense cameras: set serial to one of {listed}")
+    return present[0]
+
+
+def exposure_time(picture: Any, arrived: float) -> float:
+    """When a picture was exposed [s, system clock].
+
+    Stamps of the system's clock, or of the device's own fitted to it, say so. Others only order pictures: then it is
+    when the computer got it.
+
+    Args:
+        picture: librealsense's.
+        arrived: when it was handed out [s, system clock].
+    """
+    if picture.get_frame_timestamp_domain() != rs.timestamp_domain.hardware_clock:
+        return float(picture.get_timestamp()) * 1e-3
+    arrival = rs.frame_metadata_value.time_of_arrival
+    if picture.supports_frame_metadata(arrival):
+        return float(picture.get_frame_metadata(arrival)) * 1e-3
+    return arrived
+
+
+def apply_options(sensors: list[Any], wanted: RealSenseSettings) -> None:
+    """Set exposure, gain and emitter on the sensors that have them.
+
+    Raises:
+        HardwareError: a setting is out of a sensor's range.
+    """
+    for sensor in sensors:
+        if sensor.supports(rs.option.emitter_enabled):
+            _set(sensor, rs.option.emitter_enabled, 1.0 if wanted.emitter else 0.0)
+        if sensor.supports(rs.option.depth_units):
+            continue  # the depth sensor: it exposes by itself
+        if sensor.supports(rs.option.enable_auto_exposure):
+            _set(sensor, rs.option.enable_auto_exposure, 1.0 if wanted.exposure is None else 0.0)
+        if wanted.exposure is not None:
+            _set(sensor, rs.option.exposure, wanted.exposure / EXPOSURE_UNIT)
+        if wanted.gain is not None:
+            _set(sensor, rs.option.gain, wanted.gain)
+
+
+def _set(sensor: Any, option: Any, value: float) -> None:
+    if not sensor.supports(option):
+        raise HardwareError(f"this RealSense camera has no setting {option.name}: leave it out")
+    span = sensor.get_option_range(option)
+    if not span.min <= value <= span.max:
+        raise HardwareError(
+            f"{option.name} {value:g} is out of the camera's range {span.min:g} to {span.max:g}: choose a value within"
+        )
+    sensor.set_option(option, value)
+
+
+def _serials(context: Any) -> list[str]:
+    number = rs.camera_info.serial_number
+    return [device.get_info(number) for device in context.query_devices() if device.supports(number)]
+
+
+def _stop(pipeline: Any) -> None:
+    try:
+        pipeline.stop()
+    except RuntimeError:
+        return  # the device is gone, and its pipeline with it

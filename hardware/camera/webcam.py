@@ -1,0 +1,138 @@
+"""A plain webcam through OpenCV: colour alone, no depth."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.camera.background import Background, Newest
+from hardware.camera.settings import WebcamSettings
+from hardware.interfaces import CameraClosed, Clock, Frame, HardwareError, Intrinsics, StaleFrame
+
+FIRST_FRAME: Final = 5.0
+"""A camera that has sent nothing so long after its start does not work [s, wall]."""
+RETRY: Final = 0.5
+"""Between two tries to open a lost camera again [s, wall]."""
+
+
+class WebcamCamera:
+    """``Camera`` on whatever OpenCV can open. A thread keeps the newest picture.
+
+    A video file is played at its own speed, over and over.
+
+    Args:
+        settings: which camera and how.
+        clock: of the frames' stamps.
+
+    Attributes:
+        intrinsics: of its frames; the principal point is taken to be the middle.
+
+    Raises:
+        HardwareError: it cannot be opened, or sends nothing.
+    """
+
+    def __init__(self, settings: WebcamSettings, clock: Clock) -> None:
+        self.intrinsics: Intrinsics
+        self._settings = settings
+        self._clock = clock
+        self._newest = Newest[tuple[NDArray[np.uint8], float]]()
+        self._last = -math.inf
+        self._stamped: float | None = None
+        self._capture = self._open()
+        if self._capture is None:
+            raise self._lost("cannot be opened")
+        self._background = Background("webcam", self._run)
+        self._background.start()
+        try:
+            newest = self._newest.get(FIRST_FRAME)
+            if newest is None:
+                raise self._lost("sends no pictures")
+        except HardwareError:
+            self.close()
+            raise
+        self.intrinsics = pinhole(newest[0].shape[1], newest[0].shape[0], settings)
+
+    def read(self, max_age: float) -> Frame:
+        """See ``Camera.read``. A picture's age counts from when the computer got it."""
+        if self._background.closing.is_set():
+            raise CameraClosed
+        newest = self._newest.get()
+        if newest is None:
+            raise self._lost("sends no pictures")
+        picture, arrived = newest
+        age = time.monotonic() - arrived
+        if age > max_age:
+            raise StaleFrame(age, max_age)
+        if self._stamped != arrived:
+            self._last, self._stamped = max(self._last, self._clock.now() - age), arrived
+        if picture.shape[:2] != (self.intrinsics.height, self.intrinsics.width):
+            raise HardwareError(
+                f"the webcam's pictures are {picture.shape[1]}x{picture.shape[0]} now, they were "
+                f"{self.intrinsics.width}x{self.intrinsics.height}: start the program again"
+            )
+        colour = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+        return Frame(colour, None, self.intrinsics, self._last)
+
+    def close(self) -> None:
+        """See ``Camera.close``."""
+        self._background.end()
+
+    # the thread
+
+    def _run(self) -> None:
+        capture, pause, closing = self._capture, self._pause(), self._background.closing
+        while not closing.is_set():
+            if capture is None:
+                capture = self._open()
+                closing.wait(RETRY if capture is None else 0.0)
+                continue
+            there, picture = capture.read()
+            if there:
+                self._newest.put((np.asarray(picture, dtype=np.uint8), time.monotonic()))
+                closing.wait(pause)
+                continue
+            capture.release()
+            capture = None
+            if not pause:
+                self._newest.fail(self._lost("sends no pictures any more"))
+        if capture is not None:
+            capture.release()
+
+    def _pause(self) -> float:
+        """Between two pictures of a video file [s]; 0 for a camera, which comes at its own pace."""
+        device = self._settings.device
+        return 1.0 / self._settings.fps if isinstance(device, Path) and device.is_file() else 0.0
+
+    def _open(self) -> cv2.VideoCapture | None:
+        wanted = self._settings
+        device = str(wanted.device) if isinstance(wanted.device, Path) else wanted.device
+        capture = cv2.VideoCapture(device)
+        if not capture.isOpened():
+            return None
+        if not self._pause():
+            capture.set(cv2.CAP_PROP_FRAME_WIDTH, wanted.width)
+            capture.set(cv2.CAP_PROP_FRAME_HEIGHT, wanted.height)
+            capture.set(cv2.CAP_PROP_FPS, wanted.fps)
+        return capture
+
+    def _lost(self, what: str) -> HardwareError:
+        return HardwareError(
+            f"webcam {self._settings.device} {what}: check its cable and its number, and close other programs that use "
+            "it; once it is there again it is used again"
+        )
+
+
+def pinhole(width: int, height: int, settings: WebcamSettings) -> Intrinsics:
+    """Intrinsics of pictures of this size [px], from the focal length or the horizontal field of view."""
+    if settings.focal is not None:
+        focal = settings.focal * width / settings.width
+    else:
+        assert settings.field_of_view_deg is not None, "the settings demand one of the two"
+        focal = 0.5 * width / math.tan(0.5 * math.radians(settings.field_of_view_deg))
+    return Intrinsics(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))

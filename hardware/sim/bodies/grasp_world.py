@@ -1,0 +1,165 @@
+"""A world for the soft grasp in MuJoCo: the arm of ``hardware.sim.bodies.arm`` with flat pads, a surface and one
+block.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.parameters import RobotParameters
+from hardware.sim.bodies.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics
+
+SUBSTEPS: Final = 8
+"""Steps of MuJoCo in a tick; the light block between stiff pads wants short ones."""
+FLAT: Final = 1e-6
+"""Angle of the pads' faces against the finger axis: V-grooves this shallow are flat [rad]."""
+SURFACE_SOLREF = (0.005, 1.0)
+SURFACE_SOLIMP = (0.95, 0.99, 0.0005, 0.5, 2.0)
+"""Block on surface: the block sinks in by some µm, as wood on wood would. On a harder one the blow of the second pad
+makes it hop by micrometres, which changes its friction by chance from one step size to another."""
+_WOOD = (0.72, 0.52, 0.32, 1.0)
+_SURFACE = (0.42, 0.43, 0.45, 1.0)
+_WHITE = (0.97, 0.97, 0.97, 1.0)
+_LINE = 0.0006
+"""Half the width of the white lines that show whether the block has moved [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class BlockWorld:
+    """What stands where: board frame as in the game, z up, the surface at z = 0.
+
+    Attributes:
+        centre_in_base: origin of the board frame in the robot's base frame [m].
+        tool: where the tool starts, base frame [m].
+        fingers: where each finger starts, from the tool's centre [m].
+        mass: of the block [kg].
+        half_size: of the block, along x, y, z [m].
+        friction: between block and surface.
+        offset: of the block along x [m].
+    """
+
+    centre_in_base: tuple[float, float, float]
+    tool: tuple[float, float, float]
+    fingers: float
+    mass: float
+    half_size: tuple[float, float, float]
+    friction: float
+    offset: float
+
+
+def build_block_world(parameters: RobotParameters, world: BlockWorld, substeps: int = SUBSTEPS) -> mujoco.MjModel:
+    """Compile the world; key frame 0 is its start. ``substeps``: steps of MuJoCo in a tick."""
+    pads = parameters.pads.model_copy(update={"groove_angle": FLAT})
+    parameters = parameters.model_copy(update={"pads": pads})
+    spec = mujoco.MjSpec()
+    spec.modelname = "grasp"
+    option = spec.option
+    option.timestep = parameters.drive.tick / substeps
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.impratio = 20.0
+    option.noslip_iterations = 5
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
+    spec.visual.map.znear = 0.01
+    _add_surface(spec, world)
+    x, y, z = world.centre_in_base
+    add_arm(spec, parameters, (-x, y, z))
+    for side in ("right", "left"):  # the bar carries a pad as wide as itself: the pad alone touches
+        bar = spec.geom(f"bar_{side}")
+        bar.contype, bar.conaffinity = 0, 0
+    _add_block(spec, world)
+    _add_sensors(spec)
+    _add_views(spec)
+    model = spec.compile()
+    spec.add_key(name="start").qpos = _start(model, parameters, world).tolist()
+    return spec.compile()
+
+
+def save_model(model: mujoco.MjModel, path: Path) -> None:
+    """Write a model where a renderer finds it."""
+    mujoco.mj_saveModel(model, str(path))
+
+
+def _add_surface(spec: mujoco.MjSpec, world: BlockWorld) -> None:
+    spec.worldbody.add_geom(
+        name="deck", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.25, 0.20, 0.01], pos=[0, 0, -0.01], contype=SCENE_BITS,
+        conaffinity=SCENE_BITS | TOOL_BITS, friction=[world.friction, 0.005, 0.0001], rgba=list(_SURFACE),
+        solref=list(SURFACE_SOLREF), solimp=list(SURFACE_SOLIMP),
+    )  # fmt: skip
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX, size=[_LINE, 0.12, 0.0001], pos=[world.offset, 0, 0.0001], contype=0,
+        conaffinity=0, rgba=list(_WHITE),
+    )  # fmt: skip
+    spec.add_texture(
+        name="room", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.88, 0.90, 0.92], rgb2=[0.62, 0.65, 0.69], width=128, height=768,
+    )  # fmt: skip
+    for x, y, strength in ((0.25, -0.9, 0.45), (-0.6, -0.5, 0.20)):
+        spec.worldbody.add_light(
+            pos=[x, y, 0.9], dir=[-x, -y, -0.9], diffuse=[strength] * 3, ambient=[0.25] * 3, specular=[0.1] * 3,
+            castshadow=False,
+        )  # fmt: skip
+
+
+def _add_block(spec: mujoco.MjSpec, world: BlockWorld) -> None:
+    _, half_y, half_z = world.half_size
+    block = spec.worldbody.add_body(name="block", pos=[world.offset, 0.0, half_z])
+    block.add_freejoint(name="block")
+    block.add_geom(
+        name="block", type=mujoco.mjtGeom.mjGEOM_BOX, size=list(world.half_size), mass=world.mass,
+        contype=SCENE_BITS, conaffinity=SCENE_BITS | TOOL_BITS, friction=[world.friction, 0.005, 0.0001],
+        solref=list(SURFACE_SOLREF), solimp=list(SURFACE_SOLIMP), rgba=list(_WOOD),
+    )  # fmt: skip
+    for y, z, size in ((-half_y, 0.0, (_LINE, 0.0001, half_z)), (0.0, half_z, (_LINE, half_y, 0.0001))):
+        block.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX, size=list(size), pos=[0.0, y, z], contype=0, conaffinity=0, mass=0.0,
+            rgba=list(_WHITE),
+        )  # fmt: skip
+
+
+def _add_sensors(spec: mujoco.MjSpec) -> None:
+    """The contact sensors that a plant reads: net forces on fingers, gripper and surface, as in the game's world."""
+    body, geom, net = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_GEOM, 3
+    for name, kind, what in (
+        ("force_right", body, "finger_right"),
+        ("force_left", body, "finger_left"),
+        ("force_body", body, "platform"),
+        ("force_deck", geom, "deck"),
+    ):
+        spec.add_sensor(
+            name=name, type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=kind, objname=what,
+            reftype=mujoco.mjtObj.mjOBJ_UNKNOWN, intprm=[2, net, 1],
+        )  # fmt: skip
+
+
+def _add_views(spec: mujoco.MjSpec) -> None:
+    """``camera``: along the fingers' closing plane, a little from above, near the block."""
+    position, target = np.array([0.005, -0.42, 0.21]), np.array([0.005, -0.01, 0.012])
+    forward = (target - position) / np.linalg.norm(target - position)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    rotation = np.column_stack([right, np.cross(right, forward), -forward])
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, rotation.ravel())
+    view = spec.worldbody.add_camera(name="camera", pos=position.tolist(), fovy=math.degrees(0.19))
+    view.quat = quat.tolist()
+
+
+def _start(model: mujoco.MjModel, parameters: RobotParameters, world: BlockWorld) -> NDArray[np.float64]:
+    qpos = np.array(model.qpos0)
+    joints = inverse_kinematics(parameters, np.array(world.tool))
+    values = {f"platform_{name}": world.tool[axis] for axis, name in enumerate("xyz")}
+    values |= {f"finger_{side}": world.fingers for side in ("right", "left")}
+    for arm in range(3):
+        servo, first, second = joints[arm].tolist()
+        values |= {f"servo{arm + 1}": servo, f"universal{arm + 1}a": first, f"universal{arm + 1}b": second}
+    for name, value in values.items():
+        qpos[model.joint(name).qposadr[0]] = value
+    return qpos

@@ -1,0 +1,36 @@
+"""The referee of a simulated world: the only door to its ground truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.referee import PiecePose, RunSpeed, Truth
+from hardware.sim.clients import wire
+
+
+class SimReferee:
+    """``Referee``: asks the world for the truth."""
+
+    def __init__(self, run_dir: Path) -> None:
+        """Connect to the world of a run directory."""
+        self._link, answer = wire.connect(run_dir, "referee")
+        self._period = float(answer["period"])
+
+    def look(self, reset_peak: bool = False) -> tuple[Truth, RunSpeed]:
+        """The world as it is; optionally start counting the peak contact force anew."""
+        answer = wire.ask(self._link, {"reset_peak": reset_peak})
+        speed = RunSpeed(answer.pop("ran_ticks") * self._period, answer.pop("ran_wall"))
+        pieces = tuple(PiecePose(*row) for row in answer.pop("pieces"))
+        (x, y, z), hand = answer.pop("tool"), answer.pop("hand")
+        return Truth(pieces=pieces, tool=(x, y, z), hand=None if hand is None else tuple(hand), **answer), speed
+
+    def positions(self) -> NDArray[np.float64]:
+        """All generalised positions of the world's model, shape (nq,)."""
+        return np.array(wire.ask(self._link, {"positions": True})["positions"])
+
+    def close(self) -> None:
+        """Let the world go."""
+        self._link.close()

@@ -1,0 +1,181 @@
+"""A simulated person's hand at work: looks at the table, plans the next part, and lets its servos follow.
+
+Nothing is put anywhere: the hand writes the targets of its servos and nothing else, and pieces move because fingers
+touch them. While it has nothing to do it may fall asleep, and then costs next to nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from hardware.sim.bodies.hand import JOINTS, NAME, HandPose, parked, servo_constants
+from hardware.sim.hand.actions import Action, HandSettings, Withdraw
+from hardware.sim.hand.motion import Program
+from hardware.sim.hand.routines import HandFailed, Routines, View
+from hardware.sim.hand.sight import SeenPiece, TableSight
+from hardware.sim.plant.plant import Plant
+from hardware.table import PieceSpec, TableSettings
+
+_STREAM: Final = 0x68616E64
+"""Sets the hand's random numbers apart from others of the same seed."""
+_PARKED_WITHIN: Final = 0.05
+"""A hand so near to where it is parked is at home [m]."""
+
+
+class Hand:
+    """The hand of one player, on a plant whose model has one.
+
+    Args:
+        plant: in which it is; its model was built with ``hand_body.add_hand``.
+        settings: of the person.
+        pieces: all that stand on the table.
+        table: they stand on.
+        seed: of everything human about it.
+
+    A hand that is not where it is parked, as in a world that goes on from a snapshot, withdraws first.
+
+    Attributes:
+        failed: why the last actions were not carried out to the end; empty while all is well.
+    """
+
+    def __init__(
+        self, plant: Plant, settings: HandSettings, pieces: tuple[PieceSpec, ...], table: TableSettings, seed: int
+    ) -> None:
+        self.failed = ""
+        self._plant = plant
+        model, data = plant.model, plant.data
+        self._period = plant.parameters.drive.tick
+        self._first = int(model.actuator(JOINTS[0]).id)
+        self._tree = int(model.body_treeid[model.body(NAME).id])
+        self._forward = [(2.0 * math.sqrt(mass / stiffness), mass / stiffness) for stiffness, mass in servo_constants()]
+        self._kinds = {piece.name: piece.kind for piece in pieces}
+        self._bodies = {piece.name: data.body(piece.name) for piece in pieces}
+        self._tool = data.site("tool")
+        self._view = View(self._look, self._where)
+        self._routines = Routines(self._view, settings, table, np.random.default_rng([seed, _STREAM]))
+        self._work: Iterator[Program] | None = None
+        self._began = 0
+        self._home = parked(settings.side)
+        here = self._measured()
+        away = math.dist(here[:3], self._home[:3]) > _PARKED_WITHIN
+        self._pose = here if away else self._home
+        self._program = Program(self._pose, (), 0.0)
+        self._command(0.0)
+        if away:
+            self._work = self._routines.leave_off()
+            self._allow_sleep(False)
+
+    # what others ask
+
+    @property
+    def busy(self) -> bool:
+        """Something is being done; plant time has to run."""
+        return self._work is not None
+
+    @property
+    def holding(self) -> bool:
+        """A piece is between the fingertips."""
+        return self._routines.held is not None
+
+    def perform(self, actions: tuple[Action, ...]) -> None:
+        """Begin with the first of these actions.
+
+        Raises:
+            HandFailed: it is busy.
+        """
+        if self.busy:
+            raise HandFailed("the hand is busy: wait until its actions are done")
+        self._start(actions)
+
+    def withdraw(self) -> None:
+        """Leave off as soon as what has begun to move comes to rest, put down what is held, and go home."""
+        if self.busy:
+            self._program = self._program.cut(self._time())
+            self._work = self._routines.leave_off()
+        elif math.dist(self._pose[:3], self._home[:3]) > _PARKED_WITHIN:
+            self._start((Withdraw(),))
+
+    # time
+
+    def drive(self) -> bool:
+        """Set the servos for the tick that comes.
+
+        Returns:
+            Whether actions have just ended, well or not (``failed``).
+        """
+        if self._work is None:
+            return False
+        time = self._time()
+        if time > self._program.duration and not self._next():
+            return True
+        self._command(self._time())
+        return False
+
+    def _start(self, actions: tuple[Action, ...]) -> None:
+        self.failed = ""
+        self._work = self._routines.do(actions)
+        self._program, self._began = Program(self._pose, (), 0.0), self._plant.tick
+        self._allow_sleep(False)
+
+    def _time(self) -> float:
+        return (self._plant.tick - self._began + 1) * self._period
+
+    def _next(self) -> bool:
+        """Go on with the next program; False where all is done."""
+        self._pose = self._program.end
+        self._began = self._plant.tick
+        try:
+            assert self._work is not None
+            self._program = next(self._work)
+        except StopIteration:
+            self._end()
+            return False
+        except HandFailed as failure:
+            self.failed = str(failure)
+            self._end()
+            return False
+        return True
+
+    def _end(self) -> None:
+        self._work = None
+        self._program = Program(self._pose, (), 0.0)
+        self._command(0.0)
+        self._allow_sleep(not self.holding)
+
+    def _command(self, time: float) -> None:
+        position, velocity, acceleration = self._program.at(time)
+        controls, first = self._plant.data.ctrl, self._first
+        for i, (by_velocity, by_acceleration) in enumerate(self._forward):
+            channel = min(i, 4)  # thumb and index finger share the gap
+            controls[first + i] = (
+                position[channel] + by_velocity * velocity[channel] + by_acceleration * acceleration[channel]
+            )
+
+    def _allow_sleep(self, allowed: bool) -> None:
+        """A tree that may not sleep wakes up in the next step; new targets of its servos would not wake it."""
+        policy = mujoco.mjtSleepPolicy.mjSLEEP_ALLOWED if allowed else mujoco.mjtSleepPolicy.mjSLEEP_NEVER
+        self._plant.model.tree_sleep_policy[self._tree] = int(policy)
+
+    # what it sees and feels
+
+    def _where(self) -> HandPose:
+        """Where the fingertips are told to be at the end of what was begun."""
+        return self._pose
+
+    def _measured(self) -> HandPose:
+        data = self._plant.data
+        x, y, z, yaw = (float(data.joint(name).qpos[0]) for name in JOINTS[:4])
+        return HandPose(x, y, z, yaw, float(np.mean(data.ctrl[self._first + 4 : self._first + 6])))
+
+    def _look(self) -> TableSight:
+        seen = []
+        for name, body in self._bodies.items():
+            x, y, z = body.xpos.tolist()
+            i, j, k = body.xmat.reshape(3, 3)[:, 2].tolist()
+            seen.append(SeenPiece(name, self._kinds[name], x, y, z, (i, j, k)))
+        return TableSight(tuple(seen), np.array(self._tool.xpos))

@@ -1,0 +1,177 @@
+"""What a person sees of the table: where pieces stand and where the robot's tool is. For the hand alone."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.sim.bodies.hand import FOREARM, PALM, SLEEVE, Bone, HandPose, finger_bones
+from hardware.table import PIECE_SHAPES, Kind, PieceShape
+
+UPRIGHT: Final = 0.30
+"""A piece that leans by less than this stands [rad]."""
+OBSTACLES: Final = np.array(
+    [
+        # half sizes in x and y, lower and upper side above the tool point [m]
+        [0.036, 0.013, -0.008, 0.055],  # fingers
+        [0.042, 0.018, 0.050, 0.078],  # the gripper's body
+        [0.054, 0.054, 0.072, 0.090],  # the flange
+        [0.060, 0.060, 0.090, 0.300],  # the rods above it
+    ]
+)
+"""The robot's tool as a person sees it, about the tool point."""
+
+
+@dataclass(frozen=True, slots=True)
+class SeenPiece:
+    """A piece.
+
+    Attributes:
+        name: of it.
+        kind: of it.
+        x: of the middle of its foot, board frame [m].
+        y: likewise.
+        z: likewise.
+        axis: unit vector from its foot to its top.
+    """
+
+    name: str
+    kind: Kind
+    x: float
+    y: float
+    z: float
+    axis: tuple[float, float, float]
+
+    @property
+    def shape(self) -> PieceShape:
+        """Sizes."""
+        return PIECE_SHAPES[self.kind]
+
+    @property
+    def tilt(self) -> float:
+        """From upright [rad]."""
+        return math.acos(max(-1.0, min(1.0, self.axis[2])))
+
+    @property
+    def standing(self) -> bool:
+        """False where it has fallen over."""
+        return self.tilt < UPRIGHT
+
+    @property
+    def top(self) -> float:
+        """Its highest point above the board [m]."""
+        return self.z + max(0.0, self.axis[2]) * self.shape.height + 2.0 * self.shape.foot_radius * math.sin(self.tilt)
+
+    def distance(self, x: float, y: float) -> float:
+        """Of its foot from a point [m]; of all that lies on the board from it if it has fallen."""
+        dx, dy = x - self.x, y - self.y
+        if self.standing:
+            return math.hypot(dx, dy)
+        i, j, _ = self.axis
+        along = min(self.shape.height, max(0.0, dx * i + dy * j))
+        return math.hypot(dx - along * i, dy - along * j)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TableSight:
+    """The table at one moment.
+
+    Attributes:
+        pieces: all of them.
+        tool: the robot's tool point, board frame, shape (3,) [m].
+    """
+
+    pieces: tuple[SeenPiece, ...]
+    tool: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+
+    def nearest(self, x: float, y: float) -> SeenPiece | None:
+        """The piece nearest to a point; None where there are no pieces."""
+        return min(self.pieces, key=lambda piece: piece.distance(x, y), default=None)
+
+    def without(self, name: str) -> TableSight:
+        """All but one piece."""
+        return TableSight(tuple(piece for piece in self.pieces if piece.name != name), self.tool)
+
+    def find(self, name: str) -> SeenPiece:
+        """The piece of that name."""
+        return next(piece for piece in self.pieces if piece.name == name)
+
+    def highest(self, *points: tuple[float, float], width: float) -> float:
+        """Top of the highest piece near a chain of straight lines [m], 0 where there is none.
+
+        Args:
+            points: corners of the chain [m].
+            width: to each side of it, to the middle of a piece's foot [m].
+        """
+        tops = [piece.top for piece in self.pieces if _distance_to_chain(piece, points) < width]
+        return max(tops, default=0.0)
+
+    def pinch_room(self, x: float, y: float, yaw: float, z: float, half_width: float) -> float:
+        """Least distance of fingertips beside a point from other pieces [m]; negative where they meet.
+
+        Args:
+            x: [m].
+            y: [m].
+            yaw: of the hand [rad].
+            z: of the fingertips [m].
+            half_width: from the middle to the middle of a fingertip [m].
+        """
+        room = math.inf
+        for piece in self.pieces:
+            if piece.top < z - 0.006:
+                continue
+            radius = piece.shape.foot_radius if z < piece.shape.foot_height + 0.006 else piece.shape.stem_radius
+            for side in (-half_width, half_width):
+                tip = x + side * math.cos(yaw), y + side * math.sin(yaw)
+                room = min(room, piece.distance(*tip) - radius - 0.006)
+        return room
+
+    def arm_room(self, *poses: HandPose) -> float:
+        """Least distance between the robot's tool and a hand in some poses [m]; negative where they meet."""
+        points = np.concatenate([_outline(pose) for pose in poses]) - [*self.tool, 0.0]
+        sideways = np.abs(points[:, None, :2]) - OBSTACLES[:, :2]
+        upwards = np.maximum(OBSTACLES[:, 2] - points[:, None, 2], points[:, None, 2] - OBSTACLES[:, 3])
+        outside = np.concatenate([sideways, upwards[:, :, None]], axis=2)
+        distance = np.linalg.norm(np.maximum(outside, 0.0), axis=2) + np.minimum(outside.max(axis=2), 0.0)
+        return float((distance - points[:, 3:4]).min())
+
+
+def _distance_to_chain(piece: SeenPiece, points: tuple[tuple[float, float], ...]) -> float:
+    if len(points) == 1:
+        return piece.distance(*points[0])
+    return min(_distance_to_line(piece, a, b) for a, b in itertools.pairwise(points))
+
+
+def _distance_to_line(piece: SeenPiece, a: tuple[float, float], b: tuple[float, float]) -> float:
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    length = dx * dx + dy * dy
+    share = 0.0 if length == 0.0 else ((piece.x - a[0]) * dx + (piece.y - a[1]) * dy) / length
+    share = min(1.0, max(0.0, share))
+    return piece.distance(a[0] + share * dx, a[1] + share * dy)
+
+
+def _dots(bone: Bone, spacing: float = 0.012) -> NDArray[np.float64]:
+    start, end, radius = np.array(bone[0]), np.array(bone[1]), bone[2]
+    shares = np.linspace(0.0, 1.0, 2 + int(np.linalg.norm(end - start) / spacing))[:, None]
+    return np.hstack([start + shares * (end - start), np.full((len(shares), 1), radius)])
+
+
+_WIDE_PALM: Final[tuple[Bone, ...]] = tuple(
+    ((x, PALM[0][1], PALM[0][2]), (0.5 * x, PALM[1][1], PALM[1][2]), PALM[2]) for x in (-0.022, 0.0, 0.030)
+)
+_FINGERS: Final = {side: np.vstack([_dots(bone) for bone in finger_bones(side)]) for side in (-1, 1)}
+_REST: Final = np.vstack([_dots(bone) for bone in (*_WIDE_PALM, FOREARM, SLEEVE)])
+
+
+def _outline(pose: HandPose) -> NDArray[np.float64]:
+    """Balls that fill the hand: centres in the board frame and radii, shape (n, 4) [m]."""
+    shifted = [dots + np.array([side * pose.gap, 0.0, 0.0, 0.0]) for side, dots in _FINGERS.items()]
+    dots = np.vstack([*shifted, _REST])
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    x, y = dots[:, 0], dots[:, 1]
+    return np.column_stack([pose.x + cos * x - sin * y, pose.y + sin * x + cos * y, pose.z + dots[:, 2], dots[:, 3]])

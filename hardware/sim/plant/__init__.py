@@ -1,0 +1,1 @@
+"""The plant itself: MuJoCo stepped by drive commands, its imperfections, its state on disk."""

@@ -1,0 +1,83 @@
+"""How the simulated devices fall short of their data sheets; every seed another way. All zero: perfect devices."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import NonNegativeFloat, PositiveInt
+
+from hardware.frozen import FrozenFinite
+from hardware.interfaces import Triple
+from hardware.sim.plant.grip_faults import NEVER, GripFault, GripFaults
+
+_NOISE_TICKS: Final = 1 << 15
+"""Noise repeats after so many ticks, half a minute: longer than anything that filters it."""
+
+
+class Imperfections(FrozenFinite):
+    """Of amplifiers, shafts and sensors.
+
+    The robot is built with these; the controller does not know of them.
+    """
+
+    torque_ripple: NonNegativeFloat = 0.0
+    """Amplitude of the torque's ripple, as a share of the torque. Servomotors of this size have 1 to 3 %."""
+    cogging: NonNegativeFloat = 0.0
+    """Amplitude of the torque that is there without current [N m]; 0.5 to 1 % of the rated one is usual."""
+    pole_pairs: PositiveInt = 5
+    """Ripple comes six times, cogging twelve times for each pair in a turn (a three-phase machine)."""
+    friction: NonNegativeFloat = 0.0
+    """Viscous and Coulomb friction of each shaft are off by up to this share of what the parameters say."""
+    tactile_noise: NonNegativeFloat = 0.0
+    """Standard deviation of a tactile sensor's noise in each tick [N]."""
+    tactile_offset: NonNegativeFloat = 0.0
+    """Each tactile sensor reads up to so much too much or too little [N]."""
+    grip: GripFaults = NEVER
+    """The gripper's motor lets go of what it holds."""
+
+
+PERFECT: Final = Imperfections()
+
+
+class Flaws:
+    """Imperfections as one seed makes them.
+
+    Args:
+        imperfections: how large they may be.
+        seed: decides.
+
+    Attributes:
+        friction: factor of each shaft's friction.
+        ripples: whether torques are changed at all.
+        grip: when the gripper lets go by itself.
+    """
+
+    def __init__(self, imperfections: Imperfections, seed: int) -> None:
+        rng = np.random.default_rng([seed, 0xF1A5])
+        self._set = imperfections
+        self._phases: list[tuple[float, float]] = rng.uniform(-math.pi, math.pi, (3, 2)).tolist()
+        self.friction: NDArray[np.float64] = 1.0 + imperfections.friction * rng.uniform(-1.0, 1.0, 3)
+        offset = imperfections.tactile_offset * rng.uniform(-1.0, 1.0, 2)
+        self._tactile: list[list[float]] = [offset.tolist()]
+        if imperfections.tactile_noise:
+            self._tactile = (offset + imperfections.tactile_noise * rng.standard_normal((_NOISE_TICKS, 2))).tolist()
+        self.grip = GripFault(imperfections.grip, seed)
+        self.ripples = bool(imperfections.torque_ripple or imperfections.cogging)
+
+    def tactile(self, tick: int) -> tuple[float, float]:
+        """What the right and the left sensor add to the force they feel [N]."""
+        right, left = self._tactile[tick % len(self._tactile)]
+        return right, left
+
+    def torque(self, asked: Triple, angle: Triple) -> Triple:
+        """What the servomotors make of a torque at these angles [N m, rad]."""
+        a, b, c = (self._of_motor(i, asked[i], angle[i]) for i in range(3))
+        return a, b, c
+
+    def _of_motor(self, motor: int, asked: float, angle: float) -> float:
+        (ripple, cogging), turns = self._phases[motor], self._set.pole_pairs * angle
+        share = self._set.torque_ripple * math.sin(6.0 * turns + ripple)
+        return asked * (1.0 + share) + self._set.cogging * math.sin(12.0 * turns + cogging)

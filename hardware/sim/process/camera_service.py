@@ -1,0 +1,314 @@
+"""What the world does for cameras: single frames, delivered a latency after their exposure, and streams for films.
+
+A single frame lets plant time run until it is due. A stream takes frames of whatever happens, and lets nothing happen;
+so do watchers (``hardware.sim.process.video_stream``), unless they wake the plant up.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from hardware.interfaces import HardwareError
+from hardware.sim.bodies.scene import CAMERAS
+from hardware.sim.clients import wire
+from hardware.sim.plant.plant import Plant
+from hardware.sim.process.connections import Refused, Visitor
+from hardware.sim.process.scene_control import SceneControlService
+from hardware.sim.process.services import NEVER, SILENCE
+from hardware.sim.process.video_stream import Watcher
+from hardware.sim.render.appearance import CameraSettings
+from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
+from hardware.sim.render.renderer import Renderer, RenderRequest, Sensor, frame_path, intrinsics_for
+
+RGBD = "camera"
+"""The view of the board's RGB-D camera; the others show the world to people."""
+
+
+@dataclass(slots=True, eq=False)
+class _View:
+    """A camera's client and the one frame, or the stream, that it waits for."""
+
+    visitor: Visitor
+    slot: int
+    due: int = NEVER
+    """Tick of delivery of a single frame, or of a stream's next exposure."""
+    exposed: int = 0
+    """Tick of the last frame's exposure."""
+    drawing: bool = False
+    camera: str = ""
+    every: int = 0
+    """Ticks from frame to frame of a stream; 0 for single frames."""
+    taken: bool = True
+    """The client of a stream has read its last frame."""
+
+    @property
+    def stuck(self) -> bool:
+        """A stream's last frame is not drawn or not taken yet."""
+        return self.drawing or not self.taken
+
+
+class CameraService:
+    """Frames for cameras.
+
+    Args:
+        facts: about the world that every visitor is told.
+        plant: what is seen.
+        renderer: draws; None in a world without cameras.
+        run_dir: where frames are written.
+        latency: from exposure to delivery [ticks].
+        camera: the board's RGB-D camera, which has the view ``camera``; other views are clean pictures.
+        seed: of its noise.
+        stage: how light and camera are at the moment.
+
+    Attributes:
+        due: tick at which the next frame is to be exposed or delivered.
+        waiting: somebody waits for a frame, so that plant time has to run.
+    """
+
+    def __init__(
+        self,
+        facts: dict[str, Any],
+        plant: Plant,
+        renderer: Renderer | None,
+        run_dir: Path,
+        latency: int,
+        camera: CameraSettings,
+        seed: int,
+        stage: SceneControlService,
+    ) -> None:
+        self.due = NEVER
+        self.waiting = False
+        self._facts = facts
+        self._plant = plant
+        self._renderer = renderer
+        self._run_dir = run_dir
+        self._latency = latency
+        self._camera = camera
+        self._seed = seed
+        self._stage = stage
+        self._views: dict[Visitor, _View] = {}
+        self._watchers: dict[Visitor, Watcher] = {}
+        self._slots = 0
+        self._absent, self._lost = "this world was started without cameras", False
+
+    # visitors
+
+    def welcome(self, visitor: Visitor) -> dict[str, Any]:
+        """See ``Service``. Where the renderer was lost, another one is started for who comes anew."""
+        if self._renderer is None and self._lost:
+            print("another renderer is started", file=sys.stderr, flush=True)
+            self._renderer = Renderer(self._run_dir)
+        if self._renderer is None:
+            raise Refused(self._absent)
+        slot, self._slots = self._slots, self._slots + 1
+        frame_path(self._run_dir, slot).touch()
+        self._views[visitor] = _View(visitor, slot)
+        return {**self._facts, "slot": slot, "views": {name: self._describe(name) for name in CAMERAS}}
+
+    def hear(self, visitor: Visitor, message: bytes) -> None:
+        """See ``Service``."""
+        request = wire.CAMERA_REQUEST.validate_json(message)
+        view, watcher = self._views[visitor], self._watchers.get(visitor)
+        if watcher is not None:
+            self._hear_watcher(watcher, request)
+        elif isinstance(request, wire.Wake):
+            visitor.tell({"error": "only who watches can wake the plant up: ask to watch first"})
+        elif isinstance(request, wire.Taken):
+            view.taken = True
+        elif self._renderer is None:
+            visitor.tell({"error": self._absent})
+        elif request.camera not in CAMERAS:
+            visitor.tell({"error": f"no camera '{request.camera}': there are {', '.join(CAMERAS)}"})
+        elif view.due != NEVER:
+            visitor.tell({"error": "one frame or stream at a time: this one is under way"})
+        elif isinstance(request, wire.Exposure | wire.WatchWish) and request.depth and request.camera != RGBD:
+            visitor.tell({"error": f"the view '{request.camera}' has no depth: '{RGBD}' has"})
+        elif isinstance(request, wire.WatchWish) and not (request.depth or request.colour_asleep):
+            visitor.tell({"error": "a frame without colour and depth shows nothing: ask for one of them"})
+        elif isinstance(request, wire.WatchWish):
+            self._watch(view, request)
+        elif isinstance(request, wire.Exposure):
+            view.due = self._plant.tick + self._latency
+            self._draw(view, request.camera, request.depth)
+        else:
+            view.camera, view.every = request.camera, request.stream_ticks
+            view.due = self._after(self._plant.tick, view.every)
+        self._plan()
+
+    def leave(self, visitor: Visitor) -> None:
+        """See ``Service``."""
+        del self._views[visitor]
+        self._watchers.pop(visitor, None)
+        self._plan()
+
+    def _watch(self, view: _View, request: wire.WatchWish) -> None:
+        rooms = self._latency // request.watch_ticks + 3  # frames under way, one that is read, one that is begun
+        slots = [view.slot, *range(self._slots, self._slots + rooms - 1)]
+        self._slots += rooms - 1
+        for slot in slots:
+            frame_path(self._run_dir, slot).touch()
+        first = self._after(self._plant.tick, request.watch_ticks)
+        self._watchers[view.visitor] = Watcher(
+            view.visitor, request.camera, request.depth, request.watch_ticks, self._latency, slots, first,
+            request.colour_asleep,
+        )  # fmt: skip
+
+    def _hear_watcher(self, watcher: Watcher, request: wire.CameraRequest) -> None:
+        if isinstance(request, wire.Taken):
+            watcher.take()
+        elif isinstance(request, wire.Wake):
+            watcher.wake = request.wake
+        else:
+            watcher.visitor.tell({"error": "one frame or stream at a time: this one is under way"})
+        self._plan()
+
+    # frames
+
+    def look(self) -> None:
+        """Notice frames that were finished meanwhile."""
+        while self._drawing and self._take(wait=False):
+            pass
+
+    @property
+    def _drawing(self) -> bool:
+        return any(view.drawing for view in self._views.values()) or any(
+            flight.drawing for watcher in self._watchers.values() for flight in watcher.flights
+        )
+
+    def serve(self, listen: Callable[[float], None] | None) -> bool:
+        """Expose and deliver what is due now.
+
+        Args:
+            listen: hears visitors for a while [s]; plant time then waits for frames and their takers (pace fast).
+                None: what is not drawn yet is delivered later, and streams leave frames out (pace real).
+
+        Returns:
+            Whether plant time had to wait.
+        """
+        tick, waited = self._plant.tick, False
+        for view in [view for view in self._views.values() if view.due <= tick]:
+            if view.every:
+                waited |= self._expose(view, listen)
+            else:
+                waited |= self._deliver(view, listen)
+        for watcher in [watcher for watcher in self._watchers.values() if watcher.due <= tick]:
+            waited |= self._serve_watcher(watcher, listen)
+        self._plan()
+        return waited
+
+    def _serve_watcher(self, watcher: Watcher, listen: Callable[[float], None] | None) -> bool:
+        tick = self._plant.tick
+        flight = watcher.expose(tick)
+        if flight is not None:
+            sensed = watcher.camera == RGBD
+            self._request(flight.slot, watcher.camera, watcher.depth, sensed=sensed, colour=flight.colour)
+        return watcher.deliver(tick, listen, lambda: watcher.visitor in self._watchers and self._renderer is not None)
+
+    def close(self) -> None:
+        """End the renderer and remove its frames."""
+        self._lost = False
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+        for slot in range(self._slots):
+            frame_path(self._run_dir, slot).unlink(missing_ok=True)
+
+    def _deliver(self, view: _View, listen: Callable[[float], None] | None) -> bool:
+        waited = False
+        while listen is not None and view.drawing and view.visitor in self._views:
+            waited = True
+            listen(0.005)
+        if not view.drawing and view.due != NEVER:
+            view.due = NEVER
+            view.visitor.tell({"exposed": view.exposed, "tick": self._plant.tick})
+        return waited
+
+    def _expose(self, view: _View, listen: Callable[[float], None] | None) -> bool:
+        waited, give_up = False, time.monotonic() + SILENCE
+        while listen is not None and view.stuck and view.visitor in self._views:
+            waited = True
+            listen(0.005)
+            if time.monotonic() > give_up:
+                view.visitor.dismiss()
+        if view.visitor in self._views and view.due != NEVER:
+            view.due = self._after(self._plant.tick, view.every)
+            if not view.stuck:
+                self._draw(view, view.camera, depth=False)
+        return waited
+
+    def _take(self, wait: bool) -> bool:
+        """Take one finished frame from the renderer, if there is one; False if not."""
+        if self._renderer is None:
+            return False
+        try:
+            slot = self._renderer.take(wait)
+        except HardwareError as error:
+            self._go_blind(error)
+            return False
+        for watcher in self._watchers.values():
+            if slot is not None:
+                watcher.drawn(slot)
+        for view in self._views.values():
+            if view.slot == slot and view.visitor not in self._watchers:
+                view.drawing = False
+                if view.every:
+                    view.taken = False
+                    view.visitor.tell({"exposed": view.exposed})
+        return slot is not None
+
+    def _draw(self, view: _View, camera: str, depth: bool) -> None:
+        if self._renderer is None:
+            return
+        view.drawing, view.exposed = True, self._plant.tick
+        # streams are for people: clean pictures, quickly drawn
+        self._request(view.slot, camera, depth, sensed=camera == RGBD and not view.every)
+
+    def _request(self, slot: int, camera: str, depth: bool, sensed: bool, colour: bool = True) -> None:
+        if self._renderer is None:
+            return
+        tick = self._plant.tick
+        sensor = Sensor(camera=self._camera, seed=self._seed, tick=tick, depth=depth, colour=colour) if sensed else None
+        shot = RenderRequest(slot=slot, view=camera, looks=self._stage.looks, sensor=sensor)
+        try:
+            self._renderer.request(shot, self._plant.positions())
+        except HardwareError as error:
+            self._go_blind(error)
+
+    def _go_blind(self, error: HardwareError) -> None:
+        """The renderer is lost. The arm goes on: it does not need to be seen."""
+        print(f"no more pictures: {error}", file=sys.stderr, flush=True)
+        self._absent, self._lost = str(error), True
+        if self._renderer is not None:
+            self._renderer.close(patience=0.0)
+            self._renderer = None
+        for view in self._views.values():
+            if view.due != NEVER:
+                view.due, view.drawing = NEVER, False
+                view.visitor.tell({"error": self._absent})
+        for visitor in self._watchers:
+            visitor.tell({"error": self._absent})
+        self._watchers.clear()
+
+    def _describe(self, view: str) -> dict[str, Any]:
+        """What a client has to know about a view: pinholes, and where depth is seen from [m] in which units [m]."""
+        if view != RGBD:
+            return {"colour": asdict(intrinsics_for(CAMERAS[view].field_of_view)), "depth": None}
+        colour = colour_intrinsics(self._camera.width, self._camera.height)
+        depth = {"pinhole": asdict(depth_intrinsics()), "offset": LEFT_IMAGER, "unit": self._camera.depth_unit}
+        return {"colour": asdict(colour), "depth": depth}
+
+    def _plan(self) -> None:
+        views, watchers = self._views.values(), self._watchers.values()
+        self.due = min([NEVER, *(view.due for view in views), *(watcher.due for watcher in watchers)])
+        alone = any(view.due != NEVER and not view.every for view in views)
+        self.waiting = alone or any(watcher.wake for watcher in watchers)
+
+    @staticmethod
+    def _after(tick: int, every: int) -> int:
+        """The first multiple of ``every`` after a tick."""
+        return (tick // every + 1) * every

@@ -1,0 +1,179 @@
+"""How a simulated world differs from what the app believes of it: one strict set of ranges, drawn by the world's seed.
+
+A range is half a width: ``board_shift = 0.002`` puts the board up to 2 mm off, either way. Shares are of the value that
+the parameters state. All zero, but for pieces that people put down: the world as believed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, NonNegativeFloat
+
+from hardware.frozen import FrozenFinite
+from hardware.parameters import RobotParameters
+from hardware.sim.bodies.placed import BoardOffset, StandingPiece
+from hardware.sim.plant.imperfections import PERFECT, Imperfections
+from hardware.sim.render.appearance import CameraSettings, LightSettings
+from hardware.table import PieceSpec, TableSettings
+
+Share = Annotated[float, Field(ge=0.0, lt=1.0)]
+_LEAST_ELEVATION: Final = math.radians(15.0)
+"""A lamp stands at least so high over the table, wherever it is turned to."""
+
+
+class Randomisation(FrozenFinite):
+    """Ranges of everything that can differ."""
+
+    placement_sigma: NonNegativeFloat = 0.0007
+    """Pieces are set up by hand: standard deviation of their offset from the centre in x and y [m]."""
+    placement_limit: NonNegativeFloat = 0.002
+    """No offset is larger than this [m]."""
+    yaw: Annotated[float, Field(ge=0.0, le=math.pi)] = math.pi
+    """Pieces are turned by up to so much [rad]."""
+    piece_mass: Share = 0.0
+    """Each piece weighs up to so much more or less."""
+    friction: Share = 0.0
+    """Each piece slides up to so much better or worse, on the board and in the fingers."""
+    board_shift: NonNegativeFloat = 0.0
+    """The table stands off along x and y [m] …"""
+    board_height: NonNegativeFloat = 0.0
+    """… and in height [m] …"""
+    board_turn: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
+    """… and is turned [rad]."""
+    robot_mass: Share = 0.0
+    """Each part of the arm weighs more or less than the controller believes."""
+    devices: Imperfections = PERFECT
+    """Amplifiers, shafts, tactile sensors."""
+    light_brightness: Share = 0.0
+    """Of lamp, fill and ambient light, each by itself."""
+    light_colour: Share = 0.0
+    """Red, green and blue of the lamp are up to so much darker."""
+    light_direction: Annotated[float, Field(ge=0.0, le=math.pi)] = 0.0
+    """The lamp is turned about the vertical, and up or down by up to half of it [rad]."""
+    light_radius: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
+    """The lamp is up to so large: the larger, the softer its shadows [m]."""
+    exposure: Share = 0.0
+    """Of the colour sensor."""
+    white_balance: Share = 0.0
+    """Red and blue come out so much too strong or too weak."""
+    camera_shift: NonNegativeFloat = 0.0
+    """The camera hangs off along each axis [m] …"""
+    camera_turn: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
+    """… and is turned about each of its axes [rad]."""
+    camera_noise: Share = 0.0
+    """Both sensors are so much noisier or quieter than a D435's are on average."""
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """One world of a seed.
+
+    Attributes:
+        pieces: where each stands, what it weighs, how it slides.
+        parameters: of the robot as it really is.
+        board: where the table really stands.
+        light: over it.
+        camera: as it really hangs and exposes.
+    """
+
+    pieces: tuple[StandingPiece, ...]
+    parameters: RobotParameters
+    board: BoardOffset
+    light: LightSettings
+    camera: CameraSettings
+
+
+def draw(
+    ranges: Randomisation,
+    seed: int,
+    pieces: tuple[PieceSpec, ...],
+    table: TableSettings,
+    parameters: RobotParameters,
+    light: LightSettings,
+    camera: CameraSettings,
+) -> Draw:
+    """Draw a world. Each group of things has random numbers of its own, so that a range changes nothing but its own.
+
+    Args:
+        ranges: of what can differ.
+        seed: decides.
+        pieces: what is set up, and where.
+        table: as believed.
+        parameters: of the robot, as believed.
+        light: as it is on average.
+        camera: likewise.
+    """
+    board, robot, lamp, view = (np.random.default_rng([seed, group]) for group in range(1, 5))
+    shift = np.array([ranges.board_shift, ranges.board_shift, ranges.board_height]) * board.uniform(-1.0, 1.0, 3)
+    return Draw(
+        stand(ranges, seed, pieces, table), _weighed(ranges, parameters, robot),
+        BoardOffset(_triple(shift), float(ranges.board_turn * board.uniform(-1.0, 1.0))),
+        _lit(ranges, light, lamp), _hung(ranges, camera, view),
+    )  # fmt: skip
+
+
+def stand(
+    ranges: Randomisation, seed: int, pieces: tuple[PieceSpec, ...], table: TableSettings
+) -> tuple[StandingPiece, ...]:
+    """Put every piece near the centre of its place, off by a human amount, turned at random; as ``draw`` does."""
+    rng, weights = np.random.default_rng(seed), np.random.default_rng([seed, 0])
+    standing = []
+    for spec in pieces:
+        x, y = table.xy(spec.place)
+        offset = rng.normal(0.0, ranges.placement_sigma, 2) if ranges.placement_sigma else np.zeros(2)
+        dx, dy = offset.clip(-ranges.placement_limit, ranges.placement_limit).tolist()
+        yaw = float(rng.uniform(-ranges.yaw, ranges.yaw))
+        mass, friction = (1.0 + np.array([ranges.piece_mass, ranges.friction]) * weights.uniform(-1.0, 1.0, 2)).tolist()
+        standing.append(StandingPiece(spec, x + dx, y + dy, yaw, mass=mass, friction=friction))
+    return tuple(standing)
+
+
+def _weighed(ranges: Randomisation, parameters: RobotParameters, rng: np.random.Generator) -> RobotParameters:
+    inertia = parameters.inertia
+    masses = ("proximal_mass", "distal_pair_mass", "flange_mass", "gripper_body_mass", "finger_mass")
+    factors = 1.0 + ranges.robot_mass * rng.uniform(-1.0, 1.0, len(masses))
+    real = {name: getattr(inertia, name) * factor for name, factor in zip(masses, factors.tolist(), strict=True)}
+    return parameters.model_copy(update={"inertia": inertia.model_copy(update=real)})
+
+
+def _lit(ranges: Randomisation, light: LightSettings, rng: np.random.Generator) -> LightSettings:
+    around, up = ranges.light_direction * np.array([1.0, 0.5]) * rng.uniform(-1.0, 1.0, 2)
+    x, y, z = light.direction
+    azimuth = math.atan2(y, x) + float(around)
+    elevation = math.atan2(z, math.hypot(x, y)) + float(up)
+    elevation = min(max(elevation, _LEAST_ELEVATION), 0.5 * math.pi - 1e-3)
+    flat = math.cos(elevation)
+    brightness, fill, ambient = (
+        np.array([light.brightness, light.fill, light.ambient])
+        * (1.0 + ranges.light_brightness * rng.uniform(-1.0, 1.0, 3))
+    ).tolist()
+    colour = (np.array(light.colour) * (1.0 - ranges.light_colour * rng.uniform(0.0, 1.0, 3))).tolist()
+    changed: dict[str, Any] = {
+        "direction": (flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)),
+        "brightness": brightness, "fill": fill, "ambient": ambient, "colour": tuple(colour),
+        "radius": min(light.radius + ranges.light_radius * float(rng.uniform()), 0.5),
+    }  # fmt: skip
+    return light.model_copy(update=changed)
+
+
+def _hung(ranges: Randomisation, camera: CameraSettings, rng: np.random.Generator) -> CameraSettings:
+    shift = np.array(camera.mount.shift) + ranges.camera_shift * rng.uniform(-1.0, 1.0, 3)
+    turn = np.array(camera.mount.turn) + ranges.camera_turn * rng.uniform(-1.0, 1.0, 3)
+    time, noise = (1.0 + np.array([ranges.exposure, ranges.camera_noise]) * rng.uniform(-1.0, 1.0, 2)).tolist()
+    red, blue = (1.0 + ranges.white_balance * rng.uniform(-1.0, 1.0, 2)).tolist()
+    r, g, b = camera.exposure.white_balance
+    exposure = camera.exposure.model_copy(
+        update={"time": camera.exposure.time * time, "white_balance": (r * red, g, b * blue)}
+    )
+    mount = camera.mount.model_copy(update={"shift": _triple(shift), "turn": _triple(turn)})
+    return camera.model_copy(update={"mount": mount, "exposure": exposure, "noise": camera.noise * noise})
+
+
+def _triple(values: NDArray[np.float64]) -> tuple[float, float, float]:
+    a, b, c = values.tolist()
+    return a, b, c

@@ -1,0 +1,78 @@
+"""What people around the table do to how it looks: they move the lamp, change the exposure, knock the camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from hardware.sim.clients import wire
+from hardware.sim.plant.plant import Plant
+from hardware.sim.process.connections import Visitor
+from hardware.sim.render.appearance import ExposureSettings, LightSettings, Looks, MountSettings
+
+
+class SceneControlService:
+    """Keeps how light and camera are, and lets visitors change them.
+
+    Args:
+        facts: about the world that every visitor is told.
+        plant: whose time it is.
+        looks: at the start.
+
+    Attributes:
+        looks: from the next exposure on.
+    """
+
+    def __init__(self, facts: dict[str, Any], plant: Plant, looks: Looks) -> None:
+        self.looks = looks
+        self._facts = facts
+        self._plant = plant
+
+    def welcome(self, _visitor: Visitor) -> dict[str, Any]:
+        """See ``Service``."""
+        return {**self._facts, "looks": self.looks.model_dump()}
+
+    def hear(self, visitor: Visitor, message: bytes) -> None:
+        """See ``Service``."""
+        change = wire.Change.model_validate_json(message)
+        given = {name: part for name in wire.Change.model_fields if (part := getattr(change, name)) is not None}
+        self.looks = self.looks.model_copy(update=given)
+        visitor.tell({"tick": self._plant.tick, "looks": self.looks.model_dump()})
+
+    def leave(self, _visitor: Visitor) -> None:
+        """See ``Service``."""
+
+
+class SceneControl:
+    """The client: changes light, exposure and the camera's mount while a world runs."""
+
+    def __init__(self, run_dir: Path) -> None:
+        """Connect to the world of a run directory.
+
+        Raises:
+            HardwareError: no world answers.
+        """
+        self._link, answer = wire.connect(run_dir, "stage")
+        self.looks = Looks.model_validate(answer["looks"])
+        """As they are, from the next exposure on."""
+
+    def change(
+        self,
+        light: LightSettings | None = None,
+        exposure: ExposureSettings | None = None,
+        mount: MountSettings | None = None,
+    ) -> int:
+        """Change what is given; returns the tick from which it counts.
+
+        Raises:
+            HardwareError: the world is gone.
+        """
+        parts = {"light": light, "exposure": exposure, "mount": mount}
+        wish = {name: part.model_dump() for name, part in parts.items() if part is not None}
+        answer = wire.ask(self._link, wish)
+        self.looks = Looks.model_validate(answer["looks"])
+        return int(answer["tick"])
+
+    def close(self) -> None:
+        """Let the world go."""
+        self._link.close()

@@ -1,0 +1,176 @@
+"""What the world does for controllers, clocks and the referee; the cameras' service has a module of its own."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import asdict
+from typing import Any, Final
+
+from hardware.interfaces import Command
+from hardware.sim.clients import wire
+from hardware.sim.plant.plant import Plant
+from hardware.sim.process.connections import Refused, Visitor
+from hardware.sim.process.pacing import SpeedMeter
+
+SILENCE = 2.0
+"""A controller that says nothing for so long, in wall time, is lost [s]."""
+NEVER: Final = 1 << 62
+"""A tick that does not come."""
+
+
+class Drives:
+    """The servo bus: one controller at a time.
+
+    Args:
+        facts: about the world that every visitor is told.
+        first: how long the world waits for its first controller [s, wall].
+        linger: how long it waits for another one once that is gone [s, wall].
+
+    Attributes:
+        controller: who holds the drives.
+        command: received and not yet carried out.
+        goodbye: a controller has ended in good order, and with it the world.
+    """
+
+    def __init__(self, facts: dict[str, Any], first: float, linger: float) -> None:
+        self.controller: Visitor | None = None
+        self.command: Command | None = None
+        self.goodbye = False
+        self._receiver: wire.Receiver | None = None
+        self._facts = facts
+        self._linger = linger
+        self._patience = first
+        self._heard = time.monotonic()
+
+    def welcome(self, visitor: Visitor) -> dict[str, Any]:
+        """See ``Service``."""
+        if self.controller is not None:
+            raise Refused("another controller holds the drives: there can be only one")
+        self.controller, self._patience = visitor, SILENCE
+        self._receiver = wire.Receiver(visitor.link)
+        self.excuse()
+        return self._facts
+
+    def hear(self, visitor: Visitor, message: bytes) -> None:
+        """See ``Service``. Whoever sends anything but commands cannot be trusted with the drives."""
+        self._heard = time.monotonic()
+        if message == wire.GOODBYE:
+            self.goodbye = True
+            return
+        try:
+            self.command = wire.unpack_command(message)
+        except ValueError as error:
+            print(f"the controller is dismissed: {error}", file=sys.stderr, flush=True)
+            visitor.dismiss()
+
+    def leave(self, visitor: Visitor) -> None:
+        """See ``Service``."""
+        self.controller = self.command = None
+        self._patience = self._linger
+        self.excuse()
+
+    def take(self) -> Command | None:
+        """The command to carry out now, if there is one."""
+        command, self.command = self.command, None
+        return command
+
+    def spin(self) -> None:
+        """Hear the controller's next command if it comes at once."""
+        controller = self.controller
+        if controller is None or self._receiver is None:
+            return
+        try:
+            message = self._receiver.spin()
+        except OSError:
+            return  # gone: seen when the world listens to its visitors
+        if message:
+            self.hear(controller, message)
+
+    def excuse(self) -> None:
+        """The world was busy with others: silence begins anew."""
+        self._heard = time.monotonic()
+
+    @property
+    def silent(self) -> bool:
+        """The controller, or any other one, has kept the world waiting for too long."""
+        return time.monotonic() - self._heard > self._patience
+
+
+class ClockService:
+    """Plant time for those who ask, and for those who sleep until it has passed.
+
+    Args:
+        facts: about the world that every visitor is told.
+        plant: whose time it is.
+
+    Attributes:
+        due: tick at which the next sleeper wakes up.
+    """
+
+    def __init__(self, facts: dict[str, Any], plant: Plant) -> None:
+        self.due = NEVER
+        self._facts = facts
+        self._plant = plant
+        self._sleepers: list[tuple[int, Visitor]] = []
+
+    def welcome(self, _visitor: Visitor) -> dict[str, Any]:
+        """See ``Service``."""
+        return self._facts
+
+    def hear(self, visitor: Visitor, message: bytes) -> None:
+        """See ``Service``."""
+        ticks = wire.Sleep.model_validate_json(message).sleep_ticks
+        if ticks:
+            self._keep([*self._sleepers, (self._plant.tick + ticks, visitor)])
+        else:
+            visitor.tell({"tick": self._plant.tick})
+
+    def leave(self, visitor: Visitor) -> None:
+        """See ``Service``."""
+        self._keep([(due, sleeper) for due, sleeper in self._sleepers if sleeper is not visitor])
+
+    def serve(self) -> None:
+        """Wake those whose time has come."""
+        tick = self._plant.tick
+        awake = [sleeper for due, sleeper in self._sleepers if due <= tick]
+        self._keep([(due, sleeper) for due, sleeper in self._sleepers if due > tick])
+        for sleeper in awake:
+            sleeper.tell({"tick": tick})
+
+    def _keep(self, sleepers: list[tuple[int, Visitor]]) -> None:
+        self._sleepers = sleepers
+        self.due = min((due for due, _ in sleepers), default=NEVER)
+
+
+class RefereeService:
+    """The truth, for the referee.
+
+    Args:
+        facts: about the world that every visitor is told.
+        plant: about which the truth is told.
+        speed: how fast it ran.
+    """
+
+    def __init__(self, facts: dict[str, Any], plant: Plant, speed: SpeedMeter) -> None:
+        self._facts = facts
+        self._plant = plant
+        self._speed = speed
+
+    def welcome(self, _visitor: Visitor) -> dict[str, Any]:
+        """See ``Service``."""
+        return self._facts
+
+    def hear(self, visitor: Visitor, message: bytes) -> None:
+        """See ``Service``."""
+        request = wire.REFEREE_REQUEST.validate_json(message)
+        if isinstance(request, wire.Positions):
+            visitor.tell({"positions": self._plant.positions().tolist()})
+            return
+        truth = self._plant.truth(request.reset_peak)
+        pieces = [[p.name, p.x, p.y, p.z, p.tilt] for p in truth.pieces]
+        ran = {"ran_ticks": self._speed.ticks, "ran_wall": self._speed.wall}
+        visitor.tell({**asdict(truth), "pieces": pieces, **ran})
+
+    def leave(self, _visitor: Visitor) -> None:
+        """See ``Service``."""

@@ -1,0 +1,88 @@
+"""What a simulated world is made of; written by the app into the run directory, read by the world's process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Self
+
+from pydantic import (
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveFloat,
+    ValidationError,
+    model_validator,
+)
+
+from hardware.frozen import Frozen
+from hardware.interfaces import HardwareError, Pace
+from hardware.parameters import DEFAULT_FILE
+from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.hand.actions import HandSettings
+from hardware.sim.process.randomisation import Randomisation, stand
+from hardware.sim.render.appearance import CameraSettings, LightSettings
+from hardware.table import PieceSpec, TableSettings
+
+FILE_NAME = "world.json"
+END_FILE = "world_end.json"
+"""How a world ended."""
+
+
+class WorldSettings(Frozen):
+    """Settings of one simulated world."""
+
+    pieces: tuple[PieceSpec, ...]
+    home: tuple[float, float, float]
+    """Tool point at the start, base frame [m]."""
+    table: TableSettings = TableSettings()
+    parameters_file: Path = DEFAULT_FILE
+    pace: Pace = Pace.REAL
+    seed: NonNegativeInt = 0
+    first_controller: NonNegativeFloat = 90.0
+    """A world that no controller has used yet ends after this; compiling a controller's law takes some [s, wall]."""
+    linger: NonNegativeFloat = 30.0
+    """After the controller is lost, wait this long for another one [s, wall]."""
+    randomisation: Randomisation = Randomisation()
+    """How the world differs from what the app believes; drawn by the seed."""
+    camera_latency: PositiveFloat = 0.060
+    """From exposure to delivery of a frame, plant time [s]."""
+    cameras: bool = True
+    """False: no renderer, and no OpenGL needed."""
+    camera: CameraSettings = CameraSettings()
+    """Of the board: its pictures, and how it hangs and exposes at the start."""
+    light: LightSettings = LightSettings()
+    """Over the table at the start; ``Stage`` changes it while the world runs."""
+    hand: HandSettings | None = None
+    """The hand of a person who plays; None: nobody sits at the board, and nothing is different for it."""
+    journal: bool = False
+    """Keep every command in the run directory, so that the run can be done again; see
+    ``hardware.sim.process.journal``."""
+    realtime: bool = False
+    """Pace real: as punctual as a motion board, by real time where the system grants it; for measurements. Otherwise
+    the world is an ordinary program."""
+
+    @model_validator(mode="after")
+    def _repeatable(self) -> Self:
+        if self.journal and self.hand is not None:
+            raise ValueError("a journal holds the drives' commands alone, so a world with a hand cannot keep one")
+        return self
+
+
+def load_settings(run_dir: Path) -> WorldSettings:
+    """Read the settings the app left in the run directory.
+
+    Raises:
+        HardwareError: they are missing or malformed.
+    """
+    path = run_dir / FILE_NAME
+    try:
+        return WorldSettings.model_validate_json(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise HardwareError(f"no world settings at {path}: start the world through 'touchmove demo'") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise HardwareError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+
+
+def stand_pieces(settings: WorldSettings) -> tuple[StandingPiece, ...]:
+    """Every piece where it is put down before the start; decided by the seed."""
+    return stand(settings.randomisation, settings.seed, settings.pieces, settings.table)

@@ -1,0 +1,159 @@
+"""Pictures of a table whose every piece is put where a bench wants it, through the simulated camera with its errors.
+
+Nothing moves and no physics runs: the renderer alone draws, so a picture costs a third of a second.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.camera.framesets import FrameMaker
+from hardware.camera.software_device import DepthStream, SoftwareCamera
+from hardware.interfaces import Frame
+from hardware.parameters import load_parameters
+from hardware.sim.bodies.hand import JOINTS, HandPose, add_hand
+from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.bodies.scene import build_model
+from hardware.sim.render.appearance import CameraSettings, Looks, MountSettings
+from hardware.sim.render.camera_mount import Mount
+from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
+from hardware.sim.render.renderer import MODEL_FILE, Renderer, RenderRequest, Sensor, frame_path, load_pictures
+from hardware.table import Colour, PieceSpec, TableSettings
+
+VIEW = "camera"
+_AWAY = -1.0
+"""Height at which pieces that are not wanted are kept, far below the table [m]."""
+_PATIENCE = 60.0
+"""For one picture: here nothing hurries, on however busy a machine [s, wall]."""
+_CV_AXES = np.diag([1.0, -1.0, -1.0])
+"""OpenCV's camera axes in MuJoCo's."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedPiece:
+    """Where a piece is: foot's centre in the board frame [m], turned about its axis, then tipped about x [rad]."""
+
+    name: str
+    x: float
+    y: float
+    height: float = 0.0
+    yaw: float = 0.0
+    tip: float = 0.0
+
+
+class TableStudio:
+    """Renders frames of pieces at chosen poses. A context manager.
+
+    Args:
+        pieces: the set; each picture says which of them are there.
+        table: they stand on.
+        home: tool point at which the arm is, base frame [m].
+        camera: of the pictures.
+        hand: whose hand there is, that pictures may show; None: nobody's.
+    """
+
+    def __init__(
+        self,
+        pieces: Sequence[PieceSpec],
+        table: TableSettings,
+        home: tuple[float, float, float],
+        camera: CameraSettings | None = None,
+        hand: Colour | None = None,
+    ) -> None:
+        standing = tuple(StandingPiece(piece, *table.xy(piece.place)) for piece in pieces)
+        add = partial(add_hand, side=hand) if hand else None
+        self._model = build_model(load_parameters(), table, standing, np.array(home), add=add)
+        self._hand = hand
+        self._names = [piece.name for piece in pieces]
+        self._camera = camera or CameraSettings()
+        self._folder = tempfile.TemporaryDirectory(prefix="touchmove-")
+        folder = Path(self._folder.name)
+        mujoco.mj_saveModel(self._model, str(folder / MODEL_FILE))
+        frame_path(folder, 0).touch()
+        self._renderer = Renderer(folder)
+        self._renderer.wait_ready()
+        self._device = SoftwareCamera(
+            colour_intrinsics(self._camera.width, self._camera.height),
+            DepthStream(depth_intrinsics(), self._camera.depth_unit, LEFT_IMAGER),
+        )
+        self._maker = FrameMaker()
+        self._taken = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._renderer.close()
+        self._device.close()
+        self._folder.cleanup()
+
+    def frame(self, poses: Iterable[PlacedPiece], looks: Looks, seed: int, hand: HandPose | None = None) -> Frame:
+        """A picture of these pieces and no others; ``seed`` decides the sensors' noise.
+
+        Args:
+            poses: of the pieces.
+            looks: light, exposure and mount.
+            seed: of noise.
+            hand: where the hand is; None: where it is parked, out of the picture.
+
+        Raises:
+            ValueError: there is no hand in this studio.
+        """
+        if hand is not None and self._hand is None:
+            raise ValueError("this studio has no hand: say whose when it is opened")
+        self._taken += 1
+        sensor = Sensor(camera=self._camera, seed=seed, tick=self._taken, depth=True)
+        self._renderer.request(
+            RenderRequest(slot=0, view=VIEW, looks=looks, sensor=sensor), self._positions(poses, hand)
+        )
+        self._renderer.take(wait=True, patience=_PATIENCE)
+        size = self._camera.width, self._camera.height
+        colour, depth = load_pictures(frame_path(Path(self._folder.name), 0), *size, depth=True)
+        stamp = self._taken / 30.0
+        return self._maker.make(self._device.pass_through(colour, depth, stamp), stamp)
+
+    def camera_from_board(self, mount: MountSettings) -> NDArray[np.float64]:
+        """The truth: how the camera really hangs, shape (4, 4)."""
+        return true_camera(self._model, mount)
+
+    def _positions(self, poses: Iterable[PlacedPiece], hand: HandPose | None) -> NDArray[np.float64]:
+        positions = np.array(self._model.key_qpos[0])
+        if hand is not None:
+            for joint, where in zip(JOINTS, (*hand[:4], hand.gap, hand.gap), strict=True):
+                positions[self._model.joint(joint).qposadr[0]] = where
+        for name in self._names:
+            start = self._model.joint(name).qposadr[0]
+            positions[start + 2] = _AWAY
+        for pose in poses:
+            start = self._model.joint(pose.name).qposadr[0]
+            cos, sin = math.cos(0.5 * pose.yaw), math.sin(0.5 * pose.yaw)
+            tip, over = math.cos(0.5 * pose.tip), math.sin(0.5 * pose.tip)
+            positions[start : start + 3] = pose.x, pose.y, pose.height
+            positions[start + 3 : start + 7] = cos * tip, cos * over, sin * over, sin * tip
+        return positions
+
+
+def true_camera(model: mujoco.MjModel, mount: MountSettings) -> NDArray[np.float64]:
+    """Pose of the colour sensor in a model's world as it hangs: points of the world frame into the camera's, (4, 4)."""
+    hung = Mount(model, VIEW)
+    hung.look(mount, depth=False)
+    camera, matrix = model.camera(VIEW), np.empty(9)  # of the world itself, so that its own pose is that in the world
+    mujoco.mju_quat2Mat(matrix, camera.quat)
+    rotation, position = matrix.reshape(3, 3) @ _CV_AXES, np.array(camera.pos)
+    hung.look(MountSettings(), depth=False)
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation.T, -rotation.T @ position
+    return pose

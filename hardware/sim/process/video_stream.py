@@ -1,0 +1,133 @@
+"""Frames for those who watch the table while the arm moves: exposed at a steady rate, delivered a latency later.
+
+In pace fast plant time waits for a frame to be drawn when it is due, and then for its taker: what the watcher does
+about a frame is done before the next tick. In pace real a frame that is drawn late comes late, and one that nobody has
+time for is left out.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from hardware.sim.process.connections import Visitor
+
+PATIENCE = 20.0
+"""Pace fast: who keeps plant time waiting for longer is dismissed [s, wall]."""
+Listen = Callable[[float], None]
+
+
+@dataclass(slots=True)
+class FrameInFlight:
+    """A frame between exposure and delivery.
+
+    Attributes:
+        slot: into whose file it is drawn.
+        exposed: tick of exposure.
+        due: tick of delivery.
+        colour: it has colour; else depth alone.
+        drawing: it is not drawn yet.
+    """
+
+    slot: int
+    exposed: int
+    due: int
+    colour: bool = True
+    drawing: bool = True
+
+
+@dataclass(slots=True, eq=False)
+class Watcher:
+    """One who watches.
+
+    Attributes:
+        visitor: told of each frame.
+        camera: view that is watched.
+        depth: whether depth is wanted.
+        every: ticks from frame to frame.
+        latency: from exposure to delivery [ticks].
+        free: slots that no frame is in.
+        exposes: tick of the next exposure.
+        colour_asleep: frames have colour also while ``wake`` is False.
+        wake: plant time runs for it, also while nothing moves.
+        flights: frames under way, oldest first.
+        held: slot of the frame that was delivered and not taken.
+    """
+
+    visitor: Visitor
+    camera: str
+    depth: bool
+    every: int
+    latency: int
+    free: list[int]
+    exposes: int
+    colour_asleep: bool = True
+    wake: bool = False
+    flights: list[FrameInFlight] = field(default_factory=list)
+    held: int | None = None
+
+    @property
+    def due(self) -> int:
+        """Tick at which something has to be done next."""
+        return min([self.exposes, *(flight.due for flight in self.flights)])
+
+    def take(self) -> None:
+        """The visitor has read its frame."""
+        if self.held is not None:
+            self.free.append(self.held)
+            self.held = None
+
+    def expose(self, tick: int) -> FrameInFlight | None:
+        """The frame to be drawn now, if one is due and there is room for it."""
+        if tick < self.exposes:
+            return None
+        self.exposes = (tick // self.every + 1) * self.every
+        if not self.free:
+            return None
+        flight = FrameInFlight(self.free.pop(0), tick, tick + self.latency, self.wake or self.colour_asleep)
+        self.flights.append(flight)
+        return flight
+
+    def drawn(self, slot: int) -> None:
+        """A slot's picture is finished."""
+        for flight in self.flights:
+            if flight.slot == slot:
+                flight.drawing = False
+
+    def deliver(self, tick: int, listen: Listen | None, present: Callable[[], bool]) -> bool:
+        """Deliver what is due.
+
+        Args:
+            tick: the present one.
+            listen: hears visitors for a while [s]; plant time waits. None: it does not (pace real).
+            present: whether the visitor still is there.
+
+        Returns:
+            Whether plant time had to wait.
+        """
+        waited = False
+        while self.flights and self.flights[0].due <= tick and present():
+            flight = self.flights[0]
+            if listen is not None:
+                waited = True
+                self._wait(lambda flight=flight: flight.drawing, listen, present)  # type: ignore[misc]
+            if flight.drawing:
+                break
+            self.flights.pop(0)
+            if self.held is not None:  # the last one is still being read: this one is left out
+                self.free.append(flight.slot)
+                continue
+            self.held = flight.slot
+            self.visitor.tell({"exposed": flight.exposed, "tick": tick, "slot": flight.slot, "colour": flight.colour})
+            if listen is not None:
+                self._wait(lambda: self.held is not None, listen, present)
+        return waited
+
+    def _wait(self, going_on: Callable[[], bool], listen: Listen, present: Callable[[], bool]) -> None:
+        give_up = time.monotonic() + PATIENCE
+        while going_on() and present():
+            listen(0.002)
+            if time.monotonic() > give_up:
+                self.visitor.dismiss()
+                give_up += PATIENCE

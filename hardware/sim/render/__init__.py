@@ -1,0 +1,1 @@
+"""Pictures of the simulated world, drawn in a process of their own."""

@@ -1,0 +1,210 @@
+"""The renderer's process: draws the world at given joint positions into a file, until its socket closes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.sim.render.appearance import Looks
+from hardware.sim.render.camera_mount import Mount
+from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH, LEFT_IMAGER, colour_intrinsics
+from hardware.sim.render.lamps import set_lamps
+from hardware.sim.render.renderer import (
+    DEPTH_BYTES,
+    FRAME_BYTES,
+    HEIGHT,
+    MODEL_FILE,
+    READY,
+    REPLY,
+    WIDTH,
+    RenderRequest,
+    Sensor,
+    frame_path,
+    unpack_request,
+)
+from hardware.sim.render.sensor_model import colour_picture, depth_picture, seen_from_left, whole_units
+from hardware.sim.render.sensors import COLOUR, STEREO
+
+ROD_HALF_DISTANCE = 0.024
+"""Between the rods of a pair, each from the middle [m]; they are drawn, the physics lumps them."""
+ROD_RADIUS = 0.004
+SAMPLES = 4
+"""Of each pixel of a colour picture."""
+COARSE = 2
+"""What tells of glare alone has so many times fewer pixels along each axis."""
+NICE = 5
+"""Pictures step back behind the plant's ticks [steps of the scheduler's niceness]."""
+SENSOR_VIEW = "camera"
+"""The view that the RGB-D camera has."""
+_COLOUR_NOISE, _DEPTH_NOISE = 0, 1
+"""Noise of the two sensors is drawn apart, so that a picture is the same with and without depth."""
+
+
+def draw_rods(scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
+    """The pair of distal rods of each arm, drawn where they are; the physics lumps them."""
+    for arm in (1, 2, 3):
+        elbow, flange = data.site(f"elbow{arm}").xpos, data.site(f"flange_joint{arm}").xpos
+        tangent = data.body(f"mount{arm}").xmat.reshape(3, 3)[:, 0]
+        for side in (-1.0, 1.0):
+            shift = side * ROD_HALF_DISTANCE * tangent
+            geom = scene.geoms[scene.ngeom]
+            rgba = np.array([0.1, 0.1, 0.11, 1.0], dtype=np.float32)
+            mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
+            mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, ROD_RADIUS, elbow + shift, flange + shift)
+            # MuJoCo leaves these as they were in memory, and a geom of another category has no depth
+            geom.category, geom.objtype = mujoco.mjtCatBit.mjCAT_DYNAMIC, mujoco.mjtObj.mjOBJ_UNKNOWN
+            geom.objid = geom.segid = -1
+            geom.transparent = geom.texcoord = 0
+            geom.camdist = geom.modelrbound = 0.0
+            scene.ngeom += 1
+
+
+class Easel:
+    """The world as it is drawn: a model of its own, and a renderer for each size of picture.
+
+    Args:
+        model: compiled with looks; its lights and its camera are set for each picture.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        # with sleep on, MuJoCo would leave lamps and cameras where they were at first
+        model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+        self._data = mujoco.MjData(model)
+        self._renderers: dict[tuple[int, int], mujoco.Renderer] = {}
+        self._option = mujoco.MjvOption()
+        self._option.geomgroup[3] = 0
+        self._mount = Mount(model, SENSOR_VIEW)
+        self._looks = Looks()  # as the scene is compiled
+        mujoco.mj_forward(model, self._data)
+
+    def draw(self, shot: RenderRequest, positions: NDArray[np.float64], file: NDArray[np.uint8]) -> None:
+        """Draw a picture into a frame's bytes.
+
+        Args:
+            shot: what is wanted.
+            positions: of all joints, shape (nq,).
+            file: of a slot, shape (``FRAME_BYTES``,).
+        """
+        self._data.qpos[:] = positions
+        mujoco.mj_kinematics(self._model, self._data)
+        if shot.looks is not None and shot.looks.light != self._looks.light:
+            set_lamps(self._model, shot.looks.light)
+        self._looks = shot.looks or self._looks
+        self._mount.look(self._looks.mount, depth=False)
+        sensor = shot.sensor
+        if sensor is not None and not sensor.colour:
+            self._sense_depth(sensor, file, self._glance(sensor))
+            return
+        picture = self._sense(sensor, file) if sensor is not None else self._see(shot.view, WIDTH, HEIGHT)
+        file[DEPTH_BYTES : DEPTH_BYTES + picture.size] = picture.ravel()
+
+    def warm_up(self) -> None:
+        """Draw once.
+
+        Raises:
+            Exception: whatever OpenGL raises where it does not work; the world tells the last line of it.
+        """
+        self._see(SENSOR_VIEW, WIDTH, HEIGHT)
+
+    def close(self) -> None:
+        """Give OpenGL back."""
+        for renderer in self._renderers.values():
+            renderer.close()
+
+    def _sense(self, sensor: Sensor, file: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The colour picture; depth goes into the file at once, if it is wanted."""
+        camera, exposure = sensor.camera, self._looks.exposure
+        ideal = self._see(SENSOR_VIEW, camera.width, camera.height)
+        if sensor.depth:
+            self._sense_depth(sensor, file, ideal)
+        return colour_picture(
+            ideal, COLOUR.noisier(camera.noise) if camera.noise else None, exposure=exposure.time, gain=exposure.gain,
+            white_balance=exposure.white_balance, rng=_noise(sensor, _COLOUR_NOISE),
+        )  # fmt: skip
+
+    def _sense_depth(self, sensor: Sensor, file: NDArray[np.uint8], ideal: NDArray[np.uint8]) -> None:
+        self._mount.look(self._looks.mount, depth=True)
+        units = self._measure(sensor, self._see_depth(), ideal)
+        file[:DEPTH_BYTES] = units.view(np.uint8).ravel()
+
+    def _glance(self, sensor: Sensor) -> NDArray[np.uint8]:
+        """Where it is so bright that depth fails, for a frame without colour: coarse, and without smooth edges.
+
+        With shadows, although they take most of its time: OpenGL cuts off the light of all lamps together where there
+        are none, and bright squares would not glare.
+        """
+        width, height = sensor.camera.width // COARSE, sensor.camera.height // COARSE
+        picture: NDArray[np.uint8] = self._prepared(SENSOR_VIEW, width, height, samples=0).render()
+        return picture
+
+    def _measure(self, sensor: Sensor, depth: NDArray[np.float32], ideal: NDArray[np.uint8]) -> NDArray[np.uint16]:
+        camera = sensor.camera
+        if not camera.noise:
+            return whole_units(depth, camera.depth_unit)
+        pinhole = colour_intrinsics(ideal.shape[1], ideal.shape[0])
+        grey = seen_from_left(ideal, pinhole, depth, STEREO.intrinsics, LEFT_IMAGER)
+        return depth_picture(depth, grey, STEREO.noisier(camera.noise), camera.depth_unit, _noise(sensor, _DEPTH_NOISE))
+
+    def _see(self, view: str, width: int, height: int) -> NDArray[np.uint8]:
+        picture: NDArray[np.uint8] = self._prepared(view, width, height).render()
+        return picture
+
+    def _see_depth(self) -> NDArray[np.float32]:
+        # smooth edges are for colour: depth of several samples mixed would lie between two surfaces
+        renderer = self._prepared(SENSOR_VIEW, DEPTH_WIDTH, DEPTH_HEIGHT, samples=0)
+        renderer.enable_depth_rendering()
+        depth: NDArray[np.float32] = renderer.render()
+        renderer.disable_depth_rendering()
+        return depth
+
+    def _prepared(self, view: str, width: int, height: int, samples: int = SAMPLES) -> mujoco.Renderer:
+        """The renderer of a size, with the scene as it is and from where it is seen."""
+        if (width, height) not in self._renderers:
+            self._model.vis.quality.offsamples = samples
+            self._renderers[width, height] = mujoco.Renderer(self._model, height, width)
+        renderer = self._renderers[width, height]
+        mujoco.mj_camlight(self._model, self._data)
+        renderer.update_scene(self._data, camera=view, scene_option=self._option)
+        draw_rods(renderer.scene, self._data)
+        return renderer
+
+
+def _noise(sensor: Sensor, which: int) -> np.random.Generator:
+    """The same for the same world at the same tick, whoever looks and however often."""
+    return np.random.default_rng([sensor.seed, sensor.tick, which])
+
+
+def _serve(run_dir: Path, link: socket.socket) -> None:
+    easel = Easel(mujoco.MjModel.from_binary_path(str(run_dir / MODEL_FILE)))
+    easel.warm_up()  # the first picture is slow: shaders are compiled
+    files: dict[int, NDArray[np.uint8]] = {}
+    link.send(READY)
+    while message := link.recv(1 << 16):
+        shot, positions = unpack_request(message)
+        if shot.slot not in files:
+            path = frame_path(run_dir, shot.slot)
+            files[shot.slot] = np.memmap(path, dtype=np.uint8, mode="w+", shape=(FRAME_BYTES,))
+        easel.draw(shot, positions, files[shot.slot])
+        link.send(REPLY.pack(shot.slot))
+    easel.close()
+
+
+def main() -> None:
+    """Entry of the process: run directory and inherited socket as arguments."""
+    run_dir, number = Path(sys.argv[1]), int(sys.argv[2])
+    # Only the world ends this process, by closing the socket; Ctrl-C in a terminal must not tear a picture.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(NICE)
+    _serve(run_dir, socket.socket(fileno=number))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,188 @@
+"""Renders the simulated cameras in a process of its own, so that pictures never hold up the plant's ticks.
+
+The world sends joint positions over an inherited socket; pictures go into a file in the run directory that the
+camera's client maps, and a short answer says which.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import socket
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.frozen import Frozen
+from hardware.interfaces import HardwareError, Intrinsics
+from hardware.sim.render.appearance import CameraSettings, Looks
+from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
+
+MODEL_FILE = "world.mjb"
+WIDTH, HEIGHT = 640, 480
+"""Of clean pictures [px]."""
+DEPTH_BYTES = 2 * DEPTH_WIDTH * DEPTH_HEIGHT
+"""A slot's file begins with the depth picture, if there is one, in units of 16 bits; the colour picture follows."""
+FRAME_BYTES = DEPTH_BYTES + 3 * 1280 * 720
+"""Size of a slot's file: room for the largest pictures."""
+HEADER = struct.Struct("<I")
+"""Length of the JSON of a ``RenderRequest``, which follows; then the positions as float64."""
+REPLY = struct.Struct("<I")
+READY = b"ready"
+_LONGEST = 64
+"""Of what the renderer says [bytes]."""
+START_TIMEOUT = 60.0
+DRAW_TIMEOUT = 4.0
+"""A picture that takes longer does not come; below the time after which clients give the whole world up [s, wall]."""
+LOST = "the renderer has ended or is stuck; renderer.log in the run directory says why"
+GL_REMEDY = (
+    "pictures need OpenGL through EGL, and it does not start here ({}): "
+    "install it with 'sudo apt-get install libegl1 libgl1-mesa-dri', or leave the cameras out (--no-cameras; in a rig "
+    "file cameras = false)"
+)
+
+
+class Sensor(Frozen):
+    """The RGB-D camera that takes a picture, and what decides its noise."""
+
+    camera: CameraSettings
+    seed: int
+    tick: int
+    depth: bool
+    """Whether the depth picture is wanted as well."""
+    colour: bool = True
+    """Whether the colour picture is wanted: it takes most of the time. Without, the file keeps an older one."""
+
+
+class RenderRequest(Frozen):
+    """One picture that is wanted."""
+
+    slot: int
+    view: str
+    looks: Looks | None = None
+    """None: light as the model has it."""
+    sensor: Sensor | None = None
+    """None: a clean picture of 640×480 pixels, without depth."""
+
+
+def pack_request(shot: RenderRequest, positions: NDArray[np.float64]) -> bytes:
+    """A request as sent to the renderer's process."""
+    wish = shot.model_dump_json().encode()
+    return HEADER.pack(len(wish)) + wish + positions.tobytes()
+
+
+def unpack_request(message: bytes) -> tuple[RenderRequest, NDArray[np.float64]]:
+    """Inverse of ``pack_request``."""
+    end = HEADER.size + HEADER.unpack_from(message)[0]
+    return RenderRequest.model_validate_json(message[HEADER.size : end]), np.frombuffer(message[end:], dtype=np.float64)
+
+
+def frame_path(run_dir: Path, slot: int) -> Path:
+    """File into which a slot's frames are written."""
+    return run_dir / f"frame-{slot}.bin"
+
+
+def load_pictures(
+    path: Path, width: int, height: int, *, depth: bool, colour: bool = True
+) -> tuple[NDArray[np.uint8], NDArray[np.uint16] | None]:
+    """What was drawn into a slot's file.
+
+    Returns:
+        Colour (height, width, 3) RGB, black where it is not wanted; depth as the imager has it, in whole units, or None
+        where it is not wanted.
+    """
+    shape = (height, width, 3)
+    if colour:
+        picture = np.fromfile(path, dtype=np.uint8, offset=DEPTH_BYTES, count=math.prod(shape)).reshape(shape)
+    else:
+        picture = np.zeros(shape, dtype=np.uint8)
+    if not depth:
+        return picture, None
+    units = np.fromfile(path, dtype=np.uint16, count=DEPTH_WIDTH * DEPTH_HEIGHT)
+    return picture, units.reshape(DEPTH_HEIGHT, DEPTH_WIDTH)
+
+
+def intrinsics_for(vertical_field_of_view: float) -> Intrinsics:
+    """Pinhole of a clean picture; angle in rad."""
+    focal = 0.5 * HEIGHT / float(np.tan(0.5 * vertical_field_of_view))
+    return Intrinsics(WIDTH, HEIGHT, focal, focal, 0.5 * (WIDTH - 1), 0.5 * (HEIGHT - 1))
+
+
+class Renderer:
+    """The renderer process as the world sees it: send positions, later take the answer."""
+
+    def __init__(self, run_dir: Path) -> None:
+        """Start the process; requests wait until it is ready, and ``wait_ready`` tells whether it can draw at all."""
+        self._link, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        environment = {**os.environ, "MUJOCO_GL": "egl", "LP_NUM_THREADS": "1"}
+        with (run_dir / "renderer.log").open("wb") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "hardware.sim.render.drawing", str(run_dir), str(far.fileno())],
+                pass_fds=[far.fileno()], stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment,
+            )  # fmt: skip
+        far.close()
+        self._run_dir = run_dir
+
+    def wait_ready(self) -> None:
+        """Block until the first picture could be drawn.
+
+        Raises:
+            HardwareError: there is no OpenGL here.
+        """
+        self._link.settimeout(START_TIMEOUT)
+        try:
+            answer = self._link.recv(1024)
+        except OSError:
+            answer = b""
+        if answer != READY:
+            self.close()
+            lines = (self._run_dir / "renderer.log").read_text(errors="replace").strip().splitlines()
+            raise HardwareError(GL_REMEDY.format(lines[-1][:200] if lines else "no answer"))
+
+    def request(self, shot: RenderRequest, positions: NDArray[np.float64]) -> None:
+        """Ask for a picture of the world at these joint positions.
+
+        Raises:
+            HardwareError: the renderer has ended or is stuck.
+        """
+        try:
+            self._link.send(pack_request(shot, positions))
+        except OSError as error:
+            raise HardwareError(LOST) from error
+
+    def take(self, wait: bool, patience: float = DRAW_TIMEOUT) -> int | None:
+        """The slot of the next finished picture.
+
+        Args:
+            wait: for a picture under way; else None where none is finished.
+            patience: how long to wait at most [s, wall].
+
+        Raises:
+            HardwareError: the renderer has ended or is stuck.
+        """
+        try:
+            self._link.settimeout(patience if wait else 0.0)
+            message = READY
+            while message == READY:  # the first word of one that nobody waited for
+                message = self._link.recv(_LONGEST)
+        except BlockingIOError:
+            return None
+        except OSError as error:
+            raise HardwareError(LOST) from error
+        if not message:
+            raise HardwareError(LOST)
+        slot: int = REPLY.unpack(message)[0]
+        return slot
+
+    def close(self, patience: float = 5.0) -> None:
+        """End the process, by force if it takes longer than ``patience`` [s]."""
+        self._link.close()
+        try:
+            self._process.wait(patience)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()

@@ -1,0 +1,11 @@
+"""The simulated camera's two sensors: what they make of a clean picture."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from hardware.sim.render.d435 import depth_intrinsics
+from hardware.sim.render.sensor_model import ColourSensor, StereoSensor
+
+STEREO: Final = StereoSensor(depth_intrinsics())
+COLOUR: Final = ColourSensor()

@@ -1,0 +1,118 @@
+"""The carrier before it moves anything: what it planned must still be so; and the way home of an arm left elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import chess
+import numpy as np
+import pytest
+
+from app.execution.carrier import BoardTouched, Carrier
+from app.execution.recovery_plans import Blocked, Strayed
+from app.execution.state import Clearance, Devices, Job
+from app.motion import Motion, MotionSettings, Plan
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, transfers
+from app.records import GameRecord, GameSetup
+from app.rig.arm import ArmAtRest, Outcome
+from app.terminal.interface import Quiet
+from hardware.parameters import load_parameters
+from hardware.table import Place, TableSettings
+from vision.pieces.poses import Pose
+
+TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()
+STANDS = Inventory.of(start_layout(chess.Board(), TABLE), TABLE)
+HOME = np.array(MOTION.home)
+
+
+class Arm:
+    """Follows on paper what it is told to."""
+
+    lead_ticks = 8
+
+    def __init__(self, at: Any = HOME) -> None:
+        self.at, self.done = np.array(at), list[str]()
+
+    def state(self) -> ArmAtRest:
+        return ArmAtRest(self.at, 0.01, 0)
+
+    settle = state
+
+    def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
+        for motion in plan.motions:
+            if begin is not None:
+                begin(motion)
+        self.at = np.array(plan.motions[-1].samples[-1][0])
+        self.done.append(plan.label)
+        return Outcome(1.0, 1.0, 1.0, 100)
+
+
+class Guard:
+    """A hand is over the board, and gone when ``clear`` returns."""
+
+    holding = False
+
+    def __init__(self) -> None:
+        self.arrivals = 0
+
+    def clear(self) -> None:
+        self.arrivals += 1
+
+
+def carrier_of(arm: Arm, guard: Guard | None, folder: Path) -> tuple[Carrier, GameRecord]:
+    clock: Any = SimpleNamespace(now=lambda: 0.0)
+    record = GameRecord.begin(folder / "game", GameSetup("a", "b", 1, "fast"), chess.Board(), STANDS, 0.0)
+    devices: Any = Devices(arm, clock, None, None, guard)  # type: ignore[arg-type]
+    return Carrier(devices, record, Quiet(), MOTION, PARAMETERS), record
+
+
+BISHOP = STANDS.at(Place.parse("c1"))
+assert BISHOP is not None
+LYING = Strayed(BISHOP, BISHOP.place, Pose(-0.0739, -0.1167, 3.133))
+
+
+@pytest.mark.parametrize("what", ["carry", "push", "stand up"])
+@pytest.mark.parametrize("came", [False, True])
+def test_nothing_is_done_that_was_planned_before_a_hand_came(tmp_path: Path, what: str, came: bool) -> None:
+    arm, guard = Arm(), Guard()
+    carrier, record = carrier_of(arm, guard, tmp_path)
+    free = Strayed(LYING.piece, LYING.target, Pose(0.02, 0.01, 0.3))
+    pushed: list[str] = []
+
+    seen = Clearance(arrivals=0 if came else 1)  # the guard counts one when the arm asks it for clearance
+
+    def act() -> None:
+        if what == "carry":
+            ply = transfers(chess.Board(), chess.Move.from_uci("e2e4"), STANDS)
+            carrier.carry(Job("e4", ply.transfers, uci=ply.uci), STANDS, seen=seen)
+        elif what == "push":
+            blocked = [Blocked(LYING.piece.name, "white-pawn-c")]
+            push = carrier.push_for(blocked, [LYING], STANDS, seen)
+            pushed.append(push.name)
+            carrier.push_aside(push, STANDS)
+        else:
+            carrier.stand_up(free, [free], STANDS, seen)
+
+    with record:
+        if came:
+            with pytest.raises(BoardTouched):
+                act()
+            assert carrier.untouched
+        else:
+            act()
+    assert len(arm.done) == (0 if came else 1)
+    assert len(pushed) == (1 if what == "push" and not came else 0)
+
+
+def test_an_arm_that_was_left_elsewhere_goes_home_and_one_at_home_stays(tmp_path: Path) -> None:
+    for at, ways in ((HOME, 0), (HOME + np.array([0.03, -0.05, 0.02]), 1)):
+        arm = Arm(at)
+        carrier, record = carrier_of(arm, None, tmp_path / str(ways))
+        with record:
+            carrier.bring_home(STANDS)
+        assert len(arm.done) == ways
+        assert np.allclose(arm.at, HOME, atol=1e-9)

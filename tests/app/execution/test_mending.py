@@ -1,0 +1,517 @@
+"""Pieces are lost on their way, knocked aside or taken off; the game sees it, has it mended, and only then goes on.
+
+The table here is paper: an arm that moves inventories and loses pieces where it is told, and eyes that see the truth.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import chess
+import numpy as np
+import pytest
+
+from app import UserError
+from app.execution.carrier import BoardTouched, Carried, CarryFailed, Loss
+from app.execution.observation import Verification
+from app.execution.recovery import MOST_ROUNDS, Mender
+from app.execution.recovery_plans import Strayed
+from app.execution.repair import BoardObservation
+from app.execution.state import AwaitedReply, Devices, Job, Position
+from app.execution.table import Table
+from app.game.person import NeedsHand, UnattendedAsker
+from app.motion import MotionSettings
+from app.motion.obstacles import Obstacle
+from app.motion.plan import InTheWay, PlanRefused
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, Transfer, transfers
+from app.records import EVENTS_FILE, GameRecord, GameSetup, read_history
+from app.records.events import TroubleEvent
+from app.records.history import Unfinished
+from app.rig.arm import Outcome
+from app.rig.board import BoardRig
+from app.terminal.interface import Quiet
+from hardware.parameters import load_parameters
+from hardware.table import PieceSpec, Place, TableSettings, square_place
+from vision.pieces.poses import Pose
+from vision.pieces.verify import Fault, FaultKind
+from vision.reading.appearance import BLACK, EMPTY, WHITE
+
+TABLE = TableSettings()
+
+
+class Paper:
+    """What really stands where; and an arm and eyes for it."""
+
+    def __init__(self, inventory: Inventory) -> None:
+        self.truth = inventory
+        self.losses: dict[int, Place | None] = {}
+        """By number of the transfer, from 0: where its piece ends up; None: gone."""
+        self.falls: dict[int, Place] = {}
+        """The same, of pieces that lie near such a square."""
+        self.lying: dict[str, tuple[PieceSpec, Place]] = {}
+        self.in_the_way: str | None = None
+        self.crowded: str | None = None
+        """This piece is in the way of the fingers, unless it alone is carried."""
+        self.hemmed_in: str | None = None
+        """This piece is in the way, and the fingers do not get at it either."""
+        self.immovable = False
+        self.off = 0.0
+        """What was lost over a tray stands so far from the middle of its place [m]."""
+        self.stood_up = self.pushed = 0
+        self.carried = 0
+        self.asked: list[str] = []
+        self.answer: chess.Move | None = None
+        """A person makes it while the arm goes home."""
+        self.prop_off = 0.025
+        self.prop: str | None = None
+        """This piece is off its place, and what lies leans on it."""
+        self.visits: list[tuple[str, Place | None]] = []
+        """So often a hand comes before the arm begins: which piece it puts where."""
+
+    # an arm
+
+    untouched = True
+
+    def carry(self, job: Job, inventory: Inventory, begun: Any = None, seen: Any = None) -> Carried:
+        done = inventory
+        self.visit()
+        if self.crowded is not None and [one.name for one in job.transfers] != [self.crowded]:
+            piece, self.crowded = inventory.find(self.crowded), None
+            raise InTheWay("the fingers would touch it", Obstacle.at(piece.name, piece.place, piece.kind, TABLE))
+        for number, transfer in enumerate(job.transfers):
+            if self.carried in self.losses:
+                where = self.losses.pop(self.carried)
+                self.carried += 1
+                self.put(transfer.name, where)
+                raise CarryFailed(Loss.LOST, transfer, number, done, f"the {transfer.kind} was lost")
+            if self.carried in self.falls:
+                self.lying[transfer.name] = self.truth.find(transfer.name), self.falls.pop(self.carried)
+                self.carried += 1
+                self.put(transfer.name, None)
+                raise CarryFailed(Loss.LOST, transfer, number, done, f"the {transfer.kind} was lost")
+            self.carried += 1
+            self.put(transfer.name, transfer.target)
+            done = done.moved(transfer)
+        if self.answer is not None:
+            answer, self.answer = self.answer, None
+            moved = self.truth.at(square_place(answer.from_square))
+            assert moved is not None
+            self.put(moved.name, square_place(answer.to_square))
+        return Carried(1.0, Outcome(1.0, 1.0, 1.0, 100), False)
+
+    def put(self, name: str, place: Place | None) -> None:
+        rest = [piece for piece in self.truth if piece.name != name]
+        piece = next((piece for piece in self.truth if piece.name == name), None)
+        if place is not None:
+            assert piece is not None, f"{name} is gone and cannot be carried"
+            assert all(other.place != place for other in rest), f"{name} was put on {place}, where another piece stands"
+            rest.append(PieceSpec(piece.name, piece.kind, piece.colour, place))
+        self.truth = Inventory.of(rest, TABLE)
+        self.prop = None if self.prop == name else self.prop
+
+    def visit(self) -> None:
+        if self.visits:
+            self.put(*self.visits.pop(0))
+            raise BoardTouched
+
+    def stand_up(self, one: Strayed, strays: Any, stands: Inventory, seen: Any) -> float | None:
+        self.visit()
+        if self.in_the_way is not None and self.truth.find(self.in_the_way).place == stands.find(self.in_the_way).place:
+            name, self.in_the_way = self.in_the_way, None
+            piece = stands.find(name)
+            raise InTheWay("the rook is in the way", Obstacle.at(name, piece.place, piece.kind, TABLE))
+        if self.hemmed_in is not None:
+            piece = stands.find(self.hemmed_in)
+            raise InTheWay("the rook is in the way", Obstacle.at(piece.name, piece.place, piece.kind, TABLE))
+        if self.prop is not None:
+            return None
+        piece, place = self.lying.pop(one.piece.name)
+        self.truth = Inventory.of([*self.truth, PieceSpec(piece.name, piece.kind, piece.colour, place)], TABLE)
+        self.stood_up += 1
+        return 2.0
+
+    def push_for(self, blocked: Any, strays: Any, stands: Inventory, seen: Any) -> Any:
+        if self.immovable:
+            raise PlanRefused("no push helps")
+        self.visit()
+        return SimpleNamespace(name=blocked[0].by)
+
+    def push_aside(self, push: Any, stands: Inventory) -> None:
+        self.pushed += 1
+        self.hemmed_in = None
+
+    def way_for(self, blocks: str, strays: Any, stands: Inventory) -> Transfer:
+        if self.hemmed_in == blocks or self.immovable:
+            raise PlanRefused("the fingers would touch what lies there")
+        free = next(place for place in map(square_place, range(63, -1, -1)) if stands.at(place) is None)
+        return Transfer.of(stands.find(blocks), free)
+
+    def bring_home(self, inventory: Inventory) -> None:
+        pass
+
+    # eyes
+
+    def strays(self, stands: Inventory) -> list[Strayed]:
+        beside = [
+            Strayed(stands.find(piece.name), stands.find(piece.name).place, Pose(*self.at(piece.place)))
+            for piece in self.truth
+            if piece.place.in_tray and stands.find(piece.name).place != piece.place
+        ]
+        if self.prop is not None:
+            leant_on = stands.find(self.prop)
+            x, y = TABLE.xy(leant_on.place)
+            beside.append(Strayed(leant_on, leant_on.place, Pose(x + 0.009, y - self.prop_off)))
+        return beside + [
+            Strayed(stands.find(name), stands.find(name).place, Pose(*TABLE.xy(place), yaw=1.0))
+            for name, (_, place) in self.lying.items()
+        ]
+
+    def at(self, place: Place) -> tuple[float, float]:
+        x, y = TABLE.xy(place)
+        return x + self.off, y
+
+    last = None
+    looked_at = math.inf
+
+    def verify(self, stands: Inventory) -> Verification:
+        faults, states = [], np.full(64, EMPTY)
+        for square in range(64):
+            there, should = self.truth.at(square_place(square)), stands.at(square_place(square))
+            if there is not None:
+                states[square] = WHITE if there.colour == "white" else BLACK
+            if should is not None and there is None:
+                faults.append(Fault(FaultKind.MISSING, square, f"{square_place(square)} is empty", None, None))
+            if should is None and there is not None:
+                faults.append(Fault(FaultKind.FOREIGN, square, f"something is on {square_place(square)}", (0, 0), None))
+        return Verification(tuple(faults), BoardObservation.of(stands, states, faults))
+
+    def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
+        return {piece.place.index: TABLE.xy(piece.place) for piece in believed if piece.place.on_board}
+
+    def begin(self, board: chess.Board) -> None:
+        pass
+
+    def confirm(self, board: chess.Board, look: Any = None) -> None:
+        self.confirmed = board.fen()
+
+    def forget_likeness(self) -> None:
+        pass
+
+    seen = None
+
+    def answered(self, reply: AwaitedReply) -> bool:
+        if not reply.possible(None):
+            return False
+        board = reply.position
+        after = [board.copy(), *(board.copy() for _ in board.legal_moves)]
+        for one, move in zip(after[1:], board.legal_moves, strict=True):
+            one.push(move)
+        shown = {piece.place.index for piece in self.truth if piece.place.on_board}
+        return any(shown == set(one.piece_map()) for one in after[1:])
+
+
+class Unattended(UnattendedAsker):
+    def __init__(self, paper: Paper) -> None:
+        self._paper = paper
+
+    def mend(self, sentence: str, squares: tuple[str, ...]) -> None:
+        self._paper.asked.append(sentence)
+        super().mend(sentence, squares)
+
+
+def table_of(
+    folder: Path, fen: str = chess.STARTING_FEN, *, begun: bool = False, unfinished: Unfinished | None = None
+) -> tuple[Table, Paper, GameRecord]:
+    board = chess.Board(fen)
+    inventory = Inventory.of(start_layout(board, TABLE), TABLE)
+    paper: Any = Paper(inventory)
+    record = GameRecord.begin(folder, GameSetup("a", "b", 1, "fast"), board, inventory, 0.0)
+    rig = BoardRig(MotionSettings().home, load_parameters())
+    mender = Mender(paper, paper, Unattended(paper), record, Quiet(), rig.clock)
+    devices = Devices(rig.arm, rig.clock, None, None)
+    return Table(Position(board, inventory, begun, unfinished), devices, paper, mender, record, Quiet()), paper, record
+
+
+def same(one: Inventory, other: Inventory) -> bool:
+    return dict(one.standing) == dict(other.standing)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_lost_pieces_are_found_and_carried_again_and_the_record_is_right(tmp_path: Path, seed: int) -> None:
+    """Each piece may fall onto any free square near its way; history advances only once it stands."""
+    draw = random.Random(seed)
+    table, paper, record = table_of(tmp_path / "game")
+    lost = 0
+    with record:
+        for _ in range(20):
+            free = [square_place(s) for s in range(64) if paper.truth.at(square_place(s)) is None]
+            if draw.random() < 0.4:
+                paper.losses[paper.carried + draw.randrange(2)] = draw.choice(free)
+            before = len(table.board.move_stack)
+            waiting = len(paper.losses)
+            assert table.arm_ply(draw.choice(list(table.board.legal_moves)))
+            lost += waiting - len(paper.losses)
+            paper.losses.clear()
+            assert len(table.board.move_stack) == before + 1
+            assert same(paper.truth, table.inventory)
+            assert paper.confirmed == table.board.fen(), "the eyes learn what stands there"
+    history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
+    assert same(history.inventory, paper.truth)
+    assert len(history.plies) == 20
+    assert lost, "this seed has lost nothing: it shows nothing"
+    troubles = [event for event in history.events if isinstance(event, TroubleEvent)]
+    assert sum(trouble.kind == Loss.LOST for trouble in troubles) == lost
+
+
+@pytest.mark.parametrize("blocked", [False, True])
+def test_a_piece_that_fell_is_stood_up_and_carried_to_where_it_belongs(tmp_path: Path, blocked: bool) -> None:
+    """Where another piece is in the way of the fingers, that one makes way and comes back."""
+    table, paper, record = table_of(tmp_path / "game")
+    paper.falls[0] = Place.parse("d5")
+    paper.in_the_way = "white-pawn-d" if blocked else None
+    with record:
+        assert table.arm_ply(chess.Move.from_uci("e2e4"))
+    assert (paper.stood_up, paper.asked) == (1, [])
+    assert same(paper.truth, table.inventory)
+    history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
+    assert same(history.inventory, paper.truth)
+    kinds = [event.kind for event in history.events if isinstance(event, TroubleEvent)]
+    assert kinds[0] == "lost"
+    assert "fallen" in kinds
+
+
+@pytest.mark.parametrize("immovable", [False, True])
+def test_where_two_pieces_are_in_each_others_way_one_is_pushed(tmp_path: Path, immovable: bool) -> None:
+    """And where no push helps, a person is asked."""
+    table, paper, record = table_of(tmp_path / "game")
+    paper.falls[0] = Place.parse("d5")
+    paper.hemmed_in, paper.immovable = "white-pawn-d", immovable
+    with record:
+        if immovable:
+            with pytest.raises(NeedsHand, match="the fingers would touch what lies there"):
+                table.arm_ply(chess.Move.from_uci("e2e4"))
+            return
+        assert table.arm_ply(chess.Move.from_uci("e2e4"))
+    assert (paper.pushed, paper.stood_up, paper.asked) == (1, 1, [])
+    assert same(paper.truth, table.inventory)
+
+
+@pytest.mark.parametrize(("prop", "asked"), [("black-pawn-d", False), ("white-rook-h", True)])
+def test_what_a_piece_leans_on_goes_to_its_place_first(tmp_path: Path, prop: str, asked: bool) -> None:
+    """One that is far away does not: then, after some tries, a person is asked."""
+    table, paper, record = table_of(tmp_path / "game", "rnbqkbnr/ppp1pppp/8/3p4/8/8/PPPPPPPP/RNBQKBNR w KQkq - 0 1")
+    paper.falls[0], paper.prop = Place.parse("d4"), prop
+    with record:
+        if asked:
+            with pytest.raises(NeedsHand, match="could not be stood up in 3 attempts"):
+                table.arm_ply(chess.Move.from_uci("e2e4"))
+            return
+        assert table.arm_ply(chess.Move.from_uci("e2e4"))
+    assert (paper.stood_up, paper.asked) == (1, [])
+    assert same(paper.truth, table.inventory)
+
+
+@pytest.mark.parametrize("visits", [1, 3])
+def test_what_a_hand_does_before_the_arm_begins_is_seen_first(tmp_path: Path, visits: int) -> None:
+    """The ply is made all the same, once, and what the hand has moved is put back."""
+    table, paper, record = table_of(tmp_path / "game")
+    paper.visits = [("white-knight-b", Place.parse(square)) for square in ("c4", "c5", "c6")[:visits]]
+    with record:
+        assert table.arm_ply(chess.Move.from_uci("e2e4"))
+    assert not paper.visits
+    assert not paper.asked
+    assert same(paper.truth, table.inventory)
+    assert [move.uci() for move in table.board.move_stack] == ["e2e4"]
+    history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
+    assert same(history.inventory, paper.truth)
+    assert len(history.plies) == 1
+
+
+@pytest.mark.parametrize(("losses", "held"), [(MOST_ROUNDS, True), (MOST_ROUNDS + 1, False)])
+def test_the_arm_tries_as_often_as_it_says(tmp_path: Path, losses: int, held: bool) -> None:
+    table, paper, record = table_of(tmp_path / "game")
+    paper.losses = {number: Place.parse("e3" if number % 2 else "d3") for number in range(losses)}
+    with record:
+        if held:
+            assert table.arm_ply(chess.Move.from_uci("e2e4"))
+        else:
+            with pytest.raises(UserError, match=f"still not right after {MOST_ROUNDS} attempts"):
+                table.arm_ply(chess.Move.from_uci("e2e4"))
+
+
+CAPTURE = "4k3/8/8/3p4/4P3/8/8/4K3 w - - 0 1"
+
+
+@pytest.mark.parametrize(("off", "carried"), [(0.002, 2), (0.007, 3)])
+def test_a_captured_piece_that_was_lost_over_a_tray_is_seen_there(tmp_path: Path, off: float, carried: int) -> None:
+    """Where it stands right, nobody has to touch it again; a little off its place, it is carried there."""
+    table, paper, record = table_of(tmp_path / "game", CAPTURE)
+    pawn = table.inventory.at(Place.parse("d5"))
+    assert pawn is not None
+    with record:
+        before = table.inventory
+        paper.off = off
+        paper.losses[0] = _first_tray(table, chess.Move.from_uci("e4d5"))
+        assert table.arm_ply(chess.Move.from_uci("e4d5"))
+    assert (paper.carried, paper.asked) == (carried, [])
+    assert same(paper.truth, table.inventory)
+    assert table.inventory.find(pawn.name).place.in_tray
+    assert before.find(pawn.name).place.on_board
+
+
+def _first_tray(table: Table, move: chess.Move) -> Place:
+    """Where the piece goes that a move captures."""
+    return transfers(table.board, move, table.inventory).transfers[0].target
+
+
+def test_a_piece_is_asked_for_only_after_all_else_is_right(tmp_path: Path) -> None:
+    """What was missing is still known after a piece was lost while another one was: nothing drops out of the books."""
+    table, paper, record = table_of(tmp_path / "game")
+    with record:
+        paper.put("white-knight-b", Place.parse("c4"))
+        paper.put("black-knight-b", None)
+        paper.losses[0] = Place.parse("b4")
+        with pytest.raises(NeedsHand, match="put the black knight on b8"):
+            table.repair()
+    assert len(list(table.inventory)) == len(list(paper.truth)) + 1
+
+
+def test_a_piece_that_is_gone_is_asked_for_and_no_ply_is_recorded(tmp_path: Path) -> None:
+    table, paper, record = table_of(tmp_path / "game")
+    paper.losses[0] = None
+    with record, pytest.raises(NeedsHand, match="a piece is missing: put the white pawn on e2"):
+        table.arm_ply(chess.Move.from_uci("e2e4"))
+    history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
+    assert history.board.fen() == chess.STARTING_FEN
+    assert len(paper.asked) == 1
+
+
+def test_a_piece_moved_by_nobody_is_put_back(tmp_path: Path) -> None:
+    table, paper, record = table_of(tmp_path / "game")
+    with record:
+        paper.put("white-knight-b", Place.parse("c4"))
+        assert table.repair()
+        assert same(paper.truth, table.inventory)
+        assert not table.board.move_stack
+        history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
+        assert history.unfinished is None
+        assert same(history.inventory, paper.truth)
+
+
+def test_an_answer_that_comes_before_the_arm_is_home_is_no_fault(tmp_path: Path) -> None:
+    table, paper, record = table_of(tmp_path / "game")
+    paper.answer = chess.Move.from_uci("g8f6")
+    with record:
+        assert table.arm_ply(chess.Move.from_uci("e2e4"), answers=True)
+    assert paper.carried == 1, "the knight stays where the person has put it"
+    assert not hasattr(paper, "confirmed"), "the eyes do not take the picture for the position before the answer"
+    history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
+    assert [ply.uci for ply in history.plies] == ["e2e4"]
+    assert not any(isinstance(event, TroubleEvent) for event in history.events)
+
+
+@pytest.mark.parametrize("plays", [chess.WHITE, chess.BLACK])
+def test_a_move_that_a_person_made_while_nobody_looked_is_theirs(tmp_path: Path, plays: chess.Color) -> None:
+    table, paper, record = table_of(tmp_path / "game", begun=True)
+    paper.put("white-pawn-e", Place.parse("e4"))
+    with record:
+        assert table.begin(frozenset({plays}))
+    if plays is chess.WHITE:
+        assert table.replied
+        assert paper.carried == 0
+        assert not hasattr(paper, "confirmed"), "the eyes know the position before the move"
+    else:
+        assert not table.replied
+        assert paper.truth.at(Place.parse("e2")) is not None, "whoever plays here leaves the pieces to the arm"
+        assert paper.confirmed == table.board.fen()
+    assert not paper.asked
+
+
+@pytest.mark.parametrize("unfinished", [Unfinished(uci="e2e4"), Unfinished(uci="e2e4", repair=())])
+def test_an_answer_to_what_was_under_way_when_the_program_died_is_no_fault(
+    tmp_path: Path, unfinished: Unfinished
+) -> None:
+    table, paper, record = table_of(tmp_path / "game", begun=True, unfinished=unfinished)
+    if unfinished.repair is None:
+        paper.answer = chess.Move.from_uci("e7e5")
+    else:
+        paper.put("white-pawn-e", Place.parse("e4"))
+        table.inventory = paper.truth  # as it was found before the repair
+        paper.put("black-pawn-e", Place.parse("e5"))
+    with record:
+        assert table.begin(frozenset({chess.BLACK}))
+    assert table.replied
+    assert table.board.peek() == chess.Move.from_uci("e2e4")
+    assert paper.truth.at(Place.parse("e5")) is not None
+    assert not paper.asked
+
+
+@pytest.mark.parametrize(("answer", "answers"), [("g8f6", False), ("g8g5", True)])
+def test_what_nobody_may_have_played_is_put_back(tmp_path: Path, answer: str, answers: bool) -> None:
+    """A piece that the arm may have taken along, and one that went where it must not."""
+    table, paper, record = table_of(tmp_path / "game")
+    paper.answer = chess.Move.from_uci(answer)
+    with record:
+        assert table.arm_ply(chess.Move.from_uci("e2e4"), answers=answers)
+    assert same(paper.truth, table.inventory)
+
+
+@pytest.mark.parametrize("moves_itself", [False, True])
+def test_a_piece_that_is_in_the_way_of_the_fingers_goes_first(tmp_path: Path, moves_itself: bool) -> None:
+    """To where it has to go, or aside and back."""
+    table, paper, record = table_of(tmp_path / "game")
+    with record:
+        paper.put("black-knight-b", Place.parse("c4"))
+        paper.crowded = "white-bishop-c"
+        if moves_itself:
+            paper.put("white-bishop-c", Place.parse("d4"))
+        assert table.repair()
+        assert same(paper.truth, table.inventory)
+    assert (paper.carried, paper.asked, paper.crowded) == (2 if moves_itself else 3, [], None)
+
+
+def test_the_board_is_looked_at_again_before_the_arm_moves_after_a_while(tmp_path: Path) -> None:
+    """What somebody has knocked aside while a player thought is put back before, and not after it was run into."""
+    table, paper, record = table_of(tmp_path / "game")
+    paper.looked_at = -1.0
+    with record:
+        paper.put("black-knight-b", Place.parse("c4"))
+        assert table.arm_ply(chess.Move.from_uci("e2e4"))
+    history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
+    order = [event.event for event in history.events if event.event in ("task_done", "ply")]
+    assert order == ["task_done", "ply"]
+
+
+def test_what_cannot_be_mended_ends_with_a_sentence(tmp_path: Path) -> None:
+    table, paper, record = table_of(tmp_path / "game")
+    for number in range(50):
+        paper.losses[number] = Place.parse("e3") if number % 2 == 0 else Place.parse("d3")
+    with record, pytest.raises(UserError, match="still not right after 40 attempts"):
+        table.arm_ply(chess.Move.from_uci("e2e4"))
+    assert read_history(tmp_path / "game" / EVENTS_FILE, TABLE).board.fen() == chess.STARTING_FEN
+
+
+def test_the_record_of_a_game_killed_while_it_mends_can_be_read(tmp_path: Path) -> None:
+    """Cut after each line: it tells what was under way, and never contradicts itself."""
+    table, paper, record = table_of(tmp_path / "game")
+    paper.losses[1] = Place.parse("e6")
+    with record:
+        for uci in ("e2e4", "d7d5", "e4d5"):
+            table.arm_ply(chess.Move.from_uci(uci))
+        table.take_back(2)
+        paper.put("white-knight-b", Place.parse("c4"))
+        table.repair()
+    lines = (tmp_path / "game" / EVENTS_FILE).read_text().splitlines(keepends=True)
+    (tmp_path / "cut").mkdir()
+    for cut in range(1, len(lines) + 1):
+        (tmp_path / "cut" / EVENTS_FILE).write_text("".join(lines[:cut]))
+        history = read_history(tmp_path / "cut" / EVENTS_FILE, TABLE)
+        if history.unfinished is None:
+            history.inventory.check_against(history.board)
+    assert history.board.fen() == table.board.fen()
+    assert same(history.inventory, paper.truth)

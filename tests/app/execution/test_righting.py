@@ -1,0 +1,89 @@
+"""What makes way for a piece that is to be stood up, and where it goes."""
+
+from __future__ import annotations
+
+import math
+
+import chess
+import numpy as np
+import pytest
+
+from app.execution.recovery_plans import Strayed, in_order, plan_making_way
+from app.motion import MotionSettings, plan_ply
+from app.motion.plan import Plan, PlanRefused
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, Transfer
+from hardware.parameters import load_parameters
+from hardware.table import PIECE_SHAPES, Place, TableSettings
+from vision.pieces.poses import Pose
+
+TABLE = TableSettings()
+INVENTORY = Inventory.of(start_layout(chess.Board("4k3/8/8/8/3P4/4N3/8/4K3 w - - 0 1"), TABLE), TABLE)
+
+
+def stray(square: str, at: str, yaw: float | None, off: tuple[float, float] = (0.0, 0.0)) -> Strayed:
+    """The piece of a square, seen elsewhere."""
+    piece = INVENTORY.at(Place.parse(square))
+    assert piece is not None
+    x, y = TABLE.xy(Place.parse(at))
+    return Strayed(piece, piece.place, Pose(x + off[0], y + off[1], yaw))
+
+
+def way(blocks: str, *strays: Strayed) -> tuple[Transfer, Plan]:
+    home = np.array(MotionSettings().home)
+    return plan_making_way(blocks, strays, INVENTORY, home, 0.02, MotionSettings(), load_parameters())
+
+
+KNIGHT = next(piece.name for piece in INVENTORY if str(piece.place) == "e3")
+LIES = stray("d4", "g6", 0.4)
+
+
+def test_pieces_that_lie_come_first() -> None:
+    stands = stray("e3", "c6", None)
+    assert in_order([stands, LIES]) == [LIES, stands]
+
+
+def test_a_piece_on_its_square_goes_to_a_free_one_clear_of_what_lies() -> None:
+    transfer, plan = way(KNIGHT, LIES)
+    assert (str(transfer.source), transfer.seen) == ("e3", None)
+    assert INVENTORY.at(transfer.target) is None
+    assert math.dist(TABLE.xy(transfer.target), (LIES.pose.x, LIES.pose.y)) > 0.1
+    assert plan.motions
+
+
+def test_a_piece_that_strayed_itself_goes_where_it_belongs_from_where_it_is_seen() -> None:
+    knight = stray("e3", "b6", None, (0.004, -0.006))
+    transfer, _ = way(KNIGHT, LIES, knight)
+    assert (str(transfer.target), transfer.seen) == ("e3", (knight.pose.x, knight.pose.y))
+
+
+def test_where_something_lies_near_its_square_it_goes_elsewhere() -> None:
+    near, knight = stray("d4", "e4", 1.0), stray("e3", "b6", None)
+    transfer, _ = way(KNIGHT, near, knight)
+    assert str(transfer.target) != "e3"
+    assert transfer.seen == (knight.pose.x, knight.pose.y)
+    assert math.dist(TABLE.xy(transfer.target), (near.pose.x, near.pose.y)) > 0.1
+
+
+def test_a_piece_that_lies_makes_no_way() -> None:
+    with pytest.raises(PlanRefused, match=f"^{KNIGHT}, which is in the way, lies itself: take it off the board$"):
+        way(KNIGHT, LIES, stray("e3", "c6", 0.0))
+
+
+def test_over_something_that_lies_beside_it_a_piece_is_taken_higher() -> None:
+    """The king's foot is lower than the fingers get there on the bishop beside it, if they take that by its head."""
+    board = chess.Board("4k3/8/8/8/8/8/8/2B1K3 w - - 0 1")
+    inventory = Inventory.of(start_layout(board, TABLE), TABLE)
+    king, bishop = (inventory.at(Place.parse(square)) for square in ("e1", "c1"))
+    assert king is not None
+    assert bishop is not None
+    x, y = TABLE.xy(bishop.place)
+    lies = Strayed(king, king.place, Pose(x + 0.022, y, 0.0))
+    home = np.array(MotionSettings().home)
+    transfer, plan = plan_making_way(bishop.name, [lies], inventory, home, 0.02, MotionSettings(), load_parameters())
+    shape = PIECE_SHAPES[bishop.kind]
+    assert 0.0 < transfer.raised < shape.height - shape.grip_height
+    grasp = plan.motions[1].samples["position"][-1]
+    usual = Transfer.of(bishop, transfer.target)
+    lower = plan_ply("", [usual], inventory, home, 0.02, MotionSettings(), load_parameters())
+    assert lower.motions[1].samples["position"][-1][2] - grasp[2] == pytest.approx(transfer.raised, abs=1e-6)

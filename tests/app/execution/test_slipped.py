@@ -1,0 +1,83 @@
+"""A piece that is lost on its way is missed when the fingers come to its place, whatever holds them up there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import chess
+import numpy as np
+import pytest
+
+from app.motion import MotionSettings, Plan, plan_ply, plan_return
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, Stage, transfers
+from app.rig.arm import ControllerArm, PieceSlipped
+from controller.protocol.layout import Result
+from controller.wire.client import MotionOutcome
+from hardware.parameters import load_parameters
+from hardware.table import TableSettings
+
+TABLE, MOTION = TableSettings(), MotionSettings()
+
+
+class Client:
+    """Does what it is told; the pads feel what the test says from the carrying on."""
+
+    lockstep, period = True, 0.001
+
+    def __init__(self, plan: Plan, felt: tuple[float, float]) -> None:
+        self._plan, self._felt = plan, felt
+        self.done = 0
+        self.stopped = False
+
+    def execute(self, samples: Any, *, followed: bool) -> MotionOutcome:
+        motion = self._plan.motions[self.done]
+        self.done += 1
+        grips = motion.grips
+        result = Result.GRIPPED if grips else Result.TOUCHED if motion.touches else Result.DONE
+        tactile = (4.0, 4.0) if grips else self._felt if motion.stage is Stage.CARRY else (0.0, 0.0)
+        at = tuple(samples["position"][-1].tolist())
+        return MotionOutcome(result, 0, 10, 0.01, at, at, 0.01, 1.0, 4.0, tactile)  # type: ignore[arg-type]
+
+    def stop(self) -> None:
+        self.stopped = True
+
+
+def carried_out(felt: tuple[float, float]) -> Client:
+    board = chess.Board()
+    inventory = Inventory.of(start_layout(board, TABLE), TABLE)
+    ply = transfers(board, chess.Move.from_uci("e2e4"), inventory)
+    plan = plan_ply("e4", ply.transfers, inventory, np.array(MOTION.home), 0.02, MOTION, load_parameters(), 8)
+    client = Client(plan, felt)
+    arm = ControllerArm(client)  # type: ignore[arg-type]
+    try:
+        arm.execute(plan)
+    finally:
+        assert client.stopped == (min(felt) < 0.5)
+    return client
+
+
+def test_a_piece_between_both_pads_is_set_down() -> None:
+    assert carried_out((3.8, 4.1)).done == 4
+
+
+@pytest.mark.parametrize("felt", [(0.0, 0.0), (4.0, 0.1)])
+def test_empty_fingers_have_lost_it(felt: tuple[float, float]) -> None:
+    with pytest.raises(PieceSlipped, match=r"^pawn e2 to e4: the fingers came there empty; where has it gone\?$"):
+        carried_out(felt)
+
+
+def test_the_way_home_from_what_holds_the_tool_up_begins_softly_and_straight_up() -> None:
+    parameters, stroke = load_parameters(), 0.009
+    held = TABLE.base_from_board(np.array([(0.02, -0.08, 0.028)]))[0]
+    reference = held + np.array([0.0, 0.0, stroke])
+    plan = plan_return(reference, 0.0, MOTION, parameters, TABLE, held_up_at=held)
+    first, second = plan.motions
+    rows = first.samples
+    assert rows["position"][0] == pytest.approx(reference, abs=1e-7)
+    assert rows["position"][-1] == pytest.approx(held, abs=1e-7)
+    assert second.samples["position"][0] == pytest.approx(held, abs=1e-6)
+    assert np.all(np.diff(rows["position"][:, 2]) <= 1e-9), "z3 points down"
+    assert np.abs(rows["velocity"]).max() < 0.06
+    assert rows["stiffness"][:, 2] == pytest.approx(MOTION.gains.frequency_at_contact**2, rel=1e-6)
+    assert plan_return(reference, 0.0, MOTION, parameters, TABLE).motions[0].label == "home"

@@ -1,0 +1,118 @@
+"""The bench of motion runs, its parts measure what they say, and the optimum agrees with what is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import chess
+import numpy as np
+import pytest
+
+from app.measure.bench import motion
+from app.measure.bench.optimum import optimal_duration
+from app.measure.bench.plies import Bed, Disorder, positions
+from app.measure.bench.touchdown import WOOD, Touchdown, set_down
+from app.motion import PROFILES, Profile
+from app.motion.path import blend
+from app.motion.route import timed
+from app.motion.timing.time_law import Bounds, time_law
+from app.pieces.manipulation import MoveKind
+from controller.protocol import Guard, Result
+from hardware.parameters import load_parameters
+from hardware.table import Kind, TableSettings
+
+PARAMETERS, TABLE, DEFAULT = load_parameters(), TableSettings(), PROFILES[Profile.DEFAULT]
+
+
+@pytest.mark.slow
+def test_the_bench_runs_and_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motion, "QUICK", {Profile.DEFAULT: 6, Profile.FAST: 3, Profile.GENTLE: 2})
+    monkeypatch.setattr(motion, "QUICK_COMPARED", 3)
+    monkeypatch.setattr(motion, "QUICK_GRASPS", 6)
+    said: list[str] = []
+    report = motion.motion_bench(True, said.append)
+    failing = {name for name, one in report.rows.items() if not one.holds}
+    assert failing <= {"planning", "to_stopping", "slide"}, "the machine decides the first, so few moves the others"
+    assert report.rows["slide"].mean < report.rows["slide_without"].mean
+    assert report.rows["default_quiet"].n + report.rows.get("default_capture", report.rows["failed"]).n >= 4
+    assert said[0] == "profile default: 6 transfers in the world"
+
+
+@pytest.mark.parametrize(
+    ("length", "expected"), [(0.3, 0.3 / 0.8 + 0.8 / 15 + 15 / 500), (0.002, (32 * 0.002 / 500) ** (1 / 3))]
+)
+def test_the_optimum_along_a_line_is_the_known_one(length: float, expected: float) -> None:
+    """A trapezoid of acceleration; or four phases of the largest jerk, with the length j T³ / 32."""
+    path = blend(np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0]]), np.zeros(0))
+    bounds = [Bounds(0.8, 15.0, 500.0)]
+    assert time_law(path, bounds).duration == pytest.approx(expected, rel=1e-6)
+    assert optimal_duration(path, bounds, intervals=40) == pytest.approx(expected, rel=0.01)
+
+
+def test_pieces_that_stand_off_are_set_down_on_their_squares() -> None:
+    board = chess.Board("4k3/8/8/8/8/8/P6R/4K3 w - - 0 1")
+    bed = Bed(board, DEFAULT, PARAMETERS, TABLE, Disorder((0.003, 0.003), 0.05), 5)
+    stood = bed.positions()
+    done = bed.play(chess.Move.from_uci("a2a4"))
+    name = done.ply.transfers[0].name
+    assert np.hypot(*(stood[name][:2] - TABLE.xy(done.ply.transfers[0].source))) > 1e-3
+    assert done.ply.kind is MoveKind.QUIET
+    assert done.released[name] < 3e-4
+    assert done.disturbed < 1e-4
+    assert done.duration == pytest.approx(done.plan.expected, abs=0.1)
+    assert len(done.torques) * PARAMETERS.drive.tick == pytest.approx(done.duration)
+    again = bed.play(chess.Move.from_uci("e8d8"))
+    assert again.released.keys() == {again.ply.transfers[0].name}
+
+
+@pytest.mark.parametrize("higher", [-0.003, 0.0, 0.003])
+def test_a_square_at_another_height_than_the_others_is_touched_gently_and_surely(higher: float) -> None:
+    """The piece comes down on a square that is higher than the plan believes: its way ends so much lower."""
+    board = chess.Board("4k3/8/8/8/8/8/P6R/4K3 w - - 0 1")
+    bed = Bed(board, DEFAULT, PARAMETERS, TABLE, Disorder(mass_error=0.05), 6)
+    ply, plan, _ = bed.begin(chess.Move.from_uci("h2h6"))
+    carry = plan.motions[2]
+    assert carry.route is not None
+    assert plan.style is not None
+    points = np.array(carry.route.points)
+    points[-1, 2] += higher
+    wrong = timed(replace(carry.route, points=points), *plan.style)
+    motions = (*plan.motions[:2], replace(carry, samples=wrong.samples, paths=wrong.paths), plan.motions[3])
+    bed.cell.plant.truth(reset_peak=True)
+    ended = [
+        bed.cell.execute(
+            replace(plan, motions=motions).continued(i, bed.cell.supervisor.reference.position).samples, i < 3
+        )
+        for i in range(4)
+    ]
+    assert [one.result for one in ended] == [Result.DONE, Result.GRIPPED, Result.TOUCHED, Result.DONE]
+    x, y = TABLE.xy(ply.transfers[0].target)
+    np.testing.assert_allclose(bed.positions()[ply.transfers[0].name], [x, y, 0.0], atol=3e-4)
+    assert bed.cell.plant.truth(reset_peak=False).peak_contact_force < 10.0
+    guarded = np.flatnonzero(wrong.samples["guard"] == Guard.TOUCH)[0] * PARAMETERS.drive.tick
+    touched = (ended[2].end_tick - ended[2].first_tick) * PARAMETERS.drive.tick - guarded
+    assert touched == pytest.approx((DEFAULT.touch_height - higher) / DEFAULT.touch_speed, abs=0.03)
+
+
+def test_positions_are_of_running_games() -> None:
+    found = positions(3)
+    boards = [next(found) for _ in range(20)]
+    assert not any(board.is_game_over() for board in boards)
+    assert len({board.fen() for board in boards}) > 15
+
+
+@pytest.mark.parametrize("error", [-0.003, 0.003])
+def test_a_piece_is_set_down_softly_wherever_the_board_is_and_harder_on_bare_wood(error):
+    settings = DEFAULT
+    felt = set_down(Touchdown(error), settings, PARAMETERS)
+    wood = set_down(Touchdown(error, WOOD, kind=Kind.PAWN), settings, PARAMETERS)
+    assert 4.0 < felt.peak <= 10.0
+    assert wood.peak > 1.05 * felt.peak  # not by much: the piece slips in the fingers
+    assert felt.lasting < 8.0
+
+
+def test_without_the_guard_a_piece_is_pressed_until_the_way_ends():
+    settings = DEFAULT
+    guarded, pressed = (set_down(Touchdown(0.0, guard=on), settings, PARAMETERS) for on in (True, False))
+    assert guarded.lasting < 3.0
+    assert pressed.lasting > 1.5 * guarded.lasting

@@ -1,0 +1,27 @@
+"""The bench of the world: what it measures is of the same game, done three times."""
+
+from __future__ import annotations
+
+import pytest
+
+from app.measure.bench import sim
+
+
+@pytest.mark.slow
+def test_a_game_repeats_itself_with_other_processes_with_none_and_under_load(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sim, "QUICK_PLIES", 1)
+    said: list[str] = []
+    report = sim.sim_bench(True, said.append)
+    assert len(said) == 3
+    assert {name for name, one in report.rows.items() if not one.holds} <= {"cost", "over_mujoco"}, "the machine's"
+    assert report.rows["again_differs"].max == report.rows["second_differs"].max == 0.0
+    assert report.rows["closure"].max < 30.0
+    assert report.rows["cost"].max == pytest.approx(1.0 / report.rows["speed"].max)
+    assert report.rows["over_mujoco"].max > 1.0
+
+
+def test_telemetry_differs_where_both_were_recorded() -> None:
+    first = {16: b"a", 32: b"b", 48: b"c"}
+    assert not sim.telemetry_differs(first, {32: b"b", 48: b"c", 64: b"d"})
+    assert sim.telemetry_differs(first, {32: b"x", 48: b"c"})
+    assert sim.telemetry_differs(first, {16: b"a", 48: b"c"})

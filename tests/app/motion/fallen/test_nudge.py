@@ -1,0 +1,234 @@
+"""Pushing a piece aside: which push is chosen, what it keeps clear of, and what it does in the world."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import chess
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from app.execution.recovery_plans import Blocked, Strayed, plan_pushing
+from app.measure.bench.cell import LEAD, Cell
+from app.motion import MotionSettings
+from app.motion.arcs import Workcell
+from app.motion.fallen.lying import Lying, Strewn, crowd_of, discs_of
+from app.motion.fallen.pivot_edge import reach
+from app.motion.fallen.push import Nudge, find_nudge, plan_nudge
+from app.motion.fallen.stand_up import room_to_stand_up
+from app.motion.obstacles import Obstacle
+from app.motion.plan import PlanRefused
+from app.motion.planner import fits_around
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory
+from hardware.parameters import load_parameters
+from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.bodies.scene import build_model
+from hardware.sim.plant.plant import Plant
+from hardware.table import PIECE_SHAPES, Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from vision.pieces.poses import Pose
+
+PARAMETERS, TABLE, SETTINGS = load_parameters(), TableSettings(), MotionSettings()
+CELL = Workcell.of(SETTINGS, PARAMETERS, TABLE)
+HOME = np.array(SETTINGS.home)
+
+
+def pawn(name: str, x: float, y: float) -> Obstacle:
+    return Obstacle(name, square_place(27), x, y, Kind.PAWN)
+
+
+def found(scene: Strewn, *names: str, kept: frozenset[str] = frozenset()) -> Nudge | None:
+    """The push after which the first of these pieces can be taken."""
+    return find_nudge(names, scene, kept, lambda after: takeable(names[0], after), PARAMETERS.pads, TABLE)
+
+
+def takeable(name: str, scene: Strewn) -> bool:
+    piece = next(one for one in scene.standing if one.name == name)
+    return fits_around(piece, crowd_of(scene, TABLE, without=name), CELL)
+
+
+def after(scene: Strewn, nudge: Nudge) -> Strewn:
+    dx, dy = nudge.way * math.cos(nudge.direction), nudge.way * math.sin(nudge.direction)
+    return Strewn(
+        tuple(one._replace(x=one.x + dx, y=one.y + dy) if one.name == nudge.name else one for one in scene.standing),
+        tuple(
+            replace(one, base=(one.base[0] + dx, one.base[1] + dy)) if one.name == nudge.name else one
+            for one in scene.lying
+        ),
+    )
+
+
+def test_of_two_pieces_side_by_side_one_is_pushed_away_and_then_can_be_taken() -> None:
+    scene = Strewn((pawn("one", 0.0, 0.0), pawn("other", 0.0205, 0.0)))
+    assert not takeable("one", scene)
+    nudge = found(scene, "one", "other")
+    assert nudge is not None
+    assert takeable("one", after(scene, nudge))
+
+
+def test_rather_one_that_is_out_of_place_anyway_is_pushed() -> None:
+    scene = Strewn((pawn("one", 0.0, 0.0), pawn("other", 0.0205, 0.0)))
+    for kept, pushed in (("one", "other"), ("other", "one")):
+        nudge = found(scene, "one", "other", kept=frozenset({kept}))
+        assert nudge is not None
+        assert nudge.name == pushed
+
+
+@pytest.mark.parametrize("outwards", [True, False])
+def test_a_push_beside_a_box_goes_neither_into_its_wall_nor_begins_there(outwards: bool) -> None:
+    table = TableSettings(captured=Captured.BOX)
+    place = Place("R", 5)
+    x, y = table.xy(place)
+    scene = Strewn((Obstacle("queen", place, x, y, Kind.QUEEN),))
+    wall = min(abs(box.x) - box.half_x - box.wall for box in table.boxes())
+    for least in (0.006, 0.012, 0.020, 0.030):
+
+        def helps(after: Strewn, least: float = least) -> bool:
+            return (after.standing[0].x - x) * (1.0 if outwards else -1.0) >= least
+
+        nudge = find_nudge(("queen",), scene, frozenset(), helps, PARAMETERS.pads, table)
+        if nudge is None:
+            continue
+        end = x + nudge.way * math.cos(nudge.direction)
+        unit = np.array([math.cos(nudge.direction), math.sin(nudge.direction)])
+        ahead = reach(PARAMETERS.pads, np.array([1.0, 0.0]))
+        assert end + PIECE_SHAPES[Kind.QUEEN].foot_radius < wall
+        assert max(nudge.begin[0], nudge.end[0]) + ahead < wall, f"the fingers touch the box on a way along {unit}"
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    x=st.floats(0.0201, 0.0215), angle=st.floats(-math.pi, math.pi),
+    crowd=st.lists(st.tuples(st.floats(-0.08, 0.08), st.floats(-0.08, 0.08)), max_size=6),
+)  # fmt: skip
+def test_neither_fingers_nor_the_piece_touch_any_other(
+    x: float, angle: float, crowd: list[tuple[float, float]]
+) -> None:
+    pieces = [pawn("one", 0.0, 0.0), pawn("other", x * math.cos(angle), x * math.sin(angle))]
+    pieces += [pawn(f"crowd {number}", *at) for number, at in enumerate(crowd)]
+    radius = PIECE_SHAPES[Kind.PAWN].foot_radius
+    places = [(one.x, one.y) for one in pieces]
+    assume(all(math.dist(a, b) > 2.0 * radius for i, a in enumerate(places) for b in places[:i]))
+    scene = Strewn(tuple(pieces))
+    nudge = found(scene, "one", "other")
+    assume(nudge is not None)
+    assert nudge is not None
+    unit = np.array([math.cos(nudge.direction), math.sin(nudge.direction)])
+    ahead, wide = reach(PARAMETERS.pads, unit), reach(PARAMETERS.pads, np.array([-unit[1], unit[0]]))
+    pushed = next(one for one in pieces if one.name == nudge.name)
+    shape = PIECE_SHAPES[Kind.PAWN]
+    thick = shape.foot_radius if nudge.tips < shape.foot_height else shape.stem_radius
+    touching = math.dist(nudge.begin, nudge.end) - nudge.way
+    for share in np.linspace(0.0, 1.0, 12).tolist():
+        tool = np.array(nudge.begin) + share * (np.array(nudge.end) - nudge.begin)
+        moved = np.array([pushed.x, pushed.y]) + max(0.0, share * (touching + nudge.way) - touching) * unit
+        for one in pieces:
+            if one.name == nudge.name:
+                continue
+            off = np.array([one.x, one.y]) - tool
+            box = np.maximum(np.abs([off @ unit, off @ [-unit[1], unit[0]]]) - [ahead, wide], 0.0)
+            assert np.hypot(*box) > thick, "the fingers touch another piece"
+            before = math.dist((one.x, one.y), (pushed.x, pushed.y))
+            assert math.dist((one.x, one.y), moved) > min(2.0 * radius + 0.0015, before - 0.001), "a foot another"
+
+
+def test_a_piece_that_lies_between_others_is_stood_up_after_a_push() -> None:
+    """A bishop beside a pawn that hems it in, neither of which the fingers get around."""
+    board = chess.Board()
+    inventory = Inventory.of(start_layout(board, TABLE), TABLE)
+    bishop = inventory.at(Place.parse("c1"))
+    assert bishop is not None
+    strays = [Strayed(bishop, bishop.place, Pose(-0.0739, -0.1167, 3.133))]
+    blocked = [Blocked(bishop.name, "white-pawn-c")]
+    nudge, plan = plan_pushing(blocked, strays, inventory, HOME, 0.01, SETTINGS, PARAMETERS)
+    assert nudge.name in {bishop.name, "white-pawn-c"}
+    assert len(plan.motions) == 3
+    assert plan.motions[-1].samples["position"][-1] == pytest.approx(HOME)
+
+
+def test_where_no_push_helps_it_says_which_pieces_to_move() -> None:
+    """In a corner of the table, between the board's edge and a wall of pieces that touch each other."""
+    inventory = Inventory.of(start_layout(chess.Board(), TABLE), TABLE)
+    names = ["white-pawn-a", "white-pawn-b", "white-pawn-c", "white-pawn-d", "white-pawn-e", "white-pawn-f"]
+    row = [inventory.find(name) for name in names] + [inventory.find(f"black-pawn-{file}") for file in "abcdef"]
+    x, y = TABLE.xy(Place.parse("d5"))
+    strays = [
+        Strayed(piece, piece.place, Pose(x + 0.0203 * (i % 4 - 1.5), y + 0.0203 * (i // 4 - 1)))
+        for i, piece in enumerate(row)
+    ]
+    middle, beside = row[5], row[6]
+    with pytest.raises(PlanRefused, match=f"^no push of the {middle.name} or the {beside.name} helps: move one of"):
+        plan_pushing([Blocked(middle.name, beside.name)], strays, inventory, HOME, 0.01, SETTINGS, PARAMETERS)
+
+
+def test_a_place_that_is_kept_for_a_piece_counts_where_it_is() -> None:
+    """What blocks is the place where it shall be set down, wherever it stands now."""
+    inventory = Inventory.of(start_layout(chess.Board("4k3/8/8/8/8/8/P6P/4K3 w - - 0 1"), TABLE), TABLE)
+    a2, h2 = (inventory.at(Place.parse(square)) for square in ("a2", "h2"))
+    assert a2 is not None
+    assert h2 is not None
+    goal = Obstacle.at(h2.name, Place.parse("d4"), h2.kind, TABLE)
+    strays = [Strayed(a2, a2.place, Pose(goal.x + 0.0205, goal.y))]
+    nudge, _ = plan_pushing([Blocked(h2.name, a2.name, goal)], strays, inventory, HOME, 0.01, SETTINGS, PARAMETERS)
+    assert nudge.name == a2.name
+    assert math.cos(nudge.direction) > 0.3, "away from where the other one goes"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "tip", "direction", "tips"),
+    [
+        (Kind.PAWN, 0.0, 0.0, 0.004), (Kind.PAWN, 0.0, 0.5 * math.pi, 0.014), (Kind.KING, 0.0, math.pi, 0.009),
+        (Kind.PAWN, 0.5 * math.pi, 0.0, 0.004), (Kind.QUEEN, 0.5 * math.pi, -0.5 * math.pi, 0.004),
+    ],
+)  # fmt: skip
+def test_in_the_world_a_pushed_piece_goes_as_far_as_it_is_pushed_and_does_not_fall(
+    kind: Kind, tip: float, direction: float, tips: float
+) -> None:
+    """Standing or lying, at the foot or higher; pushed through its centre of mass, it turns little."""
+    shape, way = PIECE_SHAPES[kind], 0.018
+    piece = StandingPiece(
+        PieceSpec("piece", kind, Colour.WHITE, square_place(27)), 0.02, 0.02, 0.4, shape.foot_radius if tip else 0.0,
+        tip=tip,
+    )  # fmt: skip
+    cell = Cell(Plant(build_model(PARAMETERS, TABLE, (piece,), HOME, looks=False), PARAMETERS, ("piece",)),
+                PARAMETERS, TABLE)  # fmt: skip
+    cell.boot()
+    for _ in range(600):
+        cell.tick()
+    body = cell.plant.data.body("piece")
+    x, y, _ = body.xpos.tolist()
+    axis = body.xmat.reshape(3, 3)[:, 2].copy()
+    lying = [Lying(kind, (x, y), math.atan2(axis[1], axis[0]), "piece")] if tip else []
+    standing = [] if tip else [Obstacle("piece", square_place(27), x, y, kind)]
+    unit = np.array([math.cos(direction), math.sin(direction)])
+    aside = np.array([-unit[1], unit[0]])
+    discs = discs_of(kind)
+    centre = np.array(lying[0].along(0.38 * shape.height) if tip else (x, y))
+    # where the fingers' face meets the piece: the furthest back of all of it within their width
+    rows = [(np.array(lying[0].along(w)), r) for w, r, _ in discs] if tip else [(centre, shape.foot_radius)]
+    wide = reach(PARAMETERS.pads, aside)
+    back = max(r - (p - centre) @ unit for p, r in rows if abs((p - centre) @ aside) < wide + r)
+    touching = centre - (back + reach(PARAMETERS.pads, unit)) * unit
+    begin, end = touching - 0.005 * unit, touching + way * unit
+    nudge = Nudge("piece", direction, way, tips, (begin[0], begin[1]), (end[0], end[1]))
+    plan = plan_nudge(
+        nudge, Strewn(tuple(standing), tuple(lying)), cell.supervisor.reference.position.copy(),
+        cell.supervisor.measurement.finger_position, SETTINGS, PARAMETERS, TABLE, LEAD,
+    )  # fmt: skip
+    for number in range(len(plan.motions)):
+        cell.carry_out(plan.continued(number, cell.supervisor.reference.position.copy()))
+    went = (body.xpos[:2] - (x, y)) @ unit
+    print(f"{kind}: pushed by {1e3 * way:.0f} mm, went {1e3 * went:.1f} mm")
+    assert body.xmat.reshape(3, 3)[2, 2] == pytest.approx(axis[2], abs=0.1), "it stands as it stood, lies as it lay"
+    assert went == pytest.approx(way, abs=0.006)
+
+
+def test_room_to_stand_up_is_what_the_planner_asks_for() -> None:
+    lying = Lying(Kind.BISHOP, (-0.0739, -0.1167), 3.133, "bishop")
+    near = pawn("near", -0.06, -0.1)
+    assert room_to_stand_up(lying, crowd_of(Strewn((), (lying,)), TABLE, without="bishop"), CELL)
+    assert not room_to_stand_up(lying, crowd_of(Strewn((near,), (lying,)), TABLE, without="bishop"), CELL)

@@ -1,0 +1,70 @@
+"""A touch-down in the simulated world: the guard ends it at the force asked for, told without a sensor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from app.measure.bench.cell import Cell
+from app.motion.gains import critical
+from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
+from controller.protocol import Guard, Result
+from controller.protocol.states import State
+from hardware.parameters import load_parameters
+from hardware.sim.bodies.scene import build_model
+from hardware.sim.plant.plant import Plant
+from hardware.table import TableSettings
+
+PARAMETERS = load_parameters()
+TABLE = TableSettings()
+TICK = PARAMETERS.drive.tick
+LEVEL = 3.0
+SOFT = (70.0, 70.0, 20.0)
+
+
+def way(start: Vector, end: Vector, speed: float) -> NDArray[Any]:
+    """Samples of a straight line, soft downwards [m, m/s]."""
+    path = join([dwell(start, 1), line(start, end, Bounds(speed, 5.0, 200.0), TICK)])
+    return to_samples(path, critical(SOFT, len(path)), np.zeros(len(path)))
+
+
+def push(plant: Plant) -> float:
+    """Vertical force of the table on fingers and gripper, upward positive [N]."""
+    return -sum(float(plant.data.sensor(f"force_{part}").data[2]) for part in ("right", "left", "body"))
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0), (0.14, 0.14), (-0.14, 0.06), (0.1, -0.14)])
+def test_a_touch_ends_the_motion_at_its_force(place: tuple[float, float]) -> None:
+    above = TABLE.base_from_board(np.array([*place, 0.010]))
+    plant = Plant(build_model(PARAMETERS, TABLE, (), above, looks=False), PARAMETERS, ())
+    cell = Cell(plant, PARAMETERS, TABLE)
+    cell.boot()
+    start = cell.supervisor.reference.position.copy()
+    samples = way(start, start + np.array([0.0, 0.0, 0.014]), 0.010)
+    samples["guard"], samples["guard_level"] = int(Guard.TOUCH), LEVEL
+    cell.begin(samples)
+    largest = 0.0
+    while cell.supervisor.motion.announced is not None:
+        cell.tick()
+        largest = max(largest, abs(cell.supervisor.force[2]))
+    assert cell.supervisor.ended.result is Result.TOUCHED
+    assert LEVEL < largest < LEVEL + 0.3  # in the very tick in which the estimate crosses its level
+    for _ in range(200):
+        cell.tick()
+    print(f"at {place} m: told {largest:.2f} N, pressing {push(plant):.2f} N")
+    assert push(plant) == pytest.approx(LEVEL, abs=1.0)
+    assert cell.supervisor.state is State.HOLD
+
+
+def test_a_touch_that_does_not_come_is_no_touch() -> None:
+    above = TABLE.base_from_board(np.array([0.0, 0.0, 0.060]))
+    plant = Plant(build_model(PARAMETERS, TABLE, (), above, looks=False), PARAMETERS, ())
+    cell = Cell(plant, PARAMETERS, TABLE)
+    cell.boot()
+    start = cell.supervisor.reference.position.copy()
+    samples = way(start, start + np.array([0.0, 0.0, 0.030]), 0.20)
+    samples["guard"], samples["guard_level"] = int(Guard.TOUCH), LEVEL
+    assert cell.execute(samples).result is Result.DONE

@@ -1,0 +1,88 @@
+"""What every arm has to do, whoever is behind it: the controller of a simulated rig, and the one of rig ``board``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import chess
+import numpy as np
+import pytest
+
+from app.motion import Motion, MotionSettings, Plan, plan_ply, plan_return
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory, Ply, Stage, transfers
+from app.rig.arm import FELT, Arm
+from app.rig.board import BoardRig
+from app.rig.devices import Rig
+from app.rig.simulation.settings import SimRigSettings
+from app.rig.simulation.sim import SimRig
+from hardware.interfaces import Pace
+from hardware.parameters import load_parameters
+from hardware.sim.process.settings import WorldSettings
+from hardware.table import TableSettings
+
+TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()
+BOARD = chess.Board()
+INVENTORY = Inventory.of(start_layout(BOARD, TABLE), TABLE)
+
+
+@pytest.fixture(scope="module", params=["board", "controller"])
+def rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    if request.param == "board":
+        with BoardRig(MOTION.home, PARAMETERS) as board:
+            yield board
+        return
+    world = WorldSettings(
+        pieces=tuple(INVENTORY), home=MOTION.home, pace=Pace.FAST, cameras=False, linger=2.0
+    )  # fmt: skip
+    with SimRig(tmp_path_factory.mktemp("arm") / "run", SimRigSettings(world=world), lambda _: None) as sim:
+        yield sim
+
+
+def planned(arm: Arm, ply: Ply, inventory: Inventory) -> Plan:
+    state = arm.state()
+    return plan_ply(
+        ply.san, ply.transfers, inventory, state.reference, state.finger, MOTION, PARAMETERS, arm.lead_ticks
+    )
+
+
+def test_an_arm_keeps_its_contract(rig: Rig) -> None:
+    """One after the other, since pieces move: a ply there, told stage by stage; then one broken off while it holds."""
+    arm, home = rig.arm, np.array(MOTION.home)
+    before, since = arm.state(), rig.clock.now()
+    np.testing.assert_allclose(before.reference, home, atol=1e-6)
+    assert before.felt < FELT
+
+    ply = transfers(BOARD, chess.Move.from_uci("e2e4"), INVENTORY)
+    plan, told = planned(arm, ply, INVENTORY), list[Motion]()
+    outcome = arm.execute(plan, told.append)
+    assert [motion.stage for motion in told] == [Stage.APPROACH, Stage.GRASP, Stage.CARRY, Stage.RELEASE]
+    assert outcome.duration == pytest.approx(plan.expected, rel=0.1)
+    after = arm.state()
+    np.testing.assert_allclose(after.reference, home, atol=1e-6)
+    np.testing.assert_allclose(after.position, home, atol=2e-3)
+    assert after.felt < FELT
+    assert 0.0 < after.finger <= PARAMETERS.gripper.stroke + 1e-4
+    assert after.tick >= before.tick + 0.9 * outcome.duration / PARAMETERS.drive.tick
+    assert rig.clock.now() - since >= 0.9 * outcome.duration, "plant time passes as the arm moves"
+
+    inventory = INVENTORY.after(ply)
+    ply = transfers(chess.Board("rnbqkbnr/pppppppp/8/8/4P3/8/PPPP1PPP/RNBQKBNR w - - 0 1"), D4, inventory)
+    plan = planned(arm, ply, inventory)
+    arm.execute(Plan(plan.label, plan.motions[:2], plan.lead, plan.style))
+    held = arm.settle()
+    assert held.felt >= FELT, "it says that something is in its fingers"
+    x, y, _ = TABLE.board_from_base(held.reference)
+    assert np.hypot(x - TABLE.xy(ply.transfers[0].source)[0], y - TABLE.xy(ply.transfers[0].source)[1]) < 1e-3
+    kind = ply.transfers[0].kind
+    arm.execute(plan_return(held.reference, held.finger, MOTION, PARAMETERS, TABLE, release=kind))
+    assert arm.state().felt < FELT
+    np.testing.assert_allclose(arm.state().reference, home, atol=1e-6)
+
+
+D4 = chess.Move.from_uci("d2d4")
+
+
+def test_an_arm_has_few_verbs(rig: Rig) -> None:
+    verbs = {name for name in dir(rig.arm) if not name.startswith("_") and callable(getattr(rig.arm, name))}
+    assert verbs == {"state", "settle", "execute"}

@@ -1,0 +1,39 @@
+"""What a rig refuses before any process starts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from app.rig.devices import RigFailed
+from app.rig.simulation.settings import SimRigSettings
+from app.rig.simulation.sim import SimRig, require_present
+from hardware.sim.plant.live_state import LIVE_FILE, LiveState
+from hardware.sim.process.settings import WorldSettings
+from hardware.table import TableSettings
+
+
+def test_a_board_out_of_reach_is_refused_with_its_squares_before_anything_starts(tmp_path: Path) -> None:
+    world = WorldSettings(pieces=(), home=(0.0, 0.0, 0.4), table=TableSettings(centre_in_base=(0.25, 0.0, 0.47)))
+    said: list[str] = []
+    with pytest.raises(
+        RigFailed, match=r"does not fit: \d+ of 64 squares \(.*h1.*\) and .* tray places .* out of reach"
+    ):
+        SimRig(tmp_path / "run", SimRigSettings(world=world), said.append)
+    assert said == []
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_world_that_is_older_than_the_record_is_not_gone_on_with(tmp_path: Path) -> None:
+    require_present(tmp_path, 1.0, 0.001)  # nothing lies there: said elsewhere
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    LiveState(tmp_path / LIVE_FILE, model, mujoco.MjData(model), 1000)
+    require_present(tmp_path, 1.005, 0.001)
+    for _ in range(2):  # however often it is tried
+        with pytest.raises(RigFailed, match=r"as it stood at 1\.00 s, but the record goes on until 1\.50 s, so that"):
+            require_present(tmp_path, 1.5, 0.001)
+    (tmp_path / LIVE_FILE).write_bytes(b"nonsense")
+    with pytest.raises(RigFailed, match="is no state of a world: delete it"):
+        require_present(tmp_path, 1.0, 0.001)

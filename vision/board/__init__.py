@@ -1,0 +1,1 @@
+"""The board in a picture: found, followed, and seen from straight above."""

@@ -1,0 +1,138 @@
+"""A board watched in depth: what stands higher than any piece, and what reaches in low over the board.
+
+A piece of any kind ends below ``TALLEST``. What is higher is no piece. A hand that lies on the table is lower: it is
+known by how much of the settled board's height changed in one connected part that comes in from outside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.table import PIECE_SHAPES, TableSettings
+from vision.hands.arm_mask import Capsules
+from vision.hands.watched_zone import Floats, Mask, Space
+from vision.loops import learn_heights, measure_parts, squares_under, stand_out
+
+TALLEST: Final = max(shape.height for shape in PIECE_SHAPES.values())
+"""Height of the tallest piece [m]."""
+_LEARNING: Final = 0.2
+_STANDS: Final = 0.012
+"""What is lower is the board, or noise of the depth camera [m]."""
+_RISES: Final = 0.020
+"""A height that changed by less may be noise of the depth camera [m]."""
+_RIM: Final = 0.012
+"""What comes so near to the border of the space that is watched comes in from outside [m]."""
+_TOUCHING: Final = 0.11
+"""A hand whose skin is seen lower than this may touch what stands below [m]."""
+_BORDER: Final = 3
+"""So does what comes so near to the picture's edge, in the small picture [px]."""
+_NO_ENDS: Final = np.zeros((0, 2, 3))
+_NO_RADII: Final = np.zeros(0)
+_SMALL: Final = np.ones((3, 3), dtype=np.uint8)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Relief:
+    """What one depth picture shows that is no piece.
+
+    Attributes:
+        area: of it, as the camera sees it [m²].
+        over: squares that it is over.
+        low: squares over which it is low enough to touch a piece.
+        before: it hides a part of the board, or of a piece on it, or may touch one.
+    """
+
+    area: float
+    over: frozenset[int]
+    low: frozenset[int]
+    before: bool
+
+
+NOTHING: Final = Relief(0.0, frozenset(), frozenset(), before=False)
+
+
+class Heights:
+    """Watches in depth. Not thread-safe.
+
+    Args:
+        space: what is watched.
+        table: its squares.
+        margin: what is higher than the tallest piece by this is no piece [m].
+        ceiling: what is higher than this is not over the board but between it and the camera [m].
+        least: area of what is no piece [m²].
+        reach: area of what comes in from outside, however low [m²].
+        large: area of what is no piece wherever it is: castling moves two of them at once [m²].
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        table: TableSettings,
+        margin: float = 0.018,
+        ceiling: float = 0.34,
+        least: float = 0.00045,
+        reach: float = 0.0018,
+        large: float = 0.006,
+    ) -> None:
+        self._space, self._table = space, table
+        self._limits = np.array([TALLEST + margin, ceiling, _STANDS, _RISES], dtype=np.float32)
+        self._half = np.array(space.half, dtype=np.float32)
+        self._least, self._reach, self._large = least, reach, large
+        shape = space.ray.shape[1:]
+        self._usual = np.full(shape, np.inf, dtype=np.float32)
+        self._nothing = np.zeros(shape, dtype=np.bool_)
+
+    def look(self, depth: Floats, hidden: Mask | None, known: Capsules | None = None) -> Relief:
+        """Take a picture in.
+
+        Args:
+            depth: small picture of distances along the view, 0 where there is none [m].
+            hidden: small mask of where something known, such as the arm, is before the table.
+            known: where that is in space; what ``hidden`` covers is seen nevertheless if it is outside of all of these.
+                None: nothing is seen there.
+        """
+        space = self._space
+        found = stand_out(
+            depth, space.ray, space.position, self._mask(hidden), self._usual, self._limits, self._half,
+            _NO_ENDS if known is None else known.ends, _NO_RADII if known is None else known.radii,
+        )  # fmt: skip
+        if not found.any():
+            return NOTHING
+        mask = cv2.morphologyEx(np.minimum(found, 1), cv2.MORPH_OPEN, _SMALL)
+        count, labels = cv2.connectedComponents(mask, connectivity=8)
+        if count == 1:
+            return NOTHING
+        parts = np.asarray(labels, dtype=np.int32)
+        areas, high, enters = measure_parts(
+            parts, count, found, depth, space.ray, space.position, space.pixel, self._half - np.float32(_RIM), _BORDER
+        )
+        chosen = (high >= self._least) | (enters & (areas >= self._reach)) | (areas >= self._large)
+        if not chosen.any():
+            return NOTHING
+        counts = squares_under(parts, chosen, depth, space.ray, space.position, self._table.square, _TOUCHING)
+        over, low = _covered(counts[0]), _covered(counts[1])
+        before = bool(over or chosen[parts[space.board]].any())
+        return Relief(float(areas[chosen].sum()), over, low, before)
+
+    def learn(self, depth: Floats, hidden: Mask | None, *, moved: bool) -> None:
+        """A picture of the settled board; arguments as of ``Differences.learn``."""
+        space = self._space
+        share = 1.0 if moved else _LEARNING
+        learn_heights(depth, space.ray[2], self._mask(hidden), self._usual, float(space.position[2]), share)
+
+    def forget(self) -> None:
+        """The table is no longer where it was."""
+        self._usual.fill(np.inf)
+
+    def _mask(self, hidden: Mask | None) -> Mask:
+        return self._nothing if hidden is None else hidden
+
+
+def _covered(counts: NDArray[np.int64]) -> frozenset[int]:
+    """Squares of which at least a few pixels are counted."""
+    return frozenset(np.flatnonzero(counts >= 6).tolist())

@@ -1,0 +1,296 @@
+"""When to look at the board: whether a hand is over it, whether anything moves, and since when it is settled.
+
+Frame by frame and without any clock of its own: time is what frames are stamped with. With depth a hand is what stands
+higher than any piece, or reaches in from outside (:mod:`vision.hands.depth_changes`); without, it is what differs from
+the settled board, whatever the light does, and reaches in from outside (:mod:`vision.hands.colour_changes`). What is
+known to be before the table, such as the arm's links, is masked by whoever knows where it is. A frame of depth alone
+tells of hands just as well, but not whether anything moves: the board is not settled in it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Final, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hardware.interfaces import DepthFrame, Frame
+from vision.board.view import BoardView
+from vision.hands.arm_mask import Hidden
+from vision.hands.colour_changes import Differences, Glance
+from vision.hands.depth_changes import Heights, Relief
+from vision.hands.watched_zone import Floats, Mask, Space, Zone, shrink
+
+Picture = NDArray[np.uint8]
+_T = TypeVar("_T", bound=np.generic)
+
+_NOBODY: Final = frozenset[int]()
+_DARK: Final = 12.0
+"""A board whose lightest parts are darker than this is not seen: a camera that starts, a lamp that is out."""
+
+
+@dataclass(frozen=True, slots=True)
+class WatchSettings:
+    """How a board is watched.
+
+    Attributes:
+        stable_time: nothing moved and no hand was there for so long: the board is settled [s].
+        confirm: a hand counts as there, or as gone, after so many frames in a row that show it so.
+        motion: area that moves on a board at rest, by noise, at most [squares].
+        margin: in colour, the board is watched to so far beyond its edge [squares].
+        space_margin: in depth, to so far beyond the board and the trays [m].
+        learning_delay: a settled board is learned when it stays so for this long after: what comes in slowly is not
+            taken for a part of the table [s].
+        patience: without depth, what looks like a hand and does not move at all for so long is part of the table, as
+            no hand is so still [s].
+    """
+
+    stable_time: float = 0.2
+    confirm: int = 2
+    motion: float = 0.15
+    margin: float = 0.75
+    space_margin: float = 0.03
+    learning_delay: float = 0.15
+    patience: float = 10.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            ValueError: a number is impossible.
+        """
+        if self.confirm < 1 or min(self.stable_time, self.motion, self.margin, self.learning_delay) < 0.0:
+            raise ValueError(f"{self} is impossible: confirm is at least 1, everything else at least 0")
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What is so at a frame.
+
+    Attributes:
+        stamp: of the frame's exposure [s].
+        hand_present: a hand, or whatever else is no piece, is over the board or the trays.
+        hand_area: of what this frame shows of it [squares].
+        over: squares that it is over in this frame, 0 = a1 … 63 = h8.
+        moving: something moves over the board, or may: without colour nobody can tell.
+        stable_since: stamp of the first frame since which nothing on the board moved and no hand was over it or hid a
+            part of it; None: not now [s]. A hand over a tray may be there meanwhile, where there is depth.
+        settled: that has been so for the stable time, and no hand is anywhere.
+        touched: squares at which a hand was, low enough to touch, since the board was settled the last time; once it is
+            settled again they are told in its first frame, and are then none.
+    """
+
+    stamp: float
+    hand_present: bool
+    hand_area: float
+    over: frozenset[int]
+    moving: bool
+    stable_since: float | None
+    settled: bool
+    touched: frozenset[int]
+
+
+@dataclass(slots=True)
+class _StillnessTrack:
+    """What was so up to the last frame."""
+
+    hand: bool = False
+    against: int = 0
+    """Frames in a row that contradict ``hand``."""
+    free: bool = False
+    """The last frame showed no hand over the board."""
+    since: float | None = None
+    settled: bool = False
+    touched: frozenset[int] = _NOBODY
+    still_since: float | None = None
+    pending: deque[tuple[float, Picture, Floats | None, Mask | None]] = field(default_factory=deque)
+    moved: bool = True
+
+
+class Watch:
+    """Watches one board by one camera. Not thread-safe.
+
+    Args:
+        settings: how.
+    """
+
+    def __init__(self, settings: WatchSettings | None = None) -> None:
+        self._settings = settings or WatchSettings()
+        self._view: BoardView | None = None
+        self._senses: _Senses | None = None
+
+    def update(self, frame: Frame | DepthFrame, view: BoardView, hidden: Mask | Hidden | None = None) -> Seen:
+        """Take a frame in.
+
+        Args:
+            frame: by the camera of the view, later than the ones before.
+            view: where the board is; another one than the last begins anew.
+            hidden: where the arm, or anything else that is known, is before the table; a mask is (height, width).
+
+        Raises:
+            ValueError: the frame is by another camera, older than the last, or the mask has another size.
+        """
+        if frame.intrinsics != view.intrinsics:
+            raise ValueError(f"the frame is by a camera with {frame.intrinsics}, this view is of {view.intrinsics}")
+        if self._senses is None or view is not self._view:
+            zone = Zone.of_view(view, self._settings.margin)
+            heights = Heights(Space.of_view(view, self._settings.space_margin), view.table)
+            self._view, self._senses = view, _Senses(self._settings, zone, heights, view.table.square)
+        colour = frame.colour if isinstance(frame, Frame) else None
+        known = hidden if isinstance(hidden, Hidden) or hidden is None else Hidden(hidden)
+        return self._senses.take(colour, frame.depth, frame.stamp, known)
+
+    def forget(self) -> None:
+        """Begin anew: the camera or the board was moved."""
+        self._view = self._senses = None
+
+    def pause(self) -> None:
+        """Nobody looks for a while: the last frames will say nothing of the next one, but the board stays known."""
+        if self._senses is not None:
+            self._senses.pause()
+
+
+class ColourWatch:
+    """Watches by a camera of which nothing is known but where the board's corners are. Not thread-safe.
+
+    Args:
+        corners: outer corners of the playing area a1, h1, h8, a8, shape (4, 2) [px].
+        settings: how.
+    """
+
+    def __init__(self, corners: ArrayLike, settings: WatchSettings | None = None) -> None:
+        self._corners = np.array(corners, dtype=float)
+        self._settings = settings or WatchSettings()
+        self._senses: _Senses | None = None
+        self._size: tuple[int, ...] = ()
+
+    def update(self, colour: Picture, stamp: float, hidden: Mask | None = None) -> Seen:
+        """Take a frame in; see ``Watch.update``.
+
+        Args:
+            colour: RGB, shape (h, w, 3).
+            stamp: of its exposure [s].
+            hidden: where something known is before the table, shape (h, w).
+
+        Raises:
+            ValueError: frames come in another order or size, or the corners are no board.
+        """
+        if self._senses is None:
+            height, width = colour.shape[:2]
+            zone = Zone.of_corners(self._corners, (width, height), self._settings.margin)
+            self._senses, self._size = _Senses(self._settings, zone, None, 1.0), colour.shape
+        if colour.shape != self._size:
+            raise ValueError(f"a frame of shape {colour.shape} came after ones of {self._size}: watch one camera")
+        return self._senses.take(colour, None, stamp, None if hidden is None else Hidden(hidden))
+
+
+class _Senses:
+    """The watch of one view."""
+
+    def __init__(self, settings: WatchSettings, zone: Zone, heights: Heights | None, square: float) -> None:
+        self._settings, self._zone, self._heights = settings, zone, heights
+        self._differences = Differences(zone)
+        self._square = square
+        self._course = _StillnessTrack()
+        self._stamp = float("-inf")
+
+    def pause(self) -> None:
+        """See ``Watch.pause``."""
+        self._course = _StillnessTrack()
+
+    def take(
+        self, colour: Picture | None, depth: NDArray[np.float32] | None, stamp: float, hidden: Hidden | None
+    ) -> Seen:
+        """See ``Watch.update``; ``colour`` None: depth must be there."""
+        if stamp <= self._stamp:
+            raise ValueError(f"a frame of {stamp:.3f} s came after one of {self._stamp:.3f} s: give them in order")
+        shape = next(picture.shape[:2] for picture in (colour, depth) if picture is not None)
+        if hidden is not None and hidden.mask.shape != shape:
+            raise ValueError(f"a mask of shape {hidden.mask.shape} does not fit a picture of shape {shape}")
+        if self._course.settled:
+            self._course.touched = _NOBODY  # told with that frame
+        before, self._stamp = self._stamp, stamp
+        covered, bodies = (None, None) if hidden is None else (self._every(hidden.mask), hidden.bodies)
+        distance = None if depth is None or self._heights is None else self._every(depth)
+        relief = None if distance is None or self._heights is None else self._heights.look(distance, covered, bodies)
+        small = None if colour is None else shrink(colour, self._zone.step)
+        glance = None if small is None else self._differences.look(small, covered, reaching=distance is None)
+        area, over, low = self._evidence(glance, relief)
+        if low and (relief is not None or (glance is not None and glance.moving > 0.0)):
+            self._course.touched |= low
+        self._judge_hand(area > 0.0)
+        moving = glance is None or glance.moving > self._settings.motion
+        # a hand over a tray, where it ends what it has to do, leaves the board as it is
+        over_board = area > 0.0 if relief is None else relief.before
+        free = not (over_board or small is None or self._dark(small))
+        # a frame that differs in nothing from the one before shows what that one showed: it has been so since then
+        since = before if self._course.free else stamp
+        self._judge_rest(free and not moving, since, nobody=not (area > 0.0 or self._course.hand))
+        self._course.free = free
+        if small is not None:
+            self._learn(small, distance, covered, still=not moving and relief is None)
+        return self._tell(area, over, moving)
+
+    def _evidence(self, glance: Glance | None, relief: Relief | None) -> tuple[float, frozenset[int], frozenset[int]]:
+        """Area of a hand [squares], squares it is over, and those where it may touch something."""
+        if relief is not None:
+            return relief.area / self._square**2, relief.over, relief.low
+        assert glance is not None  # a frame has colour or depth
+        return glance.reaching, glance.over, glance.over
+
+    def _every(self, pixels: NDArray[_T]) -> NDArray[_T]:
+        """Each ``step``-th pixel along both axes, as many as the small picture has."""
+        step, (height, width) = self._zone.step, self._zone.board.shape
+        return pixels[: step * height : step, : step * width : step]
+
+    def _dark(self, small: Picture) -> bool:
+        return float(np.percentile(small[::4, ::4][self._zone.board[::4, ::4]], 90)) < _DARK
+
+    def _judge_hand(self, shown: bool) -> None:
+        course = self._course
+        course.against = course.against + 1 if shown is not course.hand else 0
+        if course.against >= self._settings.confirm:
+            course.hand, course.against = shown, 0
+
+    def _judge_rest(self, quiet: bool, since: float, *, nobody: bool) -> None:
+        course = self._course
+        if not (quiet and nobody):
+            if course.settled:
+                course.moved = True
+            course.settled = False
+            course.pending.clear()
+        if not quiet:
+            course.since = None
+        elif course.since is None:
+            course.since = since
+        course.settled = (
+            nobody and course.since is not None and self._stamp - course.since >= self._settings.stable_time - 1e-6
+        )
+
+    def _learn(self, small: Picture, depth: Floats | None, hidden: Mask | None, *, still: bool) -> None:
+        """What is settled, and stays so, is what the board looks like."""
+        course, delay = self._course, self._settings.learning_delay
+        if course.settled:
+            course.pending.append((self._stamp, small, depth, hidden))
+            if not self._differences.knows_the_board:
+                delay = 0.0
+        while course.pending and self._stamp - course.pending[0][0] >= delay:
+            _, picture, distance, mask = course.pending.popleft()
+            self._differences.learn(picture, mask, moved=course.moved)
+            if self._heights is not None and distance is not None:
+                self._heights.learn(distance, mask, moved=course.moved)
+            course.moved = False
+        course.still_since = (course.still_since or self._stamp) if still else None
+        if (
+            course.hand
+            and course.still_since is not None
+            and self._stamp - course.still_since > self._settings.patience
+        ):
+            self._differences.forget()
+            self._course = _StillnessTrack()
+
+    def _tell(self, area: float, over: frozenset[int], moving: bool) -> Seen:
+        course = self._course
+        return Seen(self._stamp, course.hand, area, over, moving, course.since, course.settled, course.touched)

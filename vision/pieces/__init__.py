@@ -1,0 +1,1 @@
+"""Where each piece stands or lies."""

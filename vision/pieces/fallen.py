@@ -1,0 +1,129 @@
+"""Where pieces are that do not stand where they should: lying, or standing somewhere else; and which ones.
+
+Which pieces stand as expected is known from ``vision.pieces.fit``. What else looks like a piece is explained by the
+missing ones (``vision.pieces.pose_search``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.interfaces import Frame
+from hardware.table import PIECE_SHAPES, Place
+from vision.board.view import BoardView
+from vision.pieces.centres import Centre, centres_of, require_camera
+from vision.pieces.fit import Fit, PieceLike
+from vision.pieces.pose_search import Field, PoseSearch, Stray
+from vision.pieces.poses import Pose
+from vision.pieces.surface import raised
+from vision.pieces.verify import TOLERANCE
+
+_BEFORE: Final = 0.012
+"""A point further beyond a piece's foot than this, seen from above, is none of the piece's [m]."""
+_BEYOND: Final = 0.014
+"""Pieces are looked for up to so far beyond the playing area [m]."""
+_LEANS: Final = 0.06
+"""… and before the first rank and behind the last, where no trays are, so much further: pieces lie there with their
+heads beyond the edge, and what is high looks further off than it is [m]."""
+_SAME: Final = 0.008
+"""A piece that stands was found twice when both places are no further apart [m]."""
+
+
+def find_strays(
+    frame: Frame, view: BoardView, expected: Mapping[Place, PieceLike], lost: Sequence[PieceLike] = (), *,
+    use_depth: bool = True, tolerance: float = TOLERANCE, doubted: Collection[Place] = (), trays: bool = False,
+    before: Mapping[Place, tuple[float, float]] = MappingProxyType({}),
+) -> tuple[Stray, ...]:  # fmt: skip
+    """Find the pieces on the board, or beside it, that do not stand where they should.
+
+    Args:
+        frame: by the camera of the view, without a hand or an arm over the board.
+        view: of the board.
+        expected: what should stand where.
+        lost: pieces that should be nowhere on the board, but may: what fell out of the fingers.
+        use_depth: False: by colour alone, also where there is depth.
+        tolerance: a piece that stands further from its place's centre is a stray [m].
+        doubted: places whose piece may lie, although it looks as if it stood.
+        trays: pieces are looked for there, too; then all that should stand there is expected. What boxes hold, nobody
+            can tell.
+        before: where pieces were that did not stand where they should when they were seen last [m].
+
+    Returns:
+        Those found, the surest first. A missing piece that is not among them is hidden or off the board. One that would
+        stand only partly within the picture is not missed: too little can be said of it.
+
+    Raises:
+        ValueError: the frame is by another camera, or the board is not in the picture.
+    """
+    require_camera(frame, view)
+    around = _around(view, trays=trays)
+    fit = Fit(frame, view, expected, use_depth=use_depth, around=around)
+    centres = centres_of(fit) if expected else {}
+    off = {place: math.dist((one.x, one.y), view.table.xy(place)) for place, one in centres.items()}
+    # what lies can look much like what stands off its centre: which it is, the search decides
+    stands = {place: one.upright and place not in doubted and off[place] <= tolerance for place, one in centres.items()}
+    missing: list[tuple[Place | None, PieceLike]] = [
+        (place, expected[place])
+        for place in fit.stands
+        if not (stands[place] or centres[place].hidden) and _is_in_picture(view, place, expected[place])
+    ]
+    missing += [(None, piece) for piece in lost]
+    points = None if fit.rises is None else raised(fit.part, fit.rises, view)
+    search = PoseSearch(fit, view, _taken(fit, points, [stands[place] for place in fit.stands]), around, points)
+    found = list[Stray]()
+    left = missing.copy()
+    while left:
+        stray = search.best(left)
+        if stray is None:
+            break
+        found.append(stray)
+        left.remove((stray.place, stray.piece))
+        search.take_out(stray)
+    if len(found) > 1:
+        found = search.again().told_apart(found, before)
+    found = [_sharper(stray, centres) for stray in found]
+    return tuple(sorted(found, key=lambda one: -one.support * one.seen))
+
+
+def _sharper(stray: Stray, centres: Mapping[Place, Centre]) -> Stray:
+    """Where a standing piece's outline was found as well, its place is known better."""
+    one = None if stray.lies or stray.place is None else centres[stray.place]
+    if one is None or not one.upright or math.dist((one.x, one.y), (stray.pose.x, stray.pose.y)) > _SAME:
+        return stray
+    return replace(stray, pose=Pose(one.x, one.y), std=one.std)
+
+
+def _is_in_picture(view: BoardView, place: Place, piece: PieceLike) -> bool:
+    """Whether all of a piece that stands at a place would be seen."""
+    shape, (x, y) = PIECE_SHAPES[piece.kind], view.table.xy(place)
+    radius = shape.foot_radius
+    corners = [(x + i * radius, y + j * radius, z) for i in (-1, 1) for j in (-1, 1) for z in (0.0, shape.height)]
+    pixels = view.project(corners)
+    size = np.array([view.intrinsics.width, view.intrinsics.height])
+    return bool((pixels >= -0.5).all() and (pixels <= size - 0.5).all())
+
+
+def _around(view: BoardView, *, trays: bool) -> tuple[float, float]:
+    """How far beyond the board pieces are looked for, along x and along y [m]."""
+    ends = _BEYOND + _LEANS
+    if not trays:
+        return _BEYOND, ends
+    furthest = max(view.table.xy(place)[0] for place in view.table.tray_places())
+    return furthest - 4.0 * view.table.square + ends, ends
+
+
+def _taken(fit: Fit, points: Field | None, stands: Sequence[bool]) -> NDArray[np.bool_]:
+    """Pixels of pieces that stand as expected, but for those that depth shows to be of something before them."""
+    taken: NDArray[np.bool_] = np.array([False, *stands])[fit.owner]
+    if points is not None and fit.places.size:
+        reach = np.array([0.0, *(PIECE_SHAPES[kind].foot_radius for kind in fit.kinds)])[fit.owner] + _BEFORE
+        off = points[..., :2] - np.vstack([np.zeros((1, 2)), fit.places])[fit.owner]
+        taken &= ~(np.hypot(off[..., 0], off[..., 1]) > reach)  # where depth is unknown that is false
+    return taken

@@ -1,0 +1,307 @@
+"""One frame's fit of all expected pieces: colours learnt, places searched, outlines laid under the picture's edges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Final, Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.interfaces import Frame
+from hardware.table import PIECE_SHAPES, Colour, Kind, Place
+from vision.board.view import BoardView
+from vision.pieces.colours import MOST, colour_bins, evidence, looked_up, shares
+from vision.pieces.edges import Edges, along, edges_on_lines, line_samples, slopes
+from vision.pieces.silhouettes import Shapes, Silhouettes, labels
+from vision.pieces.surface import GROUNDS, Surface, heights, surface
+
+Array = NDArray[np.float64]
+Field = NDArray[np.float32]
+Whole = NDArray[np.int32]
+
+SEARCH: Final = 0.010
+"""A piece is looked for so far around its square's centre, and found further away only by the last bit [m]."""
+_GRIDS: Final = ((0.0025, 4), (0.001, 2))
+"""Searches: step between places tried [m], and how many on either side."""
+_RING: Final = 2.5
+"""Outside an outline by so much there should be no piece [px]."""
+_CONTRAST: Final = 12.0
+"""Difference of brightness over a pixel at which an edge is clear [levels of 255]."""
+_BY_REGION, _BY_CONTRAST, _BY_PLACE = 0.3, 0.5, 0.1
+"""What the silhouette's inside, plain brightness and nearness to the square's centre weigh in the search, compared with
+the step of evidence across the outline."""
+_ROUNDS: Final = (3, 3)
+"""Of least squares, before and after colours are learnt again from the outlines found."""
+_ROBUST: Final = 1.2
+"""Edges further than this from where the fitted outline has them count less [px]."""
+_LONGEST: Final = 0.004
+"""Move of one round [m]."""
+_FIRM: Final = 1e3
+"""Keeps a piece with no edges where it is [px²/m²]."""
+TALL, FLAT = 0.012, 0.004
+"""What is higher above the board than the first is no board; what is lower than the second may be [m]."""
+LEAST_SUPPORT: Final = 0.15
+LEAST_AGREEMENT: Final = 0.45
+"""A piece that stands where it was found has more than both (measured: at least 0.31 and 0.55; where none stands, at
+most -0.05 and 0.38 with depth, 0.59 and 0.50 without)."""
+_TOP: Final = 0.9
+"""Of the points of a piece, this share is below what counts as its top: single points fly."""
+_HIGHEST: Final = 0.08
+"""No piece is as high [m]."""
+_ENOUGH: Final = 25
+"""With fewer points of known height a piece's is not known."""
+_CLEAR_EDGE: Final = 0.1
+_AGREES: Final = 1.5
+"""An edge so near to the fitted outline agrees with it [px]."""
+
+
+class PieceLike(Protocol):
+    """What has to be known of a piece; ``hardware.table.PieceSpec`` is one."""
+
+    @property
+    def kind(self) -> Kind:
+        """Its shape."""
+
+    @property
+    def colour(self) -> Colour:
+        """Its side."""
+
+
+class Fit:
+    """One frame's fit.
+
+    Args:
+        frame: by the camera of the view.
+        view: of the board.
+        expected: pieces by square, or place of a tray.
+        use_depth: False: by colour alone.
+        around: the window holds so much beside the board, along x and along y [m].
+
+    Attributes:
+        part: window of the picture.
+        stands: where the pieces should, in the order of all arrays.
+        kinds: of the pieces.
+        places: found, (n, 2) [m].
+        spread: expected error of either coordinate by the scatter of edges alone, (n,) [m].
+        edges: across the outlines as found.
+        rises: height above the board of each pixel [m], NaN where unknown; None without depth.
+        maps: how much rather each pixel is a white piece, or a black one, than ground; natural logarithm, two (h, w).
+    """
+
+    def __init__(
+        self,
+        frame: Frame,
+        view: BoardView,
+        expected: Mapping[Place, PieceLike],
+        *,
+        use_depth: bool,
+        around: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        self.part: Surface = surface(view, around)
+        self.stands = list(expected)
+        pieces = list(expected.values())
+        self._nominal = np.array([view.table.xy(place) for place in self.stands]).reshape(-1, 2)
+        self.places = self._nominal.copy()
+        self.kinds = [piece.kind for piece in pieces]
+        self._white = np.array([piece.colour is Colour.WHITE for piece in pieces], dtype=bool)
+        self._shapes = Shapes(view, self.kinds, self._nominal, self.part)
+        window = frame.colour[self.part.rows, self.part.columns]
+        self._bins = colour_bins(window)
+        self._contrast = slopes(cv2.cvtColor(window, cv2.COLOR_RGB2GRAY).astype(np.float32))
+        self.rises = heights(frame.depth, self.part) if use_depth and frame.depth is not None else None
+        self.maps: tuple[Field, Field]
+        self.spread, self.edges = np.zeros(0), Edges(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0), dtype=bool))
+        self._solve()
+
+    def _solve(self) -> None:
+        if not self.stands:
+            self._learn(self.silhouettes(), 0, 0)
+            return
+        for step, count in _GRIDS:
+            seen = self.silhouettes()
+            self._learn(seen, 8, 0)
+            self._search(seen, step, count)
+        self._refine(_ROUNDS[0])
+        self._learn(self.silhouettes(), 4, 1)
+        lost = (self.agreement() < LEAST_AGREEMENT) | (self.support() < LEAST_SUPPORT)
+        if lost.any():  # colours are known better now
+            self._search_again(lost)
+        self._refine(_ROUNDS[1])
+
+    def _search_again(self, lost: NDArray[np.bool_]) -> None:
+        """Look for these pieces once more, from their places' centres; the others stay."""
+        kept = self.places.copy()
+        self.places = np.where(lost[:, None], self._nominal, kept)
+        for step, count in _GRIDS:
+            self._search(self.silhouettes(), step, count)
+            self.places = np.where(lost[:, None], self.places, kept)
+        self._refine(_ROUNDS[0])
+        self.places = np.where(lost[:, None], self.places, kept)
+
+    def silhouettes(self) -> Silhouettes:
+        """As the pieces are believed to stand now."""
+        return self._shapes.at(self.places)
+
+    # ------------------------------------------------------------------------------------------------- colours
+
+    def _learn(self, seen: Silhouettes, margin: int, inner: int) -> None:
+        """Colours of the two sides and of the ground, from the outlines as they are believed to lie.
+
+        Args:
+            seen: those outlines.
+            margin: so near to them nothing is learnt about the ground [px].
+            inner: so near to their edges nothing is learnt about pieces [px].
+        """
+        self.owner = labels(seen, self.part.ground.shape)
+        taken = (self.owner > 0).astype(np.uint8)
+        around = np.ones((margin + margin // 2 + 1, margin + 1), dtype=np.uint8)
+        flat = cv2.dilate(taken, around) == 0
+        core = (cv2.erode(taken, np.ones((2 * inner + 1, 2 * inner + 1), dtype=np.uint8)) if inner else taken) > 0
+        if self.rises is not None:
+            flat &= ~(self.rises > TALL)  # unknown heights are compared as false
+            core &= ~(self.rises < FLAT)
+        ground, bins = self.part.ground, self._bins
+        grounds = [shares(bins[flat & (ground == kind)]) for kind in range(GROUNDS)]
+        white = np.concatenate([[False], self._white])[self.owner]
+        light, dark = shares(bins[core & white]), shares(bins[core & ~white])
+        tables = evidence(light, dark, grounds), evidence(dark, light, grounds)
+        self.maps = looked_up(tables[0], ground, bins), looked_up(tables[1], ground, bins)
+
+    # -------------------------------------------------------------------------------------------------- search
+
+    def _search(self, seen: Silhouettes, step: float, count: int) -> None:
+        """Move each piece to the best of places in a grid around where it is believed to be."""
+        ticks = step * np.arange(-count, count + 1)
+        tried = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 2)
+        shift = np.einsum("nij,tj->nti", seen.jacobian, tried).astype(np.float32)
+
+        def moved(points: Array) -> Whole:
+            at = points[:, None].astype(np.float32) + shift[:, :, None]
+            whole: Whole = np.rint(at).astype(np.int32)
+            return whole
+
+        score = _BY_REGION * self._inside_out(seen, moved) + self._across(seen, moved)
+        off = self.places[:, None] + tried - self._nominal[:, None]
+        score -= _BY_PLACE * (off**2).sum(axis=2) / SEARCH**2
+        self.places = self.places + tried[score.argmax(axis=1)]
+
+    def _inside_out(self, seen: Silhouettes, moved: Callable[[Array], Whole]) -> Array:
+        """Evidence inside each silhouette less that around it, (n, tried)."""
+        inner = self.sampled(moved(seen.inside), self.maps).mean(axis=2)
+        outer = self.sampled(moved(seen.contour + _RING * seen.normal), self.maps).mean(axis=2)
+        difference: Array = (inner - outer).astype(float)
+        return difference
+
+    def _across(self, seen: Silhouettes, moved: Callable[[Array], Whole]) -> Array:
+        """How steeply evidence falls, and brightness changes, across each outline where it is in sight, (n, tried)."""
+        at = moved(seen.contour)
+        flat, counted = self._flat(at)
+        normal = seen.normal[:, None].astype(np.float32)
+        free = counted * self._shapes.weight[:, None].astype(np.float32)
+        fall = np.empty(at.shape[:3], dtype=np.float32)
+        for side, mine in enumerate((self._white, ~self._white)):
+            fall[mine] = -along(slopes(self.maps[side]), flat[mine], normal[mine])
+        contrast = np.abs(along(self._contrast, flat, normal)) / np.float32(_CONTRAST)
+        edge = np.clip(fall, 0.0, 1.0) + np.float32(_BY_CONTRAST) * np.clip(contrast, 0.0, 1.0)
+        least = 8.0  # with less of the outline in sight it says little
+        steep: Array = (edge * free).sum(axis=2) / np.maximum(free.sum(axis=2), least)
+        return steep
+
+    def _flat(self, at: Whole) -> tuple[Whole, NDArray[np.bool_]]:
+        """Indices into the window of pixels (n, …, 2), and whether they count: within it, and of no other piece."""
+        h, w = self.part.ground.shape
+        u, v = at[..., 0], at[..., 1]
+        within = (u >= 0) & (u < w) & (v >= 0) & (v < h)
+        flat = np.where(within, v * w + u, 0)
+        mine = np.arange(1, len(self.stands) + 1, dtype=np.int16).reshape((-1,) + (1,) * (flat.ndim - 1))
+        owner = self.owner.ravel().take(flat)
+        return flat, within & ((owner == 0) | (owner == mine))
+
+    def sampled(self, at: Whole, maps: tuple[Field, Field]) -> Field:
+        """Values of each piece's own map at whole pixels (n, …, 2); 0 on other pieces and out of the window."""
+        flat, counted = self._flat(at)
+        found = np.empty(flat.shape, dtype=np.float32)
+        for side, mine in enumerate((self._white, ~self._white)):
+            found[mine] = maps[side].ravel().take(flat[mine])
+        return found * counted
+
+    # -------------------------------------------------------------------------------------------------- refine
+
+    def _refine(self, rounds: int) -> None:
+        """Least squares over lines across the outlines."""
+        smooth = [np.asarray(cv2.GaussianBlur(one, (0, 0), 0.6), dtype=np.float32) for one in self.maps]
+        for _round in range(rounds):
+            seen = self.silhouettes()
+            self.owner = labels(seen, self.part.ground.shape)
+            self.edges = self._find_edges(seen, smooth)
+            self._step(seen)
+
+    def _find_edges(self, seen: Silhouettes, smooth: list[Field]) -> Edges:
+        """Where on a line across the outline evidence falls the most."""
+        reach = line_samples()
+        at = seen.contour[:, :, None].astype(np.float32) + reach[:, None] * seen.normal[:, :, None].astype(np.float32)
+        value = np.empty(at.shape[:3], dtype=np.float32)
+        for side, mine in enumerate((self._white, ~self._white)):
+            lines = at[mine].reshape(-1, len(reach), 2)
+            if len(lines):
+                read = cv2.remap(smooth[side], lines, None, cv2.INTER_LINEAR)  # type: ignore[call-overload]
+                value[mine] = np.asarray(read).reshape(value[mine].shape)
+        _, counted = self._flat(np.rint(at).astype(np.int32))
+        value *= counted
+        return edges_on_lines(value, counted, reach)
+
+    def _step(self, seen: Silhouettes) -> None:
+        """One weighted Gauss-Newton step of all pieces."""
+        edges = self.edges
+        rows = np.einsum("nki,nij->nkj", seen.normal, seen.jacobian)
+        move = np.zeros_like(self.places)
+        residual = edges.offset
+        for _again in range(3):
+            weight = edges.sure * self._shapes.weight / (1.0 + (residual / _ROBUST) ** 2)
+            weighted = weight[..., None] * rows
+            normal = np.einsum("nki,nkj->nij", weighted, rows) + _FIRM * np.eye(2)
+            right = np.einsum("nki,nk->ni", weighted, edges.offset)
+            move = np.linalg.solve(normal, right[..., None])[..., 0]
+            residual = edges.offset - np.einsum("nkj,nj->nk", rows, move)
+        self.places = self.places + move / np.maximum(1.0, np.linalg.norm(move, axis=1, keepdims=True) / _LONGEST)
+        variance = (weight * residual**2).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-3)
+        self.spread = np.sqrt(0.5 * np.trace(np.linalg.inv(normal), axis1=1, axis2=2) * variance)
+
+    # ------------------------------------------------------------------------------------------------ judgement
+
+    def support(self) -> Array:
+        """Evidence over each silhouette, from -1, surely not the piece, to 1; 0 where nothing is in sight, (n,)."""
+        at = np.rint(self.silhouettes().inside).astype(np.int32)
+        _, counted = self._flat(at)
+        mean: Array = self.sampled(at, self.maps).sum(axis=1) / np.maximum(counted.sum(axis=1), 1) / MOST
+        return mean.astype(float)
+
+    def agreement(self) -> Array:
+        """Share of each outline in sight where the picture has an edge just there, (n,)."""
+        edges = self.edges
+        good = (edges.sure > _CLEAR_EDGE * self._shapes.weight) & (np.abs(edges.offset) < _AGREES) & edges.open
+        share: Array = good.sum(axis=1) / np.maximum(edges.open.sum(axis=1), 1)
+        return share
+
+    def in_sight(self) -> Array:
+        """Share of each outline that no other piece hides or touches, (n,)."""
+        share: Array = self.edges.open.mean(axis=1)
+        return share
+
+    def too_low(self) -> NDArray[np.bool_]:
+        """Whether depth shows each piece's silhouette, and nothing in it as high as if the piece stood, (n,).
+
+        Half way between what stands and what lies; false where there is no depth, or too little of the piece.
+        """
+        low = np.zeros(len(self.stands), dtype=bool)
+        if self.rises is None:
+            return low
+        for index, kind in enumerate(self.kinds):
+            rises = self.rises[self.owner == index + 1]
+            rises = rises[(rises > FLAT) & (rises < _HIGHEST)]
+            shape = PIECE_SHAPES[kind]
+            if rises.size >= _ENOUGH:
+                low[index] = np.quantile(rises, _TOP) < 0.5 * (shape.height + 2.0 * shape.foot_radius)
+        return low

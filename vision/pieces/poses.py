@@ -1,0 +1,163 @@
+"""Silhouettes of pieces that lie, or stand anywhere, as a camera sees them; from the profile that the settings give.
+
+A turned piece is a row of discs. Seen from anywhere, each pair of neighbours shows a convex spot; together they are
+its silhouette.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.table import PIECE_SHAPES, Kind, piece_profile
+from vision.board.view import BoardView
+
+Array = NDArray[np.float64]
+
+_RINGS: Final = 15
+_ANGLES: Final = 2.0 * np.pi * np.arange(16) / 16
+_CIRCLE: Final = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
+"""Of a ring."""
+_KNIGHT: Final = 0.75
+"""Radius of a knight's head from wherever it is seen, in stem radii."""
+_AROUND: Final = 0.02
+"""Distances from a piece's surface are known up to so far from it [m] …"""
+_CELL: Final = 0.00025
+"""… in steps of this [m]."""
+_RESTS: Final = 0.92
+"""A foot's rim is rounded: so far from the axis does it rest, in radii of the foot."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """How a piece is there, board frame.
+
+    Attributes:
+        x: of its foot's underside, the middle, seen from above [m].
+        y: likewise [m].
+        yaw: from there to the head, from the x axis, counter-clockwise [rad]; None: it stands.
+    """
+
+    x: float
+    y: float
+    yaw: float | None = None
+
+
+@lru_cache(maxsize=16)
+def _profile(kind: Kind) -> Array:
+    """Radius and height of the outline from the underside's rim to the axis, (n, 2) [m]; a rook's goes down again
+    between its battlements.
+    """
+    profile, shape = np.array(piece_profile(kind)), PIECE_SHAPES[kind]
+    if kind is Kind.KNIGHT:
+        head = _KNIGHT * shape.stem_radius
+        profile = np.vstack(
+            [profile[:-1], [[head, profile[-1, 1]], [head, 0.94 * shape.height], [0.4 * head, shape.height]]]
+        )
+    return profile
+
+
+@lru_cache(maxsize=16)
+def _rings(kind: Kind) -> Array:
+    """Radius and height of rings, closest where the outline turns, (n, 2) [m]."""
+    profile = _profile(kind)
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(profile, axis=0).T))])
+    at = np.linspace(0.0, length[-1], _RINGS)
+    return np.stack([np.interp(at, length, profile[:, 0]), np.interp(at, length, profile[:, 1])], axis=1)
+
+
+def _axes(kind: Kind, pose: Pose) -> tuple[Array, Array]:
+    """Middle of the underside (3,) [m] and, as rows, two directions across the axis and the axis itself, (3, 3)."""
+    if pose.yaw is None:
+        return np.array([pose.x, pose.y, 0.0]), np.eye(3)
+    shape = PIECE_SHAPES[kind]
+    radius = _RESTS * shape.foot_radius
+    lean = math.atan2(radius - shape.stem_radius, shape.height - shape.stem_radius - shape.foot_height)
+    cos, sin = math.cos(lean), math.sin(lean)
+    ahead = np.array([math.cos(pose.yaw), math.sin(pose.yaw), 0.0])
+    up = np.array([0.0, 0.0, 1.0])
+    across = np.cross(up, ahead)
+    height = radius * cos + shape.foot_height * sin
+    return np.array([pose.x, pose.y, height]), np.stack([across, cos * up + sin * ahead, cos * ahead - sin * up])
+
+
+def off_surface(points: NDArray[np.float32], kind: Kind, pose: Pose) -> Array:
+    """How far points (n, 3) of the board frame are from the surface of a piece, whether within or without, (n,) [m]."""
+    start, axes = _axes(kind, pose)
+    table = _distances(kind)
+    from_start = points - start
+    along = from_start @ axes[2]
+    across = np.sqrt(np.maximum((from_start**2).sum(axis=1) - along**2, 0.0))
+    row = np.clip(np.rint((along + _AROUND) / _CELL).astype(np.intp), 0, table.shape[0] - 1)
+    column = np.minimum(np.rint(across / _CELL).astype(np.intp), table.shape[1] - 1)
+    off: Array = table[row, column]
+    return off
+
+
+@lru_cache(maxsize=16)
+def _distances(kind: Kind) -> Array:
+    """From the surface, by distance along the axis, from ``_AROUND`` before the underside on, and from it, a cell apart
+    [m].
+    """
+    profile = np.vstack([[0.0, 0.0], _profile(kind)])  # with the underside
+    high, wide = profile[:, 1].max() + 2.0 * _AROUND, profile[:, 0].max() + _AROUND
+    along, across = np.meshgrid(np.arange(0.0, high, _CELL) - _AROUND, np.arange(0.0, wide, _CELL), indexing="ij")
+    nearest = np.full(along.shape, np.inf)
+    for (r0, z0), (r1, z1) in pairwise(profile.tolist()):
+        length = (r1 - r0) ** 2 + (z1 - z0) ** 2
+        if length > 0.0:
+            share = np.clip(((across - r0) * (r1 - r0) + (along - z0) * (z1 - z0)) / length, 0.0, 1.0)
+            off = np.hypot(across - r0 - share * (r1 - r0), along - z0 - share * (z1 - z0))
+            nearest = np.minimum(nearest, off)
+    return nearest
+
+
+class Drawn(NamedTuple):
+    """A silhouette in a part of a picture.
+
+    Attributes:
+        rows: of the part, around the silhouette.
+        columns: likewise.
+        mask: of the silhouette, over those; empty where none of it is within the part.
+        underside: of what the camera sees of the foot's underside, which is felt; over the same.
+    """
+
+    rows: slice
+    columns: slice
+    mask: NDArray[np.bool_]
+    underside: NDArray[np.bool_]
+
+
+def drawn(kind: Kind, pose: Pose, view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> Drawn:
+    """A piece's silhouette in a part of a picture.
+
+    Args:
+        kind: of piece.
+        pose: of it.
+        view: of the board.
+        shape: height and width of the part [px].
+        origin: column and row of the whole picture at which the part begins [px].
+    """
+    start, axes = _axes(kind, pose)
+    rings, round_ = _rings(kind), _CIRCLE @ axes[:2]
+    points = start + rings[:, 1, None, None] * axes[2] + rings[:, 0, None, None] * round_
+    pixels = view.project(points) - np.array(origin, dtype=float)
+    flat = pixels.reshape(-1, 2)
+    left, top = np.clip(np.floor(flat.min(axis=0)).astype(int), 0, (shape[1], shape[0])).tolist()
+    right, bottom = np.clip(np.ceil(flat.max(axis=0)).astype(int) + 1, (left, top), (shape[1], shape[0])).tolist()
+    mask = np.zeros((bottom - top, right - left), dtype=np.uint8)
+    underside = np.zeros_like(mask)
+    if mask.size:
+        local = np.rint((pixels - (left, top)) * 16.0).astype(np.int32)
+        for first, second in pairwise(local):
+            cv2.fillConvexPoly(mask, cv2.convexHull(np.concatenate([first, second])), 1, shift=4)
+        if (view.camera_position - start) @ axes[2] < 0.0:
+            cv2.fillConvexPoly(underside, local[0], 1, shift=4)
+    return Drawn(slice(top, bottom), slice(left, right), mask.astype(bool), underside.astype(bool))

@@ -1,0 +1,224 @@
+"""After each move: does the board stand as it should, and if not, what is wrong where, in millimetres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.interfaces import Frame
+from hardware.table import square_place
+from vision.board.view import BoardView
+from vision.pieces.centres import Centre, centres_of, on_squares, require_camera
+from vision.pieces.fit import Fit, PieceLike
+from vision.pieces.surface import surface
+
+Array = NDArray[np.float64]
+
+TOLERANCE: Final = 0.005
+"""Of a piece's centre from that of its square: the fingers close on pieces up to 8 mm off [m]."""
+RISES: Final = 0.008
+"""What rises so far above the board, and is no piece that was found, lies there [m]."""
+_AROUND: Final = 9
+"""Depth pictures are fat at edges: so wide is left out around pieces that were found [px]."""
+_LEAST_AREA: Final = 40
+"""Smaller spots are noise [px]."""
+_SURE: Final = 1.2
+"""Colour evidence, on average over a spot, by which something lies there where there is no depth."""
+_LEAST_COLOURED: Final = 120
+"""Without depth, smaller spots may be shadows [px]."""
+_DROP: Final = 0.45
+"""A piece that looks so much less like itself than before, and no other does, was touched: what lies behind another
+piece can look like one that stands there (measured: pieces that stand drop by 0.16 once in a thousand looks, at most by
+0.42 in 8,400; of 12 that lay and still seemed to stand, 9 dropped by 0.48 or more)."""
+_ASIDE: Final = 0.4
+"""An offset is called one towards a side when that side has at least such a share of it."""
+
+
+class FaultKind(StrEnum):
+    """What is wrong on a square."""
+
+    OFF_CENTRE = "off centre"
+    MISSING = "missing"
+    FALLEN = "fallen"
+    """Something lies where a piece should stand."""
+    FOREIGN = "foreign"
+    """Something is where nothing should be."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing that is not as it should be.
+
+    Attributes:
+        kind: of fault.
+        square: 0 = a1 … 63 = h8.
+        sentence: for people.
+        place: of the piece or the thing, board frame [m]; None where nothing is there.
+        offset_mm: of the piece from its square's centre; None where no piece stands.
+    """
+
+    kind: FaultKind
+    square: int
+    sentence: str
+    place: tuple[float, float] | None
+    offset_mm: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Examination:
+    """What a look at the board says.
+
+    Attributes:
+        faults: by square.
+        likeness: of each piece in sight, by square: how well it looks like itself, at most 2; to be held against the
+            next look's.
+    """
+
+    faults: tuple[Fault, ...]
+    likeness: Mapping[int, float]
+
+
+def verify_board(
+    frame: Frame, view: BoardView, expected: Mapping[int, PieceLike], tolerance: float = TOLERANCE
+) -> tuple[Fault, ...]:
+    """The faults of ``examine_board``, with nothing to hold them against."""
+    return examine_board(frame, view, expected, tolerance=tolerance).faults
+
+
+def examine_board(
+    frame: Frame,
+    view: BoardView,
+    expected: Mapping[int, PieceLike],
+    before: Mapping[int, float] = MappingProxyType({}),
+    *,
+    tolerance: float = TOLERANCE,
+) -> Examination:
+    """Compare the board with what should stand on it.
+
+    Args:
+        frame: by the camera of the view, without a hand or an arm over the board.
+        view: of the board.
+        expected: what should stand where, by square.
+        before: likeness of pieces that have stood there in a look before, by this view and without a fault.
+        tolerance: of a centre from its square's [m].
+
+    Returns:
+        What it says; of pieces that others hide nothing.
+
+    Raises:
+        ValueError: the frame is by another camera, or the board is not in the picture.
+    """
+    require_camera(frame, view)
+    fit = Fit(frame, view, on_squares(expected), use_depth=True)
+    centres = {place.index: centre for place, centre in centres_of(fit).items()} if expected else {}
+    spots = _spots(fit, centres, view)
+    likeness = {square: one.support + one.agreement for square, one in centres.items() if not one.hidden}
+    drops = {square: was - likeness[square] for square, was in before.items() if square in likeness}
+    usual = max(0.0, float(np.median(list(drops.values())))) if drops else 0.0  # the light has changed for all
+    faults = [
+        fault
+        for square, piece in expected.items()
+        if (fault := _judge(square, piece, centres[square], spots, view, tolerance)) is not None
+    ]
+    taken = {fault.square for fault in faults} | set(expected)
+    faults += [
+        Fault(FaultKind.FOREIGN, square, f"something lies on {square_place(square)}", place, None)
+        for square, place in spots.items()
+        if square not in taken
+    ]
+    if not faults:  # what stands where nothing should may well hide what stands behind it
+        changed = (_changed(square, expected[square], drop - usual) for square, drop in drops.items())
+        faults = [fault for fault in changed if fault is not None]
+    return Examination(tuple(sorted(faults, key=lambda fault: fault.square)), likeness)
+
+
+def _changed(square: int, piece: PieceLike, drop: float) -> Fault | None:
+    if drop < _DROP:
+        return None
+    sentence = f"the {piece.colour} {piece.kind} on {square_place(square)} does not look as it did"
+    return Fault(FaultKind.FALLEN, square, sentence, None, None)
+
+
+def _judge(
+    square: int, piece: PieceLike, centre: Centre, spots: Mapping[int, tuple[float, float]], view: BoardView,
+    tolerance: float,
+) -> Fault | None:  # fmt: skip
+    name, where = f"{piece.colour} {piece.kind}", square_place(square)
+    if centre.hidden:
+        return None
+    if not centre.upright:
+        if square in spots:
+            sentence = f"something lies on {where}, where a {name} should stand"
+            return Fault(FaultKind.FALLEN, square, sentence, spots[square], None)
+        return Fault(FaultKind.MISSING, square, f"{where} is empty, a {name} should stand there", None, None)
+    x, y = view.table.xy(where)
+    dx, dy = centre.x - x, centre.y - y
+    off = math.hypot(dx, dy)
+    if off <= tolerance:
+        return None
+    sentence = f"the {name} on {where} stands {1e3 * off:.1f} mm off towards {_direction(dx, dy)}"
+    return Fault(FaultKind.OFF_CENTRE, square, sentence, (centre.x, centre.y), 1e3 * off)
+
+
+def _direction(dx: float, dy: float) -> str:
+    """Files and ranks towards which a piece stands off: h, 8, or both."""
+    off = math.hypot(dx, dy)
+    sides = []
+    if abs(dx) >= _ASIDE * off:
+        sides.append("h" if dx > 0.0 else "a")
+    if abs(dy) >= _ASIDE * off:
+        sides.append("8" if dy > 0.0 else "1")
+    return " and ".join(sides)
+
+
+def _spots(fit: Fit, centres: Mapping[int, Centre], view: BoardView) -> dict[int, tuple[float, float]]:
+    """What is on the board and no piece that was found, by square: its middle in the board frame [m]."""
+    found = np.array([False, *(centres[place.index].upright for place in fit.stands)])
+    kept = found[fit.owner].astype(np.uint8)
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_AROUND, _AROUND))
+    free = cv2.dilate(kept, kernel) == 0
+    return _risen(fit, free, view) if fit.rises is not None else _coloured(fit, free, view)
+
+
+def _risen(fit: Fit, free: NDArray[np.bool_], view: BoardView) -> dict[int, tuple[float, float]]:
+    """By depth: what stands out of the board's plane."""
+    part, rises = surface(view), fit.rises
+    assert rises is not None
+    high = free & (rises > RISES) & (rises < 0.12)
+    # where a point above the board really is, not what it hides: along its ray, as much nearer to the camera
+    share = 1.0 - np.where(high, rises, 0.0) / np.maximum(part.climb * part.depth, 1e-6)
+    eye = view.camera_position[:2]
+    places = eye + (part.place - eye) * share[..., None]
+    return _by_square(high, _LEAST_AREA, places, view.table.square)
+
+
+def _coloured(fit: Fit, free: NDArray[np.bool_], view: BoardView) -> dict[int, tuple[float, float]]:
+    """By colour alone: what looks like pieces on the board; its foot counts, the rest leans away from the camera."""
+    looks = np.maximum(*fit.maps)
+    mean = np.asarray(cv2.boxFilter(looks, cv2.CV_32F, (7, 7)))
+    seen = free & (mean > _SURE) & (fit.part.square >= 0)
+    return _by_square(seen, _LEAST_COLOURED, fit.part.place.astype(float), view.table.square)
+
+
+def _by_square(mask: NDArray[np.bool_], least: int, places: Array, square: float) -> dict[int, tuple[float, float]]:
+    """Connected spots of a mask by the square of their middle; of several on one, the largest."""
+    opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), dtype=np.uint8))
+    count, numbers, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=8)
+    spots: dict[int, tuple[float, float]] = {}
+    areas = np.asarray(stats)[1:count, cv2.CC_STAT_AREA]
+    for number in (np.argsort(areas) + 1).tolist():
+        if stats[number, cv2.CC_STAT_AREA] < least:
+            continue
+        x, y = np.median(places[numbers == number], axis=0).tolist()
+        column, row = math.floor(x / square + 4.0), math.floor(y / square + 4.0)
+        if 0 <= column < 8 and 0 <= row < 8:
+            spots[column + 8 * row] = (x, y)
+    return spots

@@ -1,0 +1,1 @@
+"""What changed on the board, and which move that was."""

@@ -1,0 +1,321 @@
+"""What a person did that is no legal move: named, with the squares and what to do about it.
+
+Nothing here decides that a move was made; that is done in ``vision.reading.moves``. Where it is in doubt, the placement
+that is seen is compared with the one that should be there, and the commonest ways to the difference are tried in turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import chess
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.reading.appearance import BLACK, EMPTY, WHITE
+from vision.reading.evidence import codes_of, states_of
+from vision.reading.outcome import Situation
+
+States = NDArray[np.intp]
+
+MANY: Final = 6
+"""With more squares wrong than this, they are counted rather than explained."""
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """What is the matter, and what to do.
+
+    Attributes:
+        situation: its sort.
+        squares: all that are not as they should be, and those that the advice is about.
+        sentence: for the person at the board.
+    """
+
+    situation: Situation
+    squares: tuple[int, ...]
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Difference:
+    """Between the position and what is seen: squares by what became of them."""
+
+    board: chess.Board
+    seen: States
+    gone: tuple[int, ...]
+    new: tuple[int, ...]
+    turned: tuple[int, ...]
+    altered: tuple[int, ...]
+
+    @property
+    def squares(self) -> tuple[int, ...]:
+        return tuple(sorted({*self.gone, *self.new, *self.turned}))
+
+
+def explain(seen: States, board: chess.Board, altered: tuple[int, ...] = ()) -> Diagnosis:
+    """Name what is seen.
+
+    Args:
+        seen: state of each square as it is seen, shape (64,).
+        board: the last known position, with its history as far as that is known.
+        altered: squares with a piece of the right colour that looks changed, the most changed first.
+    """
+    expected = states_of(codes_of(board))
+    difference = _Difference(
+        board, seen,
+        gone=_squares((expected != EMPTY) & (seen == EMPTY)),
+        new=_squares((expected == EMPTY) & (seen != EMPTY)),
+        turned=_squares((expected != EMPTY) & (seen != EMPTY) & (seen != expected)),
+        altered=altered,
+    )  # fmt: skip
+    if not difference.squares:
+        return Diagnosis(Situation.NOTHING, (), "nothing has changed: make your move")
+    for attempt in _ATTEMPTS:
+        finding = attempt(difference)
+        if finding is not None:
+            return finding
+    return _wrong_board(difference)
+
+
+def _legal(at: _Difference) -> Diagnosis | None:
+    for move in _moves(at.board):
+        if _shows(at, _played(at.board, move)):
+            return Diagnosis(
+                Situation.LEGAL,
+                _touched(move, at),
+                f"this looks like {at.board.san(move)}, but not clearly: was that it?",
+            )
+    return None
+
+
+def _taken_back(at: _Difference) -> Diagnosis | None:
+    before = at.board.copy()
+    for count in range(1, min(2, len(before.move_stack)) + 1):
+        before.pop()
+        if _shows(at, before):
+            moves = "the last move is" if count == 1 else "the last two moves are"
+            return Diagnosis(
+                Situation.TAKEN_BACK, at.squares, f"{moves} taken back: say so if that is meant, or play on from "
+                f"the position before ({_names(at.squares)} differ)",
+            )  # fmt: skip
+    return None
+
+
+def _unfinished(at: _Difference) -> Diagnosis | None:
+    """Parts of legal moves that take more than one piece."""
+    for move in _moves(at.board):
+        for states, advice in _halves(at.board, move):
+            if np.array_equal(states, at.seen):
+                squares = {*_touched(move, at), *_squares(states_of(codes_of(_played(at.board, move))) != at.seen)}
+                return Diagnosis(Situation.UNFINISHED, tuple(sorted(squares)), advice)
+    return None
+
+
+def _halves(board: chess.Board, move: chess.Move) -> Iterator[tuple[States, str]]:
+    """What stands there while a move is half made, and how to go on."""
+    states, san = states_of(codes_of(board)), board.san(move)
+    after = states_of(codes_of(_played(board, move)))
+    if board.is_castling(move):
+        kingside = board.is_kingside_castling(move)
+        rank = chess.square_rank(move.from_square)
+        old, new = (chess.square(file, rank) for file in ((7, 5) if kingside else (0, 3)))
+        king = chess.square(6 if kingside else 2, rank)
+        first = states.copy()
+        first[move.from_square], first[king] = EMPTY, states[move.from_square]
+        yield first, f"{san} is half made: put the rook from {_name(old)} on {_name(new)}"
+        return
+    if board.is_capture(move):
+        taken = _captured(board, move)
+        off = states.copy()
+        off[taken] = EMPTY
+        yield off, f"the piece on {_name(taken)} is off: finish the capture, or put it back on {_name(taken)}"
+        lifted = off.copy()
+        lifted[move.from_square] = EMPTY
+        yield lifted, f"{san} is half made: put the piece from {_name(move.from_square)} on {_name(move.to_square)}"
+        if board.is_en_passant(move):
+            left = after.copy()
+            left[taken] = states[taken]
+            yield left, f"{san} is half made: take the pawn on {_name(taken)} off the board"
+
+
+def _two_moves(at: _Difference) -> Diagnosis | None:
+    if len(at.squares) > MANY:
+        return None
+    for first in _moves(at.board):
+        after = _played(at.board, first)
+        for own in (False, True):
+            board = after.copy(stack=False)
+            if own:
+                board.turn, board.ep_square = at.board.turn, None
+            for second in board.legal_moves:
+                if _shows(at, _played(board, second)):
+                    names = f"{at.board.san(first)} and {board.san(second)}"
+                    whose = f"{_side(at.board.turn)} has moved twice" if own else "both sides have moved"
+                    return Diagnosis(
+                        Situation.TWO_MOVES, at.squares, f"{whose}, {names}: put back the piece that now stands on "
+                        f"{_name(second.to_square)}, to {_name(second.from_square)}",
+                    )  # fmt: skip
+    return None
+
+
+def _moved(at: _Difference) -> Diagnosis | None:
+    """One piece gone, and one of its colour somewhere else: not a legal move."""
+    arrived = at.new + at.turned
+    if len(at.gone) != 1 or len(arrived) != 1:
+        return None
+    (start,), (end,) = at.gone, arrived
+    piece = at.board.piece_at(start)
+    if piece is None or at.seen[end] != (WHITE if piece.color else BLACK):
+        return None
+    name, back = f"the {_piece(piece)} from {_name(start)}", f"put it back on {_name(start)}"
+    taken = at.board.piece_at(end)
+    if taken is not None:
+        back += f", and the {_piece(taken)} on {_name(end)}"
+    if piece.color != at.board.turn:
+        return Diagnosis(
+            Situation.WRONG_SIDE,
+            at.squares,
+            f"{name} was moved to {_name(end)}, but it is {_side(at.board.turn)}'s move: {back}",
+        )
+    move = chess.Move(start, end)
+    reason = _why_not(at.board, move, piece)
+    return Diagnosis(Situation.ILLEGAL, at.squares, f"{name} must not go to {_name(end)}, {reason}: {back}")
+
+
+def _castled(at: _Difference) -> Diagnosis | None:
+    """King and rook moved as in castling where that is not allowed."""
+    rank = 0 if at.board.turn else 7
+    for san, king, rook in (("O-O", 6, (7, 5)), ("O-O-O", 2, (0, 3))):
+        states = states_of(codes_of(at.board))
+        for start, end in ((4, king), rook):
+            states[chess.square(end, rank)] = states[chess.square(start, rank)]
+            states[chess.square(start, rank)] = EMPTY
+        if np.array_equal(states, at.seen):
+            return Diagnosis(
+                Situation.ILLEGAL, at.squares, f"{san} is not allowed here: put king and rook back on "
+                f"{_name(chess.square(4, rank))} and {_name(chess.square(rook[0], rank))}",
+            )  # fmt: skip
+    return None
+
+
+def _own_taken(at: _Difference) -> Diagnosis | None:
+    """One piece gone and none arrived, but one of its colour looks changed: it may stand in that one's place."""
+    if len(at.gone) != 1 or at.new or at.turned:
+        return None
+    (start,) = at.gone
+    piece = at.board.piece_at(start)
+    assert piece is not None  # a square from which something is gone had a piece
+    own = [square for square in at.altered if at.board.color_at(square) == piece.color]
+    if not own:
+        return None
+    end = own[0]
+    return Diagnosis(
+        Situation.ILLEGAL, tuple(sorted((start, end))), f"the {_piece(piece)} on {_name(start)} is missing, and it may "
+        f"stand on {_name(end)}, on its own {_piece(at.board.piece_at(end))}'s place: put both back",
+    )  # fmt: skip
+
+
+def _single(at: _Difference) -> Diagnosis | None:
+    """One square is wrong, or several of one sort."""
+    if at.gone and not at.new and not at.turned and len(at.gone) <= MANY:
+        pieces = _list(f"the {_piece(at.board.piece_at(square))} on {_name(square)}" for square in at.gone)
+        them, places = ("it", "there") if len(at.gone) == 1 else ("them", "on their squares")
+        verb = "is" if len(at.gone) == 1 else "are"
+        return Diagnosis(
+            Situation.MISSING, at.squares, f"{pieces} {verb} missing: put {them} back {places}, or finish your move"
+        )
+    if at.new and not at.gone and not at.turned and len(at.new) <= MANY:
+        pieces = _list(f"a {_colour(at.seen[square])} piece on {_name(square)}" for square in at.new)
+        verb, them = ("is", "it") if len(at.new) == 1 else ("are", "them")
+        return Diagnosis(Situation.EXTRA, at.squares, f"there {verb} {pieces}, where none should be: take {them} off")
+    if at.turned and not at.gone and not at.new and len(at.turned) <= MANY:
+        pieces = _list(f"{_name(square)} ({_piece(at.board.piece_at(square))})" for square in at.turned)
+        return Diagnosis(
+            Situation.RECOLOURED, at.squares, f"a piece of the other colour stands on {pieces}: put the right one there"
+        )
+    return None
+
+
+def _wrong_board(at: _Difference) -> Diagnosis:
+    if len(at.squares) > MANY:
+        return Diagnosis(
+            Situation.WRONG_BOARD, at.squares,
+            f"{len(at.squares)} squares are not as they should be ({_names(at.squares)}): set the position up again",
+        )  # fmt: skip
+    actions = [f"the {_piece(at.board.piece_at(square))} belongs on {_name(square)}" for square in at.gone + at.turned]
+    actions += [f"nothing belongs on {_name(square)}" for square in at.new]
+    return Diagnosis(Situation.WRONG_BOARD, at.squares, f"the board is not as it should be: {_list(iter(actions))}")
+
+
+_ATTEMPTS: Final[tuple[Callable[[_Difference], Diagnosis | None], ...]] = (
+    _legal, _taken_back, _unfinished, _castled, _moved, _own_taken, _single, _two_moves,
+)  # fmt: skip
+
+
+def _why_not(board: chess.Board, move: chess.Move, piece: chess.Piece) -> str:
+    promoting = piece.piece_type == chess.PAWN and chess.square_rank(move.to_square) in (0, 7)
+    tried = chess.Move(move.from_square, move.to_square, chess.QUEEN) if promoting else move
+    if tried in board.pseudo_legal_moves:
+        return "the king would be in check"
+    if board.is_check():
+        return "the king is in check"
+    if board.color_at(move.to_square) == piece.color:
+        return "one of its own stands there"
+    return f"a {chess.piece_name(piece.piece_type)} does not move like that here"
+
+
+def _moves(board: chess.Board) -> Iterator[chess.Move]:
+    """Legal moves, of promotions only the queen's: to the eye they are one."""
+    return (move for move in board.legal_moves if move.promotion in (None, chess.QUEEN))
+
+
+def _played(board: chess.Board, move: chess.Move) -> chess.Board:
+    after = board.copy(stack=False)
+    after.push(move)
+    return after
+
+
+def _shows(at: _Difference, board: chess.Board) -> bool:
+    return np.array_equal(states_of(codes_of(board)), at.seen)
+
+
+def _captured(board: chess.Board, move: chess.Move) -> int:
+    if board.is_en_passant(move):
+        return chess.square(chess.square_file(move.to_square), chess.square_rank(move.from_square))
+    return move.to_square
+
+
+def _touched(move: chess.Move, at: _Difference) -> tuple[int, ...]:
+    return tuple(sorted({move.from_square, move.to_square, *at.squares}))
+
+
+def _squares(mask: NDArray[np.bool_]) -> tuple[int, ...]:
+    return tuple(int(square) for square in np.flatnonzero(mask))
+
+
+def _name(square: int) -> str:
+    return chess.square_name(square)
+
+
+def _names(squares: tuple[int, ...]) -> str:
+    return ", ".join(_name(square) for square in squares)
+
+
+def _piece(piece: chess.Piece | None) -> str:
+    return "piece" if piece is None else f"{_side(piece.color).lower()} {chess.piece_name(piece.piece_type)}"
+
+
+def _side(colour: chess.Color) -> str:
+    return "White" if colour else "Black"
+
+
+def _colour(state: int) -> str:
+    return "white" if state == WHITE else "black"
+
+
+def _list(words: Iterator[str]) -> str:
+    *first, last = list(words)
+    return f"{', '.join(first)} and {last}" if first else last

@@ -1,0 +1,95 @@
+"""Numbers that describe a sight, square by square: what appearance and change are judged by.
+
+Brightness is logarithmic: light that is twice as strong adds the same everywhere, and a soft shadow shifts a square
+without changing what is to be seen in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.brightness import LOGARITHM
+from vision.loops import slopes_of
+from vision.reading.rectified_view import MARGIN, PLAN_PX, SQUARE_PX, Field, Picture
+
+Array = NDArray[np.float64]
+
+SMOOTHING: Final = 0.75
+"""Of what gradients are taken from: below it there is noise, and the camera's own blur [px]."""
+BLOCKS: Final = 5
+"""A square is described by BLOCKS × BLOCKS blocks."""
+EDGE: Final = 0.02
+"""Added to the size of gradients before their logarithm, for the same reason."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Light:
+    """A sight in logarithmic brightness, with its gradients.
+
+    Attributes:
+        level: natural logarithm of brightness, shape (PLAN_PX, PLAN_PX, 3).
+        slopes: gradients of the smoothed ``level``: along columns in red, green and blue, then along rows, shape
+            (PLAN_PX, PLAN_PX, 6) [1/px].
+        size: length of the gradient over all colours, shape (PLAN_PX, PLAN_PX) [1/px].
+    """
+
+    level: Field
+    slopes: Field
+    size: Field
+
+    def brighter(self, step: Array) -> Light:
+        """The same, with so much more light in each colour, shape (3,), logarithmic."""
+        offset: Any = (*step.tolist(), 0.0)  # a scalar to OpenCV, of which its type stubs do not know
+        brighter = cv2.add(self.level, offset)
+        return replace(self, level=np.asarray(brighter, dtype=np.float32))
+
+
+def light_of(plan: Picture) -> Light:
+    """Logarithmic brightness and gradients of a plan."""
+    level = np.asarray(cv2.LUT(plan, LOGARITHM), dtype=np.float32)
+    smooth = cv2.GaussianBlur(level, (0, 0), SMOOTHING)
+    return Light(level, *slopes_of(np.asarray(smooth, dtype=np.float32)))
+
+
+def exposure_step(light: Light, reference: Light) -> Array:
+    """By how much a whole picture is brighter than another, in each colour: shape (3,), logarithmic.
+
+    The median over the board: what a few pieces change does not count.
+    """
+    inner = slice(MARGIN * SQUARE_PX + 1, PLAN_PX - MARGIN * SQUARE_PX, 3)  # every third pixel says as much
+    step: Array = np.median((light.level[inner, inner] - reference.level[inner, inner]).reshape(-1, 3), axis=0)
+    return step.astype(float)
+
+
+def describe(light: Light, shift: tuple[int, int] = (0, 0)) -> Array:
+    """What each square looks like: shape (64, n), row 0 is a1, row 63 is h8.
+
+    Args:
+        light: of the sight.
+        shift: columns and rows [px] by which the squares are taken off their places, to learn how it looks when a
+            piece does not stand in the middle.
+    """
+    start = MARGIN * SQUARE_PX
+    rows = slice(start + shift[1], start + shift[1] + 8 * SQUARE_PX)
+    columns = slice(start + shift[0], start + shift[0] + 8 * SQUARE_PX)
+    brightness = _blocks(light.level[rows, columns], BLOCKS)
+    edges = 2.0 * np.log(_blocks(light.size[rows, columns], BLOCKS) + EDGE)
+    return np.concatenate([brightness, edges], axis=1)
+
+
+def _blocks(picture: Field, count: int) -> Array:
+    """Means over ``count`` × ``count`` blocks of each square: shape (64, n)."""
+    small = np.asarray(cv2.resize(picture, (8 * count, 8 * count), interpolation=cv2.INTER_AREA), dtype=np.float32)
+    return by_square(small.reshape(8 * count, 8 * count, -1), count).reshape(64, -1).astype(float)
+
+
+def by_square(picture: Field, count: int) -> Field:
+    """Cut a plan of the board without margin into squares: (8 count, 8 count, n) → (64, count, count, n), a1 first."""
+    cut = picture.reshape(8, count, 8, count, -1).transpose(0, 2, 1, 3, 4)
+    squares: Field = cut[::-1].reshape(64, count, count, -1)
+    return squares

@@ -1,0 +1,132 @@
+"""Which move was made: every legal move and no move are weighed, with a margin that every other placement must keep.
+
+A move is accepted only if three things hold. No other legal move, nor none, explains the look nearly as well. No square
+says by itself that something else stands there; so a piece too many, a piece missing, two moves at once or a half-made
+castling are never taken for a move, without anybody having to list them. And the look as a whole is explained. Else
+there is doubt, which is told as such.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import chess
+import numpy as np
+
+from vision.reading.appearance import EMPTY
+from vision.reading.evidence import Array, Codes, Evidence, codes_of
+from vision.reading.outcome import ReadingOutcome
+
+MARGIN: Final = 6.0
+"""By which a move must be better explained than any other legal move: e⁶ ≈ 400 times as likely [nat]."""
+MISSING: Final = 4.5
+STRAY: Final = 6.0
+"""How much rarer than a legal move it is that, besides, a piece is missing; that one too many stands there, or one of
+the other colour [nat]. Every square must keep the margin against that by itself. Of a square that is not seen nothing
+can be said, so that there even a missing piece counts as the latter: it would take a wonder."""
+UNEXPLAINED: Final = 12.0
+"""The most that may be left unexplained over the whole board: three pieces brushed past [nat]."""
+MANY: Final = 4.0
+"""Two plies in one look must keep the margin by so much more: there are hundreds of them [nat]."""
+
+
+@dataclass(frozen=True, slots=True)
+class MoveReading:
+    """What is believed to have been played.
+
+    Attributes:
+        verdict: what the look came to.
+        moves: what was played; in doubt the likeliest, which must not be taken.
+        confidence: probability of ``moves`` among everything weighed.
+        margin: what is left of the margins, in natural logarithms; negative in doubt.
+        squares: those that speak against ``moves``, the loudest first.
+        promotion_unsure: the promoted piece was not seen; a queen is written.
+    """
+
+    verdict: ReadingOutcome
+    moves: tuple[chess.Move, ...]
+    confidence: float
+    margin: float
+    squares: tuple[int, ...]
+    promotion_unsure: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """Positions that could have come about.
+
+    Attributes:
+        lines: the moves to each; empty for none.
+        codes: the pieces after them, shape (n, 64).
+    """
+
+    lines: tuple[tuple[chess.Move, ...], ...]
+    codes: Codes
+
+
+def candidates(board: chess.Board, plies: int = 1) -> Candidates:
+    """No move, and every line of up to ``plies`` legal moves; of promotions only the queen's."""
+    lines: list[tuple[chess.Move, ...]] = [()]
+    codes = [codes_of(board)]
+    _walk(board.copy(stack=False), plies, (), lines, codes)
+    return Candidates(tuple(lines), np.array(codes))
+
+
+def _walk(
+    board: chess.Board, plies: int, line: tuple[chess.Move, ...], lines: list[tuple[chess.Move, ...]],
+    codes: list[Codes],
+) -> None:  # fmt: skip
+    for move in list(board.legal_moves):
+        if move.promotion not in (None, chess.QUEEN):
+            continue
+        board.push(move)
+        lines.append((*line, move))
+        codes.append(codes_of(board))
+        if plies > 1:
+            _walk(board, plies - 1, (*line, move), lines, codes)
+        board.pop()
+
+
+def decide(evidence: Evidence, board: chess.Board, plies: int = 1, looked_like: Codes | None = None) -> MoveReading:
+    """Weigh a look.
+
+    Args:
+        evidence: what the look says.
+        board: the last known position.
+        plies: how many moves may have been made since; in a game one.
+        looked_like: the pieces in the picture that ``evidence.changed`` compares with; ``board``'s unless given.
+    """
+    before = codes_of(board) if looked_like is None else looked_like
+    decision = _weigh(evidence, candidates(board), before, MARGIN)
+    for more in range(2, plies + 1):
+        if decision.verdict is not ReadingOutcome.DOUBT:
+            break
+        decision = _weigh(evidence, candidates(board, more), before, MARGIN + MANY)
+    return decision
+
+
+def _weigh(evidence: Evidence, among: Candidates, before: Codes, margin: float) -> MoveReading:
+    scores = evidence.scores(among.codes, before).sum(axis=1)
+    best = int(scores.argmax())
+    codes = among.codes[best]
+    # lines that lead to the same placement are the same to the eye: the first counts, the others are no rivals
+    rivals = scores[(among.codes != codes).any(axis=1)]
+    lead = float(scores[best] - rivals.max()) if len(rivals) else np.inf
+    same = [line for line, one in zip(among.lines, among.codes, strict=True) if np.array_equal(one, codes)]
+    doubt = evidence.doubt(codes, before)
+    rest = float(np.maximum(doubt.max(axis=1), 0.0).sum())
+    missing = MISSING + (STRAY - MISSING) * np.minimum(evidence.hidden(codes), 1.0)
+    strange = (doubt - np.where(np.arange(3) == EMPTY, missing[:, None], STRAY)).max(axis=1)
+    left = min(lead - margin, -float(strange.max()) - MARGIN, UNEXPLAINED - rest)
+    squares = tuple(int(square) for square in np.argsort(-strange) if strange[square] > -MARGIN)
+    clear = ReadingOutcome.MOVE if among.lines[best] else ReadingOutcome.NOTHING
+    verdict = clear if left >= 0.0 and len(same) == 1 else ReadingOutcome.DOUBT
+    confidence = _probability(scores, best, strange)
+    return MoveReading(verdict, among.lines[best], confidence, left, squares)
+
+
+def _probability(scores: Array, best: int, strange: Array) -> float:
+    """Of the best among all candidates, and among placements that differ from it in one square."""
+    others = np.exp(np.minimum(scores - scores[best], 50.0)).sum() - 1.0
+    return float(1.0 / (1.0 + others + np.exp(np.minimum(strange, 50.0)).sum()))
