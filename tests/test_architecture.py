@@ -55,7 +55,7 @@ KNOW_THE_SIMULATION = {
     "app.pieces.judging": "compares truth and game",
     "app.play.hand_moves": "tells the simulated person what to do",
     "app.measure.bench.kills": "sees how an arm comes to rest that nobody controls any more",
-    "app.measure.bench.cell": "runs supervisor and plant in one process",
+    "app.measure.bench.bed": "runs supervisor and plant in one process",
     "app.measure.bench.plies": "sets worlds up for a bench, and reads where the pieces came to stand",
     "app.measure.bench.finger": "puts a finger into the world",
     "app.measure.bench.touchdown": "sets pieces down in a world in the same process",

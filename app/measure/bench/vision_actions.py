@@ -28,8 +28,6 @@ Action = tuple[Poses, frozenset[int]]
 
 ACTIONS: Final = {True: 15, False: 510}
 """By ``quick``."""
-A_GAME: Final = 15
-"""Actions on one set-up: then light and camera are drawn anew."""
 LINES: Final = (
     "e4 e5 Nf3 Nc6 Bc4 Bc5",
     "d4 d5 Nc3 Nf6 Bg5 e6 Qd3 Be7",

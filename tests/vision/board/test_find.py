@@ -69,9 +69,7 @@ def test_an_empty_board_is_not_oriented() -> None:
 def test_a_pattern_that_is_not_eight_by_eight_is_no_board(squares: int) -> None:
     seen = pose(0.2, 0.3, 0.6, SIZE)
     shrunk = seen @ np.diag([8.0 / squares, 8.0 / squares, 1.0])
-    with pytest.raises(
-        BoardNotFound, match=r"there is no chessboard for certain in this picture: .*; show all of it"
-    ):
+    with pytest.raises(BoardNotFound, match=r"there is no chessboard for certain in this picture: .*; show all of it"):
         find_board(draw(shrunk, None, Drawing(squares=squares)))
 
 
