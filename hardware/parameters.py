@@ -22,6 +22,8 @@ from pydantic import (
     model_validator,
 )
 
+from hardware.frozen import FrozenFinite
+
 DEFAULT_FILE = Path(__file__).with_name("parameters.toml")
 FLAT_PADS_FILE = Path(__file__).with_name("flat_pads.toml")
 """The same robot with flat rubber pads."""
@@ -31,11 +33,11 @@ class ParametersError(ValueError):
     """A parameter file is missing, malformed or holds an impossible value; the message names file and field."""
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+class _Parameters(FrozenFinite):
+    model_config = ConfigDict(strict=True)
 
 
-class Geometry(_Frozen):
+class Geometry(_Parameters):
     """Lengths of Table 1 [m]: l0, l1, l2, l3, l4 in this order."""
 
     base_radius: PositiveFloat
@@ -45,7 +47,7 @@ class Geometry(_Frozen):
     gripper_height: PositiveFloat
 
 
-class Inertia(_Frozen):
+class Inertia(_Parameters):
     """Masses [kg] and the rotor's inertia about its axis [kg m²]."""
 
     proximal_mass: PositiveFloat
@@ -61,14 +63,14 @@ class Inertia(_Frozen):
         return self.flange_mass + self.gripper_body_mass + 2.0 * self.finger_mass
 
 
-class Friction(_Frozen):
+class Friction(_Parameters):
     """Friction of one servomotor shaft: viscous [N m s/rad] and Coulomb [N m]."""
 
     viscous: NonNegativeFloat
     coulomb: NonNegativeFloat
 
 
-class Drive(_Frozen):
+class Drive(_Parameters):
     """Servomotor and amplifier: torques [N m], encoder, speed limit [rad/s], tick [s], watchdog [ticks]."""
 
     rated_torque: PositiveFloat
@@ -86,7 +88,7 @@ class Drive(_Frozen):
         return self
 
 
-class Gripper(_Frozen):
+class Gripper(_Parameters):
     """Parallel gripper; positions are of one pad's front edge from the tool centre, forces of one finger."""
 
     stroke: PositiveFloat
@@ -97,7 +99,7 @@ class Gripper(_Frozen):
     coupling_stiffness: PositiveFloat
 
 
-class Pads(_Frozen):
+class Pads(_Parameters):
     """Pads: half width and height [m], angle of their faces [rad], back [m], friction coefficient.
 
     Faces that lean make a V-groove, which centres a round stem; at angle 0 a pad is flat.
@@ -110,13 +112,13 @@ class Pads(_Frozen):
     friction: PositiveFloat
 
 
-class Tactile(_Frozen):
+class Tactile(_Parameters):
     """Tactile sensor: first-order bandwidth [rad/s]."""
 
     bandwidth: PositiveFloat
 
 
-class Marker(_Frozen):
+class Marker(_Parameters):
     """A printed ArUco marker (4×4, 50) on the tool, by which a camera sees where the arm is.
 
     Only its centre counts for calibration; which way it faces only decides from where it can be seen. It faces −z₂,
@@ -145,7 +147,7 @@ class Marker(_Frozen):
         return self.x, self.y, self.z
 
 
-class RobotParameters(_Frozen):
+class RobotParameters(_Parameters):
     """The whole parameter set of one robot."""
 
     geometry: Geometry

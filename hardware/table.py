@@ -14,7 +14,9 @@ from typing import Annotated, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, model_validator
+from pydantic import Field, PositiveFloat, PositiveInt, model_validator
+
+from hardware.frozen import FrozenFinite
 
 _AXES = np.array([1.0, -1.0, -1.0])
 """The base frame's axes in the board frame: x = z₁, y = −z₂, z = −z₃."""
@@ -200,11 +202,7 @@ class Box(NamedTuple):
         return abs(x - self.x) <= self.half_x and abs(y - self.y) <= self.half_y
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class ContactLimits(_Frozen):
+class ContactLimits(FrozenFinite):
     """How fast the tool may move where it can meet a hand or a piece.
 
     Source: force measurements with the full arm against a 75 N/mm, 0.6 kg finger; ISO/TS 15066 allows 140 N
@@ -225,7 +223,7 @@ CONTACT_PROFILES: Final[Mapping[str, ContactLimits]] = MappingProxyType({
 """By how the arm moves: ``gentle`` with children in reach (70 N), ``fast`` with nobody (263 N on a free finger)."""
 
 
-class TableSettings(_Frozen):
+class TableSettings(FrozenFinite):
     """Board, trays, boxes and how they stand before the robot."""
 
     square: PositiveFloat = 0.040

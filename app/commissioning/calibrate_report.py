@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 
-from pydantic import BaseModel, ConfigDict
 from rich.console import Group, RenderableType
 from rich.table import Table
 
 from app.settings.calibration import Calibration
+from hardware.frozen import Frozen
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class ShownPoint(_Frozen):
+class ShownPoint(Frozen):
     """One point at which the arm showed its marker.
 
     Attributes:
@@ -31,7 +27,7 @@ class ShownPoint(_Frozen):
     residual: float | None
 
 
-class CalibrateReport(_Frozen):
+class CalibrateReport(Frozen):
     """A calibration, or why there is none.
 
     Attributes:

@@ -6,11 +6,12 @@ from collections.abc import Iterable
 from enum import StrEnum
 from typing import Final
 
-from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
+from hardware.frozen import Frozen
 
-class State(StrEnum):
+
+class CheckState(StrEnum):
     """How a thing is."""
 
     GOOD = "good"
@@ -19,7 +20,7 @@ class State(StrEnum):
     """It could not be looked at, or the rig has none; not counted against it."""
 
 
-class Finding(BaseModel):
+class Finding(Frozen):
     """One thing that was looked at.
 
     Attributes:
@@ -30,19 +31,15 @@ class Finding(BaseModel):
         advice: what to do where it is wrong.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     device: str
     what: str
-    state: State
+    state: CheckState
     found: str
     advice: str = ""
 
 
-class CheckReport(BaseModel):
+class CheckReport(Frozen):
     """All findings of a rig; ``holds`` says whether nothing is wrong."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     rig: str
     holds: bool
@@ -52,11 +49,11 @@ class CheckReport(BaseModel):
     def of(cls, rig: str, findings: Iterable[Finding]) -> CheckReport:
         """Of a rig."""
         found = tuple(findings)
-        return cls(rig=rig, holds=all(one.state is not State.WRONG for one in found), findings=found)
+        return cls(rig=rig, holds=all(one.state is not CheckState.WRONG for one in found), findings=found)
 
     def table(self) -> Table:
         """One screen for people."""
-        wrong = sum(one.state is State.WRONG for one in self.findings)
+        wrong = sum(one.state is CheckState.WRONG for one in self.findings)
         verdict = "all is well" if self.holds else f"{wrong} thing{'s' * (wrong > 1)} wrong"
         table = Table(title=f"rig {self.rig}: {verdict}", title_justify="left", box=None, padding=(0, 1))
         for column in ("device", "what", "found", "what to do"):
@@ -65,12 +62,14 @@ class CheckReport(BaseModel):
         for one in self.findings:
             style = _STYLES[one.state]
             device = one.device if one.device != last else ""
-            table.add_row(device, one.what, f"[{style}]{one.found}[/]", one.advice if one.state is State.WRONG else "")
+            table.add_row(
+                device, one.what, f"[{style}]{one.found}[/]", one.advice if one.state is CheckState.WRONG else ""
+            )
             last = one.device
         return table
 
 
-_STYLES: Final = {State.GOOD: "green", State.WRONG: "red", State.LEFT_OUT: "dim"}
+_STYLES: Final = {CheckState.GOOD: "green", CheckState.WRONG: "red", CheckState.LEFT_OUT: "dim"}
 
 
 class Judge:
@@ -89,15 +88,15 @@ class Judge:
 
     def good(self, what: str, found: str) -> None:
         """It is as it should be."""
-        self.findings.append(Finding(device=self.device, what=what, state=State.GOOD, found=found))
+        self.findings.append(Finding(device=self.device, what=what, state=CheckState.GOOD, found=found))
 
     def wrong(self, what: str, found: str, advice: str) -> None:
         """It is not."""
-        self.findings.append(Finding(device=self.device, what=what, state=State.WRONG, found=found, advice=advice))
+        self.findings.append(Finding(device=self.device, what=what, state=CheckState.WRONG, found=found, advice=advice))
 
     def left_out(self, what: str, why: str) -> None:
         """It was not looked at."""
-        self.findings.append(Finding(device=self.device, what=what, state=State.LEFT_OUT, found=why))
+        self.findings.append(Finding(device=self.device, what=what, state=CheckState.LEFT_OUT, found=why))
 
     def judge(self, what: str, found: str, holds: bool, advice: str) -> None:
         """It is as it should be, or not."""

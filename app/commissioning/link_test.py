@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
 from app import UserError
@@ -25,6 +24,7 @@ from controller.protocol.key import KEY_FILE, KeyFileError, load_key
 from controller.settings import CONTROLLER_FILE
 from controller.wire.errors import ControllerError
 from controller.wire.probe import PATIENCE, Probe, ProbeFigures
+from hardware.frozen import Frozen
 
 SEED: Final = 1
 ROUND_TRIP: Final = 13.0
@@ -45,7 +45,7 @@ BUFFER: Final = 1 << 20
 """What the controller asks for [bytes]: 3000 datagrams."""
 
 
-class LinkCheck(BaseModel):
+class LinkCheck(Frozen):
     """One line of the test: ``holds`` where the value is on the good side of its limit.
 
     Attributes:
@@ -57,8 +57,6 @@ class LinkCheck(BaseModel):
         advice: what to change where it is not.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     unit: str
     value: float
     limit: float
@@ -67,7 +65,7 @@ class LinkCheck(BaseModel):
     advice: str
 
 
-class LinkReport(BaseModel):
+class LinkReport(Frozen):
     """All checks; ``holds`` says whether all of them hold.
 
     Attributes:
@@ -77,8 +75,6 @@ class LinkReport(BaseModel):
         checks: by name.
         notes: what real time was not granted, with the remedy.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     rig: str
     duration: float

@@ -16,10 +16,11 @@ from typing import Final, NamedTuple, Self
 
 import chess
 import chess.engine
-from pydantic import BaseModel, ConfigDict, FiniteFloat, NonNegativeFloat
+from pydantic import FiniteFloat, NonNegativeFloat
 
 from app.records.events import Result
 from app.settings.time_control import ArmTime, Extra, TimeControl
+from hardware.frozen import FrozenFinite
 
 ARM_LEAVES: Final = 5.0
 """The arm's motion never takes the last of a side's time: this much, or what there was, is left [s]."""
@@ -38,10 +39,8 @@ class ClockError(Exception):
     """A transition that makes no sense in this state: a bug in the caller."""
 
 
-class ClockMove(BaseModel):
+class ClockMove(FrozenFinite):
     """A move that was made: who made it, and what it did to the time of that side; all [s]."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     white: bool
     before: float
@@ -62,10 +61,8 @@ class FlagFall(NamedTuple):
     reason: str
 
 
-class ChessClock(BaseModel):
+class ChessClock(FrozenFinite):
     """Both sides' time at one instant. Frozen, and JSON by pydantic, so that a resumed game goes on with it."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     white: TimeControl
     black: TimeControl

@@ -6,8 +6,9 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Final, Self
 
-from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat
+from pydantic import NonNegativeFloat, PositiveFloat
 
+from hardware.frozen import Frozen
 from hardware.table import CONTACT_PROFILES, ContactLimits, TableSettings
 
 
@@ -21,11 +22,7 @@ class Law(StrEnum):
     """The quintic law, whose mean squared jerk is the least: from rest to rest as quickly as the bounds admit."""
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Gains(_Frozen):
+class Gains(Frozen):
     """Task-space gains by natural frequency: k_p = ω², k_v = 2ζω, so that the damping ratio ζ is what is stated."""
 
     frequency_in_air: PositiveFloat = 70.0
@@ -54,7 +51,7 @@ HIGHEST_HOME: Final = 0.29
 _DEFAULT_CENTRE: Final = TableSettings().centre_in_base
 
 
-class Grip(_Frozen):
+class Grip(Frozen):
     """Finger motion; velocities are of one finger."""
 
     opening_margin: PositiveFloat = 0.005
@@ -82,7 +79,7 @@ class Grip(_Frozen):
     """Pads this far off the stem may be lifted; they go on opening on the way [m]."""
 
 
-class MotionSettings(_Frozen):
+class MotionSettings(Frozen):
     """Bounds of the reference and where it goes."""
 
     home: tuple[float, float, float] = (0.0, 0.075, 0.325)

@@ -323,7 +323,7 @@ def transfers(board: chess.Board, move: chess.Move, inventory: Inventory) -> Ply
         raise IllegalPly(move, board)
     inventory.check_against(board)
     kind = move_kind(board, move)
-    plan = _Plan(inventory)
+    plan = _PlyTransfers(inventory)
     if kind is MoveKind.CASTLING:
         _castle(plan, board, move)
     else:
@@ -331,7 +331,7 @@ def transfers(board: chess.Board, move: chess.Move, inventory: Inventory) -> Ply
     return Ply(board.san(move), board.uci(move), kind, colour_of(board.turn), tuple(plan.transfers))
 
 
-class _Plan:
+class _PlyTransfers:
     """Transfers decided so far and the inventory after them, which refuses any collision."""
 
     def __init__(self, inventory: Inventory) -> None:
@@ -348,7 +348,7 @@ class _Plan:
         self.carry(source, self.inventory.nearest_free(source))
 
 
-def _step(plan: _Plan, board: chess.Board, move: chess.Move) -> None:
+def _step(plan: _PlyTransfers, board: chess.Board, move: chess.Move) -> None:
     source, target = square_place(move.from_square), square_place(move.to_square)
     if board.is_capture(move):
         plan.clear(_captured(board, move))
@@ -374,7 +374,7 @@ def _spare(inventory: Inventory, kind: Kind, colour: Colour, square: Place) -> P
     return min(found, key=lambda place: (inventory.travel(place, square), place))
 
 
-def _castle(plan: _Plan, board: chess.Board, move: chess.Move) -> None:
+def _castle(plan: _PlyTransfers, board: chess.Board, move: chess.Move) -> None:
     """King first, then rook; the rook first, or a detour of the king, where they block each other (Chess960)."""
     king, rook = square_place(move.from_square), square_place(_castling_rook(board, move))
     king_target, rook_target = _castled(board, move)

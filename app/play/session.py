@@ -102,7 +102,7 @@ class SessionResult:
 
 
 @dataclass(slots=True)
-class _Course:
+class _RoundProgress:
     """How a round went so far, whatever ends it."""
 
     round: Round
@@ -169,11 +169,11 @@ def _devices(rig: Rig, sight: Sight, guard: GameGuard | None) -> Devices:
     return Devices(rig.arm, rig.clock, camera, rig.referee, guard)
 
 
-def _play_all(rig: Rig, devices: Devices, programme: Programme, done: list[SessionResult]) -> _Course:
+def _play_all(rig: Rig, devices: Devices, programme: Programme, done: list[SessionResult]) -> _RoundProgress:
     """Round after round; the results of all but the last, whose report waits for the arm's rest, go to ``done``."""
     first = programme.next(devices, None)
     assert first is not None, "a programme has at least one round"
-    course = _Course(first)
+    course = _RoundProgress(first)
     while True:
         _play(rig, course)
         if course.failures or course.interrupted or not course.end.complete:
@@ -182,10 +182,10 @@ def _play_all(rig: Rig, devices: Devices, programme: Programme, done: list[Sessi
         if following is None:
             return course
         done.append(_result(course, rested=True))
-        course = _Course(following)
+        course = _RoundProgress(following)
 
 
-def _following(programme: Programme, devices: Devices, course: _Course) -> Round | None:
+def _following(programme: Programme, devices: Devices, course: _RoundProgress) -> Round | None:
     """The round after one that was played; that one is ended in any case."""
     try:
         return programme.next(devices, course.end)
@@ -196,7 +196,7 @@ def _following(programme: Programme, devices: Devices, course: _Course) -> Round
         raise
 
 
-def _play(rig: Rig, course: _Course) -> None:
+def _play(rig: Rig, course: _RoundProgress) -> None:
     try:
         course.end = course.round.play()
         _take_stock(rig, course)
@@ -208,7 +208,7 @@ def _play(rig: Rig, course: _Course) -> None:
         course.failures.append(rig.failure() or str(error))
 
 
-def _result(course: _Course, *, rested: bool) -> SessionResult:
+def _result(course: _RoundProgress, *, rested: bool) -> SessionResult:
     """End the record of a round."""
     record = course.round.record
     until = course.plant_time or record.events[-1].plant_time  # a game that broke off lasted to its last event
@@ -222,7 +222,7 @@ def _result(course: _Course, *, rested: bool) -> SessionResult:
     return SessionResult(report, record.folder, holds, resumable)
 
 
-def _take_stock(rig: Rig, course: _Course) -> None:
+def _take_stock(rig: Rig, course: _RoundProgress) -> None:
     """The last state of a world; once plant time stands, so that a repeated run ends in the same tick."""
     rig.arm.state()
     course.plant_time = rig.clock.now()

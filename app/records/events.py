@@ -10,10 +10,11 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
+from pydantic import AwareDatetime, Field, FiniteFloat, TypeAdapter, ValidationError
 
 from app.pieces.manipulation import Inventory, MoveKind, Stage, Transfer
 from app.records.files import RecordError
+from hardware.frozen import Frozen
 from hardware.table import Colour, Kind
 
 Pace = Literal["real", "fast"]
@@ -30,10 +31,8 @@ class Purpose(StrEnum):
     REPAIR = "repair"
 
 
-class Record(BaseModel):
+class Record(Frozen):
     """Base of all that is written: frozen, and unknown fields are refused."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class PieceRecord(Record):

@@ -24,21 +24,18 @@ from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Annotated, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, NonNegativeInt, model_validator
+from pydantic import AfterValidator, Field, NonNegativeInt, model_validator
 
 from app.settings.toml import load_toml
 from app.settings.tree import SIMULATED
 from controller.settings import ControllerSettings
 from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
+from hardware.frozen import Frozen
 from hardware.interfaces import Pace
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.process.randomisation import Randomisation
 from hardware.sim.render.appearance import CameraSettings, LightSettings
 from hardware.table import Colour, TableSettings
-
-
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 def _ipv4(host: str) -> str:
@@ -61,14 +58,14 @@ class ControllerSection(ControllerSettings):
     """What comes after ``linger`` without a client: True, brakes, and it waits for the next one; False, it ends."""
 
 
-class DrivesSection(_Frozen):
+class DrivesSection(Frozen):
     """``[drives]``: what the controller drives."""
 
     bus: Annotated[str, Field(pattern=r"^[A-Za-z][\w.-]*$")] = SIMULATED
     """``sim``, a simulated world; or the name of a lab's driver, an entry point of the group ``touchmove.drives``."""
 
 
-class WorldSection(_Frozen):
+class WorldSection(Frozen):
     """``[world]``: the simulated world behind ``bus = "sim"``."""
 
     pace: Pace = Pace.REAL
@@ -88,7 +85,7 @@ class WorldSection(_Frozen):
     """How it differs from what the game believes of it."""
 
 
-class RigFile(_Frozen):
+class RigFile(Frozen):
     """A rig file; all paths are absolute once it was read by ``load_rig``."""
 
     controller: ControllerSection

@@ -11,10 +11,11 @@ from typing import Final, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import ValidationError, model_validator
 
 from app import UserError
 from app.records.files import recording, write_atomically
+from hardware.frozen import FrozenFinite
 from hardware.interfaces import Intrinsics
 from hardware.table import MOST_YAW, TableSettings
 from vision.board.view import BoardView
@@ -32,11 +33,7 @@ class CalibrationUnusable(UserError):
     """A calibration file is missing, malformed, of another version or of another camera."""
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Pinhole(_Frozen):
+class Pinhole(FrozenFinite):
     """Intrinsics of the camera that was calibrated [px]."""
 
     width: int
@@ -60,7 +57,7 @@ class Pinhole(_Frozen):
         return Intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
 
 
-class CalibratedBoard(_Frozen):
+class CalibratedBoard(FrozenFinite):
     """Where the board lies in the base frame."""
 
     centre: tuple[float, float, float]
@@ -83,7 +80,7 @@ class CalibratedBoard(_Frozen):
         return TableSettings(centre_in_base=self.centre).model_copy(update={"yaw_in_base": self.yaw}).pose_in_base()
 
 
-class Calibration(_Frozen):
+class Calibration(FrozenFinite):
     """All that a calibration found.
 
     Attributes:

@@ -6,9 +6,10 @@ import re
 from enum import StrEnum
 from typing import Final, Self
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
 from app import UserError
+from hardware.frozen import FrozenFinite
 
 
 class Extra(StrEnum):
@@ -39,20 +40,16 @@ _PERIOD: Final = re.compile(
 )
 
 
-class Period(BaseModel):
+class Period(FrozenFinite):
     """A number of moves and the time for them; without a number, the rest of the game."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     base: PositiveFloat
     """Time [s]."""
     moves: PositiveInt | None = None
 
 
-class TimeControl(BaseModel):
+class TimeControl(FrozenFinite):
     """Of one player. The last period repeats when it has a number of moves."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     periods: tuple[Period, ...] = Field(min_length=1)
     extra: NonNegativeFloat = 0.0

@@ -13,9 +13,10 @@ from typing import Final
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt, ValidationError
+from pydantic import PositiveFloat, PositiveInt, ValidationError
 
 from hardware.camera.recorded import RecordedFrame
+from hardware.frozen import FrozenFinite
 from hardware.interfaces import Frame, HardwareError, Intrinsics
 
 CAMERA_FILE: Final = "camera.json"
@@ -24,11 +25,7 @@ DEPTH_UNIT: Final = 1e-4
 """Of depth pictures [m]; what is further away than 6.55 m has none."""
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class _Pinhole(_Strict):
+class _Pinhole(FrozenFinite):
     width: PositiveInt
     height: PositiveInt
     fx: PositiveFloat
@@ -37,12 +34,12 @@ class _Pinhole(_Strict):
     cy: float
 
 
-class _CameraFile(_Strict):
+class _CameraFile(FrozenFinite):
     intrinsics: _Pinhole
     depth_unit: PositiveFloat
 
 
-class _Line(_Strict):
+class _Line(FrozenFinite):
     stamp: float
     colour: str
     depth: str | None

@@ -6,20 +6,18 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, model_validator
+from pydantic import Field, PositiveFloat, PositiveInt, model_validator
+
+from hardware.frozen import FrozenFinite
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class NoCameraSettings(_Frozen):
+class NoCameraSettings(FrozenFinite):
     """``kind = "none"``: the game is played blind."""
 
     kind: Literal["none"] = "none"
 
 
-class RealSenseSettings(_Frozen):
+class RealSenseSettings(FrozenFinite):
     """``kind = "realsense"``: an Intel RealSense depth camera."""
 
     kind: Literal["realsense"] = "realsense"
@@ -49,7 +47,7 @@ class RealSenseSettings(_Frozen):
         return self
 
 
-class WebcamSettings(_Frozen):
+class WebcamSettings(FrozenFinite):
     """``kind = "webcam"``: any camera that OpenCV can open; it has no depth.
 
     Its pinhole: the focal length as measured, or estimated from the horizontal field of view that its maker states.
@@ -84,7 +82,7 @@ class Play(StrEnum):
     """Each read gives the next one."""
 
 
-class FolderSettings(_Frozen):
+class FolderSettings(FrozenFinite):
     """``kind = "folder"``: frames in a folder, as ``hardware.camera.folder`` writes them."""
 
     kind: Literal["folder"] = "folder"
@@ -93,7 +91,7 @@ class FolderSettings(_Frozen):
     play: Play = Play.CLOCK
 
 
-class RecordingSettings(_Frozen):
+class RecordingSettings(FrozenFinite):
     """``kind = "recording"``: a ``.db3`` file, recorded here or by librealsense's own tools."""
 
     kind: Literal["recording"] = "recording"

@@ -93,7 +93,7 @@ class Seen:
 
 
 @dataclass(slots=True)
-class _Course:
+class _StillnessTrack:
     """What was so up to the last frame."""
 
     hand: bool = False
@@ -193,12 +193,12 @@ class _Senses:
         self._settings, self._zone, self._heights = settings, zone, heights
         self._differences = Differences(zone)
         self._square = square
-        self._course = _Course()
+        self._course = _StillnessTrack()
         self._stamp = float("-inf")
 
     def pause(self) -> None:
         """See ``Watch.pause``."""
-        self._course = _Course()
+        self._course = _StillnessTrack()
 
     def take(
         self, colour: Picture | None, depth: NDArray[np.float32] | None, stamp: float, hidden: Hidden | None
@@ -289,7 +289,7 @@ class _Senses:
             and self._stamp - course.still_since > self._settings.patience
         ):
             self._differences.forget()
-            self._course = _Course()
+            self._course = _StillnessTrack()
 
     def _tell(self, area: float, over: frozenset[int], moving: bool) -> Seen:
         course = self._course

@@ -27,7 +27,7 @@ from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.plant.grip_faults import GripFaults
 from hardware.sim.plant.imperfections import Flaws, Imperfections
-from hardware.sim.process.table_studio import Pose, TableStudio
+from hardware.sim.process.table_studio import PlacedPiece, TableStudio
 from hardware.sim.render.appearance import Looks
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.board.view import BoardView
@@ -58,7 +58,7 @@ def fallen_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
     unmended, plans = list[float](), list[float]()
     with TableStudio(_set(), table, MotionSettings().home) as studio:
         for number in range(TRIALS[quick]):
-            trial = Trial(studio, table, number, lost=bool(number % 2))
+            trial = FallTrial(studio, table, number, lost=bool(number % 2))
             trouble = trial.run()
             unmended.append(float(trouble is not None))
             plans.append(float(trial.plans))
@@ -84,7 +84,7 @@ def _set() -> tuple[PieceSpec, ...]:
     return tuple(specs)
 
 
-class Trial:
+class FallTrial:
     """One world and one mishap.
 
     Args:
@@ -191,13 +191,15 @@ class Trial:
             back = plan_return(*self._arm(), self._table, release=self._victim.kind)
             self._bed.carry_out(back.motions[0])
 
-    def _poses(self) -> Iterator[Pose]:
+    def _poses(self) -> Iterator[PlacedPiece]:
         """Of all pieces, for the picture."""
         for spec in self._inventory:
             body = self._bed.plant.data.body(spec.name)
             x, y, z = body.xpos.tolist()
             axis = body.xmat.reshape(3, 3)[:, 2]
-            yield Pose(spec.name, x, y, z, math.atan2(axis[0], -axis[1]), math.acos(max(-1.0, min(1.0, axis[2]))))
+            yield PlacedPiece(
+                spec.name, x, y, z, math.atan2(axis[0], -axis[1]), math.acos(max(-1.0, min(1.0, axis[2])))
+            )
 
     def _strays(self) -> list[Strayed]:
         """What the camera finds out of place; the victim first."""
@@ -212,7 +214,7 @@ class Trial:
         return self._target if spec.name == self._victim.name else spec.place
 
     def _judge(self) -> str | None:
-        poses: Mapping[str, Pose] = {pose.name: pose for pose in self._poses()}
+        poses: Mapping[str, PlacedPiece] = {pose.name: pose for pose in self._poses()}
         for spec in self._inventory:
             pose, (x, y) = poses[spec.name], self._table.xy(self._place(spec))
             off = math.hypot(pose.x - x, pose.y - y)

@@ -43,7 +43,7 @@ WATCHED: Final = 0.8
 _STIFF: Final = 70.0
 
 
-class Trial(NamedTuple):
+class FingerTrial(NamedTuple):
     """One move and the finger in its way; points in the board frame [m]."""
 
     start: Vector
@@ -68,7 +68,7 @@ class Felt(NamedTuple):
     """Whether the arm rested at the end."""
 
 
-def in_the_air(parameters: RobotParameters, random: np.random.Generator) -> Trial:
+def in_the_air(parameters: RobotParameters, random: np.random.Generator) -> FingerTrial:
     """A move over the board with a free finger in the way of pads, fingers or the gripper's body."""
     while True:
         start, end = (np.append(random.uniform(-0.16, 0.16, 2), random.uniform(0.06, 0.15)) for _ in range(2))
@@ -77,24 +77,24 @@ def in_the_air(parameters: RobotParameters, random: np.random.Generator) -> Tria
     point = start + random.uniform(0.4, 0.7) * (end - start)
     side = random.choice([-1.0, 1.0]) * parameters.gripper.stroke / 2.0
     point += [side + random.uniform(-0.006, 0.006), random.uniform(-0.004, 0.004), random.uniform(-0.004, 0.02)]
-    return Trial(start, end, Finger((float(point[0]), float(point[1]), float(point[2])), clamped=False))
+    return FingerTrial(start, end, Finger((float(point[0]), float(point[1]), float(point[2])), clamped=False))
 
 
-def on_the_board(parameters: RobotParameters, random: np.random.Generator) -> Trial:
+def on_the_board(parameters: RobotParameters, random: np.random.Generator) -> FingerTrial:
     """A descent lower than any grip, with a finger on the board below a pad."""
     x, y = random.uniform(-0.16, 0.16, 2)
     start, end = np.array([x, y, random.uniform(0.11, 0.15)]), np.array([x, y, random.uniform(0.010, 0.018)])
     side = random.choice([-1.0, 1.0]) * (parameters.gripper.stroke / 2.0 + 0.002)
-    return Trial(start, end, Finger((float(x + side), float(y), RADIUS), clamped=True))
+    return FingerTrial(start, end, Finger((float(x + side), float(y), RADIUS), clamped=True))
 
 
-KINDS: Final[dict[str, Callable[[RobotParameters, np.random.Generator], Trial]]] = {
+KINDS: Final[dict[str, Callable[[RobotParameters, np.random.Generator], FingerTrial]]] = {
     "free": in_the_air,
     "clamped": on_the_board,
 }
 
 
-def meet(trial: Trial, limits: ContactLimits, parameters: RobotParameters) -> Felt:
+def meet(trial: FingerTrial, limits: ContactLimits, parameters: RobotParameters) -> Felt:
     """Carry a trial out.
 
     Args:
@@ -131,7 +131,7 @@ def meet(trial: Trial, limits: ContactLimits, parameters: RobotParameters) -> Fe
     return Felt(float(felt.max()), freed, float(felt[round(WITHIN / tick) :].max()), resting)
 
 
-def _speed(trial: Trial, limits: ContactLimits) -> float:
+def _speed(trial: FingerTrial, limits: ContactLimits) -> float:
     """As the planner has it: slower where a move goes down near the board [m/s]."""
     way = trial.end - trial.start
     down = -float(way[2]) / float(np.linalg.norm(way))

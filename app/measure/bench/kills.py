@@ -73,7 +73,7 @@ _GLANCE = 0.0005
 
 
 @dataclass(slots=True)
-class Figures:
+class KillFigures:
     """What was seen: durations [s, plant], distances [mm], and counts of what should not be."""
 
     rest: dict[str, list[float]] = field(default_factory=lambda: {victim: [] for victim in VICTIMS})
@@ -101,7 +101,7 @@ def measure_kills(number: int, pace: str, progress: Callable[[str], None]) -> Be
     Raises:
         UserError: a game did not start, or failed.
     """
-    rng, figures = random.Random(SEED), Figures()
+    rng, figures = random.Random(SEED), KillFigures()
     victims = [victim for _ in range(number) for victim in VICTIMS] + [EVERYTHING] * max(1, number // ONE_OF)
     total = len(victims)
     rng.shuffle(victims)
@@ -109,7 +109,7 @@ def measure_kills(number: int, pace: str, progress: Callable[[str], None]) -> Be
     with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
         while victims:
             games += 1
-            game = _Game(Path(folder) / f"game-{games}", _line(rng), pace, figures)
+            game = _KilledGame(Path(folder) / f"game-{games}", _line(rng), pace, figures)
             with game:
                 try:
                     game.play(victims, rng, lambda left: progress(f"{total - left} of {total} kills"))
@@ -121,7 +121,7 @@ def measure_kills(number: int, pace: str, progress: Callable[[str], None]) -> Be
     )
 
 
-def _rows(figures: Figures) -> dict[str, Row]:
+def _rows(figures: KillFigures) -> dict[str, Row]:
     return {
         **{f"{victim}_rest": row(times, "s", REST_LIMIT, "max") for victim, times in figures.rest.items()},
         "jump": row(figures.jump, "mm", JUMP_LIMIT, "max"),
@@ -153,10 +153,10 @@ def _ends(board: chess.Board, move: chess.Move) -> bool:
         board.pop()
 
 
-class _Game:
+class _KilledGame:
     """One game with its victims; a context manager that leaves nothing running."""
 
-    def __init__(self, folder: Path, line: str, pace: str, figures: Figures) -> None:
+    def __init__(self, folder: Path, line: str, pace: str, figures: KillFigures) -> None:
         self._folder, self._run_dir = folder, folder / "run"
         self._start = ["demo", "--out", str(folder), "--pace", pace, "--moves", line, "--no-cameras", "--linger", "60"]
         self._figures, self._line = figures, line.split()
@@ -164,7 +164,7 @@ class _Game:
         parameters = load_parameters()
         self._tick, self._limits = parameters.drive.tick, default_limits(parameters, TableSettings())
 
-    def __enter__(self) -> _Game:
+    def __enter__(self) -> _KilledGame:
         self._run(self._start)
         return self
 

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from app.measure.bench.parts import Poses, nothing, time_parts
-from app.measure.bench.recording import Recording, Tick, found, record
+from app.measure.bench.recording import Tick, TickRecording, found, record
 from app.measure.bench.report import BenchReport, Row, machine, row
 from app.measure.bench.start import measure_starts
 from controller.law.task_space import TaskSpaceController, pack_reference
@@ -59,7 +59,7 @@ def law_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
     )
 
 
-def replayed(model: DeltaModel, recording: Recording) -> TaskSpaceController:
+def replayed(model: DeltaModel, recording: TickRecording) -> TaskSpaceController:
     """A new law that has lived through the recording's first ticks, those on the brakes."""
     law = TaskSpaceController(model)
     for tick in recording.boot:
@@ -67,7 +67,7 @@ def replayed(model: DeltaModel, recording: Recording) -> TaskSpaceController:
     return law
 
 
-def _verified(model: DeltaModel, recording: Recording) -> tuple[dict[str, Row], Poses]:
+def _verified(model: DeltaModel, recording: TickRecording) -> tuple[dict[str, Row], Poses]:
     """Run the law over the recording: rows on what it found, and its poses."""
     law = replayed(model, recording)
     n = len(recording.ticks)
@@ -100,7 +100,7 @@ def _same(law: TaskSpaceController, tick: Tick) -> bool:
     return before.tobytes() == tick.found.tobytes() and np.array(torque).tobytes() == np.array(tick.torque).tobytes()
 
 
-def _timed(model: DeltaModel, recording: Recording, rounds: int) -> dict[str, Row]:
+def _timed(model: DeltaModel, recording: TickRecording, rounds: int) -> dict[str, Row]:
     """Rows of the calls from Python [µs]."""
     gc.collect()  # as the server does before its loop
     gc.freeze()
@@ -122,7 +122,7 @@ def _timed(model: DeltaModel, recording: Recording, rounds: int) -> dict[str, Ro
     }
 
 
-def _tick_durations(model: DeltaModel, recording: Recording) -> list[int]:
+def _tick_durations(model: DeltaModel, recording: TickRecording) -> list[int]:
     """Of ``update`` and ``torque`` together in each tick [ns]; the clock's own time is in it once."""
     law = replayed(model, recording)
     clock, update, torque = perf_counter_ns, law.update, law.torque
@@ -137,7 +137,7 @@ def _tick_durations(model: DeltaModel, recording: Recording) -> list[int]:
     return durations
 
 
-def _call_durations(model: DeltaModel, recording: Recording) -> FloatArray:
+def _call_durations(model: DeltaModel, recording: TickRecording) -> FloatArray:
     """Of ``update`` and ``torque`` by themselves, shape (n, 2) [ns]; the clock's own time is in each."""
     law = replayed(model, recording)
     times, reference = np.zeros((len(recording.ticks), 3), dtype=np.int64), pack_reference((0.0, 0.0, 0.0))

@@ -9,11 +9,11 @@ import chess
 import numpy as np
 
 from app.pieces.layout import start_layout
-from hardware.sim.process.table_studio import Pose
+from hardware.sim.process.table_studio import PlacedPiece
 from hardware.table import Place, TableSettings
 
 
-class Table:
+class RandomTable:
     """A set of pieces on board and trays, set up by hand.
 
     Args:
@@ -26,7 +26,7 @@ class Table:
     """
 
     def __init__(self, table: TableSettings, off: float, seed: int) -> None:
-        self.poses: Mapping[str, Pose] = {}
+        self.poses: Mapping[str, PlacedPiece] = {}
         self._places: Mapping[str, Place] = {}
         self._table, self._off = table, off
         self._rng = np.random.default_rng([seed, 77])
@@ -42,11 +42,11 @@ class Table:
         }
         self._places = {piece.name: piece.place for piece in specs}
 
-    def put_down(self, name: str, place: Place) -> Pose:
+    def put_down(self, name: str, place: Place) -> PlacedPiece:
         """A piece as somebody puts it on a place."""
         x, y = self._table.xy(place)
         dx, dy = self._rng.uniform(-self._off, self._off, 2).tolist()
-        return Pose(name, x + dx, y + dy, yaw=float(self._rng.uniform(-math.pi, math.pi)))
+        return PlacedPiece(name, x + dx, y + dy, yaw=float(self._rng.uniform(-math.pi, math.pi)))
 
     def standing_on(self, square: chess.Square) -> str | None:
         """Name of the piece on a square."""

@@ -50,7 +50,7 @@ class Tick:
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class TickRecording:
     """A run of the supervisor: ticks on the brakes first, in which no torque was asked for, then all others."""
 
     parameters: RobotParameters
@@ -97,7 +97,7 @@ class _RecordedBed(Bed):
             self.law.ticks[-1] = replace(self.law.ticks[-1], torque=self.supervisor.torque)
 
 
-def record(ticks: int, seed: int) -> Recording:
+def record(ticks: int, seed: int) -> TickRecording:
     """Play the line until so many ticks with torque are recorded.
 
     Args:
@@ -122,5 +122,5 @@ def record(ticks: int, seed: int) -> Recording:
         inventory = inventory.after(ply)
         if len(bed.law.ticks) - boot >= ticks:
             heard = tuple(bed.law.ticks)
-            return Recording(bed.parameters, heard[:boot], heard[boot : boot + ticks], plies)
+            return TickRecording(bed.parameters, heard[:boot], heard[boot : boot + ticks], plies)
     raise RuntimeError(f"the line of {plies} plies gave {len(bed.law.ticks) - boot} ticks, {ticks} are wanted")

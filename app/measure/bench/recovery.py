@@ -52,7 +52,7 @@ _MOST_HOLDS: Final = 400
 
 
 @dataclass(slots=True)
-class Tally:
+class RecoveryTally:
     """What happened, over all games."""
 
     losses: int = 0
@@ -138,13 +138,13 @@ def recovery_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
     )  # fmt: skip
 
 
-def measure(losses: int, mishaps: int, plies: int, progress: Callable[[str], None], seed: int = SEED) -> Tally:
+def measure(losses: int, mishaps: int, plies: int, progress: Callable[[str], None], seed: int = SEED) -> RecoveryTally:
     """Play games of so many plies until so many grips were lost and so many pieces were moved by hand.
 
     Raises:
         UserError: in a game nothing of the kind has happened, so that there would be no end of games.
     """
-    tally = Tally()
+    tally = RecoveryTally()
     while tally.losses < losses or tally.mishaps < mishaps:
         before = tally.losses + tally.mishaps
         result = play_one(seed + tally.games, plies, tally, progress)
@@ -163,7 +163,7 @@ def lost_grips(run_dir: Path) -> int:
     return int(json.loads((run_dir / END_FILE).read_text(encoding="utf-8"))["grips_lost"])
 
 
-def play_one(seed: int, plies: int, tally: Tally, progress: Callable[[str], None]) -> SessionResult:
+def play_one(seed: int, plies: int, tally: RecoveryTally, progress: Callable[[str], None]) -> SessionResult:
     """Play one game of mishaps, and add up what came of it."""
     line = list(random_game(seed, plies))
     with tempfile.TemporaryDirectory(prefix="touchmove-") as name:

@@ -9,14 +9,11 @@ from pathlib import Path
 import numba
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BaseModel, ConfigDict
+
+from hardware.frozen import Frozen
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Row(_Frozen):
+class Row(Frozen):
     """Statistics of one quantity; ``holds`` is true where there is no limit."""
 
     unit: str
@@ -29,7 +26,7 @@ class Row(_Frozen):
     holds: bool = True
 
 
-class BenchReport(_Frozen):
+class BenchReport(Frozen):
     """One bench: ``holds`` says whether all of its rows hold."""
 
     bench: str

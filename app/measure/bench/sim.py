@@ -42,7 +42,7 @@ CLOSURE_LIMIT: Final = 30.0
 """Of the arm's loops [µm]."""
 
 
-class Game(NamedTuple):
+class PlayedGame(NamedTuple):
     """A game as played: its report, how long it took [s, wall], and a digest of its telemetry at each tick."""
 
     report: Report
@@ -86,7 +86,7 @@ def sim_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
     return BenchReport(bench="sim", seed=SEED, pace="fast", machine=machine(), holds=holds, rows=rows)
 
 
-def rows_of(first: Game, second: Game, again: Again) -> dict[str, Row]:
+def rows_of(first: PlayedGame, second: PlayedGame, again: Again) -> dict[str, Row]:
     """The rows of two games and the ticks of the first one."""
     report = first.report
     assert report.speed is not None, "a world of our own has one"
@@ -112,7 +112,7 @@ def rows_of(first: Game, second: Game, again: Again) -> dict[str, Row]:
     }  # fmt: skip
 
 
-def play(folder: Path, plies: int) -> Game:
+def play(folder: Path, plies: int) -> PlayedGame:
     """One game.
 
     Raises:
@@ -129,7 +129,7 @@ def play(folder: Path, plies: int) -> Game:
     wall = time.perf_counter() - since
     if not done.holds:
         raise UserError(f"the game failed: {'; '.join(one.reason for one in done.report.failures)}")
-    return Game(done.report, wall, _telemetry_digests(folder / TELEMETRY_FILE))
+    return PlayedGame(done.report, wall, _telemetry_digests(folder / TELEMETRY_FILE))
 
 
 def _telemetry_digests(path: Path) -> dict[int, bytes]:

@@ -9,11 +9,11 @@ from typing import Final
 import chess
 import numpy as np
 
-from app.measure.bench.positions import Table
+from app.measure.bench.positions import RandomTable
 from app.measure.bench.report import Row, row
-from app.measure.bench.vision_games import Eye, Scene, Tally, open_studio, random_game
+from app.measure.bench.vision_games import Eye, GameTally, Scene, open_studio, random_game
 from app.pieces.layout import start_layout
-from hardware.sim.process.table_studio import Pose
+from hardware.sim.process.table_studio import PlacedPiece
 from hardware.table import PIECE_SHAPES, TableSettings, square_place
 from vision.pieces.swapped import KnownPicture, looked_closer
 from vision.pieces.verify import verify_board
@@ -22,7 +22,7 @@ from vision.reading.evidence import codes_of, states_of
 from vision.reading.outcome import ReadingOutcome
 
 Progress = Callable[[str], None]
-Poses = dict[str, Pose]
+Poses = dict[str, PlacedPiece]
 Action = tuple[Poses, frozenset[int]]
 """How the pieces stand afterwards, and the squares that are not as they should be."""
 
@@ -37,7 +37,7 @@ LINES: Final = (
 """Positions in which castling, en passant and captures are at hand."""
 
 
-class Hands:
+class ClumsyHands:
     """What a person's hands can do to a set-up.
 
     Args:
@@ -47,7 +47,9 @@ class Hands:
         rng: chooses.
     """
 
-    def __init__(self, table: Table, settings: TableSettings, board: chess.Board, rng: np.random.Generator) -> None:
+    def __init__(
+        self, table: RandomTable, settings: TableSettings, board: chess.Board, rng: np.random.Generator
+    ) -> None:
         self.board, self.rng = board, rng
         self._table, self._settings = table, settings
         self.poses: Poses = dict(table.poses)
@@ -132,44 +134,44 @@ class Hands:
         return names[int(self.rng.integers(len(names)))]
 
 
-def _illegal(hands: Hands) -> None:
+def _illegal(hands: ClumsyHands) -> None:
     hands.carry(hands.pick(hands.pieces(hands.board.turn)), hands.pick(hands.empty()))
 
 
-def _own_piece_taken(hands: Hands) -> None:
+def _own_piece_taken(hands: ClumsyHands) -> None:
     own = hands.pieces(hands.board.turn)
     start = hands.pick(own)
     hands.carry(start, hands.pick([square for square in own if square != start]))
 
 
-def _wrong_side(hands: Hands) -> None:
+def _wrong_side(hands: ClumsyHands) -> None:
     hands.carry(hands.pick(hands.pieces(not hands.board.turn)), hands.pick(hands.empty()))
 
 
-def _missing(hands: Hands) -> None:
+def _missing(hands: ClumsyHands) -> None:
     hands.lift(hands.pick(hands.pieces(bool(hands.rng.random() < 0.5))))
 
 
-def _extra(hands: Hands) -> None:
+def _extra(hands: ClumsyHands) -> None:
     hands.put(hands.spare(bool(hands.rng.random() < 0.5)), hands.pick(hands.empty()))
 
 
-def _recoloured(hands: Hands) -> None:
+def _recoloured(hands: ClumsyHands) -> None:
     colour = bool(hands.rng.random() < 0.5)
     square = hands.pick(hands.pieces(colour))
     hands.lift(square)
     hands.put(hands.spare(not colour), square)
 
 
-def _both_moved(hands: Hands) -> None:
+def _both_moved(hands: ClumsyHands) -> None:
     _twice(hands, own=False)
 
 
-def _moved_twice(hands: Hands) -> None:
+def _moved_twice(hands: ClumsyHands) -> None:
     _twice(hands, own=True)
 
 
-def _twice(hands: Hands, *, own: bool) -> None:
+def _twice(hands: ClumsyHands, *, own: bool) -> None:
     board = hands.board.copy()
     quiet = [move for move in hands.moves(board) if not board.is_capture(move) and not board.is_castling(move)]
     first = quiet[int(hands.rng.integers(len(quiet)))]
@@ -187,21 +189,23 @@ def _twice(hands: Hands, *, own: bool) -> None:
     hands.carry(move.from_square, move.to_square)
 
 
-def _taken_back(hands: Hands) -> None:
+def _taken_back(hands: ClumsyHands) -> None:
     last = hands.board.peek()
     if hands.board.piece_at(last.from_square) is None and not hands.board.is_castling(last):
         hands.carry(last.to_square, last.from_square)
 
 
-def _half_castled(hands: Hands) -> None:
+def _half_castled(hands: ClumsyHands) -> None:
     _first_piece_only(hands, hands.board.is_castling, _illegal)
 
 
-def _en_passant_left(hands: Hands) -> None:
+def _en_passant_left(hands: ClumsyHands) -> None:
     _first_piece_only(hands, hands.board.is_en_passant, _extra)
 
 
-def _first_piece_only(hands: Hands, sort: Callable[[chess.Move], bool], otherwise: Callable[[Hands], None]) -> None:
+def _first_piece_only(
+    hands: ClumsyHands, sort: Callable[[chess.Move], bool], otherwise: Callable[[ClumsyHands], None]
+) -> None:
     """Of a move of this sort, that takes two pieces, only the first is moved; something else where there is none."""
     move = next(filter(sort, hands.board.legal_moves), None)
     if move is None:
@@ -210,7 +214,7 @@ def _first_piece_only(hands: Hands, sort: Callable[[chess.Move], bool], otherwis
         hands.carry(move.from_square, move.to_square)
 
 
-def _capture_begun(hands: Hands) -> None:
+def _capture_begun(hands: ClumsyHands) -> None:
     captures = [move for move in hands.board.legal_moves if hands.board.is_capture(move) and not move.promotion]
     if not captures:
         _missing(hands)
@@ -224,20 +228,20 @@ def _capture_begun(hands: Hands) -> None:
         hands.lift(move.from_square)
 
 
-def _between(hands: Hands) -> None:
+def _between(hands: ClumsyHands) -> None:
     hands.shift(hands.pick(hands.pieces(bool(hands.rng.random() < 0.5))), 0.5)
 
 
-def _knocked_over(hands: Hands) -> None:
+def _knocked_over(hands: ClumsyHands) -> None:
     hands.knock(hands.pick(hands.pieces(bool(hands.rng.random() < 0.5))))
 
 
-def _swept(hands: Hands) -> None:
+def _swept(hands: ClumsyHands) -> None:
     for square in hands.pieces(True)[:4] + hands.pieces(False)[:4]:
         hands.lift(square)
 
 
-SORTS: Final[Mapping[str, Callable[[Hands], None]]] = {
+SORTS: Final[Mapping[str, Callable[[ClumsyHands], None]]] = {
     "illegal move": _illegal, "own piece taken": _own_piece_taken, "wrong side": _wrong_side, "missing": _missing,
     "extra": _extra, "recoloured": _recoloured, "both moved": _both_moved, "moved twice": _moved_twice,
     "taken back": _taken_back, "half castled": _half_castled, "en passant left": _en_passant_left,
@@ -277,7 +281,7 @@ def judge_actions(count: int, first: int, progress: Progress) -> tuple[list[floa
             before = KnownPicture(scene.picture(board), eye.view)
             eye.observer.confirm(eye.observer.look(eye.sight(before.frame)), board)
             for sort, act in list(SORTS.items())[: count - len(accepted)]:
-                hands = Hands(scene.table, settings, board, scene.rng)
+                hands = ClumsyHands(scene.table, settings, board, scene.rng)
                 act(hands)
                 if _is_legal(hands, scene, board, settings):
                     continue
@@ -297,7 +301,7 @@ def _line(seed: int) -> list[chess.Move]:
     return [board.push_san(san) for san in LINES[(seed // 2) % len(LINES)].split()]
 
 
-def _is_legal(hands: Hands, scene: Scene, board: chess.Board, settings: TableSettings) -> bool:
+def _is_legal(hands: ClumsyHands, scene: Scene, board: chess.Board, settings: TableSettings) -> bool:
     """Whether the hands have, by chance, left what a legal move or none would."""
     states = np.zeros(64, dtype=np.intp)
     for name, pose in hands.poses.items():
@@ -314,11 +318,11 @@ def _is_legal(hands: Hands, scene: Scene, board: chess.Board, settings: TableSet
 
 
 def _judge(
-    eye: Eye, before: KnownPicture, scene: Scene, hands: Hands, board: chess.Board, settings: TableSettings
+    eye: Eye, before: KnownPicture, scene: Scene, hands: ClumsyHands, board: chess.Board, settings: TableSettings
 ) -> tuple[bool, bool]:
     """Whether what the hands did was taken for a move, and whether all its squares are named."""
     frame = scene.photograph(hands.poses)
-    look, decision = eye.read(frame, Tally())
+    look, decision = eye.read(frame, GameTally())
     bad = decision.verdict is ReadingOutcome.MOVE
     known = codes_of(board)
     expected = {piece.place.index: piece for piece in start_layout(board, settings) if piece.place.on_board}

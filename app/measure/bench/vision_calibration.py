@@ -30,7 +30,7 @@ from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.process.scene_control import SceneControl
 from hardware.sim.process.settings import WorldSettings
-from hardware.sim.process.table_studio import Pose, TableStudio, true_camera
+from hardware.sim.process.table_studio import PlacedPiece, TableStudio, true_camera
 from hardware.sim.render.appearance import ExposureSettings, LightSettings, Looks, MountSettings
 from hardware.table import PieceSpec, TableSettings, square_place
 from vision.board.view import BoardView
@@ -78,7 +78,7 @@ def random_looks(rng: np.random.Generator, mount: MountSettings) -> Looks:
 
 def random_position(
     pieces: list[PieceSpec], table: TableSettings, rng: np.random.Generator
-) -> tuple[list[Pose], dict[int, PieceSpec]]:
+) -> tuple[list[PlacedPiece], dict[int, PieceSpec]]:
     """Some of the pieces on any squares, each off its centre and turned; and what stands where."""
     squares = rng.permutation(64)[: len(pieces)].tolist()
     poses, expected = [], {}
@@ -88,7 +88,7 @@ def random_position(
         x, y = table.xy(square_place(square))
         reach, angle = OFF * table.square * math.sqrt(rng.random()), rng.uniform(0.0, 2.0 * math.pi)
         turn = rng.uniform(-math.pi, math.pi)
-        poses.append(Pose(piece.name, x + reach * math.cos(angle), y + reach * math.sin(angle), yaw=turn))
+        poses.append(PlacedPiece(piece.name, x + reach * math.cos(angle), y + reach * math.sin(angle), yaw=turn))
         expected[square] = piece
     return poses, expected
 
@@ -126,7 +126,7 @@ def centre_rows(quick: bool, progress: Progress) -> dict[str, Row]:
 
 
 def _errors(
-    frame: Frame, view: BoardView, expected: dict[int, PieceSpec], truth: dict[int, Pose], *, depth: bool
+    frame: Frame, view: BoardView, expected: dict[int, PieceSpec], truth: dict[int, PlacedPiece], *, depth: bool
 ) -> list[float]:
     found = piece_centres(frame, view, expected, use_depth=depth)
     return [math.hypot(found[square].x - pose.x, found[square].y - pose.y) for square, pose in truth.items()]

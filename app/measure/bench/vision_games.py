@@ -14,14 +14,14 @@ from typing import Final
 import chess
 import numpy as np
 
-from app.measure.bench.positions import Table
+from app.measure.bench.positions import RandomTable
 from app.measure.bench.report import Row, row
 from app.measure.bench.vision_calibration import OFF, random_looks, random_mount
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from hardware.interfaces import Frame
 from hardware.sim.bodies.hand import HandPose
-from hardware.sim.process.table_studio import Pose, TableStudio
+from hardware.sim.process.table_studio import PlacedPiece, TableStudio
 from hardware.sim.render.appearance import LightSettings, Looks, MountSettings
 from hardware.table import Colour, TableSettings
 from vision.board.anchor import Anchor
@@ -53,7 +53,7 @@ SQUARE_LIMIT: Final = 0.0005
 
 
 @dataclass(slots=True)
-class Tally:
+class GameTally:
     """What came of looks."""
 
     plies: int = 0
@@ -101,7 +101,7 @@ class Eye:
         self._anchor = Anchor(frame.colour, corners)
         self.view = BoardView.from_corners(frame.intrinsics, corners, self._table)
 
-    def read(self, frame: Frame, tally: Tally) -> tuple[Observation, MoveReading]:
+    def read(self, frame: Frame, tally: GameTally) -> tuple[Observation, MoveReading]:
         """What a frame tells; its time is taken down.
 
         Time is the processor's in all threads: that of one core, however busy the machine is.
@@ -136,7 +136,7 @@ class Scene:
         self.looks: Looks = random_looks(self.rng, random_mount(self.rng))
         self.hand: HandPose | None = None
         self.square = table.square
-        self.table = Table(table, OFF * table.square, seed)
+        self.table = RandomTable(table, OFF * table.square, seed)
         self._studio, self._seed = studio, seed
 
     def picture(self, board: chess.Board | None = None) -> Frame:
@@ -145,7 +145,7 @@ class Scene:
             self.table.set(board)
         return self.photograph(self.table.poses)
 
-    def photograph(self, poses: Mapping[str, Pose]) -> Frame:
+    def photograph(self, poses: Mapping[str, PlacedPiece]) -> Frame:
         """Of pieces that stand so, by name."""
         return self._studio.frame(poses.values(), self.looks, self._seed, self.hand)
 
@@ -191,7 +191,7 @@ def trouble_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     return {"trouble wrong": row(tally.wrong, "1", 0.0, "max"), "trouble asked": row(tally.asked, "1")}
 
 
-def follow_games(plies: int, first: int, change: Callable[[Scene], None], progress: Progress) -> Tally:
+def follow_games(plies: int, first: int, change: Callable[[Scene], None], progress: Progress) -> GameTally:
     """Follow so many plies of games with the seeds ``first``, ``first`` + 1 and so on.
 
     Args:
@@ -200,7 +200,7 @@ def follow_games(plies: int, first: int, change: Callable[[Scene], None], progre
         change: what happens to the scene before each picture.
         progress: told what is being done.
     """
-    table, tally, seed = TableSettings(), Tally(), first
+    table, tally, seed = TableSettings(), GameTally(), first
     with open_studio(table, hand=Colour.WHITE) as studio:
         while tally.plies < plies:
             scene = Scene(studio, table, seed)
@@ -269,7 +269,7 @@ TROUBLES: Final[dict[str, Callable[[Scene], None]]] = {
 
 
 def _follow(
-    scene: Scene, seed: int, plies: int, tally: Tally, progress: Progress, change: Callable[[Scene], None]
+    scene: Scene, seed: int, plies: int, tally: GameTally, progress: Progress, change: Callable[[Scene], None]
 ) -> None:
     """Follow one game; where it is in doubt, the truth is the answer."""
     board = chess.Board()

@@ -60,7 +60,7 @@ EVERY: Final = 2.0 * INTERVAL
 
 
 @dataclass(slots=True)
-class Figures:
+class HandFigures:
     """What was seen: durations in plant time [s], and counts."""
 
     rest: list[float] = field(default_factory=list)
@@ -100,7 +100,7 @@ def hand_rows(quick: bool, progress: Callable[[str], None]) -> dict[str, Row]:
 
 def measure(entries: int, plies: int, progress: Callable[[str], None], seed: int = SEED) -> dict[str, Row]:
     """Measure with so many entries of a hand, and so many plies without one; see ``hand_rows``."""
-    figures, rng = Figures(), random.Random(seed)
+    figures, rng = HandFigures(), random.Random(seed)
     try:
         first = 0
         while figures.hands < entries:
@@ -125,12 +125,12 @@ def measure(entries: int, plies: int, progress: Callable[[str], None], seed: int
     return _rows(figures)
 
 
-def _last(figures: Figures) -> str:
+def _last(figures: HandFigures) -> str:
     rest = f"rest after {figures.rest[-1]:.3f} s" if figures.rest else "none"
     return f"{rest}, {len(figures.yielded)} touched first, {figures.missed} missed"
 
 
-def _rows(figures: Figures) -> dict[str, Row]:
+def _rows(figures: HandFigures) -> dict[str, Row]:
     rows = {}
     if figures.rest:
         rows["hand_to_rest"] = row(figures.rest, "s", REST_LIMIT, "max")
@@ -146,7 +146,7 @@ def _rows(figures: Figures) -> dict[str, Row]:
     return rows
 
 
-def _enter(scene: HandScene, watch: Watch, rng: random.Random, figures: Figures) -> None:
+def _enter(scene: HandScene, watch: Watch, rng: random.Random, figures: HandFigures) -> None:
     """A hand comes while the arm moves, and goes again."""
     half = 3.4 * scene.table.square
     point = rng.uniform(-half, half), rng.uniform(-half, half)
@@ -201,7 +201,7 @@ def _round(start: np.ndarray[tuple[int], np.dtype[np.float64]], settings: Motion
     return Plan("sweep", tuple(motions))
 
 
-def _note_stop(scene: HandScene, figures: Figures, follower: Follower, stopped: Cause) -> None:
+def _note_stop(scene: HandScene, figures: HandFigures, follower: Follower, stopped: Cause) -> None:
     """How long the arm moved after the hand had crossed the edge."""
     crossed = until(lambda: follower.crossings()[:1], "a hand that crosses the board's edge")[0]
     if stopped is Cause.NONE:
@@ -219,7 +219,9 @@ def _note_stop(scene: HandScene, figures: Figures, follower: Follower, stopped: 
         figures.rest.append(max(0.0, rested - crossed))
 
 
-def _play(scene: HandScene, plies: int, rng: random.Random, figures: Figures, progress: Callable[[str], None]) -> None:
+def _play(
+    scene: HandScene, plies: int, rng: random.Random, figures: HandFigures, progress: Callable[[str], None]
+) -> None:
     """Random plies without a hand, all of them watched."""
     board, inventory = chess.Board(), scene.inventory
     with scene.guard(watch=Watch(ALONE), interval=EVERY) as guard:

@@ -22,7 +22,7 @@ from app import UserError
 from app.guard.hand_guard import HandGuard, Listener
 from app.measure.bench.hand_scene import Follower, HandScene, hand_scene, until
 from app.measure.bench.report import Row, row
-from app.measure.bench.vision_games import Eye, Tally
+from app.measure.bench.vision_games import Eye, GameTally
 from app.pieces.manipulation import transfers
 from app.play.hand_moves import hand_transfers
 from hardware.interfaces import DepthFrame, Frame, HardwareError
@@ -45,7 +45,7 @@ LOOKS: Final = 5
 
 
 @dataclass(slots=True)
-class Figures:
+class TurnFigures:
     """What was seen."""
 
     known: list[float] = field(default_factory=list)
@@ -65,7 +65,7 @@ def turn_rows(quick: bool, progress: Callable[[str], None]) -> dict[str, Row]:
 
 def measure(moves: int, progress: Callable[[str], None], seed: int = SEED) -> dict[str, Row]:
     """Measure with so many moves."""
-    figures, rng = Figures(), random.Random(seed)
+    figures, rng = TurnFigures(), random.Random(seed)
     try:
         for first in range(0, moves, A_WORLD):
             person = HandSettings(side=rng.choice(list(Colour)), speed=rng.uniform(0.5, 1.0))
@@ -76,7 +76,7 @@ def measure(moves: int, progress: Callable[[str], None], seed: int = SEED) -> di
     return rows_of(figures)
 
 
-def rows_of(figures: Figures) -> dict[str, Row]:
+def rows_of(figures: TurnFigures) -> dict[str, Row]:
     """The rows of some figures."""
     rows = {"move wrong": row(figures.wrong, "1", 0.0, "max"), "move asked": row(figures.unread, "1")}
     if figures.known:
@@ -85,7 +85,9 @@ def rows_of(figures: Figures) -> dict[str, Row]:
     return rows
 
 
-def _play(scene: HandScene, moves: int, rng: random.Random, figures: Figures, progress: Callable[[str], None]) -> None:
+def _play(
+    scene: HandScene, moves: int, rng: random.Random, figures: TurnFigures, progress: Callable[[str], None]
+) -> None:
     """A game by hand. The camera watches from before the hand withdraws: pictures take most of the bench's time."""
     board, inventory, watch = chess.Board(), scene.inventory, Watch()
     with closing(SimHand(scene.run_dir)) as hand:
@@ -128,7 +130,7 @@ def _note(
     table: TableSettings,
     delivered: dict[float, float],
     move: chess.Move,
-    figures: Figures,
+    figures: TurnFigures,
 ) -> Observation:
     """Look until a move is read; ``delivered``: when frames came, by their stamps."""
     after: float | None = None
@@ -136,7 +138,7 @@ def _note(
         frame, _ = guard.settled(after)
         after = frame.stamp
         since = time.thread_time()
-        look, decision = eye.read(frame, Tally())
+        look, decision = eye.read(frame, GameTally())
         spent = time.thread_time() - since
         if decision.verdict is ReadingOutcome.MOVE:
             known = delivered[frame.stamp] + spent

@@ -42,7 +42,7 @@ class _Tally:
 
 
 @dataclass(slots=True)
-class _Game:
+class _FollowedGame:
     """A game as it is followed: position, moves, events, score."""
 
     labels: Labels | None
@@ -92,7 +92,7 @@ def follow(
         corners: says where the board is in each picture.
         progress: told what is being done.
     """
-    game = _Game(labels, chess.Board(labels.initial_fen) if labels is not None else chess.Board())
+    game = _FollowedGame(labels, chess.Board(labels.initial_fen) if labels is not None else chess.Board())
     for number, picture in enumerate(pictures):
         progress(f"picture {number + 1}: {picture.name}")
         label = labels.of_view(picture.name, len(game.played)) if labels is not None else None
@@ -112,7 +112,7 @@ def follow(
     return game.report()
 
 
-def _read(game: _Game, picture: Picture, look: Observation, label: FrameLabel | None) -> None:
+def _read(game: _FollowedGame, picture: Picture, look: Observation, label: FrameLabel | None) -> None:
     assert game.observer is not None
     before = codes_of(game.observer.board)
     if label is not None and label.fen is not None:
@@ -133,7 +133,12 @@ def _read(game: _Game, picture: Picture, look: Observation, label: FrameLabel | 
 
 
 def _ask(
-    game: _Game, picture: Picture, look: Observation | None, label: FrameLabel | None, decision: MoveReading, said: str
+    game: _FollowedGame,
+    picture: Picture,
+    look: Observation | None,
+    label: FrameLabel | None,
+    decision: MoveReading,
+    said: str,
 ) -> None:
     """A person says what was played, where there is one; the position stays what it was where there is none."""
     assert game.observer is not None
@@ -162,7 +167,7 @@ def _after(board: chess.Board, moves: Line, label: FrameLabel | None) -> chess.B
     return after
 
 
-def _go_on(game: _Game, look: Observation | None, board: chess.Board, moves: Line) -> None:
+def _go_on(game: _FollowedGame, look: Observation | None, board: chess.Board, moves: Line) -> None:
     assert game.observer is not None
     if look is None:
         game.observer.board = board.copy()

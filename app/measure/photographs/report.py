@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
-
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+from hardware.frozen import Frozen
 
 
-class VisionEvent(_Frozen):
+class VisionEvent(Frozen):
     """One picture, or one settled view of a video.
 
     Attributes:
@@ -28,7 +25,7 @@ class VisionEvent(_Frozen):
     said: str = ""
 
 
-class Score(_Frozen):
+class Score(Frozen):
     """How it compares with what is known.
 
     Attributes:
@@ -47,7 +44,7 @@ class Score(_Frozen):
     square_accuracy: float | None
 
 
-class VisionReport(_Frozen):
+class VisionReport(Frozen):
     """A game followed: ``score`` is None where nobody knows better.
 
     ``failed`` says why it could not be followed to the end.

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, PositiveFloat
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from app.motion.path import Vector
+from hardware.frozen import FrozenFinite
 from hardware.parameters import Pads
 from hardware.table import PieceShape
 
@@ -28,10 +29,8 @@ MASS_HEIGHT: Final = 0.38
 """Of a piece's centre of mass, in heights of the piece: it is weighted low."""
 
 
-class Heeling(BaseModel):
+class Heeling(FrozenFinite):
     """How a lying piece is drawn over its heel. Tried in the world: see docs/fallen.md."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     rim: PositiveFloat = 0.9
     """How far the foot's rim is from the axis where it rests, in radii of the foot: profiles are rounded there."""

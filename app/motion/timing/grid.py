@@ -12,15 +12,17 @@ from controller.model.compiled import SCALAR, TABLE, FloatArray, compiled, compi
 
 _CORNER_PARTS = 8
 """Intervals of each half of a corner."""
-_RAMP = 0.004
-"""Over so much of u the way begins to run as u does, from rest [m]."""
-_RAMP_PARTS = 3
-"""Intervals of each half of it."""
+_RAMP = 0.012
+"""The way from rest begins to run as u does over this length of u [m]. At a constant jerk from rest u̇² is no polynomial
+of the way, but it is one of u on a ramp; with 4 mm and 3 parts the whole law took 1.4 % longer (measured on random
+polygons, of which those with gentle corners lost most)."""
+_RAMP_PARTS = 8
+"""Intervals of each half of a ramp."""
 _FINEST = 0.0012
 """First interval at either end of a line [m] …"""
 _SLOWEST = 0.0002
 """… where the tool is slow at the end of it [m] …"""
-_COARSEST = 0.006
+_COARSEST = 0.003
 """… and the longest [m] …"""
 _GROWTH = 1.3
 """… and how they grow."""

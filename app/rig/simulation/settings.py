@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
-
 from app.motion import MotionSettings
 from app.rig.rig_file import load_randomisation
 from app.settings.tree import RigSection
 from controller.settings import ControllerSettings
+from hardware.frozen import Frozen
 from hardware.interfaces import Pace
 from hardware.sim.hand.actions import HandSettings
 from hardware.sim.process.randomisation import Randomisation
@@ -18,10 +17,8 @@ from hardware.sim.process.settings import WorldSettings
 from hardware.table import Colour, PieceSpec, TableSettings
 
 
-class SimRigSettings(BaseModel):
+class SimRigSettings(Frozen):
     """A simulated rig: its world and its controller."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     world: WorldSettings
     controller: ControllerSettings = ControllerSettings()

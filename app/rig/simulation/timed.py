@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import chess
-from pydantic import BaseModel, ConfigDict
 
 from app import UserError
 from app.motion import MotionSettings
@@ -20,16 +19,13 @@ from app.rig.simulation.settings import SimRigSettings
 from app.rig.simulation.sim import SimRig
 from controller.loop.statistics import PULSE_FILE
 from controller.settings import ControllerSettings
+from hardware.frozen import Frozen
 from hardware.interfaces import Pace
 from hardware.sim.process.settings import WorldSettings
 from hardware.table import TableSettings
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Statistics(_Frozen):
+class Statistics(Frozen):
     """Of one duration over a whole run [s]."""
 
     n: int
@@ -39,7 +35,7 @@ class Statistics(_Frozen):
     max: float
 
 
-class GrantedRealTime(_Frozen):
+class GrantedRealTime(Frozen):
     """What the controller got of the operating system; see ``hardware.realtime.RealTime``."""
 
     granted: bool
@@ -49,7 +45,7 @@ class GrantedRealTime(_Frozen):
     notes: tuple[str, ...]
 
 
-class RunPulse(_Frozen):
+class RunPulse(Frozen):
     """A controller's statistics of its whole run, as it leaves them in the run directory."""
 
     period: float

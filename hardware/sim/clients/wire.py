@@ -16,8 +16,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
+from hardware.frozen import Frozen
 from hardware.interfaces import Command, DriveStatus, HardwareError, Measurement
 from hardware.sim.render.appearance import ExposureSettings, LightSettings, MountSettings
 
@@ -40,43 +41,39 @@ _STATUS: Final = tuple(DriveStatus(bits) for bits in range(1 << len(DriveStatus)
 """Made once: building a flag takes longer than the rest of a message."""
 
 
-class _Message(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Greeting(_Message):
+class Greeting(Frozen):
     """First message of a client: what it is to the world."""
 
     role: str
 
 
-class Sleep(_Message):
+class Sleep(Frozen):
     """A clock's question: the tick, once so many more have passed."""
 
     sleep_ticks: int = Field(0, ge=0, le=10**12)
 
 
-class Exposure(_Message):
+class Exposure(Frozen):
     """A camera's wish: one frame of the world as it is now."""
 
     camera: str
     depth: bool = False
 
 
-class Subscription(_Message):
+class Subscription(Frozen):
     """A camera's wish: one frame at every multiple of so many ticks, without depth."""
 
     camera: str
     stream_ticks: int = Field(ge=1, le=10**12)
 
 
-class Taken(_Message):
+class Taken(Frozen):
     """A subscriber has read its frame and can take another."""
 
     taken: Literal[True]
 
 
-class WatchWish(_Message):
+class WatchWish(Frozen):
     """A camera's wish: a frame as its sensors see it at every multiple of so many ticks, until the visitor leaves.
 
     Each is delivered the camera's latency after its exposure. In pace fast plant time then waits until it is taken, so
@@ -90,19 +87,19 @@ class WatchWish(_Message):
     """Whether frames have colour also while the visitor has not woken plant time up; False wants depth."""
 
 
-class Wake(_Message):
+class Wake(Frozen):
     """Whether plant time shall run for those who watch, also while nothing moves."""
 
     wake: bool
 
 
-class TruthRequest(_Message):
+class TruthRequest(Frozen):
     """The referee's question; it may also start a new peak of the contact force."""
 
     reset_peak: bool = False
 
 
-class Positions(_Message):
+class Positions(Frozen):
     """The referee's other question: every generalised position, for a viewer."""
 
     positions: Literal[True]
@@ -111,7 +108,7 @@ class Positions(_Message):
 REFEREE_REQUEST: Final[TypeAdapter[TruthRequest | Positions]] = TypeAdapter(TruthRequest | Positions)
 
 
-class Change(_Message):
+class Change(Frozen):
     """What people around the table do to how it looks; what is left out stays as it is."""
 
     light: LightSettings | None = None
@@ -122,7 +119,7 @@ class Change(_Message):
 CameraRequest = Exposure | Subscription | WatchWish | Wake | Taken
 CAMERA_REQUEST: Final[TypeAdapter[CameraRequest]] = TypeAdapter(CameraRequest)
 
-_M = TypeVar("_M", bound=_Message)
+_M = TypeVar("_M", bound=Frozen)
 
 
 def explain(error: ValidationError) -> str:

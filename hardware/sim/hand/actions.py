@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from typing import Annotated, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, TypeAdapter
+from pydantic import Field, NonNegativeFloat, TypeAdapter
 
+from hardware.frozen import FrozenFinite
 from hardware.table import Colour
 
 REACH: Final = 0.36
@@ -23,11 +24,7 @@ Point = tuple[Coordinate, Coordinate]
 Duration = Annotated[float, Field(ge=0.0, le=LONGEST)]
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class HandSettings(_Frozen):
+class HandSettings(FrozenFinite):
     """Whose hand it is, how quick and how careful."""
 
     side: Colour = Colour.WHITE
@@ -42,21 +39,21 @@ class HandSettings(_Frozen):
     """A piece is turned by up to so much while it is carried [rad]."""
 
 
-class Take(_Frozen):
+class Take(FrozenFinite):
     """Grasp the piece nearest to a point and lift it."""
 
     do: Literal["take"] = "take"
     at: Point
 
 
-class Put(_Frozen):
+class Put(FrozenFinite):
     """Put down what is held, off by a human amount."""
 
     do: Literal["put"] = "put"
     at: Point
 
 
-class Move(_Frozen):
+class Move(FrozenFinite):
     """Take and put."""
 
     do: Literal["move"] = "move"
@@ -64,7 +61,7 @@ class Move(_Frozen):
     to: Point
 
 
-class Slide(_Frozen):
+class Slide(FrozenFinite):
     """Grasp a piece and slide it over the board without lifting it; what stands in the way is pushed along."""
 
     do: Literal["slide"] = "slide"
@@ -72,7 +69,7 @@ class Slide(_Frozen):
     to: Point
 
 
-class Knock(_Frozen):
+class Knock(FrozenFinite):
     """Sweep against the upper part of a piece so that it falls over."""
 
     do: Literal["knock"] = "knock"
@@ -81,7 +78,7 @@ class Knock(_Frozen):
     """Into which it is pushed, from the x axis, counter-clockwise [rad]."""
 
 
-class Hover(_Frozen):
+class Hover(FrozenFinite):
     """Stay over a point in the air."""
 
     do: Literal["hover"] = "hover"
@@ -91,7 +88,7 @@ class Hover(_Frozen):
     duration: Duration = 1.0
 
 
-class Hesitate(_Frozen):
+class Hesitate(FrozenFinite):
     """Reach for a point, stop short above it, draw back, and reach out again, without touching anything."""
 
     do: Literal["hesitate"] = "hesitate"
@@ -99,7 +96,7 @@ class Hesitate(_Frozen):
     duration: Duration = 1.0
 
 
-class Rest(_Frozen):
+class Rest(FrozenFinite):
     """Lay the fingertips on the board or beside it and leave them there: in the way of whoever comes."""
 
     do: Literal["rest"] = "rest"
@@ -107,7 +104,7 @@ class Rest(_Frozen):
     duration: Duration = 1.0
 
 
-class Withdraw(_Frozen):
+class Withdraw(FrozenFinite):
     """Put down what is held, where there is room, and draw the hand back to where nobody sees it."""
 
     do: Literal["withdraw"] = "withdraw"
@@ -116,13 +113,13 @@ class Withdraw(_Frozen):
 Action = Take | Put | Move | Slide | Knock | Hover | Hesitate | Rest | Withdraw
 
 
-class Perform(_Frozen):
+class Perform(FrozenFinite):
     """A request: these actions, one after the other."""
 
     actions: Annotated[tuple[Annotated[Action, Field(discriminator="do")], ...], Field(min_length=1, max_length=64)]
 
 
-class Query(_Frozen):
+class Query(FrozenFinite):
     """A question: what the hand is doing."""
 
     ask: Literal["state"]

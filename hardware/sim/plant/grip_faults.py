@@ -10,7 +10,9 @@ from __future__ import annotations
 from typing import Annotated, Final, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, model_validator
+from pydantic import Field, PositiveFloat, PositiveInt, model_validator
+
+from hardware.frozen import FrozenFinite
 
 _HOLDS: Final = 1.0
 """A piece is held while both pads feel more than this [N]."""
@@ -18,10 +20,8 @@ _LOST: Final = 0.2
 """It is no longer when either feels less [N]."""
 
 
-class GripFaults(BaseModel):
+class GripFaults(FrozenFinite):
     """When the fingers lose what they hold. All by default: never."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     """Of all holds, drawn by the seed."""

@@ -7,8 +7,9 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveInt
+from pydantic import NonNegativeFloat, PositiveInt
 
+from hardware.frozen import FrozenFinite
 from hardware.interfaces import Triple
 from hardware.sim.plant.grip_faults import NEVER, GripFault, GripFaults
 
@@ -16,13 +17,11 @@ _NOISE_TICKS: Final = 1 << 15
 """Noise repeats after so many ticks, half a minute: longer than anything that filters it."""
 
 
-class Imperfections(BaseModel):
+class Imperfections(FrozenFinite):
     """Of amplifiers, shafts and sensors.
 
     The robot is built with these; the controller does not know of them.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     torque_ripple: NonNegativeFloat = 0.0
     """Amplitude of the torque's ripple, as a share of the torque. Servomotors of this size have 1 to 3 %."""

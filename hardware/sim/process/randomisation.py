@@ -12,8 +12,9 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat
+from pydantic import Field, NonNegativeFloat
 
+from hardware.frozen import FrozenFinite
 from hardware.parameters import RobotParameters
 from hardware.sim.bodies.placed import BoardOffset, StandingPiece
 from hardware.sim.plant.imperfections import PERFECT, Imperfections
@@ -25,10 +26,8 @@ _LEAST_ELEVATION: Final = math.radians(15.0)
 """A lamp stands at least so high over the table, wherever it is turned to."""
 
 
-class Randomisation(BaseModel):
+class Randomisation(FrozenFinite):
     """Ranges of everything that can differ."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     placement_sigma: NonNegativeFloat = 0.0007
     """Pieces are set up by hand: standard deviation of their offset from the centre in x and y [m]."""

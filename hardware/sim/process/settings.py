@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import Self
 
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     NonNegativeFloat,
     NonNegativeInt,
     PositiveFloat,
@@ -15,6 +13,7 @@ from pydantic import (
     model_validator,
 )
 
+from hardware.frozen import Frozen
 from hardware.interfaces import HardwareError, Pace
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.bodies.placed import StandingPiece
@@ -28,10 +27,8 @@ END_FILE = "world_end.json"
 """How a world ended."""
 
 
-class WorldSettings(BaseModel):
+class WorldSettings(Frozen):
     """Settings of one simulated world."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     pieces: tuple[PieceSpec, ...]
     home: tuple[float, float, float]

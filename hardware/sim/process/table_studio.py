@@ -41,7 +41,7 @@ _CV_AXES = np.diag([1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
+class PlacedPiece:
     """Where a piece is: foot's centre in the board frame [m], turned about its axis, then tipped about x [rad]."""
 
     name: str
@@ -100,7 +100,7 @@ class TableStudio:
         self._device.close()
         self._folder.cleanup()
 
-    def frame(self, poses: Iterable[Pose], looks: Looks, seed: int, hand: HandPose | None = None) -> Frame:
+    def frame(self, poses: Iterable[PlacedPiece], looks: Looks, seed: int, hand: HandPose | None = None) -> Frame:
         """A picture of these pieces and no others; ``seed`` decides the sensors' noise.
 
         Args:
@@ -129,7 +129,7 @@ class TableStudio:
         """The truth: how the camera really hangs, shape (4, 4)."""
         return true_camera(self._model, mount)
 
-    def _positions(self, poses: Iterable[Pose], hand: HandPose | None) -> NDArray[np.float64]:
+    def _positions(self, poses: Iterable[PlacedPiece], hand: HandPose | None) -> NDArray[np.float64]:
         positions = np.array(self._model.key_qpos[0])
         if hand is not None:
             for joint, where in zip(JOINTS, (*hand[:4], hand.gap, hand.gap), strict=True):

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, PositiveFloat, model_validator
+from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
+
+from hardware.frozen import FrozenFinite
 
 Vector = tuple[float, float, float]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -16,11 +18,7 @@ Tint = tuple[Fraction, Fraction, Fraction]
 """Red, green, blue, each 0 to 1."""
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class LightSettings(_Frozen):
+class LightSettings(FrozenFinite):
     """A lamp beside the table (the key light), a weaker one across from it that throws no shadow, and light from all
     around.
     """
@@ -50,7 +48,7 @@ class LightSettings(_Frozen):
         return self
 
 
-class ExposureSettings(_Frozen):
+class ExposureSettings(FrozenFinite):
     """How the colour sensor exposes; it does not adjust itself."""
 
     time: PositiveFloat = 1.0
@@ -61,7 +59,7 @@ class ExposureSettings(_Frozen):
     """Factors by which red, green and blue come out wrong."""
 
 
-class MountSettings(_Frozen):
+class MountSettings(FrozenFinite):
     """How the camera really hangs, compared with the nominal pose that is all the app knows of."""
 
     shift: Vector = (0.0, 0.0, 0.0)
@@ -70,7 +68,7 @@ class MountSettings(_Frozen):
     """Rotation vector about the camera's own axes (x right, y down, z along the view) [rad]."""
 
 
-class Looks(_Frozen):
+class Looks(FrozenFinite):
     """What can change while a world runs: somebody moves the lamp, the exposure steps, the camera is knocked."""
 
     light: LightSettings = LightSettings()
@@ -78,7 +76,7 @@ class Looks(_Frozen):
     mount: MountSettings = MountSettings()
 
 
-class CameraSettings(_Frozen):
+class CameraSettings(FrozenFinite):
     """The board's simulated RGB-D camera, after a RealSense D435."""
 
     size: Literal["640x480", "1280x720"] = "640x480"

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
 
+from hardware.frozen import Frozen
 from hardware.interfaces import HardwareError, Intrinsics
 from hardware.sim.render.appearance import CameraSettings, Looks
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
@@ -46,10 +46,8 @@ GL_REMEDY = (
 )
 
 
-class Sensor(BaseModel):
+class Sensor(Frozen):
     """The RGB-D camera that takes a picture, and what decides its noise."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     camera: CameraSettings
     seed: int
@@ -60,10 +58,8 @@ class Sensor(BaseModel):
     """Whether the colour picture is wanted: it takes most of the time. Without, the file keeps an older one."""
 
 
-class RenderRequest(BaseModel):
+class RenderRequest(Frozen):
     """One picture that is wanted."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     slot: int
     view: str

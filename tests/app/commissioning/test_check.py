@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from app.cli import app
 from app.commissioning.check_cameras import check_camera
 from app.commissioning.check_drives import check_bus
-from app.commissioning.check_report import CheckReport, Finding, State
+from app.commissioning.check_report import CheckReport, CheckState, Finding
 from hardware.interfaces import BusLost, Command, DriveStatus, Frame, HardwareError, Intrinsics, Measurement
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
@@ -69,7 +69,7 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_good_drives_are_good_and_nothing_moves() -> None:
     bus = Bus()
     found = by_name(check_bus(bus, PARAMETERS, TABLE))
-    assert {one.state for one in found.values()} == {State.GOOD}, found
+    assert {one.state for one in found.values()} == {CheckState.GOOD}, found
     assert "145 mm above the board, at (0, -75) mm" in found["pose"].found
     assert all(command.brake and command.torque == (0.0, 0.0, 0.0) for command in bus.commands)
     assert not bus.commands[-1].enable
@@ -107,20 +107,20 @@ WRONG: list[tuple[str, Change, str]] = [
 @pytest.mark.parametrize(("what", "change", "advice"), WRONG)
 def test_each_fault_is_named_with_what_to_do(what: str, change: Change, advice: str) -> None:
     finding = by_name(check_bus(Bus(change), PARAMETERS, TABLE))[what]
-    assert finding.state is State.WRONG
+    assert finding.state is CheckState.WRONG
     assert advice in finding.advice
 
 
 def test_fingers_that_hold_something_are_not_called_wrong() -> None:
     found = by_name(check_bus(Bus(lambda said: said._replace(tactile=(4.0, 4.1))), PARAMETERS, TABLE))
-    assert found["right pad"].state is found["left pad"].state is State.LEFT_OUT
+    assert found["right pad"].state is found["left pad"].state is CheckState.LEFT_OUT
 
 
 def test_a_wrong_period_and_a_deaf_watchdog_are_found() -> None:
     found = by_name(check_bus(Bus(pace=3.0, watchdog=False), PARAMETERS, TABLE))
-    assert found["tick"].state is State.WRONG
+    assert found["tick"].state is CheckState.WRONG
     assert "0.880 ms stated" in found["tick"].found
-    assert found["watchdog"].state is State.WRONG
+    assert found["watchdog"].state is CheckState.WRONG
     assert "44 ms" in found["watchdog"].advice
 
 
@@ -131,7 +131,7 @@ def test_drives_that_go_silent_are_lost() -> None:
         return said
 
     found = check_bus(Bus(lose), PARAMETERS, TABLE)
-    assert found[-1].state is State.WRONG
+    assert found[-1].state is CheckState.WRONG
     assert found[-1].found == "nobody answers"
 
 
@@ -169,7 +169,7 @@ DEPTH = np.full((48, 64), 0.6, np.float32)
 def test_a_good_camera_is_good() -> None:
     found = by_name(check_camera(StillCamera(board(), DEPTH)))
     assert set(found) == {"pictures", "brightness", "contrast", "sharpness", "depth"}
-    assert {one.state for one in found.values()} == {State.GOOD}
+    assert {one.state for one in found.values()} == {CheckState.GOOD}
 
 
 @pytest.mark.parametrize(
@@ -185,15 +185,15 @@ def test_a_good_camera_is_good() -> None:
 )
 def test_a_picture_in_which_little_can_be_seen_is_named(colour: Any, depth: Any, what: str, advice: str) -> None:
     finding = by_name(check_camera(StillCamera(colour, depth)))[what]
-    assert finding.state is State.WRONG
+    assert finding.state is CheckState.WRONG
     assert advice in finding.advice
 
 
 def test_a_camera_without_depth_is_no_fault_and_a_dead_one_is() -> None:
-    assert by_name(check_camera(StillCamera(board(), None)))["depth"].state is State.LEFT_OUT
+    assert by_name(check_camera(StillCamera(board(), None)))["depth"].state is CheckState.LEFT_OUT
     dead = check_camera(DeadCamera(board(), DEPTH))
     assert [(one.what, one.state, one.found) for one in dead] == [
-        ("pictures", State.WRONG, "camera 1234 was unplugged")
+        ("pictures", CheckState.WRONG, "camera 1234 was unplugged")
     ]
 
 
@@ -209,8 +209,8 @@ def test_a_lab_without_its_driver_is_told_so(tmp_path: Path) -> None:
     found = {(one.device, one.what): one for one in report.findings}
     assert "nobodys" in found["drives", "connection"].found
     assert "gone" in found["camera", "connection"].found
-    assert found["key", "touchmove.key"].state is State.LEFT_OUT
-    assert found["robot", "reach"].state is found["engine", "Stockfish"].state is State.GOOD
+    assert found["key", "touchmove.key"].state is CheckState.LEFT_OUT
+    assert found["robot", "reach"].state is found["engine", "Stockfish"].state is CheckState.GOOD
 
 
 def test_a_rig_that_is_not_there_is_no_finding(tmp_path: Path) -> None:
@@ -226,5 +226,5 @@ def test_the_simulated_rig_is_checked_and_nothing_is_left_running() -> None:
     states = {(one.device, one.what): one.state for one in report.findings}
     # how punctual it is depends on what else this machine does; what it is does not
     for what in (("drives", "status"), ("drives", "brakes"), ("drives", "pose"), ("gripper", "fingers")):
-        assert states[what] is State.GOOD, report
+        assert states[what] is CheckState.GOOD, report
     assert {device for device, _ in states} == {"robot", "drives", "gripper", "camera", "engine"}

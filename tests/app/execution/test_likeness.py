@@ -5,7 +5,7 @@ from __future__ import annotations
 import chess
 import pytest
 
-from app.measure.bench.vision_actions import Hands
+from app.measure.bench.vision_actions import ClumsyHands
 from app.measure.bench.vision_games import Eye, Scene, open_studio, random_game
 from app.pieces.layout import start_layout
 from hardware.table import TableSettings
@@ -29,7 +29,7 @@ def test_a_hidden_piece_that_was_knocked_over_does_not_look_as_it_did(seed: int,
         first = examine_board(frame, eye.view, expected, tolerance=OFF)
         assert first.faults == ()
         assert examine_board(scene.picture(), eye.view, expected, first.likeness, tolerance=OFF).faults == ()
-        hands = Hands(scene.table, TABLE, board, scene.rng)
+        hands = ClumsyHands(scene.table, TABLE, board, scene.rng)
         hands.knock(square)
         knocked = scene.photograph(hands.poses)
         assert examine_board(knocked, eye.view, expected, tolerance=OFF).faults == (), "it is a hidden one"

@@ -10,7 +10,7 @@ import pytest
 
 from app.execution.unseen_reply import pieces_of, reply_shown
 from app.pieces.layout import start_layout
-from hardware.sim.process.table_studio import Pose, TableStudio
+from hardware.sim.process.table_studio import PlacedPiece, TableStudio
 from hardware.sim.render.appearance import Looks
 from hardware.table import PieceSpec, TableSettings, square_place
 from tests.vision.rendering import studio_of
@@ -42,7 +42,7 @@ def reply(
         far = PERSON if before.piece_at(square) != after.piece_at(square) else 0.001
         shift = np.array(off) if far == PERSON and any(off) else rng.uniform(-far, far, 2)
         x, y = np.array(TABLE.xy(square_place(square))) + shift
-        poses.append(Pose(name, float(x), float(y), yaw=float(rng.uniform(-3.0, 3.0))))
+        poses.append(PlacedPiece(name, float(x), float(y), yaw=float(rng.uniform(-3.0, 3.0))))
     frame = studio.frame(poses, Looks(), seed)
     view = BoardView(frame.intrinsics, studio.camera_from_board(Looks().mount), TABLE)
     faults = examine_board(frame, view, pieces_of(before)).faults

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from app.measure.bench.vision_calibration import random_looks, random_mount, random_position
 from app.pieces.layout import start_layout
 from hardware.interfaces import Frame, Intrinsics
-from hardware.sim.process.table_studio import Pose, TableStudio
+from hardware.sim.process.table_studio import PlacedPiece, TableStudio
 from hardware.sim.render.appearance import Looks, MountSettings
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, piece_profile, square_place
 from tests.vision.rendering import studio_of
@@ -144,9 +144,9 @@ def test_what_is_wrong_is_told(studio: TableStudio) -> None:
         if square == chess.E2:
             continue
         if square == chess.F8:  # lies along the rank, on its flank
-            poses.append(Pose(names[square], x, y - 0.02, height=0.011, yaw=math.pi / 2.0, tip=math.pi / 2.0))
+            poses.append(PlacedPiece(names[square], x, y - 0.02, height=0.011, yaw=math.pi / 2.0, tip=math.pi / 2.0))
             continue
-        poses.append(Pose(piece.name, x + dx, y + dy, yaw=0.3 * square))
+        poses.append(PlacedPiece(piece.name, x + dx, y + dy, yaw=0.3 * square))
     frame = studio.frame(poses, Looks(), seed=5)
     view = BoardView(frame.intrinsics, studio.camera_from_board(MountSettings()), TABLE)
     faults = {fault.square: fault for fault in verify_board(frame, view, expected, 0.004)}

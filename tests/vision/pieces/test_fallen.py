@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.pieces.layout import start_layout
-from hardware.sim.process.table_studio import Pose as Put
+from hardware.sim.process.table_studio import PlacedPiece as Put
 from hardware.sim.process.table_studio import TableStudio
 from hardware.sim.render.appearance import Looks
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, TableSettings, square_place

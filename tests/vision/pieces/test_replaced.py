@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.pieces.layout import start_layout
-from hardware.sim.process.table_studio import Pose, TableStudio
+from hardware.sim.process.table_studio import PlacedPiece, TableStudio
 from hardware.sim.render.appearance import Looks
 from hardware.table import PieceSpec, Place, TableSettings
 from tests.vision.rendering import studio_of
@@ -39,13 +39,13 @@ def pictures(
     poses = {}
     for square, spec in SPECS.items():
         x, y = (np.array(TABLE.xy(spec.place)) + rng.uniform(-0.002, 0.002, 2)).tolist()
-        poses[square] = Pose(spec.name, x, y, yaw=float(rng.uniform(-3.0, 3.0)))
+        poses[square] = PlacedPiece(spec.name, x, y, yaw=float(rng.uniform(-3.0, 3.0)))
     first = studio.frame(poses.values(), Looks(), 1)
     moved: PieceSpec = SPECS[start]
     del poses[start]
     if end is not None:
         x, y = TABLE.xy(Place.parse(end))
-        poses[end] = Pose(moved.name, x + off[0], y + off[1], yaw=0.3)
+        poses[end] = PlacedPiece(moved.name, x + off[0], y + off[1], yaw=0.3)
     second = studio.frame(poses.values(), Looks(), 2)
     view = BoardView(first.intrinsics, studio.camera_from_board(Looks().mount), TABLE)
     return KnownPicture(first, view), KnownPicture(second, view)

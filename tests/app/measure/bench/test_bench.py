@@ -17,7 +17,7 @@ import app.measure.bench.law as law_bench
 from app.cli import app as command_line
 from app.measure.bench import BENCHES, UnknownBench, run_bench
 from app.measure.bench.parts import parts
-from app.measure.bench.recording import Recording, found, record
+from app.measure.bench.recording import TickRecording, found, record
 from app.measure.bench.report import BenchReport, Row, machine, row
 from app.measure.bench.start import Starts, start_once
 from controller.model.constants import DeltaModel
@@ -26,7 +26,7 @@ ROW_KEYS = {"unit", "n", "mean", "p50", "p99", "max", "limit", "holds"}
 
 
 @pytest.fixture(scope="module")
-def recording() -> Recording:
+def recording() -> TickRecording:
     return record(1500, seed=1)
 
 
@@ -47,7 +47,7 @@ def test_the_machine_is_described_without_its_name() -> None:
     assert " cores, " in machine()
 
 
-def test_a_recording_is_of_a_working_arm_and_repeats_exactly(recording: Recording) -> None:
+def test_a_recording_is_of_a_working_arm_and_repeats_exactly(recording: TickRecording) -> None:
     assert len(recording.ticks) == 1500
     assert recording.boot
     assert all(tick.reference is None for tick in recording.boot)
@@ -63,7 +63,7 @@ def test_a_recording_is_of_a_working_arm_and_repeats_exactly(recording: Recordin
     assert [t.angle for t in other.ticks] != [t.angle for t in recording.ticks]
 
 
-def test_the_law_gives_what_the_supervisor_commanded_to_the_last_bit(recording: Recording) -> None:
+def test_the_law_gives_what_the_supervisor_commanded_to_the_last_bit(recording: TickRecording) -> None:
     model = DeltaModel(recording.parameters)
     rows, _ = law_bench._verified(model, recording)
     assert rows["differing_ticks"].max == 0.0
@@ -79,7 +79,7 @@ def test_the_law_gives_what_the_supervisor_commanded_to_the_last_bit(recording: 
     assert not rows["differing_ticks"].holds
 
 
-def test_the_parts_compute_what_the_tick_does(recording: Recording) -> None:
+def test_the_parts_compute_what_the_tick_does(recording: TickRecording) -> None:
     """Each part's sum over some ticks equals the one from the law's own state."""
     model = DeltaModel(recording.parameters)
     _, poses = law_bench._verified(model, recording)
@@ -99,7 +99,7 @@ def test_the_parts_compute_what_the_tick_does(recording: Recording) -> None:
         assert part(slice(0, 50)) == pytest.approx(expected[name], rel=1e-10 if name == "jacobian" else 1e-12), name
 
 
-def test_ticks_are_timed_one_by_one(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ticks_are_timed_one_by_one(recording: TickRecording, monkeypatch: pytest.MonkeyPatch) -> None:
     ticks = iter(range(10**9))
     monkeypatch.setattr(law_bench, "perf_counter_ns", lambda: 1000 * next(ticks))
     rows = law_bench._timed(DeltaModel(recording.parameters), recording, rounds=2)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.measure.bench.finger import PROFILES, RELEASED, WITHIN, Missed, Trial, in_the_air, meet, on_the_board
+from app.measure.bench.finger import PROFILES, RELEASED, WITHIN, FingerTrial, Missed, in_the_air, meet, on_the_board
 from controller.protection.limits import Limits, default_limits
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.finger_world import STIFFNESS, Finger, build_finger_world, finger_force
@@ -17,8 +17,10 @@ from hardware.sim.plant.plant import Plant
 from hardware.table import TableSettings
 
 PARAMETERS = load_parameters()
-CLAMPED = Trial(np.array([0.0, 0.0, 0.12]), np.array([0.0, 0.0, 0.012]), Finger((0.013, 0.0, 0.008), clamped=True))
-FREE = Trial(np.array([-0.1, 0.0, 0.10]), np.array([0.1, 0.0, 0.10]), Finger((0.02, 0.0, 0.10), clamped=False))
+CLAMPED = FingerTrial(
+    np.array([0.0, 0.0, 0.12]), np.array([0.0, 0.0, 0.012]), Finger((0.013, 0.0, 0.008), clamped=True)
+)
+FREE = FingerTrial(np.array([-0.1, 0.0, 0.10]), np.array([0.1, 0.0, 0.10]), Finger((0.02, 0.0, 0.10), clamped=False))
 
 
 def test_the_finger_is_a_spring_of_its_stiffness_before_a_mass_that_rests_by_itself() -> None:
@@ -35,7 +37,7 @@ def test_the_finger_is_a_spring_of_its_stiffness_before_a_mass_that_rests_by_its
 
 @pytest.mark.parametrize("trial", [CLAMPED, FREE], ids=["clamped", "free"])
 @pytest.mark.parametrize("profile", PROFILES)
-def test_a_finger_feels_no_more_than_the_profile_says_and_is_freed(trial: Trial, profile: str) -> None:
+def test_a_finger_feels_no_more_than_the_profile_says_and_is_freed(trial: FingerTrial, profile: str) -> None:
     limits, most = PROFILES[profile]
     felt = meet(trial, limits, PARAMETERS)
     assert RELEASED < felt.peak < most
@@ -67,7 +69,7 @@ def test_a_refused_move_is_told() -> None:
 
 
 @pytest.mark.parametrize("kind", [in_the_air, on_the_board])
-def test_trials_repeat_with_their_seed(kind: Callable[..., Trial]) -> None:
+def test_trials_repeat_with_their_seed(kind: Callable[..., FingerTrial]) -> None:
     first, again, other = (kind(PARAMETERS, np.random.default_rng(seed)) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.start, again.start)
     assert first.finger == again.finger

@@ -144,14 +144,29 @@ def test_no_law_exceeds_a_bound_anywhere(polygon, data, law):
     np.testing.assert_allclose(moved, mean, atol=trapezoidal + 2e-6 + 1e-3 * np.abs(velocity).max())
 
 
+@settings(max_examples=60, deadline=None)
+@given(polygons(), bounds)
+def test_no_law_is_slower_than_ruckigs(polygon, bound):
+    points, tangents = polygon
+    path, each = blend(points, tangents), [bound] * (len(points) - 1)
+    assert time_law(path, each).duration <= time_law(path, each, Law.RUCKIG).duration
+
+
 @settings(max_examples=20, deadline=None)
 @given(polygons())
-def test_the_refined_law_is_hardly_ever_slower_than_ruckigs(polygon):
+def test_corners_at_a_constant_speed_beat_stopping_at_each(polygon):
     points, tangents = polygon
     path, each = blend(points, tangents), [BOUNDS] * (len(points) - 1)
-    refined, first = time_law(path, each).duration, time_law(path, each, Law.RUCKIG).duration
-    assert refined <= 1.005 * first
-    assert first <= 1.5 * sum(len(line(a, b, BOUNDS, TICK)) for a, b in pairwise(points)) * TICK
+    stops = sum(len(line(a, b, BOUNDS, TICK)) for a, b in pairwise(points)) * TICK
+    assert time_law(path, each, Law.RUCKIG).duration <= 1.5 * stops
+
+
+def test_a_gentle_corner_costs_next_to_nothing():
+    """Of the same length without its corner the path takes 0.3323 s by Ruckig, which is the optimum there."""
+    points = np.array([[0.0, 0.0, 0.3125], [0.125, 0.0, 0.25], [0.1875, 0.0, 0.25]])
+    path = blend(points, np.array([0.0234375]))
+    straight = len(line(np.zeros(3), np.array([path.total, 0.0, 0.0]), BOUNDS, TICK)) * TICK
+    assert time_law(path, [BOUNDS] * 2).duration < 1.01 * straight
 
 
 def test_a_right_angle_is_passed_almost_as_quickly_as_is_possible():
