@@ -16,7 +16,7 @@ import numpy as np
 
 from app.execution.recovery_plans import Strayed, in_order, plan_making_way, plan_righting
 from app.measure.bench.bed import LEAD, Bed, plant_of
-from app.measure.bench.report import BenchReport, machine, row
+from app.measure.bench.report import BenchReport, row
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from app.motion.path import Vector
 from app.motion.plan import InTheWay
@@ -67,10 +67,7 @@ def fallen_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
         "unmended": row(unmended, "1", UNMENDED_LIMIT, "mean"),
         "plans": row(plans, "1"),
     }
-    return BenchReport(
-        bench="fallen", seed=SEED, pace="fast", machine=machine(), holds=all(one.holds for one in rows.values()),
-        rows=rows,
-    )  # fmt: skip
+    return BenchReport.of("fallen", SEED, rows)
 
 
 def _set() -> tuple[PieceSpec, ...]:

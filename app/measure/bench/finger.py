@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from app.measure.bench.bed import Bed
-from app.measure.bench.report import BenchReport, Row, machine, row
+from app.measure.bench.report import BenchReport, Row, row
 from app.motion import MotionSettings
 from app.motion.gains import critical
 from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
@@ -162,9 +162,7 @@ def finger_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
         for kind in KINDS:
             progress(f"{trials} fingers, {kind}, profile {profile}")
             rows |= _rows(f"{profile}_{kind}", _trials(kind, trials, limits, parameters), limit)
-    return BenchReport(
-        bench="finger", seed=SEED, pace="fast", machine=machine(), holds=all(r.holds for r in rows.values()), rows=rows
-    )
+    return BenchReport.of("finger", SEED, rows)
 
 
 def _trials(kind: str, count: int, limits: ContactLimits, parameters: RobotParameters) -> list[Felt]:

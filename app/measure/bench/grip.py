@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.measure.bench.bed import LEAD, Bed, plant_of
-from app.measure.bench.report import BenchReport, machine, row
+from app.measure.bench.report import BenchReport, row
 from app.motion import PROFILES, MotionSettings, Plan, Profile, plan_ply
 from app.motion.path import Vector
 from app.motion.timing.reference import Bounds, join, line, to_samples
@@ -73,10 +73,7 @@ def grip_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
         "dropped": row([share], "%", DROP_LIMIT, "max"),
         "grasps": row([grasped.done], "1"),
     }
-    return BenchReport(
-        bench="grip", seed=SEED, pace="fast", machine=machine(), holds=all(one.holds for one in rows.values()),
-        rows=rows,
-    )  # fmt: skip
+    return BenchReport.of("grip", SEED, rows)
 
 
 # a king, shaken

@@ -15,7 +15,7 @@ import numpy as np
 
 from app.measure.bench.parts import Poses, nothing, time_parts
 from app.measure.bench.recording import Tick, TickRecording, found, record
-from app.measure.bench.report import BenchReport, Row, machine, row
+from app.measure.bench.report import BenchReport, Row, row
 from app.measure.bench.start import measure_starts
 from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.compiled import FloatArray
@@ -54,9 +54,7 @@ def law_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
     starts = measure_starts(3 if quick else 7)
     rows["first_compile"] = row([starts.first], "s", FIRST_COMPILE_LIMIT)
     rows["cached_start"] = row(starts.cached, "s", CACHED_START_LIMIT)
-    return BenchReport(
-        bench="law", seed=SEED, pace="fast", machine=machine(), holds=all(one.holds for one in rows.values()), rows=rows
-    )
+    return BenchReport.of("law", SEED, rows)
 
 
 def replayed(model: DeltaModel, recording: TickRecording) -> TaskSpaceController:

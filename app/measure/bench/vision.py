@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from app.measure.bench.report import BenchReport, Row, machine
+from app.measure.bench.report import BenchReport, Row
 from app.measure.bench.vision_actions import action_rows
 from app.measure.bench.vision_calibration import calibration_rows, centre_rows
 from app.measure.bench.vision_find import find_rows
@@ -48,6 +48,4 @@ def vision_bench(quick: bool, progress: Progress, photos: Path | None = None) ->
     else:
         rows |= photo_rows(folder, progress)
         rows |= find_rows(folder, progress)
-    return BenchReport(
-        bench="vision", seed=0, pace="fast", machine=machine(), holds=all(one.holds for one in rows.values()), rows=rows
-    )
+    return BenchReport.of("vision", 0, rows)
