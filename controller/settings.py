@@ -30,29 +30,29 @@ class ControllerSettings(BaseModel):
     hold_damping: PositiveFloat = 140.0
     """k_v of each axis until the first motion sets its own: 2ω [1/s]."""
     stop_stiffness: PositiveFloat = 400.0
-    """Least k_p of each axis during and after an own stop: ω = 20 rad/s, firm enough to rest, too soft to press
+    """Least k_p of each axis during and after a controlled stop: ω = 20 rad/s, firm enough to rest, too soft to press
     hard [1/s²]."""
     stop_damping: PositiveFloat = 40.0
-    """Least k_v of each axis during and after an own stop [1/s]."""
+    """Least k_v of each axis during and after a controlled stop [1/s]."""
     held_force: PositiveFloat = 0.5
     """A controller that starts with both pads feeling this has a piece in its fingers [N] …"""
     holding_speed: PositiveFloat = 0.025
     """… and goes on pressing with this velocity of each finger [m/s]: 4 N in stall, what a grasp presses with."""
-    yield_damping: PositiveFloat = 40.0
-    """k_v of each axis while yielding [1/s]: from 0.8 m/s the tool comes to rest within 20 mm, and a finger that pushes
-    it away at 0.1 m/s feels 4 N."""
-    yield_ticks: PositiveInt = 227
-    """The arm yields for at least so long [ticks]: 0.2 s."""
-    yield_speed: PositiveFloat = 0.01
-    """A tool slower than this rests, and yielding ends [m/s]."""
+    compliant_damping: PositiveFloat = 40.0
+    """k_v of each axis in compliant mode [1/s]: from 0.8 m/s the tool comes to rest within 20 mm, and a finger that
+    pushes it away at 0.1 m/s feels 4 N."""
+    compliant_ticks: PositiveInt = 227
+    """Compliant mode lasts at least so long [ticks]: 0.2 s."""
+    compliant_speed: PositiveFloat = 0.01
+    """A tool slower than this rests, and compliant mode ends [m/s]."""
     letting_go_speed: PositiveFloat = 0.05
     """Of each finger that opens because it pressed too hard [m/s]."""
     letting_go_ticks: PositiveInt = 455
     """For how long at most [ticks]: 0.4 s."""
     stop_acceleration: PositiveFloat = 25.0
-    """Bound of the own stop [m/s²]; from 0.8 m/s it takes 57 ms and 23 mm."""
+    """Bound of the controlled stop [m/s²]; from 0.8 m/s it takes 57 ms and 23 mm."""
     stop_jerk: PositiveFloat = 1000.0
-    """Bound of the own stop [m/s³]."""
+    """Bound of the controlled stop [m/s³]."""
     capacity: PositiveInt = 8192
     """Samples kept ahead [samples]: 7.2 s."""
     max_lead: PositiveInt = 11364

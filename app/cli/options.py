@@ -94,7 +94,7 @@ _FIELDS: Final = {
     "engine": "engine.path", "movetime": "engine.move_time", "nodes": "engine.nodes", "book": "engine.book",
     "white_engine": "white.path", "white_elo": "white.elo", "white_book": "white.book", "white_clock": "white.time",
     "black_engine": "black.path", "black_elo": "black.elo", "black_book": "black.book", "black_clock": "black.time",
-    "clock": "clock.time", "verify": "vision.pieces.verify", "guard": "vision.guard", "out": "out",
+    "clock": "clock.time", "verify": "vision.verify", "guard": "vision.guard", "out": "out",
 }  # fmt: skip
 """The field of the settings that each parameter of a command sets."""
 

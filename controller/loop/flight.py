@@ -35,7 +35,8 @@ from controller.protocol.messages import Announce
 ORDERLY: Final = frozenset({Cause.NONE, Cause.HOLD_COMMAND, Cause.STOP_COMMAND, Cause.SHUTDOWN})
 """Causes that somebody asked for; every other one is written to disk."""
 AFTERMATH: Final = 0.25
-"""What a file still holds after a fault [s of plant time]: the longest own stop and the closing of the brakes."""
+"""What a file still holds after a fault [s of plant time]: the longest controlled stop and the closing of the
+brakes."""
 PATIENCE: Final = 0.5
 """The same in wall time, where plant time stands [s]."""
 _ORDERS: Final = 64

@@ -1,4 +1,4 @@
-"""What the law follows: at rest, along a motion's samples, or through an own stop."""
+"""What the law follows: at rest, along a motion's samples, or through a controlled stop."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Reference:
 
     @property
     def stopping(self) -> bool:
-        """Whether an own stop is under way."""
+        """Whether a controlled stop is under way."""
         return self._stop is not None
 
     def hold_at(self, position: NDArray[np.float64]) -> None:
@@ -74,30 +74,30 @@ class Reference:
         np.maximum(self.row[DAMPING], self._settings.stop_damping, out=self.row[DAMPING])
         self.finger_velocity = min(0.0, self.finger_velocity)
 
-    def yield_at(self, position: list[float]) -> None:
+    def comply_at(self, position: list[float]) -> None:
         """No stiffness and no tactile feedback: gravity and damping only; the fingers as in `relax`."""
         self.row[:] = 0.0
         self.row[POSITION] = position
-        self.row[DAMPING] = self._settings.yield_damping
+        self.row[DAMPING] = self._settings.compliant_damping
         self.finger_velocity = min(0.0, self.finger_velocity)
         self._stop = None
 
     def rest_softly(self, position: list[float]) -> None:
-        """Rest at a position [m] with the gains of an own stop, which a person can push aside."""
+        """Rest at a position [m] with the gains of a controlled stop, which a person can push aside."""
         self.row[:] = 0.0
         self.row[POSITION] = position
         self.row[STIFFNESS] = self._settings.stop_stiffness
         self.row[DAMPING] = self._settings.stop_damping
 
     def begin_stop(self) -> None:
-        """Plan an own stop from the last marked tick on, unless one is under way."""
+        """Plan a controlled stop from the last marked tick on, unless one is under way."""
         if self._stop is None:
             r, settings = self.row, self._settings
             self._stop_tick = self._tick
             self._stop = plan_stop(r[0:3], r[3:6], r[6:9], settings.stop_acceleration, settings.stop_jerk)
 
     def slow_down(self, tick: int) -> bool:
-        """The own stop's reference at a tick; true once it is over."""
+        """The controlled stop's reference at a tick; true once it is over."""
         stop = self._stop
         assert stop is not None
         time = (tick - self._stop_tick) * self._period

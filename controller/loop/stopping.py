@@ -1,4 +1,4 @@
-"""The controller's own stop: from any reference state to rest under bounds on acceleration and jerk, in closed form.
+"""A controlled stop: from any reference state to rest under bounds on acceleration and jerk, in closed form.
 
 Speed v and acceleration a of one axis are brought to zero in at most three phases: jerk ±j to a peak acceleration A,
 a stretch of constant A, jerk back to zero. With s the sign that the peak must have and α = s·a,

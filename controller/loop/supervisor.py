@@ -103,14 +103,14 @@ class Supervisor:
         self._given: Triple | None = None
         self._guarding, self._loose = False, 0
         self._untouched = 0.0
-        self._yielding = self._letting_go = 0
+        self._compliant_ticks = self._letting_go = 0
         self._lockstep = lockstep
         self._armed = True
         self._retiring = self._parking = False
         self._energised = False
         self._since = -1
         self._braked = True
-        self._trip = False
+        self._protective = False
         self._enable_asked = False
         self._fresh = True
 
@@ -224,30 +224,35 @@ class Supervisor:
         return self._loose >= _LOOSE_TICKS
 
     def _slow_down(self, tick: int) -> None:
-        """Reference of this tick from the own stop, or none while yielding."""
-        if self._yielding:
-            self._go_on_yielding()
+        """Reference of this tick from the controlled stop, or none in compliant mode."""
+        if self._compliant_ticks:
+            self._stay_compliant()
         elif self.reference.slow_down(tick):
-            self._enter(Event.TRIPPED_AT_REST if self._trip else Event.AT_REST)
+            self._enter(Event.PROTECTIVE_STOP_AT_REST if self._protective else Event.AT_REST)
 
-    def _go_on_yielding(self) -> None:
+    def _stay_compliant(self) -> None:
         """Until the tool rests, but not for too short a time; then hold softly where it is."""
-        self._yielding += 1
+        self._compliant_ticks += 1
         position, velocity = self.law.state.position.tolist(), self.law.state.velocity.tolist()
-        self.reference.yield_at(position)
-        if self._yielding > self._settings.yield_ticks and math.hypot(*velocity) < self._settings.yield_speed:
-            self._yielding = 0
+        self.reference.comply_at(position)
+        if (
+            self._compliant_ticks > self._settings.compliant_ticks
+            and math.hypot(*velocity) < self._settings.compliant_speed
+        ):
+            self._compliant_ticks = 0
             self.reference.rest_softly(position)
-            self._enter(Event.TRIPPED_AT_REST if self._trip else Event.AT_REST)
+            self._enter(Event.PROTECTIVE_STOP_AT_REST if self._protective else Event.AT_REST)
 
     def _watch(self, measurement: Measurement) -> None:
-        """Protection that looks at tool, fingers and motors; while the arm yields already, only at the latter two."""
-        if not (self._yielding or self._letting_go) and self._protection.well(
+        """Protection that looks at tool, fingers and motors; while the arm is compliant already, only at the latter
+        two.
+        """
+        if not (self._compliant_ticks or self._letting_go) and self._protection.well(
             self.law.memory, self.reference.row, self.force, measurement.tactile, self.torque
         ):
             return
         trouble = self._protection.fingers(measurement.tactile) or self._protection.motors(self.torque)
-        if not self._yielding:
+        if not self._compliant_ticks:
             state, row = self.law.state, self.reference.row.tolist()
             position = state.position.tolist()
             trouble = (
@@ -266,31 +271,31 @@ class Supervisor:
     def _react(self, trouble: Violation) -> None:
         """Do what a cause asks for; what goes on already is not begun again."""
         reaction = REACTIONS[trouble.cause]
-        if reaction is Reaction.BREAK:
-            self._break(trouble)
-        elif reaction is Reaction.TRIP:
-            if not self._trip:
-                self.stop(trouble, Event.TRIP)
-        elif reaction is Reaction.YIELD:
-            self._yield(trouble)
+        if reaction is Reaction.BRAKE:
+            self._brake(trouble)
+        elif reaction is Reaction.PROTECTIVE_STOP:
+            if not self._protective:
+                self.stop(trouble, Event.PROTECTIVE_STOP)
+        elif reaction is Reaction.COMPLIANT:
+            self._comply(trouble)
         elif not self._letting_go:
             self.stop(trouble)
             self.admitting = False
             self._letting_go = self._settings.letting_go_ticks
 
-    def _yield(self, cause: Violation) -> None:
+    def _comply(self, cause: Violation) -> None:
         """Something is in the way: drop the motion and give way."""
         self._drop(cause)
-        self._yielding = 1
+        self._compliant_ticks = 1
         self.admitting = False
-        self.reference.yield_at(self.law.state.position.tolist())
-        self._enter(Event.YIELD)
+        self.reference.comply_at(self.law.state.position.tolist())
+        self._enter(Event.COMPLIANT)
 
     def _output(self, tactile: tuple[float, float]) -> None:
         """Law and limits: the torque of the next exchange."""
         torque = self.law.torque(self.reference.row, tactile)
         if not math.isfinite(torque[0] + torque[1] + torque[2]):
-            self._break(Violation(Cause.BAD_TORQUE, math.nan, 0.0))
+            self._brake(Violation(Cause.BAD_TORQUE, math.nan, 0.0))
             return
         limits = self._limits
         self.torque, clamped = clamp_torque(torque, self.torque, limits.torque, limits.torque_rate)
@@ -315,7 +320,7 @@ class Supervisor:
         if trouble is not None or speed > self._settings.rest_speed:
             self._energised, self.torque = False, _NO_TORQUE
             if waited > patience:
-                self._break(trouble or Violation(Cause.NOT_AT_REST, speed, float(patience)))
+                self._brake(trouble or Violation(Cause.NOT_AT_REST, speed, float(patience)))
             return
         if not self._armed or not self._energised:
             # a tick with the drives disabled comes first: it clears what their watchdog remembers
@@ -327,7 +332,7 @@ class Supervisor:
         if drives is None and status & _ENABLED:
             self._enter(Event.ENABLED)
         elif waited > patience:
-            self._break(drives or Violation(Cause.NOT_ENABLED, float(status), float(patience)))
+            self._brake(drives or Violation(Cause.NOT_ENABLED, float(status), float(patience)))
 
     def _switch_off(self, measurement: Measurement, trouble: Violation | None) -> None:
         """Goes on holding while the brakes close, then disables and waits for rest."""
@@ -413,7 +418,7 @@ class Supervisor:
         elif code is CommandCode.ENABLE:
             self._enable()
         elif code is CommandCode.CLEAR_FAULT and self.state is State.FAULT:
-            self._armed = self._trip = False
+            self._armed = self._protective = False
             self._enter(Event.CLEAR)
 
     # stops and ends
@@ -423,13 +428,13 @@ class Supervisor:
 
         Args:
             cause: why.
-            event: STOP to hold afterwards, TRIP to brake afterwards.
+            event: STOP to hold afterwards, PROTECTIVE_STOP to brake afterwards.
         """
-        self._trip = self._trip or event is Event.TRIP
+        self._protective = self._protective or event is Event.PROTECTIVE_STOP
         self.awaiting = False
         if self.state in BRAKED:
             return
-        if self._yielding:  # that ends at rest, too, and the cause of it matters more
+        if self._compliant_ticks:  # that ends at rest, too, and the cause of it matters more
             return
         self._drop(cause)
         self._enter(event)
@@ -470,14 +475,14 @@ class Supervisor:
         self._since = self.measurement.tick
         self._enter(Event.RETIRE)
 
-    def _break(self, cause: Violation) -> None:
+    def _brake(self, cause: Violation) -> None:
         """Brakes at once."""
         self._drop(cause)
-        self._yielding = self._letting_go = 0
+        self._compliant_ticks = self._letting_go = 0
         self.reference.abandon()
         self._protection.reset()
         self._energised, self.torque = False, _NO_TORQUE
-        self._enter(Event.BREAK)
+        self._enter(Event.BRAKE)
 
     def _succeed(self, result: Result) -> None:
         """The motion reached its end or its guard: the reference rests there, gains and fingers stay."""
@@ -508,7 +513,7 @@ class Supervisor:
         self._fresh = self._fresh and self.state is State.BOOT
         if not foreseen:
             self.cause = Violation(Cause.UNKNOWN_EVENT, float(event), float(before))
-        if self.state is State.STOPPING and not self._yielding:
+        if self.state is State.STOPPING and not self._compliant_ticks:
             self.reference.begin_stop()
         if self.state is State.FAULT:
             self._energised, self.torque = False, _NO_TORQUE

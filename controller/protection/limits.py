@@ -27,14 +27,14 @@ class Reaction(IntEnum):
     REFUSE = 0
     """The motion does not begin; under way it is stopped."""
     STOP = 1
-    """Own jerk-limited stop, then hold."""
+    """Controlled, jerk-limited stop, then hold."""
     LET_GO = 2
     """The same, and the fingers open."""
-    YIELD = 3
+    COMPLIANT = 3
     """No stiffness, gravity and damping only, until the arm rests; then a soft hold, no motions until resume."""
-    TRIP = 4
-    """Own stop, then brakes."""
-    BREAK = 5
+    PROTECTIVE_STOP = 4
+    """Controlled stop, then brakes."""
+    BRAKE = 5
     """Brakes at once."""
 
 
@@ -49,22 +49,22 @@ REACTIONS: dict[Cause, Reaction] = {
     Cause.GRIP_LOST: Reaction.STOP,
     Cause.GRIP_FORCE: Reaction.LET_GO,
     Cause.TACTILE_OVERLOAD: Reaction.LET_GO,
-    Cause.TRACKING: Reaction.YIELD,
-    Cause.TOOL_SPEED: Reaction.YIELD,
-    Cause.TOOL_OUTSIDE: Reaction.YIELD,
-    Cause.PRESSING: Reaction.YIELD,
-    Cause.RMS_TORQUE: Reaction.TRIP,
-    Cause.MODEL: Reaction.BREAK,
-    Cause.DRIVE_FAULT: Reaction.BREAK,
-    Cause.WATCHDOG: Reaction.BREAK,
-    Cause.OVERSPEED: Reaction.BREAK,
-    Cause.NOT_ENABLED: Reaction.BREAK,
-    Cause.BAD_MEASUREMENT: Reaction.BREAK,
-    Cause.BAD_TORQUE: Reaction.BREAK,
-    Cause.NOT_AT_REST: Reaction.BREAK,
-    Cause.ENCODER: Reaction.BREAK,
-    Cause.JOINT_SPEED: Reaction.BREAK,
-    Cause.JOINT_RANGE: Reaction.BREAK,
+    Cause.TRACKING: Reaction.COMPLIANT,
+    Cause.TOOL_SPEED: Reaction.COMPLIANT,
+    Cause.TOOL_OUTSIDE: Reaction.COMPLIANT,
+    Cause.PRESSING: Reaction.COMPLIANT,
+    Cause.RMS_TORQUE: Reaction.PROTECTIVE_STOP,
+    Cause.MODEL: Reaction.BRAKE,
+    Cause.DRIVE_FAULT: Reaction.BRAKE,
+    Cause.WATCHDOG: Reaction.BRAKE,
+    Cause.OVERSPEED: Reaction.BRAKE,
+    Cause.NOT_ENABLED: Reaction.BRAKE,
+    Cause.BAD_MEASUREMENT: Reaction.BRAKE,
+    Cause.BAD_TORQUE: Reaction.BRAKE,
+    Cause.NOT_AT_REST: Reaction.BRAKE,
+    Cause.ENCODER: Reaction.BRAKE,
+    Cause.JOINT_SPEED: Reaction.BRAKE,
+    Cause.JOINT_RANGE: Reaction.BRAKE,
 }
 """By cause; those not named are refusals."""
 
@@ -159,14 +159,14 @@ WHY: dict[str, Why] = {
     "finger_speed": Why("m/s", "refuse", "the gripper's own limit"),
     "tracking_acceleration": Why(
         "m/s²",
-        "yield",
+        "compliant",
         "k_p times the error along an axis: 13 N at 1.08 kg; 2.4 mm in the air, where 0.5 mm are usual",
     ),
     "tracking_least": Why("m", "-", "an axis however stiff may be so far from its reference"),
-    "tracking_most": Why("m", "yield", "and one however soft no farther: a touch-down wants 10 mm"),
-    "outside": Why("m", "yield", "beyond the workspace box: an own stop near its border ends within 25 mm"),
+    "tracking_most": Why("m", "compliant", "and one however soft no farther: a touch-down wants 10 mm"),
+    "outside": Why("m", "compliant", "beyond the workspace box: a controlled stop near its border ends within 25 mm"),
     "tool_speed": Why(
-        "m/s", "yield", "measured; the fastest reference and what tracking adds: else something flings it"
+        "m/s", "compliant", "measured; the fastest reference and what tracking adds: else something flings it"
     ),
     "joint_middle": Why("rad", "-", "servomotor angles with the tool in the middle of the workspace box"),
     "joint_range": Why(
@@ -177,7 +177,9 @@ WHY: dict[str, Why] = {
     "encoder_way": Why(
         "rad", "brakes", "asked for without one count of change, while another servomotor moves as asked: 13,000 counts"
     ),
-    "press_force": Why("N", "yield", "a person's hand bears far more; no motion of ours presses so hard for so long"),
+    "press_force": Why(
+        "N", "compliant", "a person's hand bears far more; no motion of ours presses so hard for so long"
+    ),
     "grip_force": Why("N", "let go", "the gripper's motor gives 12 N; a piece is held with 5"),
     "force_ticks": Why("ticks", "-", "0.3 s: how long either may last"),
     "tactile": Why("N", "let go", "beyond what the sensors measure; two fingers' motor cannot cause it"),

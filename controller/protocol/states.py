@@ -16,7 +16,7 @@ class State(IntEnum):
     TRACK = 2
     """A motion was admitted; follows its samples from their first tick on."""
     STOPPING = 3
-    """Own jerk-limited stop along the direction of travel; or yielding, without stiffness."""
+    """Controlled, jerk-limited stop along the direction of travel; or compliant mode, without stiffness."""
     FAULT = 4
     """On the brakes until the fault is cleared."""
     OFF = 5
@@ -35,15 +35,15 @@ class Event(IntEnum):
     """The motion's last sample or its guard was reached, or it was refused before its start."""
     STOP = 3
     """Hold, stop, underrun, sample out of limits, client lost."""
-    TRIP = 4
+    PROTECTIVE_STOP = 4
     """A limit that wants the brakes once the stop is over."""
-    YIELD = 10
+    COMPLIANT = 10
     """Something is in the way: no stiffness, gravity and damping only, until the arm rests."""
     AT_REST = 5
-    """The own stop is over."""
-    TRIPPED_AT_REST = 6
-    """The own stop that a TRIP began is over."""
-    BREAK = 7
+    """The controlled stop is over."""
+    PROTECTIVE_STOP_AT_REST = 6
+    """The controlled stop that a PROTECTIVE_STOP began is over."""
+    BRAKE = 7
     """Something that cannot be controlled any more: brakes at once."""
     CLEAR = 8
     """The fault was cleared by command."""
@@ -56,36 +56,36 @@ class Event(IntEnum):
 TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.BOOT, Event.ENABLED): State.HOLD,
     (State.BOOT, Event.STOP): State.BOOT,
-    (State.BOOT, Event.YIELD): State.BOOT,
-    (State.BOOT, Event.BREAK): State.FAULT,
+    (State.BOOT, Event.COMPLIANT): State.BOOT,
+    (State.BOOT, Event.BRAKE): State.FAULT,
     (State.BOOT, Event.RETIRE): State.OFF,
     (State.HOLD, Event.ANNOUNCED): State.TRACK,
     (State.HOLD, Event.STOP): State.HOLD,
-    (State.HOLD, Event.TRIP): State.FAULT,
-    (State.HOLD, Event.YIELD): State.STOPPING,
-    (State.HOLD, Event.BREAK): State.FAULT,
+    (State.HOLD, Event.PROTECTIVE_STOP): State.FAULT,
+    (State.HOLD, Event.COMPLIANT): State.STOPPING,
+    (State.HOLD, Event.BRAKE): State.FAULT,
     (State.HOLD, Event.RETIRE): State.OFF,
     (State.TRACK, Event.ENDED): State.HOLD,
     (State.TRACK, Event.STOP): State.STOPPING,
-    (State.TRACK, Event.TRIP): State.STOPPING,
-    (State.TRACK, Event.YIELD): State.STOPPING,
-    (State.TRACK, Event.BREAK): State.FAULT,
+    (State.TRACK, Event.PROTECTIVE_STOP): State.STOPPING,
+    (State.TRACK, Event.COMPLIANT): State.STOPPING,
+    (State.TRACK, Event.BRAKE): State.FAULT,
     (State.STOPPING, Event.STOP): State.STOPPING,
-    (State.STOPPING, Event.TRIP): State.STOPPING,
-    (State.STOPPING, Event.YIELD): State.STOPPING,
+    (State.STOPPING, Event.PROTECTIVE_STOP): State.STOPPING,
+    (State.STOPPING, Event.COMPLIANT): State.STOPPING,
     (State.STOPPING, Event.AT_REST): State.HOLD,
-    (State.STOPPING, Event.TRIPPED_AT_REST): State.FAULT,
-    (State.STOPPING, Event.BREAK): State.FAULT,
+    (State.STOPPING, Event.PROTECTIVE_STOP_AT_REST): State.FAULT,
+    (State.STOPPING, Event.BRAKE): State.FAULT,
     (State.FAULT, Event.STOP): State.FAULT,
-    (State.FAULT, Event.TRIP): State.FAULT,
-    (State.FAULT, Event.YIELD): State.FAULT,
-    (State.FAULT, Event.BREAK): State.FAULT,
+    (State.FAULT, Event.PROTECTIVE_STOP): State.FAULT,
+    (State.FAULT, Event.COMPLIANT): State.FAULT,
+    (State.FAULT, Event.BRAKE): State.FAULT,
     (State.FAULT, Event.CLEAR): State.BOOT,
     (State.FAULT, Event.RETIRE): State.OFF,
     (State.OFF, Event.STOP): State.OFF,
-    (State.OFF, Event.TRIP): State.OFF,
-    (State.OFF, Event.YIELD): State.OFF,
-    (State.OFF, Event.BREAK): State.OFF,
+    (State.OFF, Event.PROTECTIVE_STOP): State.OFF,
+    (State.OFF, Event.COMPLIANT): State.OFF,
+    (State.OFF, Event.BRAKE): State.OFF,
     (State.OFF, Event.RETIRE): State.OFF,
     (State.OFF, Event.PARKED): State.BOOT,
 }

@@ -36,8 +36,8 @@ _RESEND = 0.06
 sent of a motion at first, and to say so."""
 _AHEAD = 20 * SAMPLES_PER_DATAGRAM
 """Samples sent ahead of the executed one: 0.18 s. A client that dies leaves no more of its motion behind than that, and
-the arm's own stop takes up to 0.1 s more; a loss can be mended by two repetitions or three, and a pause of the network,
-or of this process, for so long does not show in the motion."""
+the controlled stop takes up to 0.1 s more; a loss can be mended by two repetitions or three, and a pause of the
+network, or of this process, for so long does not show in the motion."""
 _LEAD_LOCKSTEP = 8
 _LEAD_REAL_TIME = 30
 _COMMAND_TIMEOUT = 5.0

@@ -144,7 +144,7 @@ def _explain(ended: Ended) -> None:
     """A motion is over before the finger felt much: it missed it, gave way at once, or never began."""
     if ended.result is Result.DONE:
         raise Missed
-    if REACTIONS.get(ended.reason.cause) is Reaction.YIELD:
+    if REACTIONS.get(ended.reason.cause) is Reaction.COMPLIANT:
         return
     raise RuntimeError(f"the controller did not carry the move out: {explain(*ended.reason[:3])}")
 

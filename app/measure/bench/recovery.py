@@ -171,7 +171,7 @@ def play_one(seed: int, plies: int, tally: RecoveryTally, progress: Callable[[st
         settings = Settings().with_changes(
             {
                 "rig.pace": "fast", "rig.seed": seed, "rig.video": False, "rig.randomise": faults, "rig.linger": 2.0,
-                "rig.person": Colour.WHITE if seed % 2 else Colour.BLACK, "vision.pieces.verify": True,
+                "rig.person": Colour.WHITE if seed % 2 else Colour.BLACK, "vision.verify": True,
                 "game.moves": " ".join(move.uci() for move in line), "out": folder / "game",
             }
         )  # fmt: skip

@@ -44,8 +44,8 @@ REST_LIMIT: Final = 0.4
 """From the hand's crossing of the board's edge until the arm rests, plant time [s]."""
 FORCE_LIMIT: Final = 280.0
 """On a hand that comes into the arm's way and is free to give way, ISO/TS 15066: twice what a clamped one bears [N]."""
-OWN_STOP: Final = 0.12
-"""The controller's own stop takes no longer [s]; an arm that a hand reaches meanwhile gives way and rests later."""
+CONTROLLED_STOP: Final = 0.12
+"""A controlled stop takes no longer [s]; an arm that a hand reaches meanwhile gives way and rests later."""
 TOUCH: Final = 0.5
 """A hand that feels more is touched [N]."""
 FALSE_STOPS_LIMIT: Final = 1.0
@@ -212,7 +212,7 @@ def _note_stop(scene: HandScene, figures: HandFigures, follower: Follower, stopp
     rested = until(lambda: scene.rested(crossed), "an arm at rest")
     left_off = until(lambda: scene.left_off(crossed), "an arm that leaves off")
     force = max([force for when, force in list(follower.touches) if when <= rested], default=0.0)
-    if rested - left_off > OWN_STOP and force > TOUCH:
+    if rested - left_off > CONTROLLED_STOP and force > TOUCH:
         figures.yielded.append(max(0.0, left_off - crossed))
         figures.force.append(force)
     else:

@@ -25,7 +25,7 @@ CHANGES = st.fixed_dictionaries(
         "rig.pace": st.sampled_from(Pace), "rig.profile": st.sampled_from(Profile), "rig.seed": st.integers(0, 9),
         "rig.video": st.booleans(), "rig.name": TEXT, "game.plies": st.integers(0, 99),
         "engine.options": st.dictionaries(TEXT, st.integers(-(2**60), 2**60) | st.booleans() | TEXT),
-        "black.player": st.sampled_from(PlayerKind), "clock.time": st.just("5+3"), "vision.pieces.verify":
+        "black.player": st.sampled_from(PlayerKind), "clock.time": st.just("5+3"), "vision.verify":
         st.booleans(), "game.replay": st.just(Path("games/a b.pgn")),
     },
 )  # fmt: skip

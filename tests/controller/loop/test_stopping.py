@@ -1,4 +1,4 @@
-"""The own stop: laws of motion before samples, and Ruckig as the second opinion."""
+"""The controlled stop: laws of motion before samples, and Ruckig as the second opinion."""
 
 from __future__ import annotations
 

@@ -765,7 +765,7 @@ def test_retiring_at_rest_needs_no_new_tick_to_begin(rig: Rig) -> None:
     assert rig.supervisor.finished
 
 
-@pytest.mark.parametrize("event", [Event.BREAK, None])
+@pytest.mark.parametrize("event", [Event.BRAKE, None])
 def test_retiring_from_the_brakes(rig: Rig, event: Event | None) -> None:
     if event is None:
         rig.run(1)

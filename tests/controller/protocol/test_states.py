@@ -19,9 +19,9 @@ def test_what_is_not_foreseen_stops_the_arm(state: State, event: Event) -> None:
 
 
 @pytest.mark.parametrize("state", State)
-def test_every_state_knows_stop_and_break(state: State) -> None:
+def test_every_state_knows_stop_and_brake(state: State) -> None:
     assert TRANSITIONS[state, Event.STOP] in BRAKED | {State.HOLD, State.STOPPING}
-    assert TRANSITIONS[state, Event.BREAK] in BRAKED
+    assert TRANSITIONS[state, Event.BRAKE] in BRAKED
 
 
 def test_motions_begin_only_in_hold_and_only_parking_leads_out_of_off() -> None:

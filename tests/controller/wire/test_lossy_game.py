@@ -43,7 +43,7 @@ def test_a_line_over_a_bad_link_moves_every_piece_in_the_same_way(
         links.append(lossy_link(found.port, loss=0.3, repeats=0.1, delay=0.02))
         return ControllerClient("127.0.0.1", links[-1].port, found.key, **options)
 
-    monkeypatch.setattr("app.rig.sim.ControllerClient.from_run_directory", through_a_bad_link)
+    monkeypatch.setattr("app.rig.simulation.sim.ControllerClient.from_run_directory", through_a_bad_link)
     bad = play(tmp_path / "bad")
     assert len(links) == 1
     assert len(links[0].seen) > 300
