@@ -9,7 +9,6 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from types import TracebackType
 from typing import Self
 
 import mujoco
@@ -84,10 +83,8 @@ class TableStudio:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._still.__exit__(kind, error, trace)
+    def __exit__(self, *_: object) -> None:
+        self._still.close()
         self._device.close()
 
     def frame(self, poses: Iterable[PlacedPiece], looks: Looks, seed: int, hand: HandPose | None = None) -> Frame:
