@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from app.execution.recovery_plans import Strayed, in_order, plan_making_way, plan_righting
-from app.measure.bench.bed import LEAD, Bed, plant_of
+from app.measure.bench.beds.bed import LEAD, Bed, plant_of
 from app.measure.bench.report import BenchReport, row
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from app.motion.path import Vector

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from app.measure.bench.bed import Bed
+from app.measure.bench.beds.bed import Bed
 from app.measure.bench.report import BenchReport, Row, row
 from app.motion import MotionSettings
 from app.motion.gains import critical

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.bench.bed import LEAD, Bed, plant_of
+from app.measure.bench.beds.bed import LEAD, Bed, plant_of
 from app.measure.bench.report import BenchReport, row
 from app.motion import PROFILES, MotionSettings, Plan, Profile, plan_ply
 from app.motion.path import Vector

@@ -11,11 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from app.measure.bench.grasps import slides
+from app.measure.bench.beds.grasps import slides
+from app.measure.bench.beds.plies import Disorder, Done, Games
+from app.measure.bench.beds.touchdown import TARGET, Touchdown, set_down
 from app.measure.bench.optimum import NoOptimum, optimal_duration
-from app.measure.bench.plies import Disorder, Done, Games
 from app.measure.bench.report import BenchReport, Row, row
-from app.measure.bench.touchdown import TARGET, Touchdown, set_down
 from app.motion import PROFILES, Motion, MotionSettings, Profile
 from app.motion.path import STRAIGHT, Path, Vector, blend, turns
 from app.motion.settings import Law

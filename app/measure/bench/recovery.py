@@ -21,7 +21,7 @@ import numpy as np
 
 from app import UserError
 from app.measure.bench.report import BenchReport, row
-from app.measure.bench.vision_games import random_game
+from app.measure.bench.vision.games import random_game
 from app.play.launch import run_games
 from app.play.session import SessionResult
 from app.records import EVENTS_FILE, PlyEvent, read_events

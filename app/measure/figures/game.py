@@ -7,7 +7,7 @@ from typing import Final
 import chess
 import numpy as np
 
-from app.measure.bench.plies import Disorder, GameBed
+from app.measure.bench.beds.plies import Disorder, GameBed
 from app.measure.figures.drawing import GREY, WITH, WITHOUT, axes, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import PROFILES, Profile

@@ -8,7 +8,7 @@ import chess
 import numpy as np
 import pytest
 
-from app.measure.bench.bed import LEAD, Bed
+from app.measure.bench.beds.bed import LEAD, Bed
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, InventoryError, Transfer

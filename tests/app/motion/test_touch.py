@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.measure.bench.bed import Bed
+from app.measure.bench.beds.bed import Bed
 from app.motion.gains import critical
 from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
 from controller.protocol import Guard, Result

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from app.measure.bench import motion
+from app.measure.bench.beds.plies import Disorder, GameBed, positions
+from app.measure.bench.beds.touchdown import WOOD, Touchdown, set_down
 from app.measure.bench.optimum import optimal_duration
-from app.measure.bench.plies import Disorder, GameBed, positions
-from app.measure.bench.touchdown import WOOD, Touchdown, set_down
 from app.motion import PROFILES, Profile
 from app.motion.path import blend
 from app.motion.route import timed

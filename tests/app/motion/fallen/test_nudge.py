@@ -12,7 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from app.execution.recovery_plans import Blocked, Strayed, plan_pushing
-from app.measure.bench.bed import LEAD, Bed
+from app.measure.bench.beds.bed import LEAD, Bed
 from app.motion import MotionSettings
 from app.motion.arcs import Workcell
 from app.motion.fallen.lying import Lying, Strewn, crowd_of, discs_of

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.measure.bench.bed import LEAD, Bed
+from app.measure.bench.beds.bed import LEAD, Bed
 from app.motion import MotionSettings
 from app.motion.fallen.lying import Lying, Strip
 from app.motion.fallen.pivot_edge import Heeling, circle, eased, heel_of, reach

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Final
 
 from app.measure.bench.report import BenchReport, Row
-from app.measure.bench.vision_actions import action_rows
-from app.measure.bench.vision_calibration import calibration_rows, centre_rows
-from app.measure.bench.vision_find import find_rows
-from app.measure.bench.vision_games import game_rows, trouble_rows
-from app.measure.bench.vision_hand import hand_rows
-from app.measure.bench.vision_photos import VARIABLE, photo_folder, photo_rows
-from app.measure.bench.vision_turn import turn_rows
+from app.measure.bench.vision.actions import action_rows
+from app.measure.bench.vision.calibration import calibration_rows, centre_rows
+from app.measure.bench.vision.find import find_rows
+from app.measure.bench.vision.games import game_rows, trouble_rows
+from app.measure.bench.vision.hands import hand_rows
+from app.measure.bench.vision.photos import VARIABLE, photo_folder, photo_rows
+from app.measure.bench.vision.turns import turn_rows
 
 Progress = Callable[[str], None]
 

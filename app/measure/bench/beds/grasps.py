@@ -9,7 +9,7 @@ from typing import Final
 import chess
 import numpy as np
 
-from app.measure.bench.plies import Disorder, GameBed, positions
+from app.measure.bench.beds.plies import Disorder, GameBed, positions
 from app.motion import MotionSettings, plan_return
 from app.pieces.manipulation import MoveKind
 from hardware.parameters import RobotParameters

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import chess
 import numpy as np
 
-from app.measure.bench.bed import LEAD, Bed, plant_of
+from app.measure.bench.beds.bed import LEAD, Bed, plant_of
 from app.motion import MotionSettings, Plan, plan_ply
 from app.motion.path import Vector
 from app.pieces.layout import start_layout

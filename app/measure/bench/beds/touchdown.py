@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.bench.bed import LEAD, Bed
+from app.measure.bench.beds.bed import LEAD, Bed
 from app.motion import Motion, MotionSettings, plan_ply
 from app.pieces.manipulation import Inventory, Stage, Transfer
 from controller.protocol import Guard

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import chess
 import numpy as np
 
-from app.measure.bench.bed import LEAD, Bed, plant_of
+from app.measure.bench.beds.bed import LEAD, Bed, plant_of
 from app.motion import MotionSettings, plan_ply
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, transfers
