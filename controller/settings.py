@@ -72,8 +72,11 @@ class ControllerSettings(BaseModel):
     telemetry_interval: PositiveFloat = 0.020
     """Telemetry is sent at least this often in wall time [s]."""
     datagrams_per_tick: PositiveInt = 4
-    """Datagrams read in one tick of a lockstep bus, so that a flood cannot delay it. On a bus in real time it is one at
-    most: ten samples, of which a tick executes one."""
+    """The client's datagrams carried out in one tick of a lockstep bus. On a bus in real time it is one at most: ten
+    samples, of which a tick executes one."""
+    reading_time: PositiveFloat = 0.0002
+    """How long a tick may look for them among what strangers sent [s]: some 60 datagrams, so that a flood delays no
+    tick."""
     realtime: bool = True
     """Ask the system for SCHED_FIFO and locked memory, so that no other program delays a tick; without the privileges
     it runs, and says what is missing. Never on a lockstep bus, where nothing can be late."""

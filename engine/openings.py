@@ -19,6 +19,9 @@ LINES = 6
 NODES = 20_000
 """Positions searched at each ply: some 30 ms."""
 
+TABLE_MB = 16
+"""Of every opening engine [MiB], so that a player's settings do not change the opening of a seed."""
+
 WINDOW = 30
 """A move is sound when it loses at most this much against the best [centipawns]."""
 
@@ -27,13 +30,10 @@ MATE = 100_000
 
 
 def opening_engine(settings: EngineSettings) -> Engine:
-    """An engine for openings, not yet open: the player's binary and deadlines, but full strength on one thread.
-
-    The hash is fixed as well, so that a player's settings do not change the opening of a seed.
-    """
+    """An engine for openings, not yet open: the player's binary and deadlines, but full strength on one thread."""
     return Engine(
         EngineSettings(
-            path=settings.path, hash_mb=16, deadline=settings.deadline, start_deadline=settings.start_deadline
+            path=settings.path, hash_mb=TABLE_MB, deadline=settings.deadline, start_deadline=settings.start_deadline
         )
     )
 

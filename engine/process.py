@@ -66,7 +66,7 @@ class UciProcess:
         self._transport: asyncio.SubprocessTransport | None = None
         self._uci: Uci | None = None
         self._loop = asyncio.new_event_loop()
-        self._loop.set_exception_handler(_log_loop_error)
+        self._loop.set_exception_handler(_note_loop_error)
         self._thread = threading.Thread(target=self._serve, name=f"engine {path}", daemon=True)
         self._thread.start()
         try:
@@ -183,9 +183,15 @@ class UciProcess:
         await asyncio.gather(*rest, return_exceptions=True)
 
 
-def _log_loop_error(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Keep python-chess's complaints about a broken engine off the terminal: deadlines report the engine itself."""
-    LOGGER.debug("engine loop: %s", context["message"], exc_info=context.get("exception"))
+def _note_loop_error(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Keep python-chess's complaints about a broken engine off the terminal: deadlines report the engine itself.
+
+    What an engine says at the end of an analysis is told here alone when it makes no sense.
+    """
+    error, uci = context.get("exception"), context.get("protocol")
+    LOGGER.debug("engine loop: %s", context["message"], exc_info=error)
+    if isinstance(uci, Uci) and isinstance(error, chess.engine.EngineError):
+        uci.break_off(error)
 
 
 def _die_with_parent() -> Callable[[], None] | None:

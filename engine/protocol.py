@@ -2,6 +2,7 @@
 
 * Pondering on any position at any time (``go ponder``, then ``ponderhit`` or ``stop``). python-chess itself ponders
   only right after a move of the engine's own, with a clock that it computes, and forgets what was said before the hit.
+  Here it is an analysis of python-chess's own whose ``go`` becomes ``go ponder`` on its way out.
 * ``stop`` when a search has had its time, so that an engine that heeds no clock loses no game by it.
 * A pulse: ``isready`` must be answered in the midst of a search. An engine that was seen to do so and does not any more
   hangs, and is known to long before its time is over.
@@ -22,7 +23,6 @@ from typing import TypeVar
 
 import chess
 import chess.engine
-from chess.engine import _parse_uci_bestmove, _parse_uci_info  # its own commands are closed to new ones
 
 from engine.errors import Hung
 
@@ -60,7 +60,12 @@ class Uci(chess.engine.UciProtocol):
         """Last line from stderr: often the only explanation of a death."""
         self.trouble = ""
         """Phrase of why it was killed from in here, if it was."""
-        self._pondering: _Ponder | None = None
+        self._ahead = False
+        """Whether the search that is about to begin is one of an expected position …"""
+        self._told_ahead = False
+        """… and whether the engine was told so by its option Ponder."""
+        self._analysis: chess.engine.AnalysisResult | None = None
+        self._pondered: asyncio.Task[chess.engine.PlayResult] | None = None
         self._pulses = deque[float]()
         self._searches = False
         self._listens = False
@@ -81,7 +86,6 @@ class Uci(chess.engine.UciProtocol):
         loop = asyncio.get_running_loop()
         now = pulse = loop.time()
         end = math.inf if stop_after is None else now + stop_after
-        self._searches = True
         task = asyncio.ensure_future(question)
         try:
             while True:
@@ -91,7 +95,7 @@ class Uci(chess.engine.UciProtocol):
                 now = loop.time()
                 if now >= end:
                     self.send_line("stop")  # each time: the search may have begun after the last one
-                if now >= pulse + PULSE:
+                if self._searches and now >= pulse + PULSE:
                     pulse = now
                     self._feel_pulse(now)
         finally:
@@ -100,13 +104,27 @@ class Uci(chess.engine.UciProtocol):
 
     async def begin_ponder(self, board: chess.Board, limit: chess.engine.Limit, game: object) -> None:
         """Search a position that is expected; the next question of any kind ends it, ``hit`` makes it count."""
-        self._pondering = await self.communicate(lambda _: _Ponder(self, board, limit, game))
+        name = "UCI_AnalyseMode"
+        as_in_play = {name: False} if name in self.options and name not in self.target_config else {}
+        self._ahead = True
+        try:
+            self._analysis = await self.analysis(board, limit, game=game, info=TOLD, options=as_in_play)
+        finally:
+            self._ahead = False
+        self._pondered = asyncio.ensure_future(_conclusion(self._analysis))
 
     async def hit(self) -> chess.engine.PlayResult:
         """The position has come: the answer to the search that runs, as if it had been asked for a move all along."""
-        if self._pondering is None:
+        if self._pondered is None:
             raise chess.engine.EngineError("it was not pondering")
-        return await self._pondering.hit()
+        if not self._pondered.done():  # some engines answer before, such as when they see a mate: so be it
+            self.send_line("ponderhit")
+        return await asyncio.shield(self._pondered)
+
+    def break_off(self, error: chess.engine.EngineError) -> None:
+        """What it said at the end of what it pondered made no sense."""
+        if self._analysis is not None and self._pondered is not None and not self._pondered.done():
+            self._analysis.set_exception(error)
 
     def _feel_pulse(self, now: float) -> None:
         if self._pulses:
@@ -116,16 +134,32 @@ class Uci(chess.engine.UciProtocol):
         self._pulses.append(now)
         self.send_line("isready")
 
+    # -------------------------------------------------------------------------------------------------- what it is told
+
+    def send_line(self, line: str) -> None:
+        """Send it, unless the engine has closed its input: that shows as the answer that does not come."""
+        assert self.transport is not None, "it was started"
+        pipe = self.transport.get_pipe_transport(0)
+        if pipe is None or pipe.is_closing():
+            LOGGER.debug("%s: not sent, its input is closed: %s", self, line)
+            return
+        if line.startswith("position") and self._ahead is not self._told_ahead:
+            self._told_ahead = self._ahead
+            super().send_line(f"setoption name Ponder value {str(self._ahead).lower()}")
+        elif line.startswith("go"):
+            self._searches = True
+            line = f"go ponder{line.removeprefix('go')}" if self._ahead else line
+        super().send_line(line)
+
     # ---------------------------------------------------------------------------------------------------- what it says
 
-    def _line_received(self, line: str) -> None:
+    def line_received(self, line: str) -> None:
+        """Note what tells of a search; whatever asked for it hears it too."""
         if line.startswith("bestmove"):
             self._searches = False
-        if self._pulses and line.strip() == "readyok":
+        elif self._pulses and line.strip() == "readyok":
             self._pulses.popleft()
             self._listens |= self._searches  # one that answers after the search does not listen in it
-            return
-        super()._line_received(line)
 
     def error_line_received(self, line: str) -> None:
         """Keep it."""
@@ -153,66 +187,9 @@ class Uci(chess.engine.UciProtocol):
             os.killpg(self.transport.get_pid(), signal.SIGKILL)
 
 
-class _Ponder(chess.engine.BaseCommand["_Ponder"]):
-    """``go ponder``: its result, itself, is there as soon as the search runs; it is finished by ``bestmove``."""
-
-    def __init__(self, uci: Uci, board: chess.Board, limit: chess.engine.Limit, game: object) -> None:
-        super().__init__(uci)
-        self._uci, self._board, self._limit, self._game = uci, board, limit, game
-        self._info: chess.engine.InfoDict = {}
-        self._answer: asyncio.Future[chess.engine.PlayResult] = asyncio.get_running_loop().create_future()
-        self._new_game = False
-
-    async def hit(self) -> chess.engine.PlayResult:
-        if not self._answer.done():  # some engines answer before, such as when they see a mate: so be it
-            self._uci.send_line("ponderhit")
-        return await asyncio.shield(self._answer)
-
-    def start(self) -> None:
-        uci = self._uci
-        for name, value in (("UCI_AnalyseMode", False), ("Ponder", True)):
-            if name in uci.options and name not in uci.target_config:
-                uci._setoption(name, value)
-        if "MultiPV" in uci.options:
-            uci._setoption("MultiPV", uci.options["MultiPV"].default)
-        uci._configure({})  # what a hint has changed
-        self._new_game = uci.first_game or uci.game != self._game
-        if self._new_game:
-            uci.game = self._game
-            uci._ucinewgame()
-            uci._isready()
-        else:
-            self._go()
-
-    def _go(self) -> None:
-        self._uci._position(self._board)
-        self._uci._go(self._limit, ponder=True)
-        self.result.set_result(self)
-
-    def line_received(self, line: str) -> None:
-        token, _, rest = line.strip().partition(" ")
-        if token == "info":
-            self._info.update(_parse_uci_info(rest, self._board, TOLD))
-        elif token == "readyok" and self._new_game and not self.result.done():
-            self._go()
-        elif token == "bestmove" and self.result.done():
-            self._conclude(rest)
-
-    def _conclude(self, rest: str) -> None:
-        try:
-            best = _parse_uci_bestmove(self._board.copy(), rest)
-        except chess.engine.EngineError as error:
-            self._answer.set_exception(error)
-        else:
-            self._answer.set_result(chess.engine.PlayResult(best.move, best.ponder, self._info))
-        self._answer.exception()  # retrieved: nobody may want it
-        self.set_finished()
-
-    def cancel(self) -> None:
-        self._uci.send_line("stop")
-
-    def engine_terminated(self, exc: Exception) -> None:
-        if not self._answer.done():
-            self._answer.set_exception(exc)
-            self._answer.exception()
-        super().engine_terminated(exc)
+async def _conclusion(analysis: chess.engine.AnalysisResult) -> chess.engine.PlayResult:
+    """What a search came to; what it said on the way is gathered, and not kept line by line."""
+    async for _ in analysis:
+        pass
+    best = await analysis.wait()
+    return chess.engine.PlayResult(best.move, best.ponder, analysis.info)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Final, Self
 
 import chess.engine
 from pydantic import (
@@ -16,6 +16,10 @@ from pydantic import (
     StrictInt,
     model_validator,
 )
+
+THREADS: Final = 1
+HASH_MB: Final = 16
+"""Of a player that says nothing else [MiB]: enough for some seconds of search on one thread."""
 
 OptionValue = StrictBool | StrictInt | str
 """Of a UCI option; True presses a button."""
@@ -32,8 +36,8 @@ class EngineSettings(BaseModel):
     """Playing strength by UCI_LimitStrength, within the engine's own limits; None is full strength."""
     skill: NonNegativeInt | None = None
     """Playing strength by the option Skill Level, within the engine's own limits; None is full strength."""
-    threads: PositiveInt = 1
-    hash_mb: PositiveInt = 64
+    threads: PositiveInt = THREADS
+    hash_mb: PositiveInt = HASH_MB
     """Size of the hash table [MiB]."""
     options: dict[str, OptionValue] = Field(default_factory=dict)
     """Further UCI options by name, as the engine offers them."""

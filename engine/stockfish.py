@@ -15,6 +15,7 @@ import chess
 import chess.engine
 
 from engine import budget
+from engine.alone import searched_alone
 from engine.answers import Candidate, EngineMove, engine_move
 from engine.errors import EngineMissing, EngineRefused, Misbehaved
 from engine.options import at_full_strength
@@ -27,6 +28,10 @@ __all__ = ["Candidate", "Engine", "EngineMove", "EngineSettings", "find_engine"]
 
 DEBIAN_PATH = "/usr/games/stockfish"
 """Where Debian installs Stockfish; not on the PATH of every account."""
+
+
+ALONE = 0.25
+"""A move that is searched alone is given this at most [s]: an engine that heeds no number of nodes is stopped then."""
 
 
 class _Ahead(NamedTuple):
@@ -92,6 +97,12 @@ class Engine:
         """Process id of the running engine; None while there is none."""
         process = self._keeper.process
         return process.pid if process else None
+
+    @property
+    def ranks(self) -> bool:
+        """Whether it names several moves of one search (MultiPV); known once it is open."""
+        process = self._keeper.process
+        return process is not None and "MultiPV" in process.uci.options
 
     def new_game(self) -> None:
         """Forget the game so far: the next question clears hash and histories first."""
@@ -181,6 +192,8 @@ class Engine:
     def candidates(self, board: chess.Board, lines: int, nodes: int) -> tuple[Candidate, ...]:
         """The best moves of a position, best first, from a cleared engine: on one thread they depend on it alone.
 
+        An engine without the option MultiPV searches each move alone.
+
         Args:
             board: the position with its history; left as it is.
             lines: how many moves at most.
@@ -195,6 +208,8 @@ class Engine:
 
         def ask(process: UciProcess) -> tuple[Candidate, ...]:
             self._settle(process)
+            if lines > 1 and "MultiPV" not in process.uci.options:
+                return self._ranked_alone(process, board, lines, nodes)
             infos = process.call(
                 lambda uci: uci.analyse(board, limit, multipv=lines, game=object()), self.settings.deadline
             )
@@ -202,11 +217,25 @@ class Engine:
             for info in infos:
                 if info.get("pv") and "score" in info:
                     found.setdefault(info["pv"][0], info["score"])
-            if not found:
-                raise Misbehaved(f"it named no move and score for {board.fen()}")
             return tuple(Candidate(move, score) for move, score in found.items())
 
-        return self._keeper.ask("analysing a position", ask)[0]
+        def named(process: UciProcess) -> tuple[Candidate, ...]:
+            if not (found := ask(process)):
+                raise Misbehaved(f"it named no move and score for {board.fen()}")
+            return found
+
+        return self._keeper.ask("analysing a position", named)[0]
+
+    def _ranked_alone(self, process: UciProcess, board: chess.Board, lines: int, nodes: int) -> tuple[Candidate, ...]:
+        game = object()
+
+        def search(position: chess.Board, most: int) -> chess.engine.PlayResult:
+            limit = chess.engine.Limit(nodes=most)
+            return process.call(
+                lambda uci: uci.watched(uci.play(position, limit, game=game, info=TOLD), ALONE), self.settings.deadline
+            )
+
+        return searched_alone(search, board, lines, nodes)
 
     def _check_question(self, board: chess.Board, limit: chess.engine.Limit) -> None:
         if not any(board.legal_moves):

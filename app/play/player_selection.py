@@ -67,7 +67,7 @@ def engine_players(
     human = any(side.player is PlayerKind.HUMAN for side in sides)
     books = any(_book_of(settings, colour) is not None for colour in chess.COLORS)
     chosen = human or books or settings.game.fen is not None
-    opening = () if chosen else _opening(settings, board, seed)
+    opening = () if chosen else _opening(settings, board, seed, face)
     players = dict[chess.Color, Player]()
     for colour in chess.COLORS:
         kept = _engine_settings(settings, colour, human=human)
@@ -121,7 +121,9 @@ def _engine_settings(settings: Settings, colour: chess.Color, *, human: bool) ->
     )  # fmt: skip
 
 
-def _opening(settings: Settings, board: chess.Board, seed: int) -> tuple[chess.Move, ...]:
+def _opening(settings: Settings, board: chess.Board, seed: int, face: Face) -> tuple[chess.Move, ...]:
     plain = EngineSettings(path=settings.engine.path)
     with opening_engine(plain) as engine:
+        if not engine.ranks:
+            face.say(f"{_name(plain)} has no option MultiPV, so its opening is chosen by searching each move alone.")
         return varied_opening(engine, board, min(OPENING_PLIES, settings.game.plies), random.Random(seed))

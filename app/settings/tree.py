@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegative
 
 from app.motion import Profile
 from app.settings.time_control import ArmTime
-from engine.settings import OptionValue
+from engine.settings import HASH_MB, THREADS, OptionValue
 from hardware.interfaces import Pace
 from hardware.table import Captured, Colour
 
@@ -118,9 +118,9 @@ class EngineSection(_Section):
     """Thinking time per move [s]; with a clock the longest. Left out: 0.2 s where there is no clock."""
     nodes: PositiveInt | None = None
     """Think so many nodes instead: a run then repeats exactly, at full strength."""
-    threads: PositiveInt = 1
+    threads: PositiveInt = THREADS
     """Of the search; more than one, and no run repeats exactly."""
-    hash_mb: PositiveInt = 16
+    hash_mb: PositiveInt = HASH_MB
     """Memory of the search [MiB]."""
     ponder: bool | None = None
     """Think while others move. Left out: in a game with a clock."""

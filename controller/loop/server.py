@@ -32,7 +32,8 @@ from controller.protocol.layout import COMMAND, HEARTBEAT, VERSION, CommandCode,
 from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
 from controller.protocol.states import State
 from controller.settings import CONTROLLER_FILE, ControllerSettings
-from controller.wire.endpoint import Door, PortInUse
+from controller.wire.endpoint import Door
+from controller.wire.sockets import PortInUse
 from hardware.interfaces import BusLost, Command, ServoBus
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
@@ -162,7 +163,8 @@ class Server:
             BusLost: the drives no longer answer.
         """
         supervisor, bus, door, clock = self.supervisor, self._bus, self._door, self.clock
-        budget, monotonic, piecemeal = self._settings.datagrams_per_tick, time.monotonic, not bus.lockstep
+        most, reading = self._settings.datagrams_per_tick, self._settings.reading_time
+        monotonic, piecemeal = time.monotonic, not bus.lockstep
         flight, fresh, answered = self._flight, False, 0.0
         tick, pieces = -1, 1
         while not supervisor.finished:
@@ -186,10 +188,11 @@ class Server:
             now = monotonic()
             if piecemeal:
                 for _ in range(pieces):  # those of ticks that went by without an exchange are made up for
+                    door.sift(now, now + reading)
                     self._do_one_piece(now, tick)
                 self._live(now)
             else:
-                door.drain(now, budget, self._handle)
+                door.drain(now, now + reading, most, self._handle)
                 door.relay()
                 self._live(now)
                 if self._telemetry_is_due(now, tick):
@@ -274,9 +277,9 @@ class Server:
     def _do_one_piece(self, now: float, tick: int) -> None:
         """On a bus in real time: one piece of what can wait for a tick, so that no tick has much to do.
 
-        A datagram is read in one tick, and the samples in it are checked in the next. Telemetry is gathered, packed and
-        sent in three; what it tells is of the first. Reading, telling and relaying take turns, so that a flood of
-        datagrams silences nobody.
+        A datagram of the client is carried out in one tick, and the samples in it are checked in a later one. Telemetry
+        is gathered, packed and sent in three; what it tells is of the first. Reading, telling and relaying take turns,
+        so that a client that sends much silences nobody.
         """
         if self._samples is not None:
             samples, self._samples = self._samples, None
@@ -295,7 +298,7 @@ class Server:
     def _take_turn(self, turn: int, now: float, tick: int) -> bool:
         """Whether there was something to do."""
         if turn == _READ:
-            return self._door.drain(now, 1, self._handle_later) > 0
+            return self._door.take(self._handle_later)
         if turn == _RELAY:
             return self._door.relay()
         if self._telemetry_is_due(now, tick):
@@ -304,7 +307,7 @@ class Server:
         return False
 
     def _handle_later(self, kind: int, payload: memoryview) -> bool:
-        """As ``_handle``, but samples wait for the next tick; the door reads nothing before that, so the view lasts."""
+        """As ``_handle``, but samples wait for a later tick; nothing else is taken before, so the view lasts."""
         if kind != DatagramKind.SAMPLES:
             return self._handle(kind, payload)
         self._samples = Samples.unpack(payload)

@@ -29,6 +29,14 @@ class Drop(IntEnum):
     CONTENT = 5
 
 
+class Header(NamedTuple):
+    """What a datagram says of itself; nothing is proven yet."""
+
+    kind: int
+    session: int
+    sequence: int
+
+
 class Opened(NamedTuple):
     """A datagram whose tag is right."""
 
@@ -57,19 +65,26 @@ class Envelope:
 
     def open(self, data: memoryview) -> Opened | Drop:
         """Check size, magic, version, tag and the payload's size, in this order."""
+        header = self.look(data)
+        return header if isinstance(header, Drop) else self.unseal(data, header)
+
+    def look(self, data: memoryview) -> Header | Drop:
+        """Check size, magic and version: all that costs next to nothing."""
         length = len(data)
         if not _OVERHEAD <= length <= MAX_DATAGRAM:
             return Drop.SIZE
         magic, version, kind, size, session, sequence = _HEADER.unpack_from(data)
         if magic != MAGIC or size != length:
             return Drop.SIZE
-        if version != VERSION:
-            return Drop.VERSION
+        return Header(kind, session, sequence) if version == VERSION else Drop.VERSION
+
+    def unseal(self, data: memoryview, header: Header) -> Opened | Drop:
+        """Check tag and the payload's size of a datagram that ``look`` let pass."""
         if not hmac.compare_digest(self._tag(data[:-TAG_SIZE]), data[-TAG_SIZE:]):
             return Drop.TAG
-        if not _payload_fits(kind, length - _OVERHEAD):
+        if not _payload_fits(header.kind, len(data) - _OVERHEAD):
             return Drop.CONTENT
-        return Opened(kind, session, sequence, data[HEADER.size : -TAG_SIZE])
+        return Opened(*header, data[HEADER.size : -TAG_SIZE])
 
 
 def _payload_fits(kind: int, size: int) -> bool:
@@ -92,14 +107,19 @@ class SequenceWindow:
         self._newest = newest
         self._seen = (1 << _WINDOW) - 1
 
+    def is_new(self, sequence: int) -> bool:
+        """Whether this number would be accepted."""
+        ahead = sequence - self._newest
+        return ahead > 0 or (ahead > -_WINDOW and not self._seen >> -ahead & 1)
+
     def accept(self, sequence: int) -> bool:
         """Whether this number is new; it is remembered then."""
+        if not self.is_new(sequence):
+            return False
         ahead = sequence - self._newest
         if ahead > 0:
             self._seen = ((self._seen << ahead) | 1) & ((1 << _WINDOW) - 1) if ahead < _WINDOW else 1
             self._newest = sequence
-            return True
-        if ahead <= -_WINDOW or self._seen >> -ahead & 1:
-            return False
-        self._seen |= 1 << -ahead
+        else:
+            self._seen |= 1 << -ahead
         return True

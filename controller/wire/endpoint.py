@@ -1,8 +1,11 @@
-"""The controller's UDP socket: who may speak to it, and what it throws away.
+"""The controller's UDP endpoint: who may speak to it, and what it throws away.
 
 One client holds the lease, from its HELLO until it has been silent for ``lease`` seconds of wall time. A HELLO needs
 the cookie of a CHALLENGE, so that a recorded one opens nothing. Everything that does not belong is counted and dropped.
 Listeners, `controller.wire.subscribers`, get the telemetry too and have no other effect.
+
+Strangers may send as fast as they like: the client has a socket of its own that is read first, reading ends by the
+clock, and what is cheap to refuse is refused before its tag is computed.
 """
 
 from __future__ import annotations
@@ -11,24 +14,26 @@ import contextlib
 import secrets
 import select
 import socket
+import time
 from collections.abc import Callable
 from typing import Final
 
-from controller.protocol.envelope import Drop, Envelope, Opened, SequenceWindow
+from controller.protocol.envelope import Drop, Envelope, Header, Opened, SequenceWindow
 from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, DatagramKind
 from controller.protocol.messages import Busy, Hello
-from controller.wire.subscribers import Address, Audience
+from controller.wire.sockets import Address, client_socket, listening_socket
+from controller.wire.subscribers import Audience
 
 Handler = Callable[[int, memoryview], bool]
 """Takes kind and payload of a datagram; false where its content is impossible."""
 
-_RECEIVE_BUFFER = 1 << 20
 _ORDERS: Final = frozenset({int(DatagramKind.COMMAND), int(DatagramKind.ANNOUNCE)})
 """Kinds that must not overtake each other."""
-
-
-class PortInUse(Exception):
-    """The UDP port cannot be taken; the message says what to do."""
+_OF_ANYBODY: Final = frozenset({int(DatagramKind.HELLO), int(DatagramKind.WATCH)})
+"""Kinds that may come under other sessions than the client's."""
+_CATCHING_UP: Final = 0.1
+"""After a pause of this process what waits is read before the client is given up, for at most so long [s]: a flood of
+strangers must not keep a lost client's lease."""
 
 
 class Door:
@@ -40,6 +45,7 @@ class Door:
         key: secret shared with the clients.
         lease: silence after which the client counts as lost [s].
         welcome: makes the payload that greets a new client.
+        clock: wall time that reading ends by [s].
 
     Attributes:
         dropped: datagrams dropped, by ``Drop``.
@@ -49,13 +55,24 @@ class Door:
         PortInUse: the port is taken or may not be used.
     """
 
-    def __init__(self, host: str, port: int, key: bytes, lease: float, welcome: Callable[[], bytes]) -> None:
-        self._socket = _bind(host, port)
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        key: bytes,
+        lease: float,
+        welcome: Callable[[], bytes],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._socket = listening_socket(host, port)
+        self._own: socket.socket | None = None
         self._envelope = Envelope(key)
         self._lease = lease
         self._welcome = welcome
-        self._buffer = bytearray(MAX_DATAGRAM + 1)
-        self._view = memoryview(self._buffer)
+        self._clock = clock
+        # two, so that the payload last handed out outlives the reading of what comes next
+        self._views = [memoryview(bytearray(MAX_DATAGRAM + 1)) for _ in range(2)]
+        self._admitted: Opened | None = None
         self._poll = select.poll()
         self._poll.register(self._socket, select.POLLIN)
         self._cookie = _new_cookie()
@@ -68,6 +85,8 @@ class Door:
         self.last_command = 0
         self._sent = 0
         self._heard = 0.0
+        self._doubted: float | None = None
+        self._may_answer = True
         self._audience = Audience(self._send_to)
         self.dropped = [0] * len(Drop)
 
@@ -88,38 +107,91 @@ class Door:
 
     def expire(self, now: float) -> bool:
         """Ends the lease of a silent client; true if that happened now. What waits to be read is no silence."""
-        if self._session == 0 or now - self._heard <= self._lease or self._poll.poll(0):
+        if self._session == 0 or now - self._heard <= self._lease:
+            self._doubted = None
+            return False
+        self._doubted = now if self._doubted is None else self._doubted
+        if self._poll.poll(0) and now - self._doubted <= _CATCHING_UP:
             return False
         self._spent, self._session = self._session, 0
+        self._admitted = None
+        self._close_own()
         return True
 
     def wait(self, milliseconds: int) -> None:
         """Wait for a datagram, no longer than that."""
         self._poll.poll(milliseconds)
 
-    def drain(self, now: float, budget: int, handle: Handler) -> int:
-        """Read up to ``budget`` waiting datagrams and hand those of the client to ``handle``.
+    def drain(self, now: float, until: float, most: int, handle: Handler) -> None:
+        """Read what waits and hand what the client sent to ``handle``.
 
         Args:
             now: wall time [s].
-            budget: datagrams to read at most, also bad ones.
-            handle: what to do with a datagram; the payload is overwritten by the next one that is read.
+            until: when reading ends, by the clock [s].
+            most: datagrams to hand over at most.
+            handle: what to do with a datagram; see ``take`` for how long its payload lasts.
+        """
+        for _ in range(most):
+            self.sift(now, until)
+            if not self.take(handle):
+                return
+
+    def sift(self, now: float, until: float) -> None:
+        """Read on until a datagram of the client is found, for ``take``; nothing where one was found already.
+
+        The client's socket is read first, at least one datagram of each that has any. One HELLO or WATCH of a stranger
+        is answered at most.
+
+        Args:
+            now: wall time [s].
+            until: when to stop looking, by the clock [s].
+        """
+        if self._admitted is not None:
+            return
+        # asking first costs a third of the exception that an empty socket would raise
+        ready = [end for end, _ in self._poll.poll(0)]
+        self._may_answer = True
+        for end in (self._own, self._socket):
+            if end is not None and end.fileno() in ready and self._admitted is None:
+                self._search(end, now, until)
+
+    def take(self, handle: Handler) -> bool:
+        """Hand over the datagram that was found.
+
+        Args:
+            handle: what to do with it; the payload lasts until the one found next was taken.
 
         Returns:
-            How many were read.
+            Whether there was one.
         """
-        for read in range(budget):
-            # asking first costs a third of the exception that an empty socket would raise
-            if not self._poll.poll(0):
-                return read
+        opened, self._admitted = self._admitted, None
+        if opened is None:
+            return False
+        if not handle(opened.kind, opened.payload):
+            self.dropped[Drop.CONTENT] += 1
+        elif opened.kind == DatagramKind.COMMAND:
+            self.last_command = opened.sequence
+        return True
+
+    def _search(self, end: socket.socket, now: float, until: float) -> None:
+        """Refuse what waits at a socket, until a datagram of the client is found or the time is over."""
+        while end.fileno() >= 0:  # a client that moves closes its old socket
+            view = self._views[0]
             try:
-                size, address = self._socket.recvfrom_into(self._buffer)
+                size, address = end.recvfrom_into(view)
             except BlockingIOError:
-                continue  # the kernel dropped it meanwhile: its checksum was wrong
-            drop = self._admit(self._view[:size], address, now, handle)
+                return
+            except ConnectionError:
+                drop = None  # the client's port was closed when telemetry came: the lease notices its silence
+            else:
+                drop = self._admit(view[:size], address, now)
             if drop is not None:
                 self.dropped[drop] += 1
-        return budget
+            elif self._admitted is not None:
+                self._views.reverse()
+                return
+            if self._clock() >= until:
+                return
 
     def relay(self) -> bool:
         """Send a copy of the telemetry to one listener at most that waits for it; whether one did."""
@@ -152,41 +224,57 @@ class Door:
             self._send_to(self._client, kind, self._session, payload)
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the sockets."""
+        self._close_own()
         self._socket.close()
 
-    def _admit(self, data: memoryview, address: Address, now: float, handle: Handler) -> Drop | None:
-        opened = self._envelope.open(data)
+    def _admit(self, data: memoryview, address: Address, now: float) -> Drop | None:
+        """Why a datagram is dropped; None where it was answered, or is what ``take`` hands over next."""
+        header = self._envelope.look(data)
+        if isinstance(header, Drop):
+            return header
+        of_client = header.kind not in _OF_ANYBODY
+        if of_client and (drop := self._stale(header)) is not None:
+            return drop
+        opened = self._envelope.unseal(data, header)
         if isinstance(opened, Drop):
             return opened
-        if opened.kind == DatagramKind.HELLO:
-            return self._greet(opened, address, now)
-        if opened.kind == DatagramKind.WATCH:
-            return self._listen(opened, address, now)
-        if opened.session != self._session or self._session == 0:
+        if of_client:
+            self._hear(opened, address, now)
+            return None
+        return (self._greet if opened.kind == DatagramKind.HELLO else self._listen)(opened, address, now)
+
+    def _stale(self, header: Header) -> Drop | None:
+        """Why what claims to be the client's would be dropped even if its tag were right."""
+        if header.session != self._session or self._session == 0:
             return Drop.SESSION
-        return self._obey(opened, address, now, handle)
+        overtaken = header.kind in _ORDERS and header.sequence < self._last_order
+        return None if self._window.is_new(header.sequence) and not overtaken else Drop.SEQUENCE
 
-    def _obey(self, opened: Opened, address: Address, now: float, handle: Handler) -> Drop | None:
-        """A datagram of the client."""
-        if not self._is_new(opened):
-            return Drop.SEQUENCE
-        self._heard, self._client = now, address
-        if not handle(opened.kind, opened.payload):
-            return Drop.CONTENT
-        if opened.kind == DatagramKind.COMMAND:
-            self.last_command = opened.sequence
-        return None
-
-    def _is_new(self, opened: Opened) -> bool:
-        """Whether this number was not seen before, and for an order, whether no newer order came before it."""
-        if not self._window.accept(opened.sequence):
-            return False
+    def _hear(self, opened: Opened, address: Address, now: float) -> None:
+        """A datagram of the client that is not stale."""
+        self._window.accept(opened.sequence)
         if opened.kind in _ORDERS:
-            if opened.sequence < self._last_order:
-                return False
             self._last_order = opened.sequence
-        return True
+        self._meet(address, now)
+        self._admitted = opened
+
+    def _meet(self, client: Address, now: float) -> None:
+        """The client has spoken; where it did so from a new address, it gets a new socket of its own."""
+        self._heard = now
+        if client == self._client and self._own is not None:
+            return
+        self._client = client
+        self._close_own()
+        with contextlib.suppress(OSError):  # no socket to be had: the open one serves the client too
+            self._own = client_socket(self._socket, client)
+            self._poll.register(self._own, select.POLLIN)
+
+    def _close_own(self) -> None:
+        own, self._own = self._own, None
+        if own is not None:
+            self._poll.unregister(own)
+            own.close()
 
     def _listen(self, opened: Opened, address: Address, now: float) -> Drop | None:
         """A WATCH: no more than a place among the listeners can come of it, and none under the client's session."""
@@ -204,13 +292,21 @@ class Door:
         if self._session == opened.session:
             if not self._window.accept(opened.sequence):
                 return Drop.SEQUENCE
-            self._heard, self._client = now, address
+            self._meet(address, now)
             self.send(DatagramKind.WELCOME, self._welcome())
-        elif self._session == 0:
-            self._send_to(address, DatagramKind.CHALLENGE, opened.session, CHALLENGE.struct.pack(self._cookie))
+            return None
+        return self._turn_away(opened.session, address, now)
+
+    def _turn_away(self, session: int, address: Address, now: float) -> Drop | None:
+        """Challenge who asks for the first time, or say who holds the lease: one of them at a time."""
+        if not self._may_answer:
+            return Drop.SESSION
+        self._may_answer = False
+        if self._session == 0:
+            self._send_to(address, DatagramKind.CHALLENGE, session, CHALLENGE.struct.pack(self._cookie))
         else:
             busy = Busy(self._name, *self._client, self.silence(now))
-            self._send_to(address, DatagramKind.BUSY, opened.session, busy.pack())
+            self._send_to(address, DatagramKind.BUSY, session, busy.pack())
         return None
 
     def _send_to(self, address: Address, kind: DatagramKind, session: int, payload: bytes) -> None:
@@ -223,18 +319,3 @@ class Door:
 
 def _new_cookie() -> int:
     return secrets.randbits(64) | 1
-
-
-def _bind(host: str, port: int) -> socket.socket:
-    door = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    door.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
-    door.setblocking(False)
-    try:
-        door.bind((host, port))
-    except OSError as error:
-        door.close()
-        raise PortInUse(
-            f"UDP port {port} at {host} cannot be taken: {error.strerror}: "
-            "end the program that has it, or set the port to 0 for a free one"
-        ) from error
-    return door

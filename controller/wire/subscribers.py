@@ -17,8 +17,8 @@ from collections.abc import Callable
 
 from controller.protocol.envelope import Drop, Opened, SequenceWindow
 from controller.protocol.layout import CHALLENGE, WATCH, DatagramKind
+from controller.wire.sockets import Address
 
-Address = tuple[str, int]
 Send = Callable[[Address, DatagramKind, int, bytes], None]
 """Sends a datagram: to whom, what, under which session, payload."""
 

@@ -19,7 +19,7 @@ import chess
 import chess.engine
 import pytest
 
-from engine.errors import EngineFailed
+from engine.errors import EngineFailed, Hung
 from engine.process import UciProcess
 from engine.stockfish import Engine, EngineMove, EngineSettings
 
@@ -203,6 +203,23 @@ def test_pauses_lie_between_attempts(fake: Callable[..., Any], monkeypatch: pyte
         with pytest.raises(EngineFailed, match="3 times in a row"):
             engine.choose(chess.Board())
     assert time.monotonic() - began >= 0.5
+
+
+def test_an_engine_that_stops_reading_is_told_by_its_deadline_alone(
+    fake: Callable[..., Any], caplog: pytest.LogCaptureFixture
+) -> None:
+    """asyncio logs each line to a closed pipe from the fifth on, and Python's last resort would show that."""
+    made = fake(on_go="os.close(0)\ntime.sleep(60)")
+    process = UciProcess(made.path, 5.0)
+    try:
+        with pytest.raises(Hung, match=r"^it gave no answer within 0\.5 s$"):
+            process.call(lambda uci: uci.watched(uci.play(chess.Board(), chess.engine.Limit(nodes=1)), 0.1), 0.5)
+        for _ in range(20):
+            process.tell("stop")
+            time.sleep(0.005)
+    finally:
+        process.kill()
+    assert [record.getMessage() for record in caplog.records if record.name == "asyncio"] == []
 
 
 def test_a_line_to_an_engine_that_is_gone_is_harmless(fake: Callable[..., Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -97,6 +98,83 @@ def test_an_engine_that_hangs_in_the_opening_meets_its_deadline(fake: Callable[.
         ),
     ):
         varied_opening(engine, chess.Board(), PLIES, random.Random(1))
+
+
+UCI_OK = 'say("id name Plain"); say("uciok")'
+"""An engine without any option."""
+
+COUNTING = """
+board = chess.Board(after.partition("fen ")[2].partition(" moves")[0] if "fen" in after else chess.STARTING_FEN)
+for word in after.partition(" moves ")[2].split():
+    board.push_uci(word)
+worth = sum(len(board.pieces(kind, board.turn)) - len(board.pieces(kind, not board.turn)) for kind in range(1, 7))
+say(f"info depth 1 score cp {100 * worth} nodes 1")
+say("bestmove", next(iter(board.legal_moves)))
+"""
+"""Counts the pieces of the side to move."""
+
+
+def plain(fake: Callable[..., Any], on_go: str = COUNTING, on_other: str = "") -> Any:
+    """An engine that names one move at a time."""
+    imports = f"sys.path[:0] = {sys.path!r}\nimport chess"
+    remember = 'if line.startswith("position"): after = line'
+    return fake(on_uci=UCI_OK, on_go=on_go, at_start=imports, on_other=f"{remember}\n{on_other}")
+
+
+def test_an_engine_without_multipv_searches_each_move_alone(fake: Callable[..., Any]) -> None:
+    made = plain(fake)
+    board = chess.Board("k7/8/8/3p1r2/4P3/8/8/K7 w - - 0 1")
+    with opening_engine(EngineSettings(path=made.path)) as engine:
+        assert not engine.ranks
+        found = engine.candidates(board, lines=3, nodes=700)
+    assert [candidate.move.uci() for candidate in found[:2]] == ["e4f5", "e4d5"]
+    assert [candidate.score for candidate in found] == [
+        chess.engine.PovScore(chess.engine.Cp(worth), chess.WHITE) for worth in (0, 0, -100)
+    ]
+    assert made.starts == 1
+    assert made.heard.count("ucinewgame") == 1
+    assert {line for line in made.heard if line.startswith("go")} == {f"go nodes {700 // board.legal_moves.count()}"}
+
+
+def test_a_mate_and_a_stalemate_are_known_without_the_engine(fake: Callable[..., Any]) -> None:
+    board = chess.Board("7k/8/5K2/6Q1/8/8/8/8 w - - 0 1")
+    with opening_engine(EngineSettings(path=plain(fake).path)) as engine:
+        found = {c.move.uci(): c.score.white() for c in engine.candidates(board, lines=99, nodes=100)}
+    assert found["g5g7"] == chess.engine.MateGiven
+    assert found["g5g6"] == chess.engine.Cp(0)
+    assert max(found.values()) == found["g5g7"]
+    assert len(found) == board.legal_moves.count()
+
+
+def test_openings_of_an_engine_without_multipv_vary_and_come_again(fake: Callable[..., Any]) -> None:
+    made = plain(fake)
+    with opening_engine(EngineSettings(path=made.path)) as engine:
+        lines = [varied_opening(engine, chess.Board(), 4, random.Random(seed)) for seed in (1, 2, 1)]
+    assert lines[0] == lines[2] != lines[1]
+    assert made.starts == 1
+
+
+def test_an_engine_that_tells_no_score_plays_its_own_move(fake: Callable[..., Any]) -> None:
+    made = plain(fake, on_go=COUNTING.replace("score", "seldepth 1 time"))
+    with opening_engine(EngineSettings(path=made.path)) as engine:
+        line = varied_opening(engine, chess.Board(), 2, random.Random(1))
+    board = chess.Board()
+    for move in line:
+        assert move == next(iter(board.legal_moves))
+        board.push(move)
+    assert board.ply() == 2
+
+
+def test_an_engine_that_heeds_no_nodes_is_stopped_at_each_move(
+    fake: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("engine.stockfish.ALONE", 0.01)
+    stopped = "\n    ".join(COUNTING.strip().splitlines())
+    made = plain(fake, on_go="pass", on_other=f'if line == "stop":\n    {stopped}')
+    board = chess.Board("k7/8/8/8/8/8/8/K7 w - - 0 1")
+    with opening_engine(EngineSettings(path=made.path)) as engine:
+        assert len(engine.candidates(board, lines=6, nodes=100)) == 3
+    assert made.starts == 1
 
 
 def test_sound_moves_lie_within_the_window_of_the_best() -> None:

@@ -49,6 +49,21 @@ def test_a_hit_goes_on_with_the_search_and_keeps_what_was_said_before(fake: Call
     assert board == chess.Board()
 
 
+def test_an_engine_is_told_by_its_options_when_it_ponders_and_that_it_plays(fake: Callable[..., Any]) -> None:
+    modes = "".join(f'say("option name {name} type check default false"); ' for name in ("UCI_AnalyseMode", "Ponder"))
+    made = fake(on_uci=modes + 'say("uciok")', on_go=PONDER, on_other=HIT)
+    with pondering(made) as engine:
+        engine.ponder(chess.Board(), CLOCK)
+        engine.choose(chess.Board(), CLOCK)
+        engine.ponder(chess.Board(), CLOCK)
+        engine.hint(chess.Board())
+    told = [line for line in made.heard if line.split()[0] in ("setoption", "go", "ponderhit")]
+    assert told == [
+        "setoption name Ponder value true", "go ponder wtime 60000 btime 60000", "ponderhit",
+        "go ponder wtime 60000 btime 60000", "setoption name Ponder value false", "go movetime 1000",
+    ]  # fmt: skip
+
+
 def test_a_miss_is_stopped_and_its_answer_is_not_the_next_ones(fake: Callable[..., Any]) -> None:
     made = fake(on_go=PONDER, on_other=HIT)
     other = chess.Board()

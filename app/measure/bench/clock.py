@@ -63,7 +63,7 @@ def clock_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
 
 def play(control: TimeControl, arm: float, paid: ArmTime, plies: int) -> Played:
     """A game of two Stockfishes from an opening of the seed, as a game loop plays it; the arm only takes time [s]."""
-    settings = EngineSettings(hash_mb=16)
+    settings = EngineSettings()
     board = chess.Board()
     with opening_engine(settings) as full:
         for move in varied_opening(full, board, 4, random.Random(SEED)):

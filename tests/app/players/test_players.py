@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
+from contextlib import ExitStack
+from pathlib import Path
 
 import chess
 import chess.engine
 import pytest
 
+from app.play.player_selection import engine_players
 from app.players.players import Decision, LinePlayer, Players
+from app.settings.files import settings_of
+from app.terminal.interface import Quiet
 from engine.errors import EngineFailed, EngineRefused
+from hardware.interfaces import Pace
 
 
 class Always:
@@ -238,3 +245,41 @@ def test_after_a_failure_a_player_may_be_asked_again():
         with pytest.raises(EngineFailed):
             players.choose(chess.Board(), CLOCK)
         assert players.choose(chess.Board(), CLOCK).move in chess.Board().legal_moves
+
+
+PLAIN_ENGINE = f"""#!{sys.executable}
+import sys
+sys.path[:0] = {sys.path!r}
+import chess
+for line in sys.stdin:
+    words = line.split()
+    if words[0] == "uci": print("id name Plain", "uciok", sep="\\n", flush=True)
+    if words[0] == "isready": print("readyok", flush=True)
+    if words[0] == "position":
+        board = chess.Board()
+        for word in words[3:]: board.push_uci(word)
+    if words[0] == "go": print("info score cp 0", f"bestmove {{next(iter(board.legal_moves))}}", sep="\\n", flush=True)
+"""
+
+
+class Hearing(Quiet):
+    def __init__(self) -> None:
+        self.said = list[str]()
+
+    def say(self, sentence: str) -> None:
+        self.said.append(sentence)
+
+
+def test_an_engine_without_any_option_plays_a_whole_game_with_its_opening(tmp_path: Path) -> None:
+    path, face, board = tmp_path / "plain", Hearing(), chess.Board()
+    path.write_text(PLAIN_ENGINE)
+    path.chmod(0o755)
+    settings = settings_of({"engine.path": str(path), "engine.nodes": 10, "game.plies": 6})
+    with ExitStack() as stack:
+        players = stack.enter_context(engine_players(settings, board, 2, stack, face, Pace.FAST))
+        while board.ply() < 12:
+            decision = players.choose(board)
+            assert decision.troubles == ()
+            assert decision.move is not None
+            board.push(decision.move)
+    assert face.said == ["plain has no option MultiPV, so its opening is chosen by searching each move alone."]

@@ -59,7 +59,9 @@ class House:
 
     def admit(self, data: bytes, address: tuple[str, int] = CLIENT) -> Drop | None:
         """Put a datagram before the door."""
-        return self.door._admit(memoryview(data), address, time.monotonic(), self._handle)
+        drop = self.door._admit(memoryview(data), address, time.monotonic())
+        self.door.take(self._handle)
+        return drop
 
     def _handle(self, kind: int, payload: memoryview) -> bool:
         self.heard.append((kind, bytes(payload)))
