@@ -166,7 +166,7 @@ def run_session(
     return SessionResult(result.report, result.folder, holds, result.resumable, tuple(done))
 
 
-def _note_the_end(course: _Course, rig: Rig, last: EndState | None) -> None:
+def _note_the_end(course: _RoundProgress, rig: Rig, last: EndState | None) -> None:
     """How the arm was left; where a process has ended, that is the cause, and is said once."""
     cause = rig.failure()
     if cause is not None and not course.failures:

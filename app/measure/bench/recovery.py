@@ -20,8 +20,8 @@ import chess
 import numpy as np
 
 from app import UserError
-from app.measure.bench.report import BenchReport, machine, row
-from app.measure.bench.vision_games import random_game
+from app.measure.bench.report import BenchReport, row
+from app.measure.bench.vision.games import random_game
 from app.play.launch import run_games
 from app.play.session import SessionResult
 from app.records import EVENTS_FILE, PlyEvent, read_events
@@ -132,10 +132,7 @@ def recovery_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
         "unmended": row([tally.unmended / max(1, both)], "1", UNMENDED_LIMIT, "max"),
         "games": row([tally.games], "1"),
     }
-    return BenchReport(
-        bench="recovery", seed=SEED, pace="fast", machine=machine(), holds=all(one.holds for one in rows.values()),
-        rows=rows,
-    )  # fmt: skip
+    return BenchReport.of("recovery", SEED, rows)
 
 
 def measure(losses: int, mishaps: int, plies: int, progress: Callable[[str], None], seed: int = SEED) -> RecoveryTally:

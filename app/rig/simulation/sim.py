@@ -10,7 +10,6 @@ import json
 import math
 import signal
 import subprocess
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -351,8 +350,3 @@ def require_present(run_dir: Path, recorded: float, period: float) -> None:
             f"on until {recorded:.2f} s, so that nobody knows where the pieces are: start a new game from its last "
             "position"
         )
-
-
-def new_run_dir(folder: Path | None) -> Path:
-    """The run directory of a game's folder, or a temporary one."""
-    return folder / "run" if folder is not None else Path(tempfile.mkdtemp(prefix="touchmove-")) / "run"
