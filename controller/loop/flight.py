@@ -118,7 +118,7 @@ class FlightRecorder:
             answered: wall time at which the exchange brought it, on the monotonic clock [s].
         """
         ring, supervisor = self._ring, self._supervisor
-        measured, motion, memory = supervisor.measurement, supervisor.motion, ring.memory
+        measured, motion, memory = supervisor.measurement, supervisor.admission.motion, ring.memory
         tick, angle, velocity, finger, tactile, status = measured
         announced, at = motion.announced, ring.count % ring.length * _SIZE
         self._tick = tick

@@ -94,7 +94,7 @@ def serve(
         finally:
             server.close()
             write_pulse(run_directory, server.clock, {"granted": granted.granted, **granted._asdict()})
-    if server.supervisor.exhausted:
+    if server.supervisor.brakes.exhausted:
         return _complain(f"the controller ends on its brakes: {explain(*server.supervisor.cause[:3])}", 1)
     return 0
 
@@ -167,7 +167,7 @@ class Server:
         monotonic, piecemeal = time.monotonic, not bus.lockstep
         flight, fresh, answered = self._flight, False, 0.0
         tick, pieces = -1, 1
-        while not supervisor.finished:
+        while not supervisor.brakes.finished:
             ping, asked, fresh = self._ping, monotonic(), False
             if supervisor.may_exchange:
                 measurement = bus.exchange(supervisor.command())
@@ -216,7 +216,7 @@ class Server:
             self._door.close()
             for file in (self._file, self._prepared):
                 file.unlink(missing_ok=True)
-            self._flight.close(abnormal=not self.supervisor.finished)
+            self._flight.close(abnormal=not self.supervisor.brakes.finished)
 
     def _live(self, now: float) -> None:
         """What happens by itself: readiness, loss of the client, the end."""
@@ -249,7 +249,7 @@ class Server:
 
     def _welcome(self) -> bytes:
         bus = self._bus
-        return Welcome(bus.period, self._settings.capacity, bus.lockstep, self.supervisor.last_motion).pack()
+        return Welcome(bus.period, self._settings.capacity, bus.lockstep, self.supervisor.admission.last_motion).pack()
 
     def _handle(self, kind: int, payload: memoryview) -> bool:
         """Carry a client's datagram out; false where its content is impossible."""
@@ -319,7 +319,13 @@ class Server:
         In lockstep that once is at their begin, whatever was told in between: so two runs tell the same of those ticks.
         """
         supervisor, settings = self.supervisor, self._settings
-        change = (supervisor.state, supervisor.ended, supervisor.may_exchange, self._door.last_command, self._echo)
+        change = (
+            supervisor.state,
+            supervisor.admission.ended,
+            supervisor.may_exchange,
+            self._door.last_command,
+            self._echo,
+        )
         due = tick // settings.telemetry_ticks != self._published_tick // settings.telemetry_ticks
         if due or now - self._published_at >= settings.telemetry_interval or change != self._published:
             self._published, self._published_tick, self._published_at = change, tick, now

@@ -1,16 +1,19 @@
-"""Between a measurement and a command: states, motion, reference, protection, law. Does no input or output itself.
+"""Between a measurement and a command: states, reference, protection, law. Does no input or output itself.
 
-All of it is a function of ticks and messages, so that a run on a lockstep bus repeats exactly.
+``admission`` says which motions are admitted, ``brakes`` how the arm comes off its brakes and onto them; here is the
+tick, and what follows from a cause. All of it is a function of ticks and messages, so that a run on a lockstep bus
+repeats exactly.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from controller.law.force_observer import ForceObserver
 from controller.law.tare import Tare
 from controller.law.task_space import TaskSpaceController
+from controller.loop.admission import NOTHING, Admission
+from controller.loop.brakes import BrakeSequence, Step
 from controller.loop.motion import MotionBuffer
 from controller.loop.reference import Reference
 from controller.model.kinematics import Status
@@ -27,31 +30,15 @@ from controller.protection.limits import (
 from controller.protection.monitor import Protection
 from controller.protection.reference_check import SampleCheck
 from controller.protocol.causes import Cause
-from controller.protocol.layout import CommandCode, Guard, Result
+from controller.protocol.layout import CommandCode, Result
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import BRAKED, Event, State, next_state
 from controller.settings import ControllerSettings
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 
 _NO_TORQUE: Triple = (0.0, 0.0, 0.0)
-_ENABLED = int(DriveStatus.ENABLED)
-_NOTHING = Violation(Cause.NONE, 0.0, 0.0)
-_LOOSE_TICKS = 5
-"""A piece that swings in the fingers may leave a pad for less: 4.4 ms."""
 LET_GO_FORCE = 1.0
 """Fingers that let go open until neither feels more [N]."""
-
-
-class Ended(NamedTuple):
-    """How the last motion ended; ticks, measured tool point [m] and finger position [m] at the end."""
-
-    motion: int = 0
-    result: Result = Result.NONE
-    reason: Violation = _NOTHING
-    first_tick: int = 0
-    end_tick: int = 0
-    position: Triple = (0.0, 0.0, 0.0)
-    finger_position: float = 0.0
 
 
 class Supervisor:
@@ -63,36 +50,27 @@ class Supervisor:
         measurement: the last one.
         torque: of the next exchange, within its limits [N m].
         reference: what the law follows.
-        motion: the announced motion and its samples.
-        last_motion: highest motion id seen.
-        ended: how the last motion ended.
+        admission: of motions, and what came of the last one.
+        brakes: the way on and off them.
         peak_torque: largest torque commanded in the present, else the last motion [N m].
         peak_tactile: largest tactile force in the present, else the last motion [N].
         force: on the tool, as torques and motion tell, base frame [N].
         clamped: ticks in which a torque was clamped.
-        admitting: no hold is in force.
-        awaiting: a FOLLOWED motion succeeded and the next one is not announced yet.
-        finished: the arm rests on its brakes for good.
-        exhausted: the arm did not come to rest on its brakes.
     """
 
     def __init__(
         self, law: TaskSpaceController, limits: Limits, settings: ControllerSettings, period: float, lockstep: bool
     ) -> None:
         self.state = State.BOOT
-        self.cause = _NOTHING
+        self.cause = NOTHING
         self.measurement = Measurement(-1, _NO_TORQUE, _NO_TORQUE, 0.0, (0.0, 0.0), DriveStatus.OK)
         self.torque = _NO_TORQUE
         self.reference = Reference(settings, period)
-        self.motion = MotionBuffer(settings.capacity, SampleCheck(limits, period))
-        self.last_motion = 0
-        self.ended = Ended()
+        self.admission = Admission(MotionBuffer(settings.capacity, SampleCheck(limits, period)), settings)
+        self.brakes = BrakeSequence(settings)
         self.peak_torque = self.peak_tactile = 0.0
         self.force = _NO_TORQUE
         self.clamped = 0
-        self.admitting = True
-        self.awaiting = False
-        self.finished = self.exhausted = False
         self.law = law
         self._limits = limits
         self._settings = settings
@@ -101,18 +79,10 @@ class Supervisor:
         self._protection = Protection(limits, period)
         self._acting: Triple | None = None
         self._given: Triple | None = None
-        self._guarding, self._loose = False, 0
-        self._untouched = 0.0
         self._compliant_ticks = self._letting_go = 0
         self._lockstep = lockstep
-        self._armed = True
-        self._retiring = self._parking = False
-        self._energised = False
-        self._since = -1
-        self._braked = True
+        self._braked = self._fresh = True
         self._protective = False
-        self._enable_asked = False
-        self._fresh = True
 
     # what the loop asks
 
@@ -121,32 +91,27 @@ class Supervisor:
         """Whether plant time must go on: booting, a motion, a stop, the way to the end."""
         state = self.state
         if state is State.BOOT:
-            return self._armed
-        return state is State.TRACK or state is State.STOPPING or state is State.OFF or self.awaiting
+            return self.brakes.armed
+        return state is State.TRACK or state is State.STOPPING or state is State.OFF or self.admission.awaiting
 
     @property
     def may_exchange(self) -> bool:
         """False on a lockstep bus while a due sample, or the motion after a FOLLOWED one, is not there yet."""
-        if not self._lockstep:
-            return True
-        motion = self.motion.announced
-        if motion is not None:
-            return self.measurement.tick + 1 - motion.first_tick < self.motion.received
-        return not self.awaiting
+        return not self._lockstep or self.admission.may_exchange(self.measurement.tick)
 
     def command(self) -> Command:
         """What to ask of the drives next."""
         braked = self._braked
         # what acted during the tick that comes next is what the exchange before took along
         self._acting, self._given = self._given, None if braked else self.torque
-        return Command(self.torque, self.reference.finger_velocity, braked, self._energised or not braked, self.busy)
+        energised = self.brakes.energised or not braked
+        return Command(self.torque, self.reference.finger_velocity, braked, energised, self.busy)
 
     # one tick
 
     def advance(self, measurement: Measurement) -> None:
         """Take a new tick's measurement in: estimate, protect, refer, law, limit."""
-        if self._since < 0:
-            self._since = measurement.tick
+        self.brakes.begin(measurement.tick)
         trouble = check_measurement(measurement)
         if trouble is None:
             tactile = self._tare.weigh(measurement.tactile, self.reference.finger_velocity)
@@ -191,7 +156,7 @@ class Supervisor:
 
     def _follow(self, measurement: Measurement) -> None:
         """Reference of this tick from the motion's sample; its guard or its end."""
-        buffer = self.motion
+        buffer = self.admission.motion
         motion = buffer.announced
         assert motion is not None
         index = min(measurement.tick - motion.first_tick, motion.length - 1)
@@ -202,26 +167,13 @@ class Supervisor:
             return
         guard, level = self.reference.follow(buffer.sample(index))
         buffer.executed = index + 1
-        right, left = measurement.tactile
-        if guard == Guard.GRIP and right >= level and left >= level:
-            self._succeed(Result.GRIPPED)
-        elif guard == Guard.TOUCH and self._touches(level):
-            self._succeed(Result.TOUCHED)
-        elif guard == Guard.HELD and self._loses(min(right, left), level):
-            self.stop(Violation(Cause.GRIP_LOST, min(right, left), level))
+        met = self.admission.met(guard, level, measurement.tactile, self.force[2])
+        if isinstance(met, Violation):
+            self.stop(met)
+        elif met is not None:
+            self._succeed(met)
         elif index == motion.length - 1:
             self._succeed(Result.DONE)
-
-    def _touches(self, level: float) -> bool:
-        """Whether the table pushes the tool up (to -z3) by so much more than when the guard began [N]."""
-        if not self._guarding:
-            self._guarding, self._untouched = True, self.force[2]
-        return self._untouched - self.force[2] >= level
-
-    def _loses(self, felt: float, level: float) -> bool:
-        """Whether a pad has felt less than this for so long that nothing is held any more [N]."""
-        self._loose = self._loose + 1 if felt < level else 0
-        return self._loose >= _LOOSE_TICKS
 
     def _slow_down(self, tick: int) -> None:
         """Reference of this tick from the controlled stop, or none in compliant mode."""
@@ -280,14 +232,14 @@ class Supervisor:
             self._comply(trouble)
         elif not self._letting_go:
             self.stop(trouble)
-            self.admitting = False
+            self.admission.admitting = False
             self._letting_go = self._settings.letting_go_ticks
 
     def _comply(self, cause: Violation) -> None:
         """Something is in the way: drop the motion and give way."""
         self._drop(cause)
         self._compliant_ticks = 1
-        self.admitting = False
+        self.admission.admitting = False
         self.reference.comply_at(self.law.state.position.tolist())
         self._enter(Event.COMPLIANT)
 
@@ -311,94 +263,60 @@ class Supervisor:
     # on the brakes
 
     def _boot(self, measurement: Measurement, trouble: Violation | None) -> None:
-        """Brakes until the arm rests and its pose is known, then enable, then hold where it is."""
-        waited, patience = measurement.tick - self._since, self._settings.boot_ticks
-        speed = _fastest(measurement)
+        """Off the brakes, then hold where the arm is."""
         if self._fresh and min(measurement.tactile) >= self._settings.held_force:
             # a controller before this one took a piece up: to let go of it would be the worst of beginnings
             self.reference.finger_velocity = -self._settings.holding_speed
-        if trouble is not None or speed > self._settings.rest_speed:
-            self._energised, self.torque = False, _NO_TORQUE
-            if waited > patience:
-                self._brake(trouble or Violation(Cause.NOT_AT_REST, speed, float(patience)))
-            return
-        if not self._armed or not self._energised:
-            # a tick with the drives disabled comes first: it clears what their watchdog remembers
-            self._energised, self._since = self._armed and waited > 0, measurement.tick
-            return
-        self.reference.hold_at(self.law.state.position)
-        self._output(measurement.tactile)
-        drives, status = check_drives(int(measurement.status)), int(measurement.status)
-        if drives is None and status & _ENABLED:
-            self._enter(Event.ENABLED)
-        elif waited > patience:
-            self._brake(drives or Violation(Cause.NOT_ENABLED, float(status), float(patience)))
+        step = self.brakes.boot(measurement, trouble)
+        if step.holds:
+            self.reference.hold_at(self.law.state.position)
+            self._output(measurement.tactile)
+            step = self.brakes.enabled(measurement)
+        self._take(step)
+        if step.trouble is not None:
+            self._brake(step.trouble)
 
     def _switch_off(self, measurement: Measurement, trouble: Violation | None) -> None:
-        """Goes on holding while the brakes close, then disables and waits for rest."""
-        waited, speed = measurement.tick - self._since, _fastest(measurement)
-        if self._energised and trouble is None and waited < self._settings.brake_ticks:
+        """Onto the brakes."""
+        step = self.brakes.switch_off(measurement, trouble)
+        if step.holds:
             self._output(measurement.tactile)
-            return
-        self._energised, self.torque = False, _NO_TORQUE
-        if waited > self._settings.brake_ticks and speed <= self._settings.rest_speed:
-            if self._retiring:
-                self.finished = True
-            else:
-                self._armed, self._parking = self._enable_asked, False
-                self._since = measurement.tick
-                self._enter(Event.PARKED)
-        elif waited > self._settings.rest_ticks:
-            self.cause = Violation(Cause.NOT_AT_REST, speed, float(self._settings.rest_ticks))
-            self.finished = self.exhausted = True
+        self._take(step)
+        if step.trouble is not None:
+            self.cause = step.trouble
+
+    def _take(self, step: Step) -> None:
+        if step.limp:
+            self.torque = _NO_TORQUE
+        if step.event is not None:
+            self._enter(step.event)
 
     # messages of the client
 
     def announce(self, motion: Announce) -> None:
         """Admit or refuse a motion; a repetition changes nothing."""
-        if motion.motion <= self.last_motion:
+        admission = self.admission
+        if motion.motion <= admission.last_motion:
             return
-        self.last_motion = motion.motion
-        refusal = self._refusal(motion)
+        admission.last_motion = motion.motion
+        refusal = admission.refusal(motion, self.state, self.measurement.tick, retiring=self.brakes.retiring)
         if refusal is not None:
-            self._record(motion, Result.REFUSED, refusal)
+            admission.record(motion, Result.REFUSED, refusal, self.measurement, self._position())
             return
-        self.motion.announce(motion, self.reference.position)
-        self.cause, self._guarding, self._loose = _NOTHING, False, 0
+        admission.admit(motion, self.reference.position)
+        self.cause = NOTHING
         self.peak_torque = self.peak_tactile = 0.0
         self._enter(Event.ANNOUNCED)
 
-    def _refusal(self, motion: Announce) -> Violation | None:
-        """The first reason against a motion, if any."""
-        tick, current, settings = self.measurement.tick, self.motion.announced, self._settings
-        reasons = (
-            (self._retiring, Cause.SHUTDOWN, 0, 0),
-            (current is not None, Cause.OCCUPIED, current.motion if current else 0, 0),
-            (self.state is not State.HOLD, Cause.NOT_HOLDING, self.state, 0),
-            (not self.admitting, Cause.NOT_ADMITTED, 0, 0),
-            (not 1 <= motion.length <= settings.max_length, Cause.LENGTH, motion.length, settings.max_length),
-            (motion.first_tick <= tick, Cause.LATE, motion.first_tick, tick),
-            (
-                motion.first_tick - tick > settings.max_lead,
-                Cause.TOO_EARLY,
-                motion.first_tick - tick,
-                settings.max_lead,
-            ),
-        )
-        for holds, cause, value, limit in reasons:
-            if holds:
-                return Violation(cause, float(value), float(limit))
-        return None
-
     def take_samples(self, samples: Samples) -> None:
         """Store samples of the announced motion; those of any other are stale and change nothing."""
-        motion = self.motion.announced
-        if motion is None or samples.motion != motion.motion:
+        buffer = self.admission.motion
+        if buffer.announced is None or samples.motion != buffer.announced.motion:
             return
-        trouble = self.motion.store(samples)
+        trouble = buffer.store(samples)
         if trouble is None:
             return
-        if self.motion.executed:
+        if buffer.executed:
             self.stop(trouble)
             return
         self._end(Result.REFUSED, trouble)
@@ -407,18 +325,18 @@ class Supervisor:
     def obey(self, code: CommandCode) -> None:
         """Carry a command out; repeating it changes nothing."""
         if code is CommandCode.HOLD:
-            self.admitting = False
+            self.admission.admitting = False
             self.stop(Violation(Cause.HOLD_COMMAND, 0.0, 0.0))
         elif code is CommandCode.STOP:
             self.stop(Violation(Cause.STOP_COMMAND, 0.0, 0.0))
         elif code is CommandCode.RESUME:
-            self.admitting = True
+            self.admission.admitting = True
         elif code is CommandCode.SHUTDOWN:
             self.retire()
         elif code is CommandCode.ENABLE:
-            self._enable()
+            self.brakes.enable(self.state, self.measurement.tick)
         elif code is CommandCode.CLEAR_FAULT and self.state is State.FAULT:
-            self._armed = self._protective = False
+            self.brakes.armed = self._protective = False
             self._enter(Event.CLEAR)
 
     # stops and ends
@@ -431,7 +349,7 @@ class Supervisor:
             event: STOP to hold afterwards, PROTECTIVE_STOP to brake afterwards.
         """
         self._protective = self._protective or event is Event.PROTECTIVE_STOP
-        self.awaiting = False
+        self.admission.awaiting = False
         if self.state in BRAKED:
             return
         if self._compliant_ticks:  # that ends at rest, too, and the cause of it matters more
@@ -442,38 +360,29 @@ class Supervisor:
 
     def _drop(self, cause: Violation) -> None:
         """End the motion, if there is one, because of a cause."""
-        self.awaiting = False
+        self.admission.awaiting = False
         self.cause = cause
-        if self.motion.announced is not None:
+        if self.admission.motion.announced is not None:
             self._end(Result.STOPPED, cause)
 
     def retire(self) -> None:
         """Stop, then brakes for good."""
-        if self._retiring:
+        if self.brakes.retiring:
             return
-        self._retiring = True
+        self.brakes.retiring = True
         self.stop(Violation(Cause.SHUTDOWN, 0.0, 0.0))
         self._retire_at_rest()
 
     def park(self, alone: float) -> None:
         """Nobody has needed the arm for so long [s]: brakes, until a client enables it; only from rest."""
-        if self.state is State.HOLD and not self._retiring:
-            self._parking, self._enable_asked = True, False
+        if self.state is State.HOLD and not self.brakes.retiring:
+            self.brakes.park()
             self.cause = Violation(Cause.PARKED, alone, self._settings.linger)
             self._retire_at_rest()
 
-    def _enable(self) -> None:
-        """Open the brakes, now or as soon as the arm is parked."""
-        if self.state is State.BOOT and not self._armed:
-            self._armed, self._since = True, self.measurement.tick
-        self._enable_asked = self.state is State.OFF and self._parking
-
     def _retire_at_rest(self) -> None:
-        if not (self._retiring or self._parking) or self.state in (State.OFF, State.TRACK, State.STOPPING):
-            return
-        self._energised = self.state is State.HOLD
-        self._since = self.measurement.tick
-        self._enter(Event.RETIRE)
+        if self.brakes.close(self.state, self.measurement.tick):
+            self._enter(Event.RETIRE)
 
     def _brake(self, cause: Violation) -> None:
         """Brakes at once."""
@@ -481,30 +390,25 @@ class Supervisor:
         self._compliant_ticks = self._letting_go = 0
         self.reference.abandon()
         self._protection.reset()
-        self._energised, self.torque = False, _NO_TORQUE
+        self.brakes.energised, self.torque = False, _NO_TORQUE
         self._enter(Event.BRAKE)
 
     def _succeed(self, result: Result) -> None:
         """The motion reached its end or its guard: the reference rests there, gains and fingers stay."""
-        motion = self.motion.announced
+        motion = self.admission.motion.announced
         assert motion is not None
         self.reference.rest()
-        self._end(result, _NOTHING)
-        self.awaiting = motion.followed
+        self._end(result, NOTHING)
+        self.admission.awaiting = motion.followed
         self._enter(Event.ENDED)
 
     def _end(self, result: Result, reason: Violation) -> None:
-        motion = self.motion.announced
-        assert motion is not None
-        self._record(motion, result, reason)
-        self.motion.clear()
+        self.admission.end(result, reason, self.measurement, self._position())
 
-    def _record(self, motion: Announce, result: Result, reason: Violation) -> None:
+    def _position(self) -> Triple:
+        """Of the tool, measured, base frame [m]."""
         x, y, z = self.law.state.position.tolist()
-        measured = self.measurement
-        self.ended = Ended(
-            motion.motion, result, reason, motion.first_tick, measured.tick, (x, y, z), measured.finger_position
-        )
+        return x, y, z
 
     def _enter(self, event: Event) -> None:
         before = self.state
@@ -516,9 +420,4 @@ class Supervisor:
         if self.state is State.STOPPING and not self._compliant_ticks:
             self.reference.begin_stop()
         if self.state is State.FAULT:
-            self._energised, self.torque = False, _NO_TORQUE
-
-
-def _fastest(measurement: Measurement) -> float:
-    """Speed of the fastest servomotor [rad/s]."""
-    return max(abs(rate) for rate in measurement.velocity)
+            self.brakes.energised, self.torque = False, _NO_TORQUE

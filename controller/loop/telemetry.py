@@ -26,7 +26,7 @@ def report(
         pulse: how regularly the loop ticks.
         dropped: datagrams dropped, by ``Drop``.
     """
-    measured, motion, ended = supervisor.measurement, supervisor.motion, supervisor.ended
+    measured, motion, ended = supervisor.measurement, supervisor.admission.motion, supervisor.admission.ended
     pose = supervisor.law.state
     reference: list[float] = supervisor.reference.position.tolist()
     return Telemetry(
@@ -75,7 +75,7 @@ def _flags(supervisor: Supervisor, lockstep: bool) -> Flag:
         flags |= Flag.WAITING
     if lockstep:
         flags |= Flag.LOCKSTEP
-    if supervisor.admitting:
+    if supervisor.admission.admitting:
         flags |= Flag.ADMITTING
     if supervisor.busy:
         flags |= Flag.BUSY

@@ -16,7 +16,7 @@ from app.measure.bench.report import BenchReport, Row, row
 from app.motion import MotionSettings
 from app.motion.gains import critical
 from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
-from controller.loop.supervisor import Ended
+from controller.loop.admission import Ended
 from controller.protection.limits import REACTIONS, Reaction
 from controller.protocol import Result
 from controller.protocol.causes import explain
@@ -121,8 +121,8 @@ def meet(trial: FingerTrial, limits: ContactLimits, parameters: RobotParameters)
         forces.append(finger_force(plant.model, plant.data))
         if met is None and forces[-1] >= RELEASED:
             met = len(forces)
-        if met is None and bed.supervisor.motion.announced is None:
-            _explain(bed.supervisor.ended)
+        if met is None and bed.supervisor.admission.motion.announced is None:
+            _explain(bed.supervisor.admission.ended)
             met = len(forces)
     felt = np.array(forces[met - 1 :])
     pressed = np.flatnonzero(felt >= RELEASED)

@@ -46,10 +46,10 @@ def test_a_touch_ends_the_motion_at_its_force(place: tuple[float, float]) -> Non
     samples["guard"], samples["guard_level"] = int(Guard.TOUCH), LEVEL
     bed.begin(samples)
     largest = 0.0
-    while bed.supervisor.motion.announced is not None:
+    while bed.supervisor.admission.motion.announced is not None:
         bed.tick()
         largest = max(largest, abs(bed.supervisor.force[2]))
-    assert bed.supervisor.ended.result is Result.TOUCHED
+    assert bed.supervisor.admission.ended.result is Result.TOUCHED
     assert LEVEL < largest < LEVEL + 0.3  # in the very tick in which the estimate crosses its level
     for _ in range(200):
         bed.tick()

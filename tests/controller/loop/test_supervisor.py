@@ -59,7 +59,7 @@ class Rig:
 
     @property
     def reason(self) -> str:
-        return explain(*self.supervisor.ended.reason[:3])
+        return explain(*self.supervisor.admission.ended.reason[:3])
 
     def run(self, ticks: int) -> None:
         """Tick; a tick that the supervisor does not ask for is not made."""
@@ -96,7 +96,7 @@ class Rig:
 
     def executed(self) -> NDArray[np.float64]:
         """Reference positions from the last motion's first to its last tick."""
-        ended = self.supervisor.ended
+        ended = self.supervisor.admission.ended
         first, last = self.ticks.index(ended.first_tick), self.ticks.index(ended.end_tick)
         return np.array(self.references)[first : last + 1, :3]
 
@@ -188,7 +188,7 @@ def test_a_motion_is_followed_tick_by_tick(rig: Rig, line: Line) -> None:
     first = rig.supervisor.measurement.tick + 8
     rig.run(8 + 900)
     assert rig.state is State.HOLD
-    ended = rig.supervisor.ended
+    ended = rig.supervisor.admission.ended
     assert (ended.result, ended.first_tick, ended.end_tick) == (Result.DONE, first, first + 900)
     assert ended.position == pytest.approx(AWAY, abs=5e-5)
     assert np.array_equal(rig.executed(), samples["position"])
@@ -208,28 +208,28 @@ def test_in_lockstep_a_missing_sample_costs_no_tick(rig: Rig, line: Line) -> Non
     samples = line(HOME, AWAY, 900)
     rig.boot().announce(len(samples))
     rig.run(100)
-    start = rig.supervisor.ended.end_tick or rig.supervisor.measurement.tick
+    start = rig.supervisor.admission.ended.end_tick or rig.supervisor.measurement.tick
     assert rig.supervisor.measurement.tick == start
     assert not rig.supervisor.may_exchange
     rig.send(samples, 0, 300)
     rig.run(1000)
-    assert rig.supervisor.motion.executed == 300
+    assert rig.supervisor.admission.motion.executed == 300
     assert not rig.supervisor.may_exchange
     rig.send(samples, 290)
     rig.run(1000)
-    assert rig.supervisor.ended.result is Result.DONE
+    assert rig.supervisor.admission.ended.result is Result.DONE
     assert np.array_equal(rig.executed(), samples["position"])
 
 
 def test_in_lockstep_a_followed_motion_waits_for_the_next(rig: Rig, line: Line) -> None:
     rig.boot().begin(line(HOME, AWAY, 500), MotionFlag.FOLLOWED)
     rig.run(2000)
-    tick = rig.supervisor.ended.end_tick
+    tick = rig.supervisor.admission.ended.end_tick
     assert (rig.supervisor.measurement.tick, rig.supervisor.may_exchange) == (tick, False)
     rig.begin(line(AWAY, HOME, 500))
     assert rig.supervisor.may_exchange
     rig.run(508)
-    assert rig.supervisor.ended.first_tick == tick + 8
+    assert rig.supervisor.admission.ended.first_tick == tick + 8
     assert rig.supervisor.may_exchange
 
 
@@ -251,7 +251,7 @@ def test_a_refused_successor_leaves_plant_time_waiting(rig: Rig, line: Line) -> 
     tick = rig.supervisor.measurement.tick
     rig.begin(line(AWAY, HOME, 500))
     rig.run(10)
-    assert rig.supervisor.ended.result is Result.REFUSED
+    assert rig.supervisor.admission.ended.result is Result.REFUSED
     assert (rig.supervisor.measurement.tick, rig.supervisor.may_exchange) == (tick, False)
 
 
@@ -261,7 +261,7 @@ def test_on_a_real_time_bus_a_followed_motion_just_holds(real_time_rig: Rig, lin
     rig.run(50)
     assert rig.state is State.HOLD
     assert rig.supervisor.may_exchange
-    assert rig.supervisor.measurement.tick > rig.supervisor.ended.end_tick + 20
+    assert rig.supervisor.measurement.tick > rig.supervisor.admission.ended.end_tick + 20
 
 
 def test_on_a_real_time_bus_a_missing_sample_stops_without_a_step(real_time_rig: Rig, line: Line) -> None:
@@ -273,7 +273,7 @@ def test_on_a_real_time_bus_a_missing_sample_stops_without_a_step(real_time_rig:
     assert rig.state is State.TRACK
     rig.run(200)
     assert rig.state is State.HOLD
-    assert rig.supervisor.ended.result is Result.STOPPED
+    assert rig.supervisor.admission.ended.result is Result.STOPPED
     assert "sample 200 was due, but only 200 had arrived" in rig.reason
     position, velocity, acceleration = rig.reference_jumps()
     assert position < 1e-7
@@ -291,18 +291,18 @@ def test_a_skipped_tick_skips_its_sample(real_time_rig: Rig, line: Line) -> None
 
     rig.doctor = skip
     rig.run(208)
-    executed, shift = rig.supervisor.motion.executed, 3
+    executed, shift = rig.supervisor.admission.motion.executed, 3
     rig.run(1)
-    assert rig.supervisor.motion.executed == executed + 4
+    assert rig.supervisor.admission.motion.executed == executed + 4
     rig.run(300)
-    assert rig.supervisor.ended.result is Result.DONE
+    assert rig.supervisor.admission.ended.result is Result.DONE
 
 
 def test_grip_ends_the_motion_and_persists(rig: Rig, grip: Line, line: Line) -> None:
     rig.bus.object_at = 0.010
     rig.boot().begin(grip(HOME, 1500), MotionFlag.FOLLOWED)
     rig.run(2000)
-    ended = rig.supervisor.ended
+    ended = rig.supervisor.admission.ended
     assert ended.result is Result.GRIPPED
     assert ended.finger_position == pytest.approx(0.010)
     assert ended.end_tick < ended.first_tick + 1500
@@ -312,7 +312,7 @@ def test_grip_ends_the_motion_and_persists(rig: Rig, grip: Line, line: Line) -> 
     lift["finger_velocity"] = -0.025
     rig.begin(lift)
     rig.run(600)
-    assert rig.supervisor.ended.result is Result.DONE
+    assert rig.supervisor.admission.ended.result is Result.DONE
     assert rig.supervisor.command().finger_velocity == pytest.approx(-0.025)
 
 
@@ -321,28 +321,28 @@ def test_grip_needs_both_fingers(rig: Rig, grip: Line) -> None:
     rig.doctor = lambda measurement: measurement._replace(tactile=(measurement.tactile[0], 1.0))
     rig.boot().begin(grip(HOME, 1500))
     rig.run(1600)
-    assert rig.supervisor.ended.result is Result.DONE
+    assert rig.supervisor.admission.ended.result is Result.DONE
 
 
 def test_a_grip_that_meets_nothing_is_done(rig: Rig, grip: Line) -> None:
     rig.boot().begin(grip(HOME, 600))
     rig.run(700)
-    assert rig.supervisor.ended.result is Result.DONE
+    assert rig.supervisor.admission.ended.result is Result.DONE
 
 
 def test_a_repeated_announcement_changes_nothing(rig: Rig, line: Line) -> None:
     samples = line(HOME, AWAY, 500)
     rig.boot().begin(samples)
-    announced = rig.supervisor.motion.announced
+    announced = rig.supervisor.admission.motion.announced
     assert announced is not None
     rig.run(100)
     for _ in range(3):
         rig.supervisor.announce(announced)
         rig.supervisor.announce(announced._replace(first_tick=5))
     rig.run(420)
-    assert rig.supervisor.ended.result is Result.DONE
+    assert rig.supervisor.admission.ended.result is Result.DONE
     rig.supervisor.announce(announced)
-    assert (rig.state, rig.supervisor.ended.result) == (State.HOLD, Result.DONE)
+    assert (rig.state, rig.supervisor.admission.ended.result) == (State.HOLD, Result.DONE)
 
 
 # refusals
@@ -352,7 +352,7 @@ def test_an_announcement_in_the_past_is_refused_with_both_ticks(rig: Rig) -> Non
     rig.boot().announce(10, lead=0)
     tick = rig.supervisor.measurement.tick
     assert f"was to start at tick {tick}, but tick {tick} has already begun" in rig.reason
-    assert rig.supervisor.ended.result is Result.REFUSED
+    assert rig.supervisor.admission.ended.result is Result.REFUSED
     rig.announce(10, lead=1)
     assert rig.state is State.TRACK
 
@@ -388,14 +388,14 @@ def test_a_hold_admits_nothing_until_resume(rig: Rig, line: Line) -> None:
     rig.supervisor.obey(CommandCode.RESUME)
     rig.begin(line(HOME, HOME, 9))
     rig.run(20)
-    assert rig.supervisor.ended.result is Result.DONE
+    assert rig.supervisor.admission.ended.result is Result.DONE
 
 
 def test_a_motion_from_elsewhere_is_refused_before_it_begins(rig: Rig, line: Line) -> None:
     rig.boot().begin(line(AWAY, HOME, 500))
     assert rig.state is State.HOLD
     assert "the motion starts 0.122 m from the present reference, at most 1e-06 m is accepted" in rig.reason
-    assert rig.supervisor.ended.result is Result.REFUSED
+    assert rig.supervisor.admission.ended.result is Result.REFUSED
 
 
 def test_a_bad_sample_under_way_stops(rig: Rig, line: Line) -> None:
@@ -420,7 +420,7 @@ def test_a_stop_anywhere_never_steps_and_rests_on_the_line(rig: Rig, line: Line,
     rig.boot().begin(line(HOME, AWAY, 500))
     rig.run(8 + at)
     rig.supervisor.obey(CommandCode.STOP)
-    assert rig.supervisor.ended.result is Result.STOPPED
+    assert rig.supervisor.admission.ended.result is Result.STOPPED
     ticks = 0
     while rig.state is State.STOPPING:
         assert rig.supervisor.command().busy
@@ -438,7 +438,7 @@ def test_a_stop_anywhere_never_steps_and_rests_on_the_line(rig: Rig, line: Line,
     assert np.linalg.norm(np.cross(at_rest.position - HOME, direction)) < 1e-9
     rig.begin(line(tuple(at_rest.position.tolist()), HOME, 500))
     rig.run(600)
-    assert rig.supervisor.ended.result is Result.DONE
+    assert rig.supervisor.admission.ended.result is Result.DONE
 
 
 def test_after_a_stop_fingers_close_but_do_not_open_and_gains_are_firm(rig: Rig, line: Line) -> None:
@@ -490,7 +490,7 @@ def test_a_jammed_arm_gives_way_and_admits_nothing_until_resume(rig: Rig, line: 
     rig.bus.jammed = True
     rig.run(30)
     assert rig.state is State.STOPPING
-    assert rig.supervisor.ended.reason.cause is Cause.TRACKING
+    assert rig.supervisor.admission.ended.reason.cause is Cause.TRACKING
     assert "m from its reference along one axis, at most 0.0024 m is accepted" in rig.sentence
     row = rig.supervisor.reference.row
     assert not row[9:12].any()  # no stiffness
@@ -503,11 +503,11 @@ def test_a_jammed_arm_gives_way_and_admits_nothing_until_resume(rig: Rig, line: 
     assert set(row[9:12]) == {400.0}
     rig.bus.jammed = False
     rig.begin(line(tuple(row[0:3].tolist()), AWAY, 500))
-    assert rig.supervisor.ended.reason.cause is Cause.NOT_ADMITTED
+    assert rig.supervisor.admission.ended.reason.cause is Cause.NOT_ADMITTED
     rig.supervisor.obey(CommandCode.RESUME)
     rig.begin(line(tuple(row[0:3].tolist()), AWAY, 500))
     rig.run(600)
-    assert rig.supervisor.ended.result is Result.DONE
+    assert rig.supervisor.admission.ended.result is Result.DONE
 
 
 def test_pushed_away_while_holding_it_gives_way(rig: Rig) -> None:
@@ -530,8 +530,8 @@ def test_giving_way_is_not_shortened_by_a_stop_and_ends_a_shutdown_too(rig: Rig)
     assert rig.supervisor.cause.cause is Cause.TRACKING
     assert not rig.supervisor.reference.stopping
     rig.run(600)
-    assert rig.supervisor.finished
-    assert not rig.supervisor.exhausted
+    assert rig.supervisor.brakes.finished
+    assert not rig.supervisor.brakes.exhausted
 
 
 def feel(rig: Rig, **change: Any) -> None:
@@ -552,7 +552,7 @@ def test_too_hard_a_grip_is_let_go_after_a_while(rig: Rig) -> None:
     assert rig.supervisor.reference.finger_velocity == 0.05
     feel(rig, tactile=(0.5, 0.0))
     assert rig.supervisor.reference.finger_velocity == 0.0
-    assert not rig.supervisor.admitting
+    assert not rig.supervisor.admission.admitting
 
 
 def test_letting_go_ends_even_if_the_force_stays(rig: Rig) -> None:
@@ -633,13 +633,13 @@ def test_touch_ends_a_motion_in_the_tick_the_force_crosses_its_level(rig: Rig, l
     rig.boot().begin(samples)
     rig.run(100)
     assert rig.state is State.TRACK
-    baseline = rig.supervisor._untouched
+    baseline = rig.supervisor.admission._untouched
     rig.supervisor._observer.update = lambda *_: (0.0, 0.0, baseline - 2.99)  # type: ignore[method-assign]
     rig.run(1)
     assert rig.state is State.TRACK
     rig.supervisor._observer.update = lambda *_: (0.0, 0.0, baseline - 3.01)  # type: ignore[method-assign]
     rig.run(1)
-    assert rig.supervisor.ended.result is Result.TOUCHED
+    assert rig.supervisor.admission.ended.result is Result.TOUCHED
     assert rig.state is State.HOLD
 
 
@@ -680,9 +680,12 @@ def test_what_cannot_be_controlled_brakes_in_the_same_tick(
     assert rig.state is State.FAULT
     assert rig.supervisor.cause.cause is cause
     assert rig.supervisor.command() == Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=False, busy=False)
-    assert rig.supervisor.motion.announced is None
+    assert rig.supervisor.admission.motion.announced is None
     if at == "track":
-        assert (rig.supervisor.ended.result, rig.supervisor.ended.reason.cause) == (Result.STOPPED, cause)
+        assert (rig.supervisor.admission.ended.result, rig.supervisor.admission.ended.reason.cause) == (
+            Result.STOPPED,
+            cause,
+        )
 
 
 def test_a_torque_that_is_not_finite_brakes(fake_bus: Callable[..., Any]) -> None:
@@ -734,7 +737,7 @@ def test_a_fault_is_cleared_and_enabled_by_two_commands(rig: Rig, line: Line) ->
     assert rig.supervisor.reference.position == pytest.approx(here)
     rig.begin(line(tuple(rig.supervisor.reference.position.tolist()), AWAY, 500))
     rig.run(600)
-    assert rig.supervisor.ended.result is Result.DONE
+    assert rig.supervisor.admission.ended.result is Result.DONE
 
 
 # the end
@@ -747,8 +750,8 @@ def test_retiring_in_a_motion_stops_brakes_and_finishes(rig: Rig, line: Line) ->
     rig.announce(10)
     assert "the controller is shutting down" in rig.reason
     rig.run(400)
-    assert rig.supervisor.finished
-    assert not rig.supervisor.exhausted
+    assert rig.supervisor.brakes.finished
+    assert not rig.supervisor.brakes.exhausted
     order = [state for state, before in zip(rig.states, [None, *rig.states], strict=False) if state is not before]
     assert order[-3:] == [State.TRACK, State.STOPPING, State.OFF]
     closing = [command for _, command in rig.bus.log if command.brake][3:]
@@ -762,7 +765,7 @@ def test_retiring_at_rest_needs_no_new_tick_to_begin(rig: Rig) -> None:
     assert rig.state is State.OFF
     assert rig.supervisor.command().busy
     rig.run(50)
-    assert rig.supervisor.finished
+    assert rig.supervisor.brakes.finished
 
 
 @pytest.mark.parametrize("event", [Event.BRAKE, None])
@@ -773,7 +776,7 @@ def test_retiring_from_the_brakes(rig: Rig, event: Event | None) -> None:
         rig.boot().supervisor._enter(event)
     rig.supervisor.retire()
     rig.run(50)
-    assert rig.supervisor.finished
+    assert rig.supervisor.brakes.finished
     assert all(not command.enable for _, command in rig.bus.log[-40:])
 
 
@@ -781,8 +784,8 @@ def test_brakes_that_do_not_hold_are_told(rig: Rig) -> None:
     rig.boot().supervisor.retire()
     rig.doctor = lambda measurement: measurement._replace(velocity=(0.3, 0.0, 0.0))
     rig.run(2400)
-    assert rig.supervisor.finished
-    assert rig.supervisor.exhausted
+    assert rig.supervisor.brakes.finished
+    assert rig.supervisor.brakes.exhausted
     assert "still moved at 0.300 rad/s after 2300 ticks on its brakes: see the brakes" in rig.sentence
 
 
@@ -796,7 +799,7 @@ def test_a_parked_arm_waits_on_its_brakes_until_it_is_enabled(rig: Rig) -> None:
     assert rig.state is State.BOOT
     assert rig.bus.last.brake
     assert not rig.bus.last.enable
-    assert not rig.supervisor.finished
+    assert not rig.supervisor.brakes.finished
     assert not rig.supervisor.busy, "plant time may stand"
     assert "nobody was connected for 31.0 s" in rig.sentence
     rig.supervisor.obey(CommandCode.ENABLE)
@@ -841,7 +844,7 @@ def test_a_shutdown_ends_an_arm_that_is_parked_or_on_its_way(rig: Rig, parked: b
     rig.run(200 if parked else 3)
     rig.supervisor.retire()
     rig.run(200)
-    assert rig.supervisor.finished
+    assert rig.supervisor.brakes.finished
     assert rig.state is State.OFF
 
 
@@ -888,7 +891,7 @@ def test_an_arm_whose_fingers_lose_what_they_carry_stops_and_may_go_on(
     feel(rig, tactile=lost)
     assert rig.state is State.STOPPING
     assert rig.supervisor.cause.cause is Cause.GRIP_LOST
-    assert rig.supervisor.ended.result is Result.STOPPED
+    assert rig.supervisor.admission.ended.result is Result.STOPPED
     rig.run(114)
     assert rig.state is State.HOLD
     reference = tuple(rig.supervisor.reference.position)

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from app.motion import Motion, MotionSettings, Plan
 from app.motion.path import Vector
 from controller.law.task_space import TaskSpaceController
-from controller.loop.supervisor import Ended, Supervisor
+from controller.loop.admission import Ended
+from controller.loop.supervisor import Supervisor
 from controller.model.constants import DeltaModel
 from controller.protection.limits import default_limits
 from controller.protocol import MotionFlag
@@ -113,9 +114,9 @@ class Bed:
     def execute(self, samples: NDArray[Any], followed: bool = False) -> Ended:
         """One motion to its end; says how it ended."""
         self.begin(samples, followed)
-        while self.supervisor.motion.announced is not None:
+        while self.supervisor.admission.motion.announced is not None:
             self.tick()
-        return self.supervisor.ended
+        return self.supervisor.admission.ended
 
     def carry_out(self, motion: Motion, followed: bool = False) -> None:
         """One motion of a plan, to its end.
