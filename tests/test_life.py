@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import socket
+import subprocess
 import time
 
 import pytest
@@ -80,17 +81,65 @@ def test_kill_9_of_a_process_ends_the_game_with_a_sentence(demo, victim):
     os.kill(run.helpers()[victim], signal.SIGKILL)
     status, out, err = run.wait(30)
     assert status == 1
-    assert f"the {victim} has ended" in err
+    named = {"world": "the simulated world", "controller": "the controller"}[victim]
+    assert f"failed: {named} has ended: it was killed (SIGKILL)" in err
     assert f"touchmove resume {run.folder}" in err, "a killed world is found as it stood"
     assert "Traceback" not in err
     report = json.loads(out)
     assert report["exit_reason"] == "failed"
     assert report["plies"] == run.plies() >= 1
     assert not run.helpers()
+    assert len(report["failures"]) == 1
     if victim == "controller":
         assert run.world_end()["at_rest"], "the drives' own watchdog brakes"
-        assert len(report["failures"]) == 1
         assert not {"world.sock", "world.mjb", "frame-0.bin", "key"} & {p.name for p in (run.folder / "run").iterdir()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("victim", ["drawing", "stockfish"])
+def test_kill_9_of_what_can_be_started_again_goes_unnoticed(demo, victim):
+    run = demo("--pace", "fast", "--no-video", "--plies", "6", "--movetime", "0.05", "--verify")
+    in_mid_game(run)
+    os.kill(run.helpers()[victim], signal.SIGKILL)
+    status, out, _ = run.wait()
+    report = json.loads(out)
+    assert (status, report["plies"], report["failures"]) == (0, 6, [])
+    assert not run.helpers()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("victim", ["world", "controller"])
+def test_kill_9_of_a_process_that_is_starting_is_named(demo, victim):
+    run = demo(*GAME)
+    run.until(lambda: victim in run.helpers(), f"the {victim}")
+    os.kill(run.helpers()[victim], signal.SIGKILL)
+    status, _, err = run.wait(60)
+    assert status == 2
+    named = {"world": "the simulated world", "controller": "the controller"}[victim]
+    assert err.strip() == f"touchmove: {named} could not start: it was killed (SIGKILL)"
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 20 MiB, where this user may mount one."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=20m", "tmpfs", folder], check=False).returncode:
+        pytest.skip("mounting a file system takes privileges")
+    yield folder
+    subprocess.run(["umount", "--lazy", folder], check=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("left", [0, 1 << 16, 1 << 20, 1 << 23])
+def test_a_disk_that_is_full_when_the_world_starts_is_named(demo, small_disk, left):
+    used = os.statvfs(small_disk).f_bavail * os.statvfs(small_disk).f_frsize - left
+    with (small_disk / "other.bin").open("wb") as other:
+        os.posix_fallocate(other.fileno(), 0, used)
+    sentence = refused(demo("--moves", "e4", "--pace", "fast", name="disk/game"))
+    assert f"the disk at {small_disk}" in sentence
+    assert f"{small_disk}/game" in sentence
+    assert "free some space or choose another folder with --out" in sentence
 
 
 def refused(run):

@@ -91,7 +91,7 @@ def calibrate(
 
 def link_test(
     rig: _Rig = "sim",
-    duration: Annotated[float, typer.Option(min=2.0, help="How long to measure [s].")] = 10.0,
+    duration: Annotated[float, typer.Option(min=2.0, max=86400.0, help="How long to measure [s].")] = 10.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
 ) -> None:
     """Say whether this PC and network are good enough for the controller, and what to change."""

@@ -98,7 +98,10 @@ def _read(stream: TextIO, file: Path, number: int | None) -> Iterator[RecordedGa
                 return
             count += 1
             continue
-        game = chess.pgn.read_game(stream, Visitor=_Builder)
+        try:
+            game = chess.pgn.read_game(stream, Visitor=_Builder)
+        except (IndexError, ValueError) as error:  # python-chess's own, over text that is far from any PGN
+            raise ReplayError(f"{file}, game {count + 1}, is no PGN that can be read: correct the file") from error
         if game is None:
             return
         count += 1

@@ -58,6 +58,7 @@ def make_figure(
 
     Raises:
         UnknownFigure: there is none of that name.
+        UserError: a move or a position is given for another figure than ``move``.
         FolderUnusable: the folder cannot be written.
         HardwareError: a figure needs OpenGL, and there is none.
     """
@@ -65,4 +66,6 @@ def make_figure(
         return save(name, move_figure(move, fen, progress), folder)
     if name not in FIGURES:
         raise UnknownFigure(name)
+    if move != MOVE or fen is not None:
+        raise UserError(f"figure {name} shows no move of a game: leave move and --fen out, or draw figure move")
     return save(name, FIGURES[name](progress), folder)

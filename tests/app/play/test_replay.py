@@ -60,6 +60,7 @@ def test_one_of_them_and_the_rest_of_it(file: Path) -> None:
         ("Dear Anna,\n\nthe games are in the other file.\n", "holds no game: give a PGN file"),
         ('[White "X"]\n\n1. e4 e5 2. Ke3 *\n', r"game 1, after 2 plies: illegal san: 'Ke3' in .*: correct the file"),
         ('[White "X"]\n\n1. e4 -- 2. d4 *\n', r"game 1, ply 2 passes, which chess does not allow: correct the file"),
+        ("1. e4 e4 ) Z0 *\n", r"game 1, is no PGN that can be read: correct the file"),
         ('[Variant "Crazyhouse"]\n\n1. e4 e5 *\n', r"game 1, is of the variant Crazyhouse: only chess and Chess960"),
         ('[Variant "Xiangqi"]\n\n1. e4 e5 *\n', r"game 1, is of the variant Xiangqi: only chess and Chess960"),
         ('[Variant "King of the Hill"]\n\n1. e4 *\n', r"game 1, is of the variant King of the Hill"),

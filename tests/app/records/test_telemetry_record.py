@@ -35,7 +35,7 @@ from hardware.interfaces import DriveStatus
 
 PERIOD = 0.00088
 BLANK = Telemetry.unpack(bytes(TELEMETRY.size))
-FULL = "no space left on the device: free some space or choose another folder with --out"
+FULL = r"no space left on the device \(the disk at /\S*\): free some space or choose another folder with --out"
 
 
 def telemetry(tick: int, **changes: Any) -> Telemetry:

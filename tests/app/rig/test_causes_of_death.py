@@ -1,0 +1,87 @@
+"""A process of a simulated rig has ended: which one was it, and what is said of it."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import signal
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from app.records.files import full_disk
+from app.rig.simulation.sim import SimRig
+
+
+@dataclass
+class Ended:
+    """A process with a status; None: it runs."""
+
+    status: int | None
+    pid: int = 0
+
+    def poll(self) -> int | None:
+        return self.status
+
+    def wait(self, timeout: float | None = None) -> int:
+        if self.status is None:
+            raise subprocess.TimeoutExpired("world", timeout or 0.0)
+        return self.status
+
+
+def sentence(folder: Path, world: int | None, controller: int | None) -> str | None:
+    rig = object.__new__(SimRig)
+    rig._run_dir, rig._open, rig._cause = folder, True, None
+    rig._processes = {"world": Ended(world), "controller": Ended(controller)}  # type: ignore[dict-item]
+    return rig.failure()
+
+
+KILLED = -signal.SIGKILL
+
+
+@pytest.mark.parametrize(
+    ("world", "controller", "said"),
+    [
+        (None, None, None),
+        (KILLED, None, "the simulated world has ended: it was killed (SIGKILL)"),
+        (KILLED, 2, "the simulated world has ended: it was killed (SIGKILL)"),
+        (None, KILLED, "the controller has ended: it was killed (SIGKILL)"),
+        (0, KILLED, "the controller has ended: it was killed (SIGKILL)"),
+        (2, KILLED, "the controller has ended: it was killed (SIGKILL)"),
+        (2, 2, "the simulated world has ended: no more steps"),
+        (0, 2, "the controller has ended: no law"),
+        (0, 0, "the simulated world has ended: no more steps"),
+        (3, None, "the simulated world has ended: no more steps"),
+    ],
+)
+def test_who_was_killed_counts_for_more_than_who_ended_with_it(
+    tmp_path: Path, world: int | None, controller: int | None, said: str | None
+) -> None:
+    (tmp_path / "world.log").write_text("a note\nno more steps\n", encoding="utf-8")
+    (tmp_path / "controller.log").write_text("no law\n", encoding="utf-8")
+    assert sentence(tmp_path, world, controller) == said
+
+
+def test_who_could_say_nothing_as_the_disk_is_full_is_spoken_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert sentence(tmp_path, 1, None) == "the simulated world has ended: exit status 1"
+
+    def full(*_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    wanted = (
+        rf"the simulated world has ended: the disk at /\S* has less than 16 MiB left for {re.escape(str(tmp_path))}: "
+        "free some space or choose another folder with --out"
+    )
+    assert re.fullmatch(wanted, sentence(tmp_path, 1, None) or "")
+
+
+def test_a_disk_with_room_and_a_folder_that_is_gone_are_no_full_disk(tmp_path: Path) -> None:
+    assert full_disk(tmp_path) is None
+    assert not list(tmp_path.iterdir())
+    assert full_disk(tmp_path / "none") is None
