@@ -56,10 +56,8 @@ class SimHands:
     def _perform(self, *actions: Action) -> None:
         if self._hand is None:
             self._hand = SimHand(self._run_dir)
-        self._hand.perform(*actions)
         try:
-            self._hand.wait()
+            self._hand.do(*actions)
         except HandRefused:  # nobody leaves a hand where an arm will move
-            self._hand.perform(Withdraw())
-            self._hand.wait()
+            self._hand.do(Withdraw())
             raise

@@ -14,7 +14,7 @@ from typing import Final
 import chess
 import numpy as np
 
-from app.measure.bench.report import Row, row
+from app.measure.bench.report import Progress, Row, row
 from app.measure.bench.vision.calibration import OFF, random_looks, random_mount
 from app.measure.bench.vision.positions import RandomTable
 from app.motion import MotionSettings
@@ -34,8 +34,6 @@ from vision.reading.moves import MoveReading
 from vision.reading.observer import Observation, Observer
 from vision.reading.outcome import LOOKS, ReadingOutcome
 from vision.reading.rectified_view import RectifiedView, sight_of_frame
-
-Progress = Callable[[str], None]
 
 PLIES: Final = {True: 16, False: 2000}
 """By ``quick``."""
