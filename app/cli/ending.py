@@ -34,8 +34,8 @@ PIPED_WIDTH = 160
 
 
 def fail(sentence: str, status: int = 2) -> NoReturn:
-    """Say what is wrong, and end the program with this status."""
-    print(f"touchmove: {sentence}", file=sys.stderr)
+    """Say what is wrong on one line, whatever was quoted in it, and end the program with this status."""
+    print(f"touchmove: {' '.join(sentence.split())}", file=sys.stderr)
     raise typer.Exit(status)
 
 

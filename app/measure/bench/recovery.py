@@ -175,7 +175,7 @@ def play_one(seed: int, plies: int, tally: RecoveryTally, progress: Progress) ->
         )  # fmt: skip
         face = Clumsy(folder / "game" / "run", seed, progress)
         result = run_games(settings, face)
-        done = [event for event in read_events(folder / "game" / EVENTS_FILE) if isinstance(event, PlyEvent)]
+        done = [event for event in read_events(folder / "game" / EVENTS_FILE, progress) if isinstance(event, PlyEvent)]
         tally.losses += lost_grips(folder / "game" / "run")
     tally.games += 1
     tally.mishaps += face.mishaps

@@ -1,16 +1,8 @@
-"""Compiled: the time law along a path, warped until it is as quick as the bounds allow.
+"""Compiled: the quickest b(u) within bounds that are linear forms of it, by an interior-point method.
 
-Given is a way s(u) along the path, cubic between nodes: the way itself, but flat of third order where the path begins
-or ends at rest. It is sought how fast u runs: u̇² = b(u), b a quadratic spline with a continuous derivative. With r(u)
-the point of the path,
-
-    ṙ = r' √b,    r̈ = r'' b + ½ r' b',    r⃛ = √b (r''' b + 3/2 r'' b' + ½ r' b''),
-
-so bounds on speed and acceleration are linear in b, and r̈ is continuous. The duration ∫ du/√b is convex. It is
-minimised by an interior-point method: a logarithmic barrier before each bound at the nodes, Newton's
-method with the Gauss-Newton part of the barrier's curvature, which is banded, and a line search that never leaves the
-inside. So every result obeys the bounds at the nodes, however early it stops; by what they are exceeded between them,
-some tenths of a percent, `excess` finds.
+b is a quadratic spline with a continuous derivative, and the duration ∫ du/√b is convex in it. It is minimised with a
+logarithmic barrier before each bound at the nodes, Newton's method with the Gauss-Newton part of the barrier's
+curvature, which is banded, and a line search that never leaves the inside.
 """
 
 from __future__ import annotations
@@ -19,188 +11,10 @@ import math
 
 import numpy as np
 
-from controller.model.compiled import ROW, SCALAR, TABLE, FloatArray, compiled, compiled_as
+from controller.model.compiled import SCALAR, STATUS, TABLE, TRUTH, FloatArray, compiled, compiled_as
 
-FASTEST = 1e4
-"""Largest b anywhere, for where the path rests whatever u does."""
-_NEAR_REST = 2
-"""So many intervals after a ramp from rest, and before one to it, are looked at as closely as the ramp."""
-_PROPORTIONAL = 1e-12
-"""Two axes' shares of a path are one but for a factor."""
-_LOOKS = 8
-"""Parts of an interval at whose ends the bounds are looked at in the end."""
-_SPARE = 0.8
-"""The refinement begins so much slower than the bounds admit."""
-
-
-@compiled
-def _by_u(path: FloatArray, rows: FloatArray, k: int, x: float, out: FloatArray) -> None:
-    """r', r'', r''' by u, a way x into interval k, as rows of ``out`` (3, 3)."""
-    piece = int(rows[k, 4])
-    s1 = rows[k, 1] + x * (rows[k, 2] + 0.5 * x * rows[k, 3])
-    s2 = rows[k, 2] + x * rows[k, 3]
-    s3 = rows[k, 3]
-    way = rows[k, 0] + x * (rows[k, 1] + x * (0.5 * rows[k, 2] + x * rows[k, 3] / 6.0))
-    sharpness, sign = path[piece, 6], path[piece, 7]
-    if sharpness == 0.0:
-        for i in range(3):
-            t = path[piece, i]
-            out[0, i], out[1, i], out[2, i] = t * s1, t * s2, t * s3
-        return
-    sigma = way if sign > 0.0 else path[piece, 8] - way
-    heading = 0.5 * sharpness * sigma * sigma
-    cos, sin = math.cos(heading), sign * math.sin(heading)
-    curvature, rate = sharpness * sigma, sharpness * sign
-    for i in range(3):
-        t = cos * path[piece, i] + sin * path[piece, 3 + i]
-        n = cos * path[piece, 3 + i] - sin * path[piece, i]
-        out[0, i] = t * s1
-        out[1, i] = curvature * n * s1 * s1 + t * s2
-        out[2, i] = (rate * n - curvature * curvature * t) * s1**3 + 3.0 * curvature * n * s1 * s2 + t * s3
-
-
-@compiled
-def _cap(out: FloatArray, speed: float, downward: float) -> float:
-    """Largest b for speed and downward speed."""
-    squared = out[0, 0] * out[0, 0] + out[0, 1] * out[0, 1] + out[0, 2] * out[0, 2]
-    cap = FASTEST
-    if squared > speed * speed / FASTEST:
-        cap = speed * speed / squared
-    if out[0, 2] > downward / math.sqrt(cap):
-        cap = downward * downward / (out[0, 2] * out[0, 2])
-    return cap
-
-
-@compiled_as(TABLE(TABLE, TABLE))
-def limits(path: FloatArray, bounds: FloatArray) -> FloatArray:
-    """Bounds of each piece of a path: those of its line; of a corner the tighter ones of both its lines.
-
-    Args:
-        path: `Path.table`.
-        bounds: of each line: speed, acceleration, jerk, downward speed, (l, 4).
-    """
-    table = np.empty((path.shape[0], 4))
-    for i in range(path.shape[0]):
-        other = i
-        if path[i, 6] > 0.0:
-            other = i + 1 if path[i, 7] > 0.0 else i - 1
-        for j in range(4):
-            table[i, j] = min(bounds[int(path[i, 13]), j], bounds[int(path[other, 13]), j])
-    return table
-
-
-@compiled
-def _near_rest(rows: FloatArray, k: int) -> bool:
-    """Whether an interval belongs to a ramp, on which the way is not u, or is next to one."""
-    near = False
-    for other in range(max(0, k - _NEAR_REST), min(rows.shape[0], k + _NEAR_REST + 1)):
-        near = near or rows[other, 3] != 0.0
-    return near
-
-
-@compiled
-def _leads(path: FloatArray, piece: int, axis: int) -> bool:
-    """Whether an axis has a say on a piece: not where all its rates are a share of another one's."""
-    for other in range(3):
-        t, n = path[piece, other], path[piece, 3 + other]
-        own_t, own_n = path[piece, axis], path[piece, 3 + axis]
-        if other == axis or abs(own_t * n - own_n * t) > _PROPORTIONAL:
-            continue
-        own, others = own_t * own_t + own_n * own_n, t * t + n * n
-        if others > own or (others == own and other < axis):
-            return False
-    return True
-
-
-@compiled
-def _gather(
-    path: FloatArray, bounds: FloatArray, rows: FloatArray, caps: FloatArray, where: FloatArray, table: FloatArray
-) -> int:
-    """Fill the rows of all bounds; returns how many there are.
-
-    At rest r' and r'' vanish and b may change quickly: there the middle of an interval is looked at, too.
-    """
-    out = np.zeros((3, 3))
-    count = 0
-    for k in range(rows.shape[0]):
-        piece = int(rows[k, 4])
-        near_rest = _near_rest(rows, k)
-        for part in range(3):
-            if part == 1 and not near_rest:
-                continue
-            x = 0.5 * part * rows[k, 5]
-            _by_u(path, rows, k, x, out)
-            if part != 1:
-                caps[k, part // 2] = _cap(out, bounds[piece, 0], bounds[piece, 3])
-            for i in range(3):
-                if not _leads(path, piece, i) or abs(out[0, i]) + abs(out[1, i]) + abs(out[2, i]) < 1e-9:
-                    continue
-                where[count, 0], where[count, 1] = k, x
-                table[count, 0], table[count, 1], table[count, 2] = out[0, i], out[1, i], out[2, i]
-                table[count, 3], table[count, 4] = bounds[piece, 1], bounds[piece, 2]
-                count += 1
-    return count
-
-
-@compiled
-def _peak(before: float, middle: float, after: float) -> float:
-    """The top of the parabola through three values next to each other, or the largest of them."""
-    bend = before - 2.0 * middle + after
-    if middle < before or middle < after or bend >= 0.0:
-        return max(before, middle, after)
-    return middle - (before - after) * (before - after) / (8.0 * bend)
-
-
-@compiled
-def _excess(path: FloatArray, bounds: FloatArray, rows: FloatArray, parts: int) -> float:
-    """By what factor the law must be stretched in time, so that all bounds hold; looks at so many parts an interval."""
-    out, seen = np.zeros((3, 3)), np.zeros((parts + 1, 6))
-    fast = strong = sharp = 0.0
-    for k in range(rows.shape[0]):
-        piece = int(rows[k, 4])
-        speed, acceleration, jerk, downward = bounds[piece, 0], bounds[piece, 1], bounds[piece, 2], bounds[piece, 3]
-        for part in range(parts + 1):
-            x = rows[k, 5] * part / parts
-            _by_u(path, rows, k, x, out)
-            b = rows[k, 6] + x * (rows[k, 7] + x * rows[k, 8])
-            d, c = rows[k, 7] + 2.0 * x * rows[k, 8], 2.0 * rows[k, 8]
-            fast = max(fast, b / _cap(out, speed, downward))
-            for i in range(3):
-                a = abs(out[1, i] * b + 0.5 * out[0, i] * d) / acceleration
-                j = abs(math.sqrt(b) * (out[2, i] * b + 1.5 * out[1, i] * d + 0.5 * out[0, i] * c)) / jerk
-                strong, sharp = max(strong, a), max(sharp, j)
-                seen[part, i], seen[part, 3 + i] = a, j
-        for part in range(1, parts):
-            for i in range(3):
-                strong = max(strong, _peak(seen[part - 1, i], seen[part, i], seen[part + 1, i]))
-                sharp = max(sharp, _peak(seen[part - 1, 3 + i], seen[part, 3 + i], seen[part + 1, 3 + i]))
-    return float(max(math.sqrt(fast), math.sqrt(strong), sharp ** (1.0 / 3.0)))
-
-
-@compiled_as(SCALAR(ROW, SCALAR, SCALAR, SCALAR, SCALAR))
-def constant_speed(piece: FloatArray, speed: float, acceleration: float, jerk: float, downward: float) -> float:
-    """At which a whole piece of a path may be passed without acceleration along it [m/s].
-
-    Args:
-        piece: a row of `Path.table`.
-        speed: bound [m/s].
-        acceleration: bound [m/s²].
-        jerk: bound [m/s³].
-        downward: bound of the speed towards +z3 [m/s].
-    """
-    path, rows, out = piece.reshape((1, piece.size)), np.zeros((1, 4 + 1)), np.zeros((3, 3))
-    rows[0, 1] = 1.0
-    found = speed
-    for part in range(33):
-        _by_u(path, rows, 0, piece[8] * part / 32.0, out)
-        if out[0, 2] > 0.0:
-            found = min(found, downward / out[0, 2])
-        for i in range(3):
-            if out[1, i] != 0.0:
-                found = min(found, math.sqrt(acceleration / abs(out[1, i])))
-            if out[2, i] != 0.0:
-                found = min(found, (jerk / abs(out[2, i])) ** (1.0 / 3.0))
-    return found
+MOST_STEPS = 150
+"""Of Newton's method."""
 
 
 @compiled
@@ -373,25 +187,10 @@ def _fix_end(matrix: FloatArray, slope: FloatArray) -> None:
 
 
 @compiled
-def _minimise(
-    x: FloatArray, step: FloatArray, caps: FloatArray, where: FloatArray, table: FloatArray, gap: float,
-    end_fixed: bool, most: int,
-) -> int:  # fmt: skip
-    """Minimise the duration in place.
-
-    Args:
-        x: coefficients of b, (n + 2,), strictly inside all bounds; out: the result.
-        step: lengths of the n intervals in u.
-        caps: largest b at both ends of each interval, (n, 2).
-        where: as of `_linear`, by rising intervals.
-        table: as of `_linear`.
-        gap: how far from the optimum it may stop, as a share of the duration.
-        end_fixed: b is given at the end, with no acceleration.
-        most: Newton steps.
-
-    Returns:
-        Newton steps made.
-    """
+def _descend(
+    x: FloatArray, step: FloatArray, caps: FloatArray, where: FloatArray, table: FloatArray, gap: float, end_fixed: bool
+) -> int:
+    """Minimise the duration in place, as `minimise`, from coefficients x, (n + 2,), strictly inside all bounds."""
     n = step.size
     rows, duration, forms, first = np.empty((n, 6)), np.empty((n, 9)), np.empty((where.shape[0], 9)), np.zeros(n + 1)
     _spline(step, rows)
@@ -404,7 +203,7 @@ def _minimise(
     bounds = float(2 * n + 4 * where.shape[0])
     took, logs = _value(x, step, caps, first, duration, forms)
     weight, last = 0.1 * took / bounds, gap * took / bounds
-    for made in range(most):
+    for made in range(MOST_STEPS):
         _newton(x, step, caps, first, duration, forms, weight, matrix, slope)
         if end_fixed:
             _fix_end(matrix, slope)
@@ -428,7 +227,7 @@ def _minimise(
             if weight <= last:
                 return made + 1
             weight = max(0.2 * weight, 0.999 * last)
-    return most
+    return MOST_STEPS
 
 
 @compiled
@@ -446,41 +245,25 @@ def _write_polynomials(x: FloatArray, rows: FloatArray) -> None:
         rows[k, 8] = 0.5 * (right - left) / step
 
 
-@compiled_as(SCALAR(TABLE, TABLE, TABLE, SCALAR, SCALAR))
-def quickest(path: FloatArray, bounds: FloatArray, rows: FloatArray, end_speed: float, gap: float) -> float:
-    """The quickest b(u) within all bounds at the nodes.
+@compiled_as(STATUS(TABLE, TABLE, TABLE, TABLE, SCALAR, SCALAR, TRUTH))
+def minimise(
+    rows: FloatArray, caps: FloatArray, where: FloatArray, table: FloatArray, begin: float, gap: float, end_fixed: bool
+) -> int:
+    """Write the quickest b into the rows of a law.
 
     Args:
-        path: `Path.table`.
-        bounds: of each piece: speed, acceleration, jerk, downward speed, (p, 4).
-        rows: intervals, columns as of `curves.ROWS`; in: all but b; out: b.
-        end_speed: u̇ at the end, where there is no acceleration [m/s]; 0: at rest.
+        rows: n intervals, columns as of `curves.ROWS`; in: their lengths; out: b.
+        caps: largest b at both ends of each interval, (n, 2).
+        where: as of `_linear`, by rising intervals.
+        table: as of `_linear`.
+        begin: a constant b that is strictly inside all bounds.
         gap: how far from the optimum the result may be, as a share of the duration.
+        end_fixed: at the end b stays what it is, with no acceleration.
 
     Returns:
-        What `excess` does.
+        Newton steps made.
     """
-    n = rows.shape[0]
-    slow = end_speed
-    if slow == 0.0:
-        for k in range(n):
-            rows[k, 6], rows[k, 7], rows[k, 8] = 1.0, 0.0, 0.0
-        slow = _SPARE / _excess(path, bounds, rows, 2)
-    caps, where, table = np.empty((n, 2)), np.empty((9 * n, 2)), np.empty((9 * n, 5))
-    count = _gather(path, bounds, rows, caps, where, table)
-    x = np.full(n + 2, slow * slow)
-    _minimise(x, rows[:, 5].copy(), caps, where[:count], table[:count], gap, end_speed > 0.0, 150)
+    x = np.full(rows.shape[0] + 2, begin)
+    made = _descend(x, rows[:, 5].copy(), caps, where, table, gap, end_fixed)
     _write_polynomials(x, rows)
-    return _excess(path, bounds, rows, _LOOKS)
-
-
-@compiled_as(SCALAR(TABLE, TABLE, TABLE))
-def excess(path: FloatArray, bounds: FloatArray, rows: FloatArray) -> float:
-    """By what factor a law must be stretched in time, so that all bounds hold everywhere; below 1 it has to spare.
-
-    Args:
-        path: as of `quickest`.
-        bounds: as of `quickest`.
-        rows: with b, as of `quickest`.
-    """
-    return _excess(path, bounds, rows, _LOOKS)
+    return made

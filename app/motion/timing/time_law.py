@@ -3,8 +3,8 @@
 A single line is Ruckig's. Along a path with corners Ruckig can take each line from one corner's speed to the next, and
 corners at a constant speed, as fast as curvature and its rate admit (`Law.RUCKIG`). That obeys all bounds but loses
 time, since it may not accelerate in corners: on transfers of chess pieces it takes a fifth longer than the optimum.
-So there `app.motion.timing.interior_point` finds the law, which takes about one percent longer (``touchmove bench
-motion``); where Ruckig's is quicker all the same, as corners hardly bend, that is taken.
+So there `app.motion.timing.refine` finds the law, which takes about one percent longer (``touchmove bench motion``).
+Where corners are so gentle that Ruckig's is hardly slower, it is refined, too. What is found is never slower than it.
 
 Acceleration and jerk are bounded along each axis of the base frame; speed as the length of its vector, and downwards.
 """
@@ -12,9 +12,8 @@ Acceleration and jerk are bounded along each axis of the base frame; speed as th
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -23,8 +22,9 @@ import ruckig
 from app.motion.curves import begins, trace
 from app.motion.path import Path, Vector
 from app.motion.settings import Law
-from app.motion.timing.grid import grid
-from app.motion.timing.interior_point import constant_speed, excess, limits, quickest
+from app.motion.timing.grid import divided, grid
+from app.motion.timing.limits import LOOKS, excess, limits, speeds
+from app.motion.timing.refine import SPARE, quickest
 
 GAP: Final = 0.003
 """How far from the optimum the refinement may stop, as a share of the duration."""
@@ -32,6 +32,14 @@ _CORNER_PARTS: Final = 8
 """Intervals of each half of a corner that is passed at a constant speed."""
 _BETWEEN: Final = 1.0002
 """So much may be exceeded between the points at which a law is looked at; it is stretched by that."""
+_HARDLY: Final = 0.9
+"""Ruckig's law is refined, too, if it is not slower than the refined one by more than this …"""
+_LONGEST: Final = 0.006
+"""… in intervals of at most so much of its time [s]."""
+_SLOWER: Final = np.array([SPARE, SPARE**2, SPARE**3, SPARE])
+"""Bounds of what is slowed down by as much."""
+_SAME_SPEED: Final = 1e-6
+"""[m/s]"""
 _ROUNDING: Final = 1e-9
 _QUINTIC_PARTS: Final = 400
 """Cubic pieces of the quintic law."""
@@ -55,6 +63,10 @@ class Bounds:
             min(self.speed, other.speed), min(self.acceleration, other.acceleration), min(self.jerk, other.jerk),
             min(self.downward, other.downward),
         )  # fmt: skip
+
+    def slower(self, factor: float) -> Bounds:
+        """What a motion within these bounds needs that is slowed down by a factor."""
+        return Bounds(self.speed * factor, self.acceleration * factor**2, self.jerk * factor**3, self.downward * factor)
 
     def scaled(self, factor: float) -> Bounds:
         """Accelerations and jerks times a factor; speeds stay."""
@@ -125,19 +137,38 @@ def time_law(path: Path, bounds: Sequence[Bounds], law: Law = Law.TIME_OPTIMAL, 
     table = _of_pieces(path, bounds)
     if law is Law.MINIMUM_JERK:
         rows = _quintic(path)
-        return _law(rows, excess(path.table, table, rows) * _BETWEEN)
+        return _law(rows, excess(path.table, table, rows, LOOKS) * _BETWEEN)
     if len(path.table) == 1:
-        rows = _by_ruckig(path, bounds, end_speed)
-        factor = excess(path.table, table, rows)
+        rows = _by_ruckig(path, table, end_speed)
+        factor = excess(path.table, table, rows, LOOKS)
         return _law(rows, factor if factor > 1.0 + _ROUNDING else 1.0)
     if law is Law.RUCKIG:
-        rows = _by_ruckig(path, bounds, end_speed)
-        return _law(rows, excess(path.table, table, rows) * _BETWEEN)
+        rows = _by_ruckig(path, table, end_speed)
+        return _law(rows, excess(path.table, table, rows, LOOKS) * _BETWEEN)
     rows = grid(path.table, end_speed)
     refined = _law(rows, quickest(path.table, table, rows, end_speed, GAP) * _BETWEEN)
-    # hardly bent paths are passed at full speed: there Ruckig's law is the optimum, which a grid can only come near
-    first = time_law(path, bounds, Law.RUCKIG, end_speed)
-    return refined if refined.duration < first.duration else first
+    return min((refined, *_by_time(path, table, end_speed, refined.duration)), key=lambda one: one.duration)
+
+
+def _by_time(path: Path, table: Vector, end_speed: float, refined: float) -> Iterator[TimeLaw]:
+    """Ruckig's law, and where it takes hardly longer than the one refined by the way [s], that refined by its time."""
+    rows = _by_ruckig(path, table, end_speed)
+    # it is at the bound of jerk somewhere, so that it will not be shortened
+    if not _reaches(rows, end_speed) or refined < _HARDLY * begins(rows)[-1]:
+        return
+    yield _law(rows, excess(path.table, table, rows, LOOKS) * _BETWEEN)
+    # of slower bounds, which are all scaled alike: from rest to rest it is the same law, and all bounds have to spare
+    rows = divided(_by_ruckig(path, table * _SLOWER, end_speed), _LONGEST)
+    if _reaches(rows, end_speed):
+        end_rate = 1.0 if end_speed > 0.0 else 0.0
+        yield _law(rows, quickest(path.table, table, rows, end_rate, GAP) * _BETWEEN)
+
+
+def _reaches(rows: Vector, end_speed: float) -> bool:
+    """Whether a law of which u is time ends at a speed [m/s]: its last line may be too short for that."""
+    _, speed, acceleration, jerk, _, time, *_ = rows[-1].tolist()
+    reached: float = speed + time * (acceleration + 0.5 * time * jerk)
+    return abs(reached - end_speed) < _SAME_SPEED
 
 
 def line_law(path: Path, bounds: Bounds, start_speed: float) -> TimeLaw:
@@ -193,61 +224,21 @@ def _quintic_time(share: float) -> float:
     return low
 
 
-def _by_ruckig(path: Path, bounds: Sequence[Bounds], end_speed: float) -> Vector:
-    """Lines by Ruckig between corners at a constant speed; u is time."""
-    each = bounds_of_pieces(path, bounds)
-    limit = [
-        constant_speed(row, b.speed, b.acceleration, b.jerk, b.downward)
-        for row, b in zip(path.table, each, strict=True)
-    ]
-    speeds, shares = _corner_speeds(path, each, limit, end_speed)
+def _by_ruckig(path: Path, table: Vector, end_speed: float) -> Vector:
+    """Lines by Ruckig between corners at a constant speed; u is time; ``table`` as of `limits`."""
     rows: list[tuple[float, ...]] = []
-    for i, (length, bound) in enumerate(zip(path.length.tolist(), each, strict=True)):
-        start, end = speeds[i], speeds[i + 1]
-        if path.sharpness[i] > 0.0:
+    shares = np.abs(path.tangent).max(axis=1).tolist()  # of a line's acceleration that its strongest axis takes
+    pieces = zip(
+        path.table[:, 6:9].tolist(), speeds(path.table, table, end_speed).tolist(), table.tolist(), strict=True
+    )
+    for i, ((sharpness, _, length), (start, end, most), bound) in enumerate(pieces):
+        if sharpness > 0.0:
             part = length / _CORNER_PARTS
             rows += [(m * part, start, 0.0, 0.0, i, part / start) for m in range(_CORNER_PARTS)]
         else:
-            straight = Bounds(limit[i], bound.acceleration / shares[i], bound.jerk / shares[i])
+            straight = Bounds(most, bound[1] / shares[i], bound[2] / shares[i])
             rows += [(*phase[:4], i, phase[4]) for phase in _line(length, start, end, straight)]
     return _intervals(rows)
-
-
-def _corner_speeds(
-    path: Path, each: Sequence[Bounds], limit: Sequence[float], end_speed: float
-) -> tuple[list[float], list[float]]:
-    """Speeds between the pieces, and the share of a line's acceleration that its strongest axis takes."""
-    count = len(path.length)
-    speeds = [0.0, *(min(pair) for pair in pairwise(limit)), end_speed]
-    shares = np.abs(path.tangent).max(axis=1).tolist()
-    for order in (range(count), range(count - 1, -1, -1), range(count)):
-        for i in order:
-            low, high = (i, i + 1) if speeds[i] < speeds[i + 1] else (i + 1, i)
-            if path.sharpness[i] > 0.0:
-                speeds[high] = speeds[low]
-            elif speeds[high] > speeds[low]:
-                acceleration, jerk = each[i].acceleration / shares[i], each[i].jerk / shares[i]
-                speeds[high] = reachable(speeds[low], speeds[high], float(path.length[i]), acceleration, jerk)
-    return speeds, shares
-
-
-def reachable(low: float, high: float, length: float, acceleration: float, jerk: float) -> float:
-    """The largest speed up to ``high`` that a line is long enough for from ``low``, both without acceleration."""
-
-    def way(speed: float) -> float:
-        gain = speed - low
-        soft = gain <= acceleration**2 / jerk
-        return (
-            0.5 * (low + speed) * (2.0 * math.sqrt(gain / jerk) if soft else gain / acceleration + acceleration / jerk)
-        )
-
-    if way(high) <= length:
-        return high
-    floor = low
-    while high - floor > 1e-9:
-        middle = 0.5 * (floor + high)
-        floor, high = (middle, high) if way(middle) <= length else (floor, middle)
-    return floor
 
 
 def _line(length: float, start: float, end: float, bounds: Bounds) -> list[tuple[float, ...]]:

@@ -58,6 +58,11 @@ def draw_rods(scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
             rgba = np.array([0.1, 0.1, 0.11, 1.0], dtype=np.float32)
             mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
             mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, ROD_RADIUS, elbow + shift, flange + shift)
+            # MuJoCo leaves these as they were in memory, and a geom of another category has no depth
+            geom.category, geom.objtype = mujoco.mjtCatBit.mjCAT_DYNAMIC, mujoco.mjtObj.mjOBJ_UNKNOWN
+            geom.objid = geom.segid = -1
+            geom.transparent = geom.texcoord = 0
+            geom.camdist = geom.modelrbound = 0.0
             scene.ngeom += 1
 
 
@@ -186,7 +191,7 @@ def _serve(run_dir: Path, link: socket.socket) -> None:
         shot, positions = unpack_request(message)
         if shot.slot not in files:
             path = frame_path(run_dir, shot.slot)
-            files[shot.slot] = np.memmap(path, dtype=np.uint8, mode="w+", shape=(FRAME_BYTES,))
+            files[shot.slot] = np.memmap(path, dtype=np.uint8, mode="r+", shape=(FRAME_BYTES,))
         easel.draw(shot, positions, files[shot.slot])
         link.send(REPLY.pack(shot.slot))
     easel.close()

@@ -20,6 +20,7 @@ from hardware.sim.render.renderer import (
     Sensor,
     frame_path,
     load_pictures,
+    make_slot,
 )
 
 VIEW: Final = "camera"
@@ -42,7 +43,7 @@ class StillRenderer:
         folder = Path(self._folder.name)
         mujoco.mj_saveModel(model, str(folder / MODEL_FILE))
         self._file = frame_path(folder, 0)
-        self._file.touch()
+        make_slot(folder, 0)
         self._renderer = Renderer(folder)
         self._renderer.wait_ready()
 

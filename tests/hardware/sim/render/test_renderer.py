@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,13 @@ from pydantic import ValidationError
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import CAMERAS, build_model
+from hardware.sim.process.construction import Construction
 from hardware.sim.process.randomisation import Randomisation
 from hardware.sim.process.settings import stand_pieces
 from hardware.sim.render.appearance import CameraSettings, ExposureSettings, LightSettings, Looks, MountSettings
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
-from hardware.sim.render.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, RenderRequest, Sensor, frame_path
+from hardware.sim.render.drawing import draw_rods
+from hardware.sim.render.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, RenderRequest, Sensor, frame_path, make_slot
 from hardware.sim.render.sensors import STEREO
 from hardware.table import TableSettings
 from tests.hardware.sim.process.test_world import settings_for
@@ -38,7 +41,7 @@ class Studio:
         settings = settings_for(randomisation=Randomisation(placement_sigma=0.0))
         model = build_model(load_parameters(), TABLE, stand_pieces(settings), np.array(settings.home))
         mujoco.mj_saveModel(model, str(folder / MODEL_FILE))
-        frame_path(folder, 0).touch()
+        make_slot(folder, 0)
         self._file = frame_path(folder, 0)
         self._positions = np.array(model.key_qpos[0])
         data = mujoco.MjData(model)
@@ -119,6 +122,38 @@ def test_the_same_seed_and_tick_give_the_same_bytes(studio: Studio) -> None:
     assert (studio.shoot(noisy, depth=False)[0] == colour).all(), "a picture is the same without depth"
 
 
+@pytest.mark.parametrize("when", ["at rest", "with a picture under way"])
+def test_a_killed_renderer_is_replaced_and_draws_the_same_bytes(
+    studio: Studio, when: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noisy, light = CameraSettings(), LightSettings(brightness=0.4)
+    colour, depth = studio.shoot(noisy, light=light)
+    first = studio.renderer.pid
+    if when == "at rest":
+        os.kill(first, signal.SIGKILL)
+    else:
+        ask = studio.renderer.request
+
+        def ask_and_kill(shot: RenderRequest, positions: Any) -> None:
+            ask(shot, positions)
+            os.kill(first, signal.SIGKILL)
+
+        monkeypatch.setattr(studio.renderer, "request", ask_and_kill)
+    again = studio.shoot(noisy, light=light)
+    assert studio.renderer.pid != first
+    assert (again[0] == colour).all()
+    assert (again[1] == depth).all()
+
+
+def test_a_renderer_that_ends_again_and_again_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # where MuJoCo leaves a file of its own about a model that is not there
+    renderer = Renderer(tmp_path)  # there is no model to draw
+    with pytest.raises(HardwareError, match=r"stuck or has ended again and again; renderer\.log in the run directory"):
+        renderer.take(wait=True)
+    renderer.close()
+    assert (tmp_path / "renderer.log").read_text(encoding="utf-8").count(MODEL_FILE) >= 2, "what each said is kept"
+
+
 @pytest.mark.parametrize("brightness", [0.6, 1.2])
 def test_depth_is_the_same_without_colour_but_at_edges_of_glare(studio: Studio, brightness: float) -> None:
     noisy, light = CameraSettings(), LightSettings(brightness=brightness)
@@ -186,3 +221,22 @@ def test_settings_out_of_range_are_refused() -> None:
         CameraSettings.model_validate({"size": "800x600"})
     with pytest.raises(ValidationError):
         ExposureSettings(gain=0.5)
+
+
+def test_what_stood_in_memory_before_has_no_say_in_how_rods_are_drawn() -> None:
+    """MuJoCo initialises some fields of a geom alone; the others decided, by chance, whether a rod had depth."""
+    model = Construction.of(settings_for(cameras=True)).model(looks=True)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    drawn = []
+    for garbage in (0, 77):
+        scene = mujoco.MjvScene(model, maxgeom=16)
+        for geom in scene.geoms:
+            geom.category = geom.objtype = geom.objid = geom.segid = geom.transparent = geom.texcoord = garbage
+            geom.camdist = geom.modelrbound = float(garbage)
+        scene.ngeom = 0
+        draw_rods(scene, data)
+        fields = [name for name in dir(scene.geoms[0]) if not name.startswith("_")]
+        drawn.append([[np.asarray(getattr(g, name)).tolist() for name in fields] for g in scene.geoms[: scene.ngeom]])
+    assert len(drawn[0]) == 6
+    assert drawn[0] == drawn[1]
