@@ -62,7 +62,6 @@ class GameTally:
     """Of the processor, for a settled frame: watching, finding the board again, laying out, looking, deciding [ms]."""
     watched: list[float] = field(default_factory=list)
     """Of that, for what every frame goes through [ms]."""
-    promotions: int = 0
 
 
 class Eye:
