@@ -236,7 +236,7 @@ class Eyes:
         doubted = {square_place(square) for square in self._doubted}
         before = {place: self._strayed[piece.name] for place, piece in expected.items() if piece.name in self._strayed}
         found = find_strays(self.last, self.view, expected, doubted=doubted, trays=True, before=before)
-        strays = [Strayed.of(one, one.place) for one in found if one.place is not None]
+        strays = [Strayed.of(one, one.place) for one in found]
         self._strayed |= {one.piece.name: (one.pose.x, one.pose.y) for one in strays}
         return strays
 

@@ -20,7 +20,7 @@ from scipy.spatial.distance import cdist
 from app import UserError
 from app.pieces.layout import SPARES, colour_of, kind_of, physical_set
 from app.pieces.manipulation import Inventory, Transfer
-from app.pieces.order import NOWHERE_ELSE, Point, rearrange, rings_of
+from app.pieces.order import rearrange, rings_of
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 
 Array = NDArray[np.float64]
@@ -84,23 +84,19 @@ class PlacesMissing(UserError):
         self.free = free
 
 
-def set_up(
-    now: Inventory, board: chess.BaseBoard, *, seen: Mapping[str, Point] = NOWHERE_ELSE, rest: Point = (0.0, 0.0)
-) -> tuple[Transfer, ...]:
+def set_up(now: Inventory, board: chess.BaseBoard) -> tuple[Transfer, ...]:
     """Plan the transfers that put a position on the board.
 
     Args:
         now: what stands where.
         board: any position, also one that no game leads to.
-        seen: see :func:`rearrange`.
-        rest: see :func:`rearrange`.
 
     Raises:
         PiecesMissing: a piece that the position needs is neither on the board nor in a tray.
         PlacesMissing: the trays do not hold what has to leave the board.
         NowhereAside: see :func:`rearrange`.
     """
-    return rearrange(now, arranged(now, board), seen=seen, rest=rest)
+    return rearrange(now, arranged(now, board))
 
 
 def arranged(now: Inventory, board: chess.BaseBoard) -> Inventory:

@@ -6,14 +6,12 @@ castling the king first. The hand is told points, near which it takes what it se
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from types import MappingProxyType
-from typing import Final
+from collections.abc import Iterable
 
 from app import UserError
 from app.pieces.manipulation import Transfer
 from hardware.sim.hand.actions import Move
-from hardware.table import Place, TableSettings
+from hardware.table import TableSettings
 
 
 class HandDropsNothing(UserError):
@@ -26,28 +24,20 @@ class HandDropsNothing(UserError):
         )
 
 
-NOWHERE_ELSE: Final[Mapping[Place, tuple[float, float]]] = MappingProxyType({})
-
-
-def hand_transfers(
-    moved: Iterable[Transfer], table: TableSettings, seen: Mapping[Place, tuple[float, float]] = NOWHERE_ELSE
-) -> tuple[Move, ...]:
+def hand_transfers(moved: Iterable[Transfer], table: TableSettings) -> tuple[Move, ...]:
     """Any transfers, also such as no rule allows, one after the other; the hand is not drawn back.
 
     Args:
         moved: in their order.
         table: board and trays.
-        seen: see :func:`hand_move`; holds until the first transfer to such a place.
 
     Raises:
         ValueError: the table has no such place.
         HandDropsNothing: a piece would have to go into a box.
     """
-    where, actions = dict(seen), []
+    actions = []
     for transfer in moved:
         if transfer.target.in_box:
             raise HandDropsNothing(transfer)
-        start = where.pop(transfer.source, transfer.grasped_at(table))
-        where.pop(transfer.target, None)
-        actions.append(Move(start=start, to=table.xy(transfer.target)))
+        actions.append(Move(start=transfer.grasped_at(table), to=table.xy(transfer.target)))
     return tuple(actions)

@@ -64,6 +64,5 @@ class SimHands:
         if self._hand is None:
             self._hand = SimHand(self._run_dir)
         self._out = True
-        self._hand.perform(*actions)
-        self._hand.wait()
+        self._hand.do(*actions)
         self._out = False

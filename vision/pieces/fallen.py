@@ -37,7 +37,7 @@ _SAME: Final = 0.008
 
 
 def find_strays(
-    frame: Frame, view: BoardView, expected: Mapping[Place, PieceLike], lost: Sequence[PieceLike] = (), *,
+    frame: Frame, view: BoardView, expected: Mapping[Place, PieceLike], *,
     use_depth: bool = True, tolerance: float = TOLERANCE, doubted: Collection[Place] = (), trays: bool = False,
     before: Mapping[Place, tuple[float, float]] = MappingProxyType({}),
 ) -> tuple[Stray, ...]:  # fmt: skip
@@ -47,7 +47,6 @@ def find_strays(
         frame: by the camera of the view, without a hand or an arm over the board.
         view: of the board.
         expected: what should stand where.
-        lost: pieces that should be nowhere on the board, but may: what fell out of the fingers.
         use_depth: False: by colour alone, also where there is depth.
         tolerance: a piece that stands further from its place's centre is a stray [m].
         doubted: places whose piece may lie, although it looks as if it stood.
@@ -69,16 +68,14 @@ def find_strays(
     off = {place: math.dist((one.x, one.y), view.table.xy(place)) for place, one in centres.items()}
     # what lies can look much like what stands off its centre: which it is, the search decides
     stands = {place: one.upright and place not in doubted and off[place] <= tolerance for place, one in centres.items()}
-    missing: list[tuple[Place | None, PieceLike]] = [
+    left = [
         (place, expected[place])
         for place in fit.stands
         if not (stands[place] or centres[place].hidden) and _is_in_picture(view, place, expected[place])
     ]
-    missing += [(None, piece) for piece in lost]
     points = None if fit.rises is None else raised(fit.part, fit.rises, view)
     search = PoseSearch(fit, view, _taken(fit, points, [stands[place] for place in fit.stands]), around, points)
     found = list[Stray]()
-    left = missing.copy()
     while left:
         stray = search.best(left)
         if stray is None:
@@ -94,8 +91,8 @@ def find_strays(
 
 def _sharper(stray: Stray, centres: Mapping[Place, Centre]) -> Stray:
     """Where a standing piece's outline was found as well, its place is known better."""
-    one = None if stray.lies or stray.place is None else centres[stray.place]
-    if one is None or not one.upright or math.dist((one.x, one.y), (stray.pose.x, stray.pose.y)) > _SAME:
+    one = centres[stray.place]
+    if stray.lies or not one.upright or math.dist((one.x, one.y), (stray.pose.x, stray.pose.y)) > _SAME:
         return stray
     return replace(stray, pose=Pose(one.x, one.y), std=one.std)
 

@@ -79,7 +79,7 @@ class Stray:
 
     Attributes:
         piece: which of the missing ones; of several alike, the first.
-        place: where it should stand; None: it was on its way.
+        place: where it should stand.
         pose: how it is there.
         std: expected error of its place, as a standard deviation, each of x and y [m].
         yaw_std: of its direction [rad]; 0 for one that stands.
@@ -90,7 +90,7 @@ class Stray:
     """
 
     piece: PieceLike
-    place: Place | None
+    place: Place
     pose: Pose
     std: float
     yaw_std: float
@@ -154,7 +154,7 @@ class PoseSearch:
             self._solid = self._open & (fit.rises > _RISEN) & (cv2.dilate(taken.astype(np.uint8), fat) == 0)
         self._felt: Field = np.maximum(*self._maps.values())
 
-    def best(self, missing: Sequence[tuple[Place | None, PieceLike]]) -> Stray | None:
+    def best(self, missing: Sequence[tuple[Place, PieceLike]]) -> Stray | None:
         """The missing piece that explains the most, or None if none explains anything."""
         alike = {(piece.kind, piece.colour): (place, piece) for place, piece in reversed(missing)}
         for key, (_, piece) in alike.items():
@@ -216,14 +216,10 @@ class PoseSearch:
 
     def _far(self, piece: Stray, at: Stray, before: Mapping[Place, tuple[float, float]]) -> float:
         """From where a piece was before, or should stand, to where another was found [m]."""
-        if piece.place is None:
-            return 0.0
         return math.dist(before.get(piece.place, self._view.table.xy(piece.place)), (at.pose.x, at.pose.y))
 
     def _likely(self, stray: Stray, pose: Pose, before: Mapping[Place, tuple[float, float]]) -> float:
         """Evidence for a pose by where the piece was before, or where it should stand."""
-        if stray.place is None:
-            return 0.0
         was = before.get(stray.place, self._view.table.xy(stray.place))
         away = math.dist(was, (pose.x, pose.y))
         at_home = _AT_HOME if pose.yaw is None and away <= _NEAR_HOME else 0.0

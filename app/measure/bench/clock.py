@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import random
 import time
-from collections.abc import Callable
 from typing import NamedTuple
 
 import chess
 
 from app.game.clock import ChessClock
-from app.measure.bench.report import BenchReport, Row, row
+from app.measure.bench.report import BenchReport, Progress, Row, row
 from app.players.players import EnginePlayer, Players
 from app.settings.time_control import ArmTime, TimeControl
 from engine.openings import opening_engine, varied_opening
@@ -43,7 +42,7 @@ class Played(NamedTuple):
     """Whose flag fell, and when."""
 
 
-def clock_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
+def clock_bench(quick: bool, progress: Progress) -> BenchReport:
     """Play both games; ``quick``: with ten seconds on the clock and a quick arm."""
     control, arm = (QUICK_CONTROL, ARM / 20.0) if quick else (CONTROL, ARM)
     rows, flags = dict[str, Row](), list[float]()

@@ -8,7 +8,7 @@ the truth is used until the end. Up to three times per piece the arm looks, stan
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from app.execution.recovery_plans import Strayed, in_order, plan_making_way, plan_righting
 from app.measure.bench.beds.bed import LEAD, Bed, plant_of
-from app.measure.bench.report import BenchReport, row
+from app.measure.bench.report import BenchReport, Progress, row
 from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
 from app.motion.path import Vector
 from app.motion.plan import InTheWay
@@ -52,7 +52,7 @@ _SETTLE: Final = 1.0
 """From a fall until all is at rest [s]."""
 
 
-def fallen_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
+def fallen_bench(quick: bool, progress: Progress) -> BenchReport:
     """Run the bench; ``quick`` with fewer pieces."""
     table = TableSettings()
     unmended, plans = list[float](), list[float]()
@@ -205,7 +205,7 @@ class FallTrial:
         view = BoardView(frame.intrinsics, self._view, self._table)
         expected = {self._place(spec): spec for spec in self._inventory}
         found = find_strays(frame, view, expected, tolerance=PLACED)
-        return [Strayed.of(stray, self._place(expected[stray.place])) for stray in found if stray.place is not None]
+        return [Strayed.of(stray, self._place(expected[stray.place])) for stray in found]
 
     def _place(self, spec: PieceSpec) -> Place:
         return self._target if spec.name == self._victim.name else spec.place

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from app.measure.bench.beds.bed import Bed
-from app.measure.bench.report import BenchReport, Row, row
+from app.measure.bench.report import BenchReport, Progress, Row, row
 from app.motion import MotionSettings
 from app.motion.gains import critical
 from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
@@ -149,7 +149,7 @@ def _explain(ended: Ended) -> None:
     raise RuntimeError(f"the controller did not carry the move out: {explain(*ended.reason[:3])}")
 
 
-def finger_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
+def finger_bench(quick: bool, progress: Progress) -> BenchReport:
     """Measure.
 
     Args:

@@ -7,7 +7,7 @@ all kinds that stand up to 4 mm off along both axes, turned at random, are grasp
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.measure.bench.beds.bed import LEAD, Bed, plant_of
-from app.measure.bench.report import BenchReport, row
+from app.measure.bench.report import BenchReport, Progress, row
 from app.motion import PROFILES, MotionSettings, Plan, Profile, plan_ply
 from app.motion.path import Vector
 from app.motion.timing.reference import Bounds, join, line, to_samples
@@ -57,7 +57,7 @@ class Grasped:
     dropped: list[str] = field(default_factory=list)
 
 
-def grip_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
+def grip_bench(quick: bool, progress: Progress) -> BenchReport:
     """Run the bench; ``quick`` with fewer pieces."""
     parameters, table = load_parameters(), TableSettings()
     slips = []
@@ -132,9 +132,7 @@ def _in_fingers(bed: Bed, name: str) -> Vector:
 # grasps
 
 
-def grasps(
-    count: int, seed: int, parameters: RobotParameters, table: TableSettings, progress: Callable[[str], None]
-) -> Grasped:
+def grasps(count: int, seed: int, parameters: RobotParameters, table: TableSettings, progress: Progress) -> Grasped:
     """Grasp so many pieces that stand off their places and carry each to another square."""
     settings, found = MotionSettings(), Grasped()
     for world in itertools.count():

@@ -24,7 +24,7 @@ from typing import Final
 import chess
 
 from app import UserError
-from app.measure.bench.report import BenchReport, Row, row
+from app.measure.bench.report import BenchReport, Progress, Row, row
 from app.rig.arm import FELT
 from app.rig.remote import RESTING
 from app.rig.simulation.processes import last_words
@@ -85,12 +85,12 @@ class KillFigures:
     resumed: list[float] = field(default_factory=list)
 
 
-def kills_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
+def kills_bench(quick: bool, progress: Progress) -> BenchReport:
     """Measure in pace fast; ``quick``: 3 kills of each and 1 of all, instead of 50 and 10. See ``measure_kills``."""
     return measure_kills(QUICK_KILLS if quick else KILLS, "fast", progress)
 
 
-def measure_kills(number: int, pace: str, progress: Callable[[str], None]) -> BenchReport:
+def measure_kills(number: int, pace: str, progress: Progress) -> BenchReport:
     """Measure.
 
     Args:

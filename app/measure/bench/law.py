@@ -11,7 +11,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from time import perf_counter_ns
 from typing import Final, NamedTuple
 
@@ -19,7 +19,7 @@ import numpy as np
 
 from app.measure.bench.beds.recording import Tick, TickRecording, found, record
 from app.measure.bench.parts import Poses, nothing, time_parts
-from app.measure.bench.report import BenchReport, Row, row
+from app.measure.bench.report import BenchReport, Progress, Row, row
 from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.compiled import FloatArray
 from controller.model.constants import DISTAL, DeltaModel
@@ -50,7 +50,7 @@ print(time.perf_counter() - start)
 """Run in a new process: how long until its first tick."""
 
 
-def law_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
+def law_bench(quick: bool, progress: Progress) -> BenchReport:
     """Measure.
 
     Args:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import cycle
 from typing import Final
@@ -19,7 +19,7 @@ import numpy as np
 
 from app import UserError
 from app.commissioning.processor import ProcessorTime, stolen_share
-from app.measure.bench.report import BenchReport, Row, row
+from app.measure.bench.report import BenchReport, Progress, Row, row
 from app.motion import Motion, MotionSettings, Plan
 from app.motion.gains import critical
 from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
@@ -50,7 +50,7 @@ RECOVERY: Final = 0.2
 """After a motion that did not end well [s]."""
 
 
-def loop_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
+def loop_bench(quick: bool, progress: Progress) -> BenchReport:
     """Measure.
 
     Args:
@@ -87,10 +87,10 @@ def loop_rows(end: RunEnd, stopped: int, stolen: float) -> dict[str, Row]:
         stolen: share of the processor's time that the host of a virtual machine took, 0 to 1.
     """
     pulse, granted = end.pulse, end.pulse.realtime.granted
-    missed = row([100.0 * pulse.missed], "%", MISSED_LIMIT if granted else None, "max")
+    limit = MISSED_LIMIT if granted else None
     return {
         "real_time": row([float(granted)], "granted"),
-        "missed_ticks": missed.model_copy(update={"n": pulse.ticks + pulse.skipped}),
+        "missed_ticks": row([100.0 * pulse.missed], "%", limit, "max", pulse.ticks + pulse.skipped),
         "tick_work": _row(pulse.work, WORK_LIMIT if granted else None),
         "law": _row(pulse.law),
         "lateness": _row(pulse.lateness),
@@ -134,7 +134,7 @@ def straight(start: Vector, end: Vector, settings: MotionSettings, tick: float =
 
 
 @contextmanager
-def thinking(progress: Callable[[str], None]) -> Iterator[None]:
+def thinking(progress: Progress) -> Iterator[None]:
     """Stockfish thinks on every core within the block.
 
     Raises:

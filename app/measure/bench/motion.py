@@ -6,7 +6,7 @@ Every piece stands off its place by up to 3 mm along both axes, and the controll
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -15,7 +15,7 @@ from app.measure.bench.beds.grasps import slides
 from app.measure.bench.beds.plies import Disorder, Done, Games
 from app.measure.bench.beds.touchdown import TARGET, Touchdown, set_down
 from app.measure.bench.optimum import NoOptimum, optimal_duration
-from app.measure.bench.report import BenchReport, Row, row
+from app.measure.bench.report import BenchReport, Progress, Row, row
 from app.motion import PROFILES, Motion, MotionSettings, Profile
 from app.motion.path import STRAIGHT, Path, Vector, blend, turns
 from app.motion.settings import Law
@@ -57,7 +57,7 @@ SLIDE: Final = 1.0
 """Median way that a piece up to 3 mm off along the fingers is pushed before both hold it [mm]."""
 
 
-def motion_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
+def motion_bench(quick: bool, progress: Progress) -> BenchReport:
     """Measure.
 
     Args:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,7 @@ import chess
 import numpy as np
 
 from app import UserError
-from app.measure.bench.report import BenchReport, row
+from app.measure.bench.report import BenchReport, Progress, row
 from app.measure.bench.vision.games import random_game
 from app.play.launch import run_games
 from app.play.session import SessionResult
@@ -78,7 +77,7 @@ class Clumsy(Quiet):
         mishaps: how often.
     """
 
-    def __init__(self, run_dir: Path, seed: int, progress: Callable[[str], None]) -> None:
+    def __init__(self, run_dir: Path, seed: int, progress: Progress) -> None:
         self._run_dir, self._progress = run_dir, progress
         self._rng, self._table = np.random.default_rng([seed, 7]), TableSettings()
         self.mishaps = 0
@@ -89,9 +88,8 @@ class Clumsy(Quiet):
             return
         what, action = self._mishap(board)
         with closing(SimHand(self._run_dir)) as hand:
-            hand.perform(action, Withdraw())
             try:
-                hand.wait()
+                hand.do(action, Withdraw())
             except HardwareError as error:  # out of reach for a person, who sits at one side
                 self._progress(f"ply {event.ply}: {what}: not done: {error}")
                 return
@@ -116,7 +114,7 @@ class Clumsy(Quiet):
         return self._table.xy(square_place(square))
 
 
-def recovery_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
+def recovery_bench(quick: bool, progress: Progress) -> BenchReport:
     """Run the bench; ``quick`` with few mishaps.
 
     Raises:
@@ -135,7 +133,7 @@ def recovery_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
     return BenchReport.of("recovery", SEED, rows)
 
 
-def measure(losses: int, mishaps: int, plies: int, progress: Callable[[str], None], seed: int = SEED) -> RecoveryTally:
+def measure(losses: int, mishaps: int, plies: int, progress: Progress, seed: int = SEED) -> RecoveryTally:
     """Play games of so many plies until so many grips were lost and so many pieces were moved by hand.
 
     Raises:
@@ -160,7 +158,7 @@ def lost_grips(run_dir: Path) -> int:
     return int(json.loads((run_dir / END_FILE).read_text(encoding="utf-8"))["grips_lost"])
 
 
-def play_one(seed: int, plies: int, tally: RecoveryTally, progress: Callable[[str], None]) -> SessionResult:
+def play_one(seed: int, plies: int, tally: RecoveryTally, progress: Progress) -> SessionResult:
     """Play one game of mishaps, and add up what came of it."""
     line = list(random_game(seed, plies))
     with tempfile.TemporaryDirectory(prefix="touchmove-") as name:

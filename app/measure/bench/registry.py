@@ -16,11 +16,10 @@ from app.measure.bench.law import law_bench
 from app.measure.bench.loop import loop_bench
 from app.measure.bench.motion import motion_bench
 from app.measure.bench.recovery import recovery_bench
-from app.measure.bench.report import BenchReport
+from app.measure.bench.report import BenchReport, Progress
 from app.measure.bench.sim import sim_bench
 from app.measure.bench.vision.rows import vision_bench
 
-Progress = Callable[[str], None]
 Bench = Callable[[bool, Progress], BenchReport]
 
 BENCHES: Mapping[str, Bench] = MappingProxyType(

@@ -12,13 +12,13 @@ import json
 import multiprocessing
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from app import UserError
-from app.measure.bench.report import BenchReport, Row, row
+from app.measure.bench.report import BenchReport, Progress, Row, row
 from app.play.launch import run_games
 from app.records import Report
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
@@ -61,7 +61,7 @@ class Again(NamedTuple):
     differs: bool
 
 
-def sim_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
+def sim_bench(quick: bool, progress: Progress) -> BenchReport:
     """Measure.
 
     Args:

@@ -263,15 +263,39 @@ def ask(link: socket.socket, request: dict[str, Any]) -> dict[str, Any]:
     Raises:
         HardwareError: the world is gone, silent or refuses the question.
     """
+    send(link, json.dumps(request).encode())
+    return understood(receive(link))
+
+
+def send(link: socket.socket, message: bytes) -> None:
+    """One message.
+
+    Raises:
+        HardwareError: the world is gone.
+    """
     try:
-        link.send(json.dumps(request).encode())
-        message = link.recv(LARGEST_MESSAGE)
-    except TimeoutError as error:
-        link.close()  # a late answer would be taken for that of the next question
-        raise HardwareError("the world does not answer in time; its log is in the run directory") from error
+        link.send(message)
     except OSError as error:
-        raise HardwareError(f"the world does not answer ({error.strerror}); its log is in the run directory") from error
-    return understood(message)
+        raise _lost(link, error) from error
+
+
+def receive(link: socket.socket) -> bytes:
+    """One message, within the socket's time-out.
+
+    Raises:
+        HardwareError: the world is gone or silent.
+    """
+    try:
+        return link.recv(LARGEST_MESSAGE)
+    except OSError as error:
+        raise _lost(link, error) from error
+
+
+def _lost(link: socket.socket, error: OSError) -> HardwareError:
+    if isinstance(error, TimeoutError):
+        link.close()  # a late answer would be taken for that of the next question
+        return HardwareError("the world does not answer in time; its log is in the run directory")
+    return HardwareError(f"the world does not answer ({error.strerror}); its log is in the run directory")
 
 
 def understood(message: bytes) -> dict[str, Any]:
@@ -280,9 +304,19 @@ def understood(message: bytes) -> dict[str, Any]:
     Raises:
         HardwareError: the world is gone, or refuses.
     """
+    answer = decoded(message)
+    if "error" in answer:
+        raise HardwareError(f"the world refuses: {answer['error']}")
+    return answer
+
+
+def decoded(message: bytes) -> dict[str, Any]:
+    """An answer of the world, which may refuse.
+
+    Raises:
+        HardwareError: the world is gone.
+    """
     if not message:
         raise HardwareError("the world has ended; its log is in the run directory")
     answer: dict[str, Any] = json.loads(message)
-    if "error" in answer:
-        raise HardwareError(f"the world refuses: {answer['error']}")
     return answer

@@ -111,8 +111,7 @@ class Person(Traveller):
         found: list[Hold] = []
         for yaw in sorted([best, *turns], key=cost):
             if len(found) < _MOST_HOLDS and all(abs(yaw - hold.yaw) > _DIFFERENT for hold in found):
-                room = sight.pinch_room(x, y, yaw, z, radius + OPEN + TIP_RADIUS)
-                found.append(Hold(yaw, radius + OPEN - min(0.0025, max(0.0, _ENOUGH_ROOM / 2.0 - room))))
+                found.append(Hold(yaw, _opened(sight, HandPose(x, y, z, yaw, radius + OPEN), radius)))
         return found
 
     # parts of actions
@@ -137,19 +136,14 @@ class Person(Traveller):
         wide = 0.026 + shape.foot_radius
         lifted = z + max(others.highest((start.x, start.y), (x, y), width=wide) + CLEARANCE, LEAST_LIFT)
         holds = self.holds(others, x, y, z, lifted, shape.stem_radius, around=yaw)
-        sketch, _ = self.go(
-            others, start, holds, lambda hold: _tips_for(x, y, hold.yaw, held.forward), held.below, wide
-        )
+        sketch, _ = self.go(others, start, holds, lambda hold: tips_for(x, y, hold.yaw, held.forward), held.below, wide)
         sketch.to(z=z - _PRESS, overlap=0.15, speed=_DOWN_SPEED).wait(0.05)
         return sketch.done()
 
     def let_go(self, sight: TableSight, start: HandPose, held: Held) -> Program:
         """Open the fingers about a piece that stands, and rise above it."""
         others = sight.without(held.name)
-        half = held.shape.stem_radius + OPEN + TIP_RADIUS
-        room = others.pinch_room(start.x, start.y, start.yaw, start.z, half)
-        gap = held.shape.stem_radius + OPEN - min(0.0025, max(0.0, _ENOUGH_ROOM / 2.0 - room))
-        sketch = Sketch(start, self.speed).to(gap=gap).wait(0.03)
+        sketch = Sketch(start, self.speed).to(gap=_opened(others, start, held.shape.stem_radius)).wait(0.03)
         return sketch.to(z=max(start.z, held.shape.height + TIP_RADIUS + CLEARANCE)).done()
 
     def lift(self, start: HandPose, height: float) -> Program:
@@ -183,7 +177,14 @@ class Person(Traveller):
         return sketch.to(z=z, overlap=0.15, speed=_DOWN_SPEED)
 
 
-def _tips_for(x: float, y: float, yaw: float, forward: tuple[float, float]) -> tuple[float, float]:
+def _opened(sight: TableSight, tips: HandPose, radius: float) -> float:
+    """Gap of open fingers about a stem: less where neighbours stand near [m]."""
+    room = sight.pinch_room(tips.x, tips.y, tips.yaw, tips.z, radius + OPEN + TIP_RADIUS)
+    return radius + OPEN - min(0.0025, max(0.0, _ENOUGH_ROOM / 2.0 - room))
+
+
+def tips_for(x: float, y: float, yaw: float, forward: tuple[float, float]) -> tuple[float, float]:
+    """Where the fingertips are when a foot that is so far forward of them is at a point, x and y [m]."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     return x - cos * forward[0] + sin * forward[1], y - sin * forward[0] - cos * forward[1]
 

@@ -31,7 +31,7 @@ from hardware.sim.hand.actions import (
 )
 from hardware.sim.hand.motion import Program, Sketch
 from hardware.sim.hand.paths import LEAST_LIFT
-from hardware.sim.hand.plan import Held, Person, held_now
+from hardware.sim.hand.plan import Held, Person, held_now, tips_for
 from hardware.sim.hand.sight import SeenPiece, TableSight
 from hardware.table import TableSettings
 
@@ -212,9 +212,7 @@ class Routines:
         assert self.held is not None
         pose, held = self._view.pose(), self.held
         dx, dy = np.subtract(action.to, (pose.x, pose.y))
-        cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-        x = pose.x + float(dx) - cos * held.forward[0] + sin * held.forward[1]
-        y = pose.y + float(dy) - sin * held.forward[0] - cos * held.forward[1]
+        x, y = tips_for(pose.x + float(dx), pose.y + float(dy), pose.yaw, held.forward)
         yield Sketch(pose, self._settings.speed).to(x=x, y=y, speed=_SLIDE_SPEED).wait(0.1).done()
         yield from self._release()
 

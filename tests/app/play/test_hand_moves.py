@@ -65,10 +65,3 @@ def test_a_promoted_pawn_is_replaced_by_a_spare() -> None:
 def test_an_illegal_move_can_be_made_on_purpose() -> None:
     wrong = Transfer("white-pawn-e", Kind.PAWN, Colour.WHITE, Place.parse("e2"), Place.parse("e5"))
     assert hand_transfers([wrong], TABLE) == (Move(start=TABLE.xy(wrong.source), to=TABLE.xy(wrong.target)),)
-
-
-def test_a_piece_is_taken_where_it_was_seen() -> None:
-    e2, e3, e4 = (Place.parse(name) for name in ("e2", "e3", "e4"))
-    steps = [Transfer("p", Kind.PAWN, Colour.WHITE, a, b) for a, b in ((e2, e3), (e3, e4), (e4, e2), (e2, e3))]
-    made = hand_transfers(steps, TABLE, {e2: (0.024, -0.103)})
-    assert [move.start for move in made] == [(0.024, -0.103), TABLE.xy(e3), TABLE.xy(e4), TABLE.xy(e2)]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
 from typing import Final
 
 import chess
 import numpy as np
 
 from app.measure.bench.beds.plies import Disorder, GameBed, positions
+from app.measure.bench.report import Progress
 from app.motion import MotionSettings, plan_return
 from app.pieces.manipulation import MoveKind
 from hardware.parameters import RobotParameters
@@ -26,7 +26,7 @@ def slides(
     parameters: RobotParameters,
     table: TableSettings,
     seed: int,
-    progress: Callable[[str], None],
+    progress: Progress,
 ) -> list[float]:
     """How far each of so many pieces was pushed, from where it stood to where it was gripped, seen from above [m].
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from functools import partial
+from typing import Final, TypeVar
 
 import chess
 import numpy as np
 
-from app.measure.bench.report import Row, row
+from app.measure.bench.report import Progress, Row, row
 from app.measure.bench.vision.games import Eye, GameTally, Scene, open_studio, random_game
 from app.measure.bench.vision.positions import RandomTable
 from app.pieces.layout import start_layout
@@ -21,10 +22,8 @@ from vision.reading.diagnosis import explain
 from vision.reading.evidence import codes_of, states_of
 from vision.reading.outcome import ReadingOutcome
 
-Progress = Callable[[str], None]
+_T = TypeVar("_T")
 Poses = dict[str, PlacedPiece]
-Action = tuple[Poses, frozenset[int]]
-"""How the pieces stand afterwards, and the squares that are not as they should be."""
 
 ACTIONS: Final = {True: 15, False: 510}
 """By ``quick``."""
@@ -80,15 +79,6 @@ class ClumsyHands:
             self.lift(end)
         self.put(name, end)
 
-    def play(self, move: chess.Move) -> None:
-        """Make a legal move as it should be made; promotions leave the pawn."""
-        if self.board.is_en_passant(move):
-            self.lift(chess.square(chess.square_file(move.to_square), chess.square_rank(move.from_square)))
-        if self.board.is_castling(move):
-            rank, kingside = chess.square_rank(move.from_square), self.board.is_kingside_castling(move)
-            self.carry(chess.square(7 if kingside else 0, rank), chess.square(5 if kingside else 3, rank))
-        self.carry(move.from_square, move.to_square)
-
     def shift(self, square: int, share: float) -> None:
         """Push a piece towards a neighbour by a share of a square's side."""
         pose, side = self.poses[self.name(square)], self._settings.square
@@ -107,35 +97,44 @@ class ClumsyHands:
         self.poses[pose.name] = replace(pose, height=kind.foot_radius, tip=0.5 * np.pi)
         self.touched.add(square)
 
-    def pick(self, squares: list[int]) -> int:
+    def pick(self, these: Sequence[_T]) -> _T:
         """One of them."""
-        return int(squares[self.rng.integers(len(squares))])
+        return these[int(self.rng.integers(len(these)))]
 
-    def pieces(self, colour: chess.Color, *, kings: bool = False) -> list[int]:
-        """Squares of a side's pieces."""
-        return [
-            square
-            for square, piece in self.board.piece_map().items()
-            if piece.color == colour and (kings or piece.piece_type != chess.KING)
-        ]
+    def side(self) -> chess.Color:
+        """One of them."""
+        return bool(self.rng.random() < 0.5)
 
-    def empty(self) -> list[int]:
-        """Empty squares."""
-        return [square for square in chess.SQUARES if self.board.piece_at(square) is None]
+    def pieces(self, colour: chess.Color) -> list[int]:
+        """Squares of a side's pieces but the king's."""
+        found = self.board.piece_map().items()
+        return [square for square, piece in found if piece.color == colour and piece.piece_type != chess.KING]
 
-    def moves(self, board: chess.Board) -> list[chess.Move]:
-        """Legal moves but promotions."""
-        return [move for move in board.legal_moves if move.promotion is None]
+    def piece(self) -> int:
+        """The square of one piece of either side."""
+        return self.pick(self.pieces(self.side()))
+
+    def empty(self) -> int:
+        """An empty square."""
+        return self.pick([square for square in chess.SQUARES if self.board.piece_at(square) is None])
 
     def spare(self, like: chess.Color) -> str:
         """A piece of a colour from the trays."""
         start = "white" if like else "black"
-        names = sorted(name for name in self.poses if name.startswith(start) and "spare" in name)
-        return names[int(self.rng.integers(len(names)))]
+        return self.pick(sorted(name for name in self.poses if name.startswith(start) and "spare" in name))
+
+
+def _quiet(board: chess.Board) -> list[chess.Move]:
+    """Legal moves of one piece to an empty square."""
+    return [
+        move
+        for move in board.legal_moves
+        if move.promotion is None and not board.is_capture(move) and not board.is_castling(move)
+    ]
 
 
 def _illegal(hands: ClumsyHands) -> None:
-    hands.carry(hands.pick(hands.pieces(hands.board.turn)), hands.pick(hands.empty()))
+    hands.carry(hands.pick(hands.pieces(hands.board.turn)), hands.empty())
 
 
 def _own_piece_taken(hands: ClumsyHands) -> None:
@@ -145,47 +144,34 @@ def _own_piece_taken(hands: ClumsyHands) -> None:
 
 
 def _wrong_side(hands: ClumsyHands) -> None:
-    hands.carry(hands.pick(hands.pieces(not hands.board.turn)), hands.pick(hands.empty()))
+    hands.carry(hands.pick(hands.pieces(not hands.board.turn)), hands.empty())
 
 
 def _missing(hands: ClumsyHands) -> None:
-    hands.lift(hands.pick(hands.pieces(bool(hands.rng.random() < 0.5))))
+    hands.lift(hands.piece())
 
 
 def _extra(hands: ClumsyHands) -> None:
-    hands.put(hands.spare(bool(hands.rng.random() < 0.5)), hands.pick(hands.empty()))
+    hands.put(hands.spare(hands.side()), hands.empty())
 
 
 def _recoloured(hands: ClumsyHands) -> None:
-    colour = bool(hands.rng.random() < 0.5)
+    colour = hands.side()
     square = hands.pick(hands.pieces(colour))
     hands.lift(square)
     hands.put(hands.spare(not colour), square)
 
 
-def _both_moved(hands: ClumsyHands) -> None:
-    _twice(hands, own=False)
-
-
-def _moved_twice(hands: ClumsyHands) -> None:
-    _twice(hands, own=True)
-
-
 def _twice(hands: ClumsyHands, *, own: bool) -> None:
     board = hands.board.copy()
-    quiet = [move for move in hands.moves(board) if not board.is_capture(move) and not board.is_castling(move)]
-    first = quiet[int(hands.rng.integers(len(quiet)))]
-    hands.play(first)
+    first = hands.pick(_quiet(board))
+    hands.carry(first.from_square, first.to_square)
     board.push(first)
     if own:
         board.turn, board.ep_square = hands.board.turn, None
-    second = [
-        move
-        for move in hands.moves(board)
-        if not board.is_capture(move) and not board.is_castling(move) and move.from_square != first.to_square
-        and move.to_square != first.from_square
-    ]  # fmt: skip
-    move = second[int(hands.rng.integers(len(second)))]
+    move = hands.pick(
+        [m for m in _quiet(board) if m.from_square != first.to_square and m.to_square != first.from_square]
+    )
     hands.carry(move.from_square, move.to_square)
 
 
@@ -216,24 +202,21 @@ def _first_piece_only(
 
 def _capture_begun(hands: ClumsyHands) -> None:
     captures = [move for move in hands.board.legal_moves if hands.board.is_capture(move) and not move.promotion]
-    if not captures:
-        _missing(hands)
-        return
-    move = captures[int(hands.rng.integers(len(captures)))]
-    if hands.board.is_en_passant(move):
+    move = hands.pick(captures) if captures else None
+    if move is None or hands.board.is_en_passant(move):
         _missing(hands)
         return
     hands.lift(move.to_square)
-    if hands.rng.random() < 0.5:
+    if hands.side():
         hands.lift(move.from_square)
 
 
 def _between(hands: ClumsyHands) -> None:
-    hands.shift(hands.pick(hands.pieces(bool(hands.rng.random() < 0.5))), 0.5)
+    hands.shift(hands.piece(), 0.5)
 
 
 def _knocked_over(hands: ClumsyHands) -> None:
-    hands.knock(hands.pick(hands.pieces(bool(hands.rng.random() < 0.5))))
+    hands.knock(hands.piece())
 
 
 def _swept(hands: ClumsyHands) -> None:
@@ -243,9 +226,10 @@ def _swept(hands: ClumsyHands) -> None:
 
 SORTS: Final[Mapping[str, Callable[[ClumsyHands], None]]] = {
     "illegal move": _illegal, "own piece taken": _own_piece_taken, "wrong side": _wrong_side, "missing": _missing,
-    "extra": _extra, "recoloured": _recoloured, "both moved": _both_moved, "moved twice": _moved_twice,
-    "taken back": _taken_back, "half castled": _half_castled, "en passant left": _en_passant_left,
-    "capture begun": _capture_begun, "between squares": _between, "knocked over": _knocked_over, "swept off": _swept,
+    "extra": _extra, "recoloured": _recoloured, "both moved": partial(_twice, own=False),
+    "moved twice": partial(_twice, own=True), "taken back": _taken_back, "half castled": _half_castled,
+    "en passant left": _en_passant_left, "capture begun": _capture_begun, "between squares": _between,
+    "knocked over": _knocked_over, "swept off": _swept,
 }  # fmt: skip
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 
 from app.commissioning.calibrate import calibrate_rig, corners_near
 from app.commissioning.marker_survey import Setup
-from app.measure.bench.report import Row, row
+from app.measure.bench.report import Progress, Row, row
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from app.rig.simulation.settings import SimRigSettings
@@ -37,8 +36,6 @@ from vision.board.view import BoardView
 from vision.pieces.centres import piece_centres
 
 Array = NDArray[np.float64]
-Progress = Callable[[str], None]
-
 OFF: Final = 0.2
 """Pieces stand up to so far off, in squares."""
 SHIFT: Final = 0.030

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.bench.report import Row, row
+from app import UserError
+from app.measure.bench.report import Progress, Row, row
+from app.measure.photographs.pictures import read_picture, read_video
 from vision.board.find import find_board
 from vision.board.grid import CORNERS
 from vision.board.lattice import fit_homography, project
@@ -58,7 +60,7 @@ def photographs(photos: Path) -> Iterator[Photograph]:
 
     Raises:
         FileNotFoundError: no labels lie below the folder.
-        ValueError: a label names a picture that cannot be read.
+        UserError: a label names a picture that cannot be read.
     """
     labels = sorted(photos.rglob("labels.json"))
     if not labels:
@@ -67,7 +69,7 @@ def photographs(photos: Path) -> Iterator[Photograph]:
         yield from _of_folder(path.parent, json.loads(path.read_text()))
 
 
-def find_rows(photos: Path, progress: Callable[[str], None] = lambda _: None) -> dict[str, Row]:
+def find_rows(photos: Path, progress: Progress = lambda _: None) -> dict[str, Row]:
     """Find the board in all photographs below a folder.
 
     Returns:
@@ -80,9 +82,8 @@ def find_rows(photos: Path, progress: Callable[[str], None] = lambda _: None) ->
     tries = [_try(picture, progress) for picture in photographs(photos)]
     off, claimed = np.array([one.off for one in tries]), np.array([one.claimed for one in tries])
     doubtful = np.array([one.doubtful for one in tries])
-    share = row(off <= TOLERANCE, "1")
     rows = {
-        "found": share.model_copy(update={"limit": LEAST_FOUND, "holds": share.mean >= LEAST_FOUND}),
+        "found": row(off <= TOLERANCE, "1", LEAST_FOUND, "least"),
         "wrong": row((off > TOLERANCE) & ~doubtful, "1"),
         "doubtful": row(doubtful, "1"),
         "astray": row(off > ASTRAY, "1", 0.0, "max"),
@@ -108,7 +109,7 @@ class _Try:
     turned: bool | None = None
 
 
-def _try(picture: Photograph, progress: Callable[[str], None]) -> _Try:
+def _try(picture: Photograph, progress: Progress) -> _Try:
     start = time.perf_counter()
     try:
         board = find_board(picture.colour)
@@ -139,22 +140,10 @@ def _of_folder(folder: Path, labels: dict[str, Any]) -> Iterator[Photograph]:
 
 
 def _photograph(path: Path, corners: Array, oriented: bool, frame: int | None = None) -> Photograph:
-    picture = cv2.imread(str(path)) if frame is None else _video_frame(path, frame)
+    picture = read_picture(path) if frame is None else next(islice(read_video(path), frame, None), None)
     if picture is None:
-        raise ValueError(f"{path} cannot be read: check that the file is there and whole")
-    colour = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
-    return Photograph(f"{path.parent.name}/{path.name}", colour, corners, oriented)
-
-
-def _video_frame(path: Path, frame: int) -> NDArray[Any] | None:
-    video = cv2.VideoCapture(str(path))
-    try:
-        for _ in range(frame):
-            video.grab()
-        read, picture = video.read()
-    finally:
-        video.release()
-    return np.asarray(picture) if read else None
+        raise UserError(f"{path} has no frame {frame}: check that the file is whole")
+    return Photograph(f"{path.parent.name}/{path.name}", picture.colour, corners, oriented)
 
 
 def _named(corners: dict[str, list[float]]) -> Array:

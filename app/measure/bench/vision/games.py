@@ -14,7 +14,7 @@ from typing import Final
 import chess
 import numpy as np
 
-from app.measure.bench.report import Row, row
+from app.measure.bench.report import Progress, Row, row
 from app.measure.bench.vision.calibration import OFF, random_looks, random_mount
 from app.measure.bench.vision.positions import RandomTable
 from app.motion import MotionSettings
@@ -34,8 +34,6 @@ from vision.reading.moves import MoveReading
 from vision.reading.observer import Observation, Observer
 from vision.reading.outcome import LOOKS, ReadingOutcome
 from vision.reading.rectified_view import RectifiedView, sight_of_frame
-
-Progress = Callable[[str], None]
 
 PLIES: Final = {True: 16, False: 2000}
 """By ``quick``."""
@@ -64,7 +62,6 @@ class GameTally:
     """Of the processor, for a settled frame: watching, finding the board again, laying out, looking, deciding [ms]."""
     watched: list[float] = field(default_factory=list)
     """Of that, for what every frame goes through [ms]."""
-    promotions: int = 0
 
 
 class Eye:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import random
 import threading
-from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from typing import Final
@@ -22,8 +21,8 @@ import chess
 import numpy as np
 
 from app import UserError
-from app.measure.bench.loop import straight
-from app.measure.bench.report import Row, row
+from app.measure.bench.loop import WAY, straight
+from app.measure.bench.report import Progress, Row, row
 from app.measure.bench.vision.hand_scene import INTERVAL, Follower, HandScene, hand_scene, until
 from app.motion import Motion, MotionSettings, Plan, plan_ply
 from app.pieces.manipulation import transfers
@@ -52,8 +51,6 @@ FALSE_STOPS_LIMIT: Final = 1.0
 """In 500 plies."""
 A_WORLD: Final = 20
 """So many entries, or plies, are made in one world."""
-WAY: Final = ((0.12, 0.02, 0.335), (-0.12, -0.05, 0.345), (0.06, -0.10, 0.355), (-0.08, 0.10, 0.33))
-"""The arm goes round these tool points, base frame [m]; above every piece."""
 ALONE: Final = WatchSettings(confirm=1)
 """Of plies without a hand: one frame is enough to stop the arm."""
 EVERY: Final = 2.0 * INTERVAL
@@ -85,7 +82,7 @@ class HandFigures:
         return len(self.rest) + len(self.yielded) + self.missed
 
 
-def hand_rows(quick: bool, progress: Callable[[str], None]) -> dict[str, Row]:
+def hand_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """Measure.
 
     Args:
@@ -98,7 +95,7 @@ def hand_rows(quick: bool, progress: Callable[[str], None]) -> dict[str, Row]:
     return measure(ENTRIES[quick], PLIES[quick], progress)
 
 
-def measure(entries: int, plies: int, progress: Callable[[str], None], seed: int = SEED) -> dict[str, Row]:
+def measure(entries: int, plies: int, progress: Progress, seed: int = SEED) -> dict[str, Row]:
     """Measure with so many entries of a hand, and so many plies without one; see ``hand_rows``."""
     figures, rng = HandFigures(), random.Random(seed)
     try:
@@ -141,8 +138,8 @@ def _rows(figures: HandFigures) -> dict[str, Row]:
         rows["hand_to_give_way"] = row(figures.yielded, "s", REST_LIMIT, "max")
         rows["hand_force"] = row(figures.force, "N", FORCE_LIMIT, "max")
     if figures.plies:
-        stops = row([500.0 * figures.false_stops / figures.plies], "in 500", FALSE_STOPS_LIMIT, "max")
-        rows["false_stops"] = stops.model_copy(update={"n": figures.plies})
+        stops = 500.0 * figures.false_stops / figures.plies
+        rows["false_stops"] = row([stops], "in 500", FALSE_STOPS_LIMIT, "max", figures.plies)
     return rows
 
 
@@ -219,9 +216,7 @@ def _note_stop(scene: HandScene, figures: HandFigures, follower: Follower, stopp
         figures.rest.append(max(0.0, rested - crossed))
 
 
-def _play(
-    scene: HandScene, plies: int, rng: random.Random, figures: HandFigures, progress: Callable[[str], None]
-) -> None:
+def _play(scene: HandScene, plies: int, rng: random.Random, figures: HandFigures, progress: Progress) -> None:
     """Random plies without a hand, all of them watched."""
     board, inventory = chess.Board(), scene.inventory
     with scene.guard(watch=Watch(ALONE), interval=EVERY) as guard:

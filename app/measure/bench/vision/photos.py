@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from app.measure.bench.report import Row, row
+from app.measure.bench.report import Progress, Row, row
 from app.measure.photographs import CornersFrom, follow_folder
 from app.measure.photographs.labels import FILE_NAME, load_labels
 from app.measure.photographs.report import Score
-
-Progress = Callable[[str], None]
 
 VARIABLE: Final = "TOUCHMOVE_PHOTOS"
 """Names the folder with labelled photographs where the command line does not."""
@@ -59,8 +57,7 @@ def photo_rows(photos: Path, progress: Progress) -> dict[str, Row]:
         plies = sum(score.plies for score in scores)
         unasked = sum(score.right for score in scores) / max(plies, 1)
         wrong = [float(score.wrong) for score in scores]
-        share = row([unasked], "1")
-        rows[f"photos {source}"] = share.model_copy(update={"limit": least, "holds": unasked >= least, "n": plies})
+        rows[f"photos {source}"] = row([unasked], "1", least, "least", plies)
         rows[f"photos {source} wrong"] = row(wrong, "1", 0.0, "max")
     return rows
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from app.measure.bench.report import BenchReport, Row
+from app.measure.bench.report import BenchReport, Progress, Row
 from app.measure.bench.vision.actions import action_rows
 from app.measure.bench.vision.calibration import calibration_rows, centre_rows
 from app.measure.bench.vision.find import find_rows
@@ -14,8 +14,6 @@ from app.measure.bench.vision.games import game_rows, trouble_rows
 from app.measure.bench.vision.hands import hand_rows
 from app.measure.bench.vision.photos import VARIABLE, photo_folder, photo_rows
 from app.measure.bench.vision.turns import turn_rows
-
-Progress = Callable[[str], None]
 
 RENDERED: Final[dict[str, Callable[[bool, Progress], dict[str, Row]]]] = {
     "games": game_rows,

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import random
 import time
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Final
@@ -20,7 +19,7 @@ import chess
 
 from app import UserError
 from app.guard.hand_guard import HandGuard, Listener
-from app.measure.bench.report import Row, row
+from app.measure.bench.report import Progress, Row, row
 from app.measure.bench.vision.games import Eye, GameTally
 from app.measure.bench.vision.hand_scene import Follower, HandScene, hand_scene, until
 from app.pieces.manipulation import transfers
@@ -58,12 +57,12 @@ class TurnFigures:
     """1 for a move that had to be asked for."""
 
 
-def turn_rows(quick: bool, progress: Callable[[str], None]) -> dict[str, Row]:
+def turn_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """Measure; arguments and errors as of ``app.measure.bench.vision.hands.hand_rows``."""
     return measure(MOVES[quick], progress)
 
 
-def measure(moves: int, progress: Callable[[str], None], seed: int = SEED) -> dict[str, Row]:
+def measure(moves: int, progress: Progress, seed: int = SEED) -> dict[str, Row]:
     """Measure with so many moves."""
     figures, rng = TurnFigures(), random.Random(seed)
     try:
@@ -85,9 +84,7 @@ def rows_of(figures: TurnFigures) -> dict[str, Row]:
     return rows
 
 
-def _play(
-    scene: HandScene, moves: int, rng: random.Random, figures: TurnFigures, progress: Callable[[str], None]
-) -> None:
+def _play(scene: HandScene, moves: int, rng: random.Random, figures: TurnFigures, progress: Progress) -> None:
     """A game by hand. The camera watches from before the hand withdraws: pictures take most of the bench's time."""
     board, inventory, watch = chess.Board(), scene.inventory, Watch()
     with closing(SimHand(scene.run_dir)) as hand:
@@ -97,8 +94,7 @@ def _play(
             # a promotion is asked for where it is not seen; here it is about time
             move = rng.choice([move for move in board.legal_moves if not move.promotion])
             ply = transfers(board, move, inventory)
-            hand.perform(*hand_transfers(ply.transfers, scene.table))
-            hand.wait()
+            hand.do(*hand_transfers(ply.transfers, scene.table))
             watch.pause()
             delivered = dict[float, float]()
             guard = scene.guard(_note_delivery(scene, delivered), watch)
