@@ -12,7 +12,19 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import pytest
+
+# "ci" draws the same examples on every machine and in every run, so that a failure is one of the change in hand;
+# "nightly" draws fresh ones from the seed that `make nightly` prints. Neither measures how long an example takes.
+hypothesis.settings.register_profile(
+    "ci", derandomize=True, database=None, deadline=None, max_examples=100,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)  # fmt: skip
+hypothesis.settings.register_profile(
+    "nightly", hypothesis.settings.get_profile("ci"), derandomize=False, max_examples=300, print_blob=True
+)
+hypothesis.settings.load_profile("ci")
 
 
 class Run:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import hypothesis
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -30,9 +29,6 @@ from controller.settings import CONTROLLER_FILE, ControllerSettings
 from controller.wire.client import ControllerClient
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters, load_parameters
-
-hypothesis.settings.register_profile("controller", deadline=None, derandomize=True)
-hypothesis.settings.load_profile("controller")
 
 HOME = (0.0, 0.0, 0.35)
 
