@@ -1,5 +1,6 @@
 # make demo    two engines play a game that the arm executes; options in ARGS, e.g. make demo ARGS="--pace fast --plies 20"
 # make test    all tests, on all processors; ARGS go to pytest
+# make nightly property tests with fresh examples, TIMES (20) rounds; the first failure ends it and says how to repeat it
 # make check   format, lint, strict types
 # make clean   back to a fresh clone; records in games/ stay
 # make constraints   pin the newest versions that the ranges in pyproject.toml admit
@@ -7,8 +8,9 @@
 # Each target sets up by itself what it needs (.ci/setup).
 
 ARGS ?=
+TIMES ?= 20
 
-.PHONY: demo test check clean constraints
+.PHONY: demo test nightly check clean constraints
 
 demo:
 	@bash .ci/setup demo
@@ -17,6 +19,16 @@ demo:
 test:
 	@bash .ci/setup dev
 	@.venv/bin/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder $(ARGS)
+
+nightly:
+	@bash .ci/setup dev
+	@for round in $$(seq $(TIMES)); do \
+	    seed=$${SEED:-$$(od -An -N4 -tu4 /dev/urandom | tr -d ' ')}; \
+	    echo "round $$round of $(TIMES): seed $$seed"; \
+	    .venv/bin/python -m pytest --quiet --numprocesses auto --maxfail 1 -m hypothesis --hypothesis-profile nightly \
+	        --hypothesis-seed "$$seed" $(ARGS) $$(grep -rl 'import.* given' tests) || \
+	        { echo "again: make nightly TIMES=1 SEED=$$seed"; exit 1; }; \
+	done
 
 check:
 	@bash .ci/setup dev

@@ -12,7 +12,21 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import pytest
+
+from tests.waiting import PATIENCE
+
+# "ci" draws the same examples on every machine and in every run, so that a failure is one of the change in hand;
+# "nightly" draws fresh ones from the seed that `make nightly` prints. Neither measures how long an example takes.
+hypothesis.settings.register_profile(
+    "ci", derandomize=True, database=None, deadline=None, max_examples=100,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)  # fmt: skip
+hypothesis.settings.register_profile(
+    "nightly", hypothesis.settings.get_profile("ci"), derandomize=False, max_examples=300, print_blob=True
+)
+hypothesis.settings.load_profile("ci")
 
 
 class Run:
@@ -58,7 +72,7 @@ class Run:
         events = self.folder / "events.jsonl"
         return events.read_text().count('"event":"ply"') if events.exists() else 0
 
-    def until(self, condition: Callable[[], Any], what: str, timeout: float = 60.0) -> Any:
+    def until(self, condition: Callable[[], Any], what: str, timeout: float = PATIENCE) -> Any:
         deadline = time.monotonic() + timeout
         while True:
             if value := condition():
@@ -69,7 +83,7 @@ class Run:
                 pytest.fail(f"no {what} within {timeout} s")
             time.sleep(0.02)
 
-    def world_end(self, timeout: float = 30.0) -> dict[str, Any]:
+    def world_end(self, timeout: float = PATIENCE) -> dict[str, Any]:
         """The world's snapshot, once it is there."""
         path = self.folder / "run" / "world_end.json"
         deadline = time.monotonic() + timeout

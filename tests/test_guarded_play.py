@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import socket
 import subprocess
 import sys
 import threading
@@ -18,11 +17,12 @@ import pytest
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import Move, Withdraw
 from hardware.table import TableSettings, square_place
+from tests.test_rig_file import free_port
+from tests.waiting import PATIENCE
 
 TOUCHMOVE = [sys.executable, "-P", "-m", "app.cli"]
 FEN = "7k/5Q1p/p6P/8/8/8/4P3/4K3 w - - 0 1"
 """Black has but moves of the pawn on a6."""
-PATIENCE = 90.0
 TABLE = TableSettings()
 
 
@@ -59,7 +59,7 @@ class Program:
 
     def end(self) -> None:
         self.process.terminate()
-        self.process.wait(30.0)
+        self.process.wait(PATIENCE)
         self._listener.join()
         for pipe in (self.process.stdin, self.process.stdout):
             assert pipe is not None
@@ -87,9 +87,7 @@ def xy(square: str) -> tuple[float, float]:
 def test_a_move_is_seen_when_the_hand_has_gone_and_the_arm_waits_while_one_is_there(
     program: Callable[..., Program], tmp_path: Path
 ) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        port = one.getsockname()[1]
+    port = free_port()
     rig = tmp_path / "rig.toml"
     rig.write_text(
         f'[controller]\nport = {port}\n[drives]\nbus = "sim"\n[world]\npace = "fast"\nperson = "white"\nfen = "{FEN}"\n'

@@ -96,7 +96,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
         shutil.copy(ROOT / name, folder)
     build = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
     build += ["--wheel-dir", "out", "."]
-    subprocess.run(build, cwd=folder, check=True, capture_output=True, text=True, timeout=120)
+    subprocess.run(build, cwd=folder, check=True, capture_output=True, text=True)
     (made,) = (folder / "out").glob("*.whl")
     return zipfile.ZipFile(made)
 
@@ -160,7 +160,7 @@ class FakeDebian:
         environment = {"PATH": str(self.bin), "HOME": str(self.checkout)}
         done = subprocess.run(
             ["bash", str(self.checkout / script), *arguments],
-            env=environment, cwd="/", stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, check=False,
+            env=environment, cwd="/", stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
         )  # fmt: skip
         assert done.stdout == ""
         return done.returncode, done.stderr

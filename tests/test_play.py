@@ -15,6 +15,8 @@ from pathlib import Path
 import chess.pgn
 import pytest
 
+from tests.waiting import PATIENCE
+
 TOUCHMOVE = (sys.executable, "-P", "-m", "app.cli")
 
 
@@ -31,7 +33,7 @@ class PseudoTerminal:
         self.shown = ""
         self._read = 0
 
-    def until(self, pattern: str, timeout: float = 60.0) -> re.Match[str]:
+    def until(self, pattern: str, timeout: float = PATIENCE) -> re.Match[str]:
         """The next that is shown and matches."""
         deadline = time.monotonic() + timeout
         while True:
@@ -51,7 +53,7 @@ class PseudoTerminal:
         os.write(self._fd, f"{line}\n".encode())
 
     def end(self) -> int:
-        status = self.process.wait(30.0)
+        status = self.process.wait(PATIENCE)
         os.close(self._fd)
         return status
 
@@ -126,9 +128,7 @@ def test_a_whole_game_with_all_that_a_person_may_do_at_the_board(tmp_path: Path)
     engine.write_text(f"#!{sys.executable}\n" + ENGINE.format(replies="a6 d5 Nf6 b5 Kxd8 Bb7 e6 Bd6 Re8"))
     engine.chmod(0o755)
     options = ("--pace", "fast", "--engine", str(engine), "--out", str(tmp_path / "game"), "--json")
-    done = subprocess.run(
-        [*TOUCHMOVE, "play", *options], input=script, capture_output=True, text=True, timeout=280.0, check=False
-    )
+    done = subprocess.run([*TOUCHMOVE, "play", *options], input=script, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
     assert "the white pawn stands on d2: tell the hand to move that first" in done.stderr
     assert "no piece stands within 20 mm of e5" in done.stderr

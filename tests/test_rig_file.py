@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import secrets
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -16,9 +19,9 @@ from typing import Any
 import pytest
 
 from hardware.sim.clients.wire import world_pid
+from tests.waiting import PATIENCE, until
 
 TOUCHMOVE = [sys.executable, "-P", "-m", "app.cli"]
-START = 60.0
 
 
 def rig_file(folder: Path, host: str, port: int, **controller: object) -> Path:
@@ -32,11 +35,11 @@ def rig_file(folder: Path, host: str, port: int, **controller: object) -> Path:
 
 
 def free_port() -> int:
-    import socket
-
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
+    """A port that nobody has, below those from which the kernel hands out, so that nobody gets it meanwhile."""
+    while True:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one, contextlib.suppress(OSError):
+            one.bind(("127.0.0.1", secrets.choice(range(20_000, 32_000))))
+            return int(one.getsockname()[1])
 
 
 class Controller:
@@ -57,7 +60,7 @@ class Controller:
         return self.log.read_text() if self.log.exists() else ""
 
     def wait_for(self, words: str) -> None:
-        deadline = time.monotonic() + START
+        deadline = time.monotonic() + PATIENCE
         while words not in self.said()[self._ready :]:
             assert self.process.poll() is None, self.said()
             assert time.monotonic() < deadline, self.said()
@@ -66,11 +69,11 @@ class Controller:
     def end(self, number: int = signal.SIGINT) -> int:
         if self.process.poll() is None:
             self.process.send_signal(number)
-        return self.process.wait(20.0)
+        return self.process.wait(PATIENCE)
 
 
 def touchmove(*arguments: str, within: tuple[str, ...] = ()) -> tuple[int, str, str]:
-    done = subprocess.run([*within, *TOUCHMOVE, *arguments], capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run([*within, *TOUCHMOVE, *arguments], capture_output=True, text=True, check=False)
     return done.returncode, done.stdout, done.stderr
 
 
@@ -117,10 +120,7 @@ def test_a_controller_outlives_games_parks_and_is_killed_and_ended(
 
     report = game(rig, tmp_path / "one", "e4")
     assert report["physical_ok"] is True
-    deadline = time.monotonic() + 10.0
-    while (parked := status(rig))["state"] != "BOOT" and time.monotonic() < deadline:
-        time.sleep(0.1)
-    assert parked["state"] == "BOOT", "parked"
+    parked = until(lambda: one if (one := status(rig))["state"] == "BOOT" else None, "parking")
     assert "BRAKED" in parked["drive_status"]
     assert "nobody was connected" in parked["why"]
     # the next game begins from where the first one left the pieces, and opens the brakes by itself
@@ -209,7 +209,7 @@ def test_game_and_controller_on_two_computers(
     # from this machine's own network there is no way to it
     assert touchmove("controller", "status", "--rig", str(rig))[0] == 2
     assert touchmove("controller", "shutdown", "--rig", str(rig), within=app)[0] == 0
-    assert controller.process.wait(20.0) == 0
+    assert controller.process.wait(PATIENCE) == 0
 
 
 def test_a_driver_that_is_not_installed_is_named_with_those_that_are(tmp_path: Path) -> None:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import hypothesis
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -30,9 +29,8 @@ from controller.settings import CONTROLLER_FILE, ControllerSettings
 from controller.wire.client import ControllerClient
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters, load_parameters
-
-hypothesis.settings.register_profile("controller", deadline=None, derandomize=True)
-hypothesis.settings.load_profile("controller")
+from tests.waiting import PATIENCE
+from tests.waiting import until as wait_for
 
 HOME = (0.0, 0.0, 0.35)
 
@@ -136,7 +134,7 @@ class Running:
         self._arguments = (bus, load_parameters(), settings, directory, limits)
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
-        wait_until(lambda: (directory / CONTROLLER_FILE).exists() or not self._thread.is_alive())
+        wait_for(lambda: (directory / CONTROLLER_FILE).exists() or not self._thread.is_alive())
 
     @property
     def port(self) -> int:
@@ -159,9 +157,9 @@ class Running:
         self._clients.append(ControllerClient("127.0.0.1", link.port, self.key, **options))
         return self._clients[-1]
 
-    def join(self, timeout: float = 5.0) -> int | None:
+    def join(self) -> int | None:
         """Wait for its end; the exit status."""
-        self._thread.join(timeout)
+        self._thread.join(PATIENCE)
         assert not self._thread.is_alive(), "the controller did not end"
         return self.status
 
@@ -170,7 +168,7 @@ class Running:
         for client in self._clients:
             client.close()
         self.bus.lost = True
-        self._thread.join(5.0)
+        self._thread.join(PATIENCE)
 
     def _run(self) -> None:
         try:
@@ -314,7 +312,7 @@ def fake_bus() -> Callable[..., FakeBus]:
 @pytest.fixture
 def until() -> Callable[..., None]:
     """Waits for something that another thread does."""
-    return wait_until
+    return wait_for
 
 
 @pytest.fixture
@@ -344,14 +342,6 @@ def _line(start: Triple, end: Triple, ticks: int, period: float = 0.00088) -> ND
     samples["acceleration"] = way * (60 * t - 180 * t**2 + 120 * t**3) / duration**2
     samples["stiffness"], samples["damping"] = 4900.0, 140.0
     return samples
-
-
-def wait_until(condition: Callable[[], bool], timeout: float = 5.0) -> None:
-    """Wait for something that another thread does."""
-    end = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
-        time.sleep(0.002)
 
 
 def _triple(values: NDArray[np.float64]) -> Triple:

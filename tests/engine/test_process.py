@@ -18,6 +18,7 @@ import pytest
 
 from engine.errors import EngineProblem, EngineRefused
 from engine.stockfish import Engine, EngineSettings
+from tests.waiting import PATIENCE, until
 
 ROOT = Path(__file__).parents[2]
 
@@ -50,15 +51,6 @@ def running(pid: int) -> bool:
     return stat.rpartition(")")[2].split()[0] not in "ZX"
 
 
-def gone_within(pid: int, seconds: float) -> bool:
-    end = time.monotonic() + seconds
-    while running(pid):
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.01)
-    return True
-
-
 @contextmanager
 def parent_of(path: str, then: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
     """A Python process in a group of its own that opens an engine and then does something; and the engine's pid."""
@@ -82,12 +74,12 @@ def parent_of(path: str, then: str) -> Iterator[tuple[subprocess.Popen[str], int
             os.kill(pid, signal.SIGKILL)
 
 
-def test_stockfish_is_gone_within_a_second_of_our_kill_9(stockfish: str) -> None:
+def test_stockfish_is_gone_after_our_kill_9(stockfish: str) -> None:
     with parent_of(stockfish, THINK) as (parent, pid):
         time.sleep(0.2)
         assert running(pid)
         parent.kill()
-        assert gone_within(pid, 1.0)
+        until(lambda: not running(pid))
 
 
 def test_an_engine_deaf_to_everything_but_the_kernel_ends_with_us(fake: Callable[..., Any]) -> None:
@@ -95,13 +87,13 @@ def test_an_engine_deaf_to_everything_but_the_kernel_ends_with_us(fake: Callable
         time.sleep(0.2)
         assert running(pid)
         parent.kill()
-        assert gone_within(pid, 1.0)
+        until(lambda: not running(pid))
 
 
 def test_leaving_without_closing_leaves_nothing_running(fake: Callable[..., Any]) -> None:
     with parent_of(fake(at_start=DEAF).path, "") as (parent, pid):
-        assert parent.wait(timeout=5.0) == 0
-        assert gone_within(pid, 1.0)
+        assert parent.wait(timeout=PATIENCE) == 0
+        until(lambda: not running(pid))
 
 
 def test_ctrl_c_in_mid_search_ends_both(stockfish: str) -> None:
@@ -109,8 +101,8 @@ def test_ctrl_c_in_mid_search_ends_both(stockfish: str) -> None:
         time.sleep(0.2)
         assert (os.getsid(pid), os.getpgid(pid)) == (pid, pid)
         os.killpg(parent.pid, signal.SIGINT)
-        assert parent.wait(timeout=10.0) in (1, -signal.SIGINT)  # KeyboardInterrupt went through
-        assert gone_within(pid, 1.0)
+        assert parent.wait(timeout=PATIENCE) in (1, -signal.SIGINT)  # KeyboardInterrupt went through
+        until(lambda: not running(pid))
 
 
 def test_an_engine_survives_the_thread_that_opened_it(stockfish: str) -> None:
@@ -133,21 +125,16 @@ def test_close_ends_process_and_thread_at_once_and_twice_is_harmless(fake: Calla
     engine = Engine(EngineSettings(path=fake(at_start=DEAF).path, nodes=100)).open()
     pid = engine.pid
     assert pid is not None
-    began = time.monotonic()
     engine.close()
     engine.close()
-    assert time.monotonic() - began < 3.0
     assert engine.pid is None
     assert not Path(f"/proc/{pid}").exists()  # reaped as well
-    deadline = time.monotonic() + 10.0
-    while threading.active_count() > threads and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert threading.active_count() == threads
+    until(lambda: threading.active_count() <= threads)
 
 
 def test_an_engine_closed_while_another_thread_asks_ends_at_once_and_starts_no_other(fake: Callable[..., Any]) -> None:
-    made = fake(on_go="time.sleep(30)")
-    engine = Engine(EngineSettings(path=made.path, nodes=100)).open()
+    made = fake(on_go="time.sleep(3600)")
+    engine = Engine(EngineSettings(path=made.path, nodes=100, deadline=3600.0)).open()
     pid, answers = engine.pid, list[BaseException]()
 
     def ask() -> None:
@@ -158,12 +145,9 @@ def test_an_engine_closed_while_another_thread_asks_ends_at_once_and_starts_no_o
 
     thread = threading.Thread(target=ask)
     thread.start()
-    while not any(line.startswith("go") for line in made.heard):
-        time.sleep(0.01)
-    began = time.monotonic()
+    until(lambda: any(line.startswith("go") for line in made.heard))
     engine.close()
-    thread.join(5.0)
-    assert time.monotonic() - began < 4.5
+    thread.join(PATIENCE)
     assert not thread.is_alive()
     assert [type(answer) for answer in answers] == [EngineRefused]
     assert made.starts == 1
@@ -172,7 +156,7 @@ def test_an_engine_closed_while_another_thread_asks_ends_at_once_and_starts_no_o
 
 def test_a_restart_leaves_no_first_process_behind(fake: Callable[..., Any]) -> None:
     engine_file = fake(at_start=DEAF, on_go='if start == 1: time.sleep(60)\nelse: say("bestmove e2e4")')
-    with Engine(EngineSettings(path=engine_file.path, nodes=1, deadline=0.4)) as engine:
+    with Engine(EngineSettings(path=engine_file.path, nodes=1, deadline=2.0)) as engine:
         first = engine.pid
         assert first is not None
         engine.choose(chess.Board())

@@ -37,8 +37,8 @@ READY = b"ready"
 _LONGEST = 64
 """Of what the renderer says [bytes]."""
 START_TIMEOUT = 60.0
-DRAW_TIMEOUT = 4.0
-"""A picture that takes longer does not come; below the time after which clients give the whole world up [s, wall]."""
+DRAW_TIMEOUT = 60.0
+"""Who waits for a picture does not hurry, on however busy a machine: one that takes longer does not come [s, wall]."""
 MOST_DEATHS: Final = 3
 """A renderer that ends so often without a picture in between is given up."""
 LOST = "the renderer is stuck or has ended again and again; renderer.log in the run directory says why"

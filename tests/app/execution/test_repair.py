@@ -261,36 +261,32 @@ def check(world: World, result: Repair | Ask) -> None:
 
 
 @pytest.mark.parametrize("sort", SORTS)
-def test_with_kinds_known_by_height_whatever_hands_did_is_mended_or_asked_about(sort: str) -> None:
-    @given(GAMES, SEEDS)
-    @settings(max_examples=15, deadline=None)
-    def whatever(game: int, seed: int) -> None:
-        world = World(game, seed)
-        SORTS[sort](world)
-        check(world, mend(world.expected, world.sighting(heights=True, places=True), world.board))
-
-    whatever()
+@given(game=GAMES, seed=SEEDS)
+@settings(max_examples=15)
+def test_with_kinds_known_by_height_whatever_hands_did_is_mended_or_asked_about(
+    sort: str, game: int, seed: int
+) -> None:
+    world = World(game, seed)
+    SORTS[sort](world)
+    check(world, mend(world.expected, world.sighting(heights=True, places=True), world.board))
 
 
 @pytest.mark.parametrize("sort", [sort for sort in SORTS if sort not in ("two moved", "slid")])
-def test_by_colours_alone_as_well_wherever_they_show_that_something_is_wrong(sort: str) -> None:
-    @given(GAMES, SEEDS)
-    @settings(max_examples=15, deadline=None)
-    def whatever(game: int, seed: int) -> None:
-        world = World(game, seed)
-        SORTS[sort](world)
-        result = mend(world.expected, world.sighting(heights=False, places=False), world.board)
-        if world.looks_wrong:
-            check(world, result)
-        elif not world.fallen:
-            assert isinstance(result, Repair)
-            assert not result.transfers
-
-    whatever()
+@given(game=GAMES, seed=SEEDS)
+@settings(max_examples=15)
+def test_by_colours_alone_as_well_wherever_they_show_that_something_is_wrong(sort: str, game: int, seed: int) -> None:
+    world = World(game, seed)
+    SORTS[sort](world)
+    result = mend(world.expected, world.sighting(heights=False, places=False), world.board)
+    if world.looks_wrong:
+        check(world, result)
+    elif not world.fallen:
+        assert isinstance(result, Repair)
+        assert not result.transfers
 
 
 @given(GAMES, SEEDS, st.booleans())
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_a_board_that_is_right_is_left_alone(game: int, seed: int, heights: bool) -> None:
     world = World(game, seed)
     result = mend(world.expected, world.sighting(heights=heights, places=True), world.board)
@@ -298,7 +294,7 @@ def test_a_board_that_is_right_is_left_alone(game: int, seed: int, heights: bool
 
 
 @given(GAMES, SEEDS)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_what_is_mended_by_a_person_as_asked_is_right_then(game: int, seed: int) -> None:
     """Who does what the sentence says, on the squares that it names, has nothing left to do but what the arm does."""
     world = World(game, seed)
@@ -321,7 +317,7 @@ def test_what_is_mended_by_a_person_as_asked_is_right_then(game: int, seed: int)
 
 
 @given(GAMES, SEEDS)
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_a_repair_can_lead_on_to_what_is_wanted_next(game: int, seed: int) -> None:
     """A ply that is to be carried out, or finished, on a board on which something was carried off."""
     world = World(game, seed)

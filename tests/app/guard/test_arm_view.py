@@ -56,7 +56,7 @@ def outside(points: Any, ends: Any, radii: Any) -> float:
     return float((np.linalg.norm(points[:, None] - nearest, axis=2) - radii).min(axis=1).max())
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.floats(-0.17, 0.17), st.floats(-0.15, 0.15), st.floats(0.30, 0.44), st.floats(0.0, 0.02))
 def test_all_that_the_simulation_has_of_the_arm_lies_in_its_capsules(
     arm: tuple[mujoco.MjModel, mujoco.MjData], x: float, y: float, z: float, finger: float

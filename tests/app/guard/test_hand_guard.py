@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from app.rig.simulation.nominal_view import nominal_view
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
+from tests.waiting import PATIENCE, until
 
 PINHOLE = Intrinsics(320, 240, 308.0, 308.0, 159.5, 119.5)
 VIEW = nominal_view(PINHOLE, TableSettings())
@@ -60,7 +60,7 @@ class Frames:
         self.waiting.put(DepthFrame(depth.copy(), PINHOLE, self._stamp))
 
     def read(self, max_age: float) -> Frame | DepthFrame:
-        one = self.waiting.get(timeout=20.0)
+        one = self.waiting.get(timeout=PATIENCE)
         if isinstance(one, Exception):
             raise one
         return one
@@ -112,13 +112,6 @@ def controller() -> Controller:
 def guard(frames: Frames, controller: Controller) -> Iterator[HandGuard]:
     with HandGuard(frames, VIEW, Masks(), controller) as one:
         yield one
-
-
-def until(condition: Callable[[], Any]) -> None:
-    deadline = time.monotonic() + 20.0
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
 
 
 def test_the_frame_that_confirms_a_hand_makes_the_controller_hold_once(

@@ -298,7 +298,7 @@ def test_a_crowd_without_a_piece_or_with_it_elsewhere_is_what_it_says():
         np.testing.assert_array_equal(found.table, Crowd.of(expected).table)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6))
 def test_no_way_of_a_random_position_leads_through_a_piece(seed):
     """Fingers and carried piece, as solids, against every piece that stands, all along every motion."""

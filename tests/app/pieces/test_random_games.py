@@ -103,7 +103,7 @@ def test_random_games_of_all_lengths() -> None:
     assert min(seen[kind] for kind in MoveKind) >= 50, seen
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30)
 @given(number=st.integers(0, 959), seed=st.integers(0, 2**32))
 def test_games_from_any_chess960_start(number: int, seed: int) -> None:
     play(chess.Board.from_chess960_pos(number), random.Random(seed))

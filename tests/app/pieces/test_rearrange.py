@@ -127,13 +127,13 @@ def check_position(now: Inventory, board: chess.BaseBoard) -> tuple[Transfer, ..
 
 
 @given(GAMES, GAMES)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_any_position_is_set_up_from_any_other_by_the_fewest_transfers(one: int, other: int) -> None:
     check_position(play(one).now, play(other).board)
 
 
 @given(GAMES, SEEDS, st.integers(min_value=0, max_value=6))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_so_are_positions_in_which_pieces_stand_on_each_others_squares(game: int, seed: int, swaps: int) -> None:
     """Rings, which positions of games seldom have: the same squares with other pieces on them."""
     board, draw = play(game).board.copy(), random.Random(seed)
@@ -189,7 +189,7 @@ def test_what_lies_in_a_box_is_named() -> None:
 
 
 @given(GAMES, GAMES)
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_with_boxes_a_position_is_set_up_or_refused_for_a_true_reason(one: int, other: int) -> None:
     now, board = play(one, BOXES).now, play(other, BOXES).board
     there = Counter((p.colour, p.kind) for p in now if not p.place.in_box)
@@ -227,7 +227,7 @@ def test_pieces_that_leave_stay_clear_of_the_places_for_captures() -> None:
 
 
 @given(SEEDS, st.booleans())
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_any_inventory_becomes_any_other(seed: int, full: bool) -> None:
     """Also where nearly all places are taken: pieces are carried once, and one of each ring twice."""
     draw = random.Random(seed)
@@ -306,7 +306,7 @@ def test_the_arm_can_do_what_is_planned(table: TableSettings) -> None:
 
 
 @given(GAMES, st.integers(min_value=1, max_value=8))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_moves_are_taken_back_by_setting_the_position_before_up(seed: int, plies: int) -> None:
     """Captures, castling, en passant and promotions alike, with pieces alike standing in for each other."""
     played = play(seed)

@@ -18,6 +18,7 @@ from app.settings.files import settings_of
 from app.terminal.interface import Quiet
 from engine.errors import EngineFailed, EngineRefused
 from hardware.interfaces import Pace
+from tests.waiting import PATIENCE
 
 
 class Always:
@@ -109,7 +110,7 @@ class Thinking:
     def choose(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> Decision:
         self.asked.append(("choose", board.ply(), clock))
         if self.slow:
-            assert self.hurried.wait(20.0)
+            assert self.hurried.wait(PATIENCE)
         return Decision(next(iter(board.legal_moves)))
 
     def ponder(self, board: chess.Board, clock: chess.engine.Limit | None, *, certain: bool) -> None:
@@ -162,9 +163,7 @@ def test_a_thought_about_a_position_that_did_not_come_is_cut_short():
     other.push_san("Nf6")
     with Players(white, Thinking()) as players:
         players.begin(chess.Board())
-        began = time.monotonic()
         assert players.choose(other).move in other.legal_moves
-        assert time.monotonic() - began < 10.0
     assert white.hurried.is_set()
 
 

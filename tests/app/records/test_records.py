@@ -8,7 +8,6 @@ import json
 import os
 import re
 import threading
-import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -38,6 +37,7 @@ from app.records import (
 )
 from app.records.files import LineLog, write_atomically
 from hardware.table import TableSettings
+from tests.waiting import PATIENCE, until
 
 TABLE = TableSettings()
 NOON = datetime(2026, 11, 21, 10, 15, 30, tzinfo=UTC)
@@ -530,7 +530,7 @@ def test_a_line_that_nobody_waits_for_comes_to_the_disk_all_the_same(
     with monkeypatch.context() as watched:
         watched.setattr(os, "fsync", fsync)
         log.append("first", durable=False)
-        assert synced.wait(10.0)
+        assert synced.wait(PATIENCE)
     log.close()
     assert "sync log" not in {thread.name for thread in threading.enumerate()}
 
@@ -547,8 +547,8 @@ def test_a_line_that_never_came_to_the_disk_is_told_of_at_the_next_one(
     log = LineLog(tmp_path / "log")
     monkeypatch.setattr(os, "fsync", fsync)
     log.append("first", durable=False)
-    assert failed.wait(10.0)
-    time.sleep(0.1)  # the thread takes a moment to say so
+    assert failed.wait(PATIENCE)
+    until(lambda: log._failed is not None)
     with pytest.raises(RecordError, match=FULL):
         log.append("second", durable=False)
     log.close()

@@ -35,10 +35,11 @@ from controller.wire.errors import (
     MotionRefused,
     MotionStopped,
 )
+from controller.wire.link import SILENCE
 from hardware.interfaces import Command, DriveStatus
 from hardware.parameters import load_parameters
 
-HOME, AWAY = (0.0, 0.0, 0.35), (0.10, 0.05, 0.40)
+HOME, NEAR, AWAY = (0.0, 0.0, 0.35), (0.02, 0.0, 0.35), (0.10, 0.05, 0.40)
 Launch = Callable[..., Any]
 Line = Callable[..., NDArray[Any]]
 FakeBusFactory = Callable[..., Any]
@@ -135,11 +136,13 @@ def test_a_long_motion_streams_through_a_small_ring(launch: Launch, line: Line) 
 
 def test_a_real_time_bus(launch: Launch, fake_bus: FakeBusFactory, line: Line) -> None:
     for chances in (2, 1, 0):  # all of it shares one interpreter, and a busy machine may stand still for 0.15 s
+        bus = fake_bus(lockstep=False)
+        bus.hurry = 0.2
         try:
-            with launch(fake_bus(lockstep=False)).client() as client:
+            with launch(bus).client() as client:
                 assert not client.lockstep
-                outcome = client.execute(line(HOME, AWAY, 500), followed=True)
-                again = client.execute(line(AWAY, HOME, 500))
+                outcome = client.execute(line(HOME, NEAR, 150), followed=True)
+                again = client.execute(line(NEAR, HOME, 150))
                 assert outcome.end_tick < again.first_tick
                 assert again.position == pytest.approx(HOME, abs=1e-4)
                 return
@@ -292,7 +295,7 @@ def test_a_lost_client_lets_the_arm_rest_and_another_one_goes_on(
     launch: Launch, fake_bus: FakeBusFactory, line: Line, until: Until, lockstep: bool
 ) -> None:
     # with a small ring the motion cannot be there as a whole
-    running = launch(fake_bus(lockstep=lockstep), lease=0.3, capacity=400)
+    running = launch(fake_bus(lockstep=lockstep), lease=1.0, capacity=400)
     client = running.client()
     client.connect()
     running.bus.on_tick = _At(1600, client._connected.close)
@@ -313,22 +316,22 @@ def test_a_lost_client_lets_the_arm_rest_and_another_one_goes_on(
 
 
 def test_without_a_client_it_lingers_and_ends_on_its_brakes(launch: Launch, line: Line) -> None:
-    running = launch(lease=0.2, linger=0.3)
+    running = launch(lease=1.0, linger=0.5)
     with running.client() as client:
         client.execute(line(HOME, AWAY, 400))
-    began = time.monotonic()
+        began = time.monotonic()
     assert running.join() == 0
-    assert 0.4 < time.monotonic() - began < 10.0
+    assert time.monotonic() - began > 0.5
     assert running.bus.last.brake
     assert not running.bus.rate.any()
 
 
 def test_a_new_client_keeps_it_from_ending(launch: Launch) -> None:
-    running = launch(lease=0.2, linger=1.5)
+    running = launch(lease=0.5, linger=2.0)
     for _ in range(3):
         with running.client():
-            time.sleep(0.3)
-        time.sleep(0.7)
+            time.sleep(0.2)
+        time.sleep(0.9)
     assert running.status is None
 
 
@@ -371,11 +374,11 @@ def test_a_controller_that_dies_is_lost_at_once(launch: Launch, line: Line, capf
     running = launch()
     client = running.client()
     client.connect()
-    running.bus.on_tick = _At(1300, lambda: setattr(running.bus, "lost", True))
-    began = time.monotonic()
+    died = list[float]()
+    running.bus.on_tick = _At(1300, lambda: (setattr(running.bus, "lost", True), died.append(time.monotonic())))
     with pytest.raises(ControllerLost, match="no telemetry from"):
         client.execute(line(HOME, AWAY, 900))
-    assert time.monotonic() - began < 1.5
+    assert time.monotonic() - died[0] < SILENCE, "known by the closed port, not by the silence"
     assert running.join() == 1
     assert capfd.readouterr().err == (
         "the controller ends because the drives are lost: the plant has ended: start it again\n"
@@ -468,17 +471,16 @@ def test_orders_do_not_overtake_each_other(launch: Launch) -> None:
 
 
 def test_a_recorded_session_opens_nothing(launch: Launch, until: Until) -> None:
-    running = launch(lease=0.2)
+    running = launch(lease=1.0)
     hand = Intruder(running, 77)
     with hand.socket:
         recorded = [hand.take_lease(), hand.send(DatagramKind.COMMAND, COMMAND.struct.pack(CommandCode.HOLD))]
         assert not hand.newest(1).flags & Flag.ADMITTING
         hand.send(DatagramKind.COMMAND, COMMAND.struct.pack(CommandCode.RESUME))
         until(lambda: bool(hand.newest(2).flags & Flag.ADMITTING))
-        time.sleep(0.4)
+        time.sleep(1.2)
         for data in recorded:
             hand.socket.send(data)
-        time.sleep(0.1)
     with running.client() as client:
         assert client.telemetry.admitting
         assert client.telemetry.bad_session == 2
@@ -489,9 +491,9 @@ def test_a_recorded_hello_of_another_session_gets_a_challenge_only(launch: Launc
     first, second = Intruder(running, 77), Intruder(running, 78)
     with first.socket, second.socket:
         recorded = first.take_lease()
-        time.sleep(0.3)
+        time.sleep(1.0)
         second.take_lease()
-        time.sleep(0.3)
+        time.sleep(1.0)
         first.socket.send(recorded)
         assert len(first.receive(DatagramKind.CHALLENGE)) == 8
 

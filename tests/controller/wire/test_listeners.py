@@ -236,7 +236,7 @@ def ear() -> Iterator[Callable[..., Ear]]:
         one.socket.close()
 
 
-def test_a_watch_hears_what_the_client_hears(launch: Launch, line: Line) -> None:
+def test_a_watch_hears_what_the_client_hears(launch: Launch, line: Line, until: Until) -> None:
     running, own, heard = launch(), list[Telemetry](), list[Telemetry]()
     with TelemetryWatch.from_run_directory(running.directory, heard.append) as watch:
         assert watch.telemetry.state is State.HOLD
@@ -244,9 +244,7 @@ def test_a_watch_hears_what_the_client_hears(launch: Launch, line: Line) -> None
             outcome = client.execute(line(HOME, AWAY, 640))
             client.shutdown()
         running.join()
-        deadline = time.monotonic() + 10.0
-        while heard[-1].state is not State.OFF and time.monotonic() < deadline:
-            time.sleep(0.01)
+        until(lambda: heard[-1].state is State.OFF)
     during = {t.tick for t in heard if outcome.first_tick <= t.tick <= outcome.end_tick}
     assert len(during) >= 30
     assert {t for t in heard if t.tick in during} <= set(own)
@@ -255,7 +253,7 @@ def test_a_watch_hears_what_the_client_hears(launch: Launch, line: Line) -> None
 
 
 def test_a_listener_cannot_command(launch: Launch, ear: Callable[..., Ear], until: Until) -> None:
-    running = launch(lease=0.3, linger=0.8)
+    running = launch(lease=1.0, linger=0.8)
     hand = ear(running, 77)
     hand.enter()
     before = running.bus.log[-1][0].tick
@@ -274,7 +272,7 @@ def test_a_listener_cannot_command(launch: Launch, ear: Callable[..., Ear], unti
         assert telemetry.bad_session >= len(CommandCode) + 2
     # a listener is no client: without one the controller ends
     assert running.bus.log[-1][0].tick == before
-    until(lambda: running.status == 0 or not _still(hand), timeout=6.0)
+    until(lambda: running.status == 0 or not _still(hand))
 
 
 def _still(hand: Ear) -> bool:
@@ -346,9 +344,9 @@ def test_many_watches_at_once_and_one_too_many(launch: Launch) -> None:
     for watch in watches[:-1]:
         watch.connect()
     with pytest.raises(ControllerUnavailable, match=r"127.0.0.1:\d+ answers but admits no more listeners: end another"):
-        watches[-1].connect(timeout=1.5)
+        watches[-1].connect(timeout=2.0)
     watches[0].close()
-    watches[-1].connect(timeout=10.0)
+    watches[-1].connect(timeout=60.0)
     assert watches[-1].telemetry.state is State.HOLD
     for watch in watches:
         watch.close()

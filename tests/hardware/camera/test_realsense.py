@@ -17,6 +17,7 @@ from hardware.camera.settings import RealSenseSettings
 from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.interfaces import Frame, HardwareError
 from tests.hardware.cameras import DEPTH, PINHOLE, Plugs, SoftwareRealSense, WallClock, colour_picture
+from tests.waiting import PATIENCE
 
 
 @pytest.fixture
@@ -27,7 +28,7 @@ def device() -> Iterator[SoftwareRealSense]:
 
 def read_on(camera: RealSenseCamera) -> None:
     """Read until that fails, or for long."""
-    deadline = time.monotonic() + 20.0
+    deadline = time.monotonic() + PATIENCE
     while time.monotonic() < deadline:
         camera.read(60.0)
         time.sleep(0.05)
@@ -35,7 +36,7 @@ def read_on(camera: RealSenseCamera) -> None:
 
 def until_read(camera: RealSenseCamera) -> Frame:
     """The first frame that comes again."""
-    deadline = time.monotonic() + 20.0
+    deadline = time.monotonic() + PATIENCE
     while True:
         try:
             return camera.read(10.0)

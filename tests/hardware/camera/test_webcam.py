@@ -25,6 +25,7 @@ from hardware.camera.settings import (
 from hardware.camera.webcam import WebcamCamera, pinhole
 from hardware.interfaces import HardwareError
 from tests.hardware.cameras import WallClock, colour_picture, made_up_frame
+from tests.waiting import PATIENCE
 
 
 def video(path: Path, frames: int = 3) -> Path:
@@ -75,7 +76,7 @@ def test_a_pulled_webcam_is_named_and_used_again(monkeypatch: pytest.MonkeyPatch
         with pytest.raises(HardwareError, match="webcam 3 sends no pictures any more: check its cable and its number"):
             read_on(camera)
         Device.plugged = True
-        deadline = time.monotonic() + 10.0
+        deadline = time.monotonic() + PATIENCE
         while True:
             try:
                 assert camera.read(10.0).stamp > before
@@ -86,7 +87,7 @@ def test_a_pulled_webcam_is_named_and_used_again(monkeypatch: pytest.MonkeyPatch
 
 
 def read_on(camera: WebcamCamera) -> None:
-    deadline = time.monotonic() + 10.0
+    deadline = time.monotonic() + PATIENCE
     while time.monotonic() < deadline:
         camera.read(60.0)
         time.sleep(0.01)

@@ -33,7 +33,7 @@ def off(found: FoundBoard, corners: NDArray[np.float64], turns: tuple[int, ...] 
     )
 
 
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=8)
 @given(
     st.floats(0.0, 0.8), st.floats(-math.pi, math.pi), st.floats(0.45, 0.72), st.floats(0.25, 0.75),
     st.sampled_from([None, START, MIDDLE_GAME]), st.floats(0.0, 6.0), st.floats(0.0, 1.0), st.integers(20, 235),

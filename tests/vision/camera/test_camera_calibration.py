@@ -58,7 +58,7 @@ def errors(found: CameraPose, pose: Array) -> Array:
 small = st.floats(-1.0, 1.0)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(shift=st.tuples(small, small, small), turn=st.tuples(small, small, small), seed=st.integers(0, 1000))
 def test_any_camera_near_the_usual_one_is_found(
     shift: tuple[float, float, float], turn: tuple[float, float, float], seed: int

@@ -60,7 +60,7 @@ def random_game(seed: int, plies: int) -> chess.Board:
     return board
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 10**6), st.integers(0, 120))
 def test_every_legal_move_is_read_when_all_is_seen(seed, plies):
     board = random_game(seed, plies)
@@ -73,7 +73,7 @@ def test_every_legal_move_is_read_when_all_is_seen(seed, plies):
         assert (read.from_square, read.to_square) == (move.from_square, move.to_square)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 10**6), st.integers(0, 100), st.integers(0, 63), st.integers(0, 2))
 def test_no_move_is_read_into_a_placement_that_no_move_leads_to(seed, plies, square, state):
     board = random_game(seed, plies)

@@ -73,7 +73,7 @@ def test_a_board_swept_off_is_to_be_set_up_again():
     assert "set the position up" in finding.sentence
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(st.integers(0, 10**6), st.lists(st.tuples(st.integers(0, 63), st.integers(0, 2)), max_size=5))
 def test_every_wrong_square_is_named(seed, changes):
     rng, board = np.random.default_rng(seed), chess.Board()

@@ -20,7 +20,7 @@ from vision.reading.piece_kinds import KindClassifier
 from vision.reading.solids import CEILING, Solids, solids_of
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.floats(0.0, 0.45), st.floats(0.4, 0.7),
     st.dictionaries(st.integers(0, 63), st.tuples(st.floats(0.03, 0.06), st.integers(20, 230)), max_size=12),

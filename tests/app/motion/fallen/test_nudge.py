@@ -99,7 +99,7 @@ def test_a_push_beside_a_box_goes_neither_into_its_wall_nor_begins_there(outward
         assert max(nudge.begin[0], nudge.end[0]) + ahead < wall, f"the fingers touch the box on a way along {unit}"
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     x=st.floats(0.0201, 0.0215), angle=st.floats(-math.pi, math.pi),
     crowd=st.lists(st.tuples(st.floats(-0.08, 0.08), st.floats(-0.08, 0.08)), max_size=6),

@@ -36,7 +36,6 @@ def planned(lying: Lying, *standing: Obstacle, others: tuple[Lying, ...] = ()) -
     return plan_upright(lying, standing, others, HOME, 0.01, SETTINGS, PARAMETERS, TABLE)
 
 
-@settings(deadline=None)
 @given(kind=kinds)
 def test_the_way_round_the_rim_is_smooth_and_lowers_no_tip_onto_the_board(kind: Kind) -> None:
     heel, stiffness = heel_of(PIECE_SHAPES[kind], HOW), 1000.0
@@ -59,14 +58,13 @@ def test_a_quintic_goes_from_rest_to_rest() -> None:
     assert share[:, 1].sum() * TICK == pytest.approx(1.0, abs=1e-3)
 
 
-@settings(deadline=None)
 @given(angle=angles)
 def test_the_closed_fingers_reach_no_further_than_they_are_wide(angle: float) -> None:
     across = reach(PARAMETERS.pads, np.array([math.cos(angle), math.sin(angle)]))
     assert 0.007 <= across <= math.hypot(0.010, 0.010)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(kind=kinds, yaw=angles, x=st.floats(-0.1, 0.1), y=st.floats(-0.1, 0.1))
 def test_plans_keep_the_controllers_limits_and_end_at_home(kind: Kind, yaw: float, x: float, y: float) -> None:
     lying = Lying(kind, (x, y), yaw)

@@ -57,7 +57,7 @@ def corner_shape(turn):
     return float(x[0] + y[0] * np.tan(half)), float(y[0] / np.cos(half))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(polygons())
 def test_a_path_is_smooth_and_stays_near_its_polygon(polygon):
     points, tangents = polygon
@@ -89,7 +89,7 @@ def test_a_clothoid_bends_as_it_must():
     np.testing.assert_allclose(heading[1:-1], 1000.0 * ways[1:-1] ** 2, atol=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.floats(-0.6, 0.6), st.integers(0, 10**6))
 def test_a_corner_is_as_wide_as_what_stands_below_admits(slope, seed):
     """Its path, built and sampled apart from that, clears every height that is needed; that of the next size does not.
@@ -115,7 +115,7 @@ def test_a_corner_is_as_wide_as_what_stands_below_admits(slope, seed):
         assert short < 3e-4 if size == found else short > -3e-4
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(polygons(), st.data(), st.sampled_from(Law))
 def test_no_law_exceeds_a_bound_anywhere(polygon, data, law):
     points, tangents = polygon
@@ -145,7 +145,7 @@ def test_no_law_exceeds_a_bound_anywhere(polygon, data, law):
     np.testing.assert_allclose(moved, mean, atol=trapezoidal + 2e-6 + 1e-3 * np.abs(velocity).max())
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(polygons(), st.data(), st.sampled_from((0.0, 0.03)))
 @example((np.array([(0.0, 0.0, 0.3125), (0.125, 0.0, 0.25), (0.1875, 0.0, 0.25)]), np.array([0.0234375])), None, 0.0)
 def test_the_refined_law_is_never_slower_than_ruckigs(polygon, data, end_speed):
@@ -168,7 +168,7 @@ def test_a_law_that_cannot_reach_the_end_speed_is_not_offered_as_quicker():
     assert law.duration > first.duration
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(polygons())
 def test_ruckigs_law_is_quicker_than_stopping_at_every_corner_or_hardly_slower(polygon):
     points, tangents = polygon
@@ -220,7 +220,7 @@ def test_the_quintic_law_has_the_quintics_peaks():
     np.testing.assert_allclose(position[:, 0], 0.1 * tau**3 * (10 - 15 * tau + 6 * tau**2), atol=2e-6)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(polygons(), st.sampled_from(Law))
 def test_samples_end_exactly_at_the_end_and_follow_from_each_other(polygon, law):
     points, tangents = polygon

@@ -26,6 +26,7 @@ from hardware.sim.hand.actions import Hover, Move, Take, Withdraw
 from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings
+from tests.waiting import PATIENCE, until
 
 TABLE = TableSettings()
 SPECS = tuple(
@@ -63,7 +64,7 @@ class WorldProcess:
     def terminate(self) -> dict[str, object]:
         """End it in good order; what it left."""
         self.process.terminate()
-        assert self.process.wait(60.0) == 0
+        assert self.process.wait(PATIENCE) == 0
         return dict(json.loads((self.run_dir / END_FILE).read_text(encoding="utf-8")))
 
     def kill(self) -> None:
@@ -95,10 +96,13 @@ def test_a_move_is_made_while_nobody_holds_the_drives_and_time_stands_afterwards
         others = [(p, q) for p, q in zip(before.pieces, after.pieces, strict=True) if p.name != "pawn"]
         assert max(math.dist((p.x, p.y), (q.x, q.y)) for p, q in others) < 0.001
         assert after.hand_force == 0.0
-        time.sleep(0.1)
-        first, _ = referee.look()
-        time.sleep(0.3)
-        assert referee.look()[0].tick == first.tick
+
+        def stands() -> bool:
+            first, _ = referee.look()
+            time.sleep(0.3)
+            return referee.look()[0].tick == first.tick
+
+        until(stands)
 
 
 def test_time_goes_on_for_the_hand_alone_and_stands_for_a_controller_that_waits(world: WorldProcess) -> None:
@@ -169,11 +173,12 @@ def test_a_hand_whose_master_is_gone_puts_the_piece_down_and_withdraws(world: Wo
         hand.close()
         link, _ = wire.connect(world.run_dir, "hand")
         stack.enter_context(closing(link))
-        deadline = time.monotonic() + 30.0
-        time.sleep(0.05)
-        while (state := wire.ask(link, {"ask": "state"}))["busy"] or state["holding"]:
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
+
+        def gone() -> bool:
+            state = wire.ask(link, {"ask": "state"})
+            return not state["busy"] and not state["holding"]
+
+        until(gone)
         pawn = next(p for p in referee.look()[0].pieces if p.name == "pawn")
         assert abs(pawn.z) < 1e-4
         assert pawn.tilt < 0.01
@@ -184,8 +189,7 @@ def test_a_world_that_ends_leaves_a_hand_that_has_withdrawn(world: WorldProcess)
     hand = SimHand(world.run_dir)
     hand.perform(Take(at=xy("e2")), Hover(at=(0.05, 0.05), duration=30.0))
     with closing(SimReferee(world.run_dir)) as referee:
-        while referee.look()[0].tick < 3000:
-            time.sleep(0.01)
+        until(lambda: referee.look()[0].tick >= 3000)
     end = world.terminate()
     hand.close()
     assert end["at_rest"] is True

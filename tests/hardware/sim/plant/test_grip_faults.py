@@ -46,7 +46,7 @@ def test_the_named_holds_are_lost_for_the_time_that_was_said() -> None:
         assert ticks == list(range(ticks[0], ticks[-1] + 1))
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 10_000))
 def test_a_seed_repeats_itself(seed: int) -> None:
     first, again = (run(GripFault(GripFaults(share=0.5), seed), 1) for _ in range(2))

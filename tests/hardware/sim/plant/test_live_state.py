@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from hardware.interfaces import HardwareError
 from hardware.sim.plant.live_state import LIVE_FILE, SLOTS, LiveState, load_live_state
+from tests.waiting import PATIENCE
 
 BALL = "<mujoco><worldbody><body><freejoint/><geom size='0.1'/></body></worldbody></mujoco>"
 """It falls."""
@@ -68,7 +69,7 @@ def test_the_last_tick_that_was_kept_is_found_to_the_last_bit(tmp_path: Path, as
     for tick in range(1, 8):
         mujoco.mj_step(MODEL, data)
         live.keep(tick)
-        deadline = time.monotonic() + 10.0
+        deadline = time.monotonic() + PATIENCE
         while (snapshot := load_live_state(path)) is None or snapshot.tick < tick:
             assert aside, "on the disk as soon as it is kept"
             assert time.monotonic() < deadline

@@ -33,6 +33,7 @@ from hardware.sim.process.server import serve
 from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings, load_settings, stand_pieces
 from hardware.sim.render.renderer import HEIGHT, WIDTH
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
+from tests.waiting import PATIENCE, until
 
 TABLE = TableSettings()
 PARAMETERS = load_parameters()
@@ -162,14 +163,6 @@ def leave(bus: SimServoBus) -> None:
     bus._link.close()
 
 
-def until(true: Callable[[], bool], timeout: float = 30.0) -> None:
-    """Wait for something to become true."""
-    deadline = time.monotonic() + timeout
-    while not true():
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.005)
-
-
 def raw_link(world: WorldProcess, greeting: bytes | None = None) -> socket.socket:
     """A connection that keeps to no rules."""
     link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -232,11 +225,12 @@ def test_at_rest_time_stands_and_answers_keep_coming(world: WorldProcess) -> Non
     bus.exchange(BRAKED)
     bus.exchange(BRAKED)  # the tick that the change of busy is worth
     last = bus.exchange(BRAKED)
-    started = time.monotonic()
-    answers = [bus.exchange(BRAKED) for _ in range(100)]
-    assert (
-        time.monotonic() - started
-    ) / 100 < 0.05  # about 1 ms on a machine with time to spare, 100 ms if the world waited for others
+    answers, took = [], []
+    for _ in range(100):
+        started = time.monotonic()
+        answers.append(bus.exchange(BRAKED))
+        took.append(time.monotonic() - started)
+    assert min(took) < 0.05  # a machine with time to spare takes 1 ms; each took 100 ms if the world waited for others
     assert all(answer == last._replace(status=last.status | STANDING) for answer in answers)
     assert bus.exchange(BUSY) == answers[-1]  # answered first, then advanced
     assert bus.exchange(BRAKED).tick == last.tick + 1
@@ -313,7 +307,7 @@ def test_time_runs_for_a_sleeper_without_any_controller(start: Start) -> None:
         assert world.cpu_seconds() - used < 0.3  # waiting is no work
         assert clock.now() == pytest.approx(0.1, abs=TICK)
     world.process.send_signal(signal.SIGTERM)
-    assert world.process.wait(30.0) == 0
+    assert world.process.wait(PATIENCE) == 0
 
 
 def test_the_referee_keeps_the_peak_until_it_is_reset(world: WorldProcess) -> None:
@@ -465,7 +459,7 @@ def test_goodbye_ends_the_world_at_rest_with_a_snapshot(start: Start) -> None:
     bus = SimServoBus(world.run_dir)
     fall(bus)
     bus.close()
-    assert world.process.wait(30.0) == 0
+    assert world.process.wait(PATIENCE) == 0
     end = world.end
     assert end["at_rest"]
     assert end["braked"]
@@ -485,7 +479,7 @@ def test_a_world_goes_on_from_the_snapshot_of_the_one_before(start: Start) -> No
     bus = SimServoBus(world.run_dir)
     fall(bus)
     bus.close()
-    assert world.process.wait(30.0) == 0
+    assert world.process.wait(PATIENCE) == 0
     left = world.end
     again = start(world.run_dir)
     with closing(SimReferee(world.run_dir)) as referee:
@@ -499,7 +493,7 @@ def test_a_world_goes_on_from_the_snapshot_of_the_one_before(start: Start) -> No
     np.testing.assert_allclose(after.tool, truth.tool, atol=1e-6)
     assert first.status & DriveStatus.BRAKED
     bus.close()
-    assert again.process.wait(30.0) == 0
+    assert again.process.wait(PATIENCE) == 0
 
 
 @pytest.mark.parametrize("pace", [Pace.FAST, Pace.REAL])
@@ -524,7 +518,7 @@ def test_a_world_that_is_killed_in_mid_motion_goes_on_from_there_on_its_brakes(s
     bus = SimServoBus(world.run_dir)
     assert bus.exchange(BRAKED).status & DriveStatus.BRAKED
     bus.close()
-    assert again.process.wait(30.0) == 0
+    assert again.process.wait(PATIENCE) == 0
     assert not (world.run_dir / LIVE_FILE).exists(), "the snapshot has taken its place"
 
 
@@ -535,7 +529,7 @@ def test_a_snapshot_that_is_none_is_one_sentence(start: Start, tmp_path: Path, c
     else:
         np.savez(tmp_path / STATE_FILE, state=np.zeros(7), tick=3)
     world = start(tmp_path)
-    assert world.process.wait(30.0) == 2
+    assert world.process.wait(PATIENCE) == 2
     assert "snapshot" in world.log
     assert len(world.log.strip().splitlines()) == 1
 
@@ -545,7 +539,7 @@ def test_after_its_linger_a_world_without_controller_ends(start: Start) -> None:
     bus = SimServoBus(world.run_dir)
     moving = fall(bus)
     leave(bus)
-    assert world.process.wait(30.0) == 0
+    assert world.process.wait(PATIENCE) == 0
     assert world.end["at_rest"]
     assert world.end["braked"]
     assert world.end["tick"] > moving.tick + PARAMETERS.drive.watchdog_ticks
@@ -553,7 +547,7 @@ def test_after_its_linger_a_world_without_controller_ends(start: Start) -> None:
 
 def test_a_world_that_no_controller_ever_uses_ends(start: Start) -> None:
     world = start(first_controller=0.3)
-    assert world.process.wait(30.0) == 0
+    assert world.process.wait(PATIENCE) == 0
     assert world.end["at_rest"]
 
 
@@ -574,7 +568,7 @@ def test_sigterm_brings_the_arm_to_rest_and_a_long_path_is_no_obstacle(start: St
     with pytest.raises(BusLost, match="the simulated drives are gone"):
         exchange_for_ever(bus)
     leave(bus)
-    assert world.process.wait(30.0) == 0
+    assert world.process.wait(PATIENCE) == 0
     assert world.end["at_rest"]
     assert world.end["braked"]
 
@@ -650,14 +644,16 @@ def test_in_pace_real_the_watchdog_trips_on_missing_commands(real: WorldProcess)
 
 def test_in_pace_real_time_goes_on_without_a_controller(real: WorldProcess) -> None:
     with closing(SimClock(real.run_dir)) as clock:
-        plant, wall, used = clock.now(), time.monotonic(), real.cpu_seconds()
+        used, wall = real.cpu_seconds(), time.monotonic()
+        plant = clock.now()
         clock.sleep(0.3)
         assert clock.now() - plant >= 0.3
         time.sleep(0.5)
         gone = clock.now() - plant
         passed = time.monotonic() - wall
-        assert 0.5 * passed < gone < passed + 0.05
-        assert real.cpu_seconds() - used < 0.5 * passed
+        assert gone < passed + 0.05, "no faster than the wall's, whatever delays this process"
+        until(lambda: clock.now() - plant >= 0.8)
+        assert real.cpu_seconds() - used < 0.5 * (time.monotonic() - wall)
 
 
 def test_in_pace_real_frames_come_when_they_are_due_or_drawn(real: WorldProcess, gl: bool) -> None:
@@ -839,13 +835,13 @@ def test_the_arm_goes_on_when_every_renderer_dies_and_who_comes_anew_sees_again(
         controller.settle()
     assert "no more pictures: the renderer is stuck or has ended again and again" in seen.log
     seen.process.send_signal(signal.SIGTERM)
-    assert seen.process.wait(30.0) == 0
+    assert seen.process.wait(PATIENCE) == 0
     assert not list(seen.run_dir.glob("frame-*"))
 
 
 def test_without_opengl_the_world_ends_with_the_remedy(start: Start) -> None:
     world = start(environment={"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent"}, cameras=True)
-    assert world.process.wait(60.0) == 2
+    assert world.process.wait(PATIENCE) == 2
     (line,) = world.log.splitlines()
     assert line.startswith("touchmove: pictures need OpenGL through EGL, and it does not start here (")
     assert "install it with 'sudo apt-get install libegl1 libgl1-mesa-dri', or leave the cameras out" in line
