@@ -13,7 +13,7 @@ from hardware.interfaces import DriveStatus, Measurement
 _ENABLED = int(DriveStatus.ENABLED)
 
 
-class Step(NamedTuple):
+class BrakeStep(NamedTuple):
     """What a tick on this way asks for.
 
     Attributes:
@@ -54,47 +54,47 @@ class BrakeSequence:
         if self._since < 0:
             self._since = tick
 
-    def boot(self, measurement: Measurement, trouble: Violation | None) -> Step:
+    def boot(self, measurement: Measurement, trouble: Violation | None) -> BrakeStep:
         """Brakes until the arm rests and its pose is known, then enable."""
         waited, patience = measurement.tick - self._since, self._settings.boot_ticks
         speed = _fastest(measurement)
         if trouble is not None or speed > self._settings.rest_speed:
             self.energised = False
             moving = trouble or Violation(Cause.NOT_AT_REST, speed, float(patience))
-            return Step(limp=True, trouble=moving if waited > patience else None)
+            return BrakeStep(limp=True, trouble=moving if waited > patience else None)
         if not self.armed or not self.energised:
             # a tick with the drives disabled comes first: it clears what their watchdog remembers
             self.energised, self._since = self.armed and waited > 0, measurement.tick
-            return Step()
-        return Step(holds=True)
+            return BrakeStep()
+        return BrakeStep(holds=True)
 
-    def enabled(self, measurement: Measurement) -> Step:
+    def enabled(self, measurement: Measurement) -> BrakeStep:
         """Whether the drives follow, once torques were computed for them."""
         drives, status = check_drives(int(measurement.status)), int(measurement.status)
         if drives is None and status & _ENABLED:
-            return Step(event=Event.ENABLED)
+            return BrakeStep(event=Event.ENABLED)
         patience = self._settings.boot_ticks
         if measurement.tick - self._since > patience:
-            return Step(trouble=drives or Violation(Cause.NOT_ENABLED, float(status), float(patience)))
-        return Step()
+            return BrakeStep(trouble=drives or Violation(Cause.NOT_ENABLED, float(status), float(patience)))
+        return BrakeStep()
 
-    def switch_off(self, measurement: Measurement, trouble: Violation | None) -> Step:
+    def switch_off(self, measurement: Measurement, trouble: Violation | None) -> BrakeStep:
         """Goes on holding while the brakes close, then disables and waits for rest."""
         waited, speed = measurement.tick - self._since, _fastest(measurement)
         if self.energised and trouble is None and waited < self._settings.brake_ticks:
-            return Step(holds=True)
+            return BrakeStep(holds=True)
         self.energised = False
         if waited > self._settings.brake_ticks and speed <= self._settings.rest_speed:
             if self.retiring:
                 self.finished = True
-                return Step(limp=True)
+                return BrakeStep(limp=True)
             self.armed, self.parking = self._enable_asked, False
             self._since = measurement.tick
-            return Step(limp=True, event=Event.PARKED)
+            return BrakeStep(limp=True, event=Event.PARKED)
         if waited > self._settings.rest_ticks:
             self.finished = self.exhausted = True
-            return Step(limp=True, trouble=Violation(Cause.NOT_AT_REST, speed, float(self._settings.rest_ticks)))
-        return Step(limp=True)
+            return BrakeStep(limp=True, trouble=Violation(Cause.NOT_AT_REST, speed, float(self._settings.rest_ticks)))
+        return BrakeStep(limp=True)
 
     def close(self, state: State, tick: int) -> bool:
         """Begin the way onto the brakes where it is due, from rest alone; whether it begins now."""

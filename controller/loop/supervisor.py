@@ -13,7 +13,7 @@ from controller.law.force_observer import ForceObserver
 from controller.law.tare import Tare
 from controller.law.task_space import TaskSpaceController
 from controller.loop.admission import NOTHING, Admission
-from controller.loop.brakes import BrakeSequence, Step
+from controller.loop.brakes import BrakeSequence, BrakeStep
 from controller.loop.motion import MotionBuffer
 from controller.loop.reference import Reference
 from controller.model.kinematics import Status
@@ -285,7 +285,7 @@ class Supervisor:
         if step.trouble is not None:
             self.cause = step.trouble
 
-    def _take(self, step: Step) -> None:
+    def _take(self, step: BrakeStep) -> None:
         if step.limp:
             self.torque = _NO_TORQUE
         if step.event is not None:
