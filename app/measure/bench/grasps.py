@@ -10,7 +10,7 @@ import chess
 import numpy as np
 
 from app.measure.bench.plies import Bed, Disorder, positions
-from app.motion import MotionSettings, plan_return
+from app.motion import MotionSettings
 from app.pieces.manipulation import MoveKind
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
@@ -61,11 +61,6 @@ def _slide(bed: Bed, move: chess.Move) -> float:
     for motion in plan.motions[:2]:
         bed.cell.carry_out(motion)
     pushed = float(np.hypot(*(bed.positions()[name] - before)[:2]))
-    supervisor = bed.cell.supervisor
-    back = plan_return(
-        supervisor.reference.position.copy(), supervisor.measurement.finger_position, bed.settings, bed.parameters,
-        bed.table, release=kind,
-    )  # fmt: skip
-    for motion in back.motions:
+    for motion in bed.planner().home(kind).motions:
         bed.cell.carry_out(motion)
     return pushed

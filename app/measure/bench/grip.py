@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from app.measure.bench.cell import LEAD, Cell
 from app.measure.bench.report import BenchReport, machine, row
-from app.motion import PROFILES, Motion, MotionSettings, Profile, plan_ply
+from app.motion import PROFILES, Motion, MotionSettings, Planner, Profile
 from app.motion.path import Vector
 from app.motion.timing.reference import Bounds, join, line, to_samples
 from app.pieces.manipulation import Inventory, Stage, Transfer
@@ -188,10 +188,9 @@ def _motions(
 ) -> Iterator[Motion]:  # fmt: skip
     """Of a transfer, each continued from where the one before ended."""
     supervisor, spec = cell.supervisor, stands[index]
-    plan = plan_ply(
-        "", [Transfer(spec.name, spec.kind, spec.colour, spec.place, target)], Inventory.of(stands, table),
-        supervisor.reference.position.copy(), supervisor.measurement.finger_position, settings, parameters, LEAD,
-    )  # fmt: skip
+    start, finger = supervisor.reference.position.copy(), supervisor.measurement.finger_position
+    transfer = Transfer(spec.name, spec.kind, spec.colour, spec.place, target)
+    plan = Planner.of(settings, parameters, table, start, finger, LEAD).ply("", [transfer], Inventory.of(stands, table))
     for number in range(len(plan.motions)):
         yield plan.continued(number, supervisor.reference.position.copy())
 

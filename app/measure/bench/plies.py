@@ -16,7 +16,7 @@ import chess
 import numpy as np
 
 from app.measure.bench.cell import LEAD, Cell
-from app.motion import MotionSettings, Plan, plan_ply
+from app.motion import MotionSettings, Plan, Planner
 from app.motion.path import Vector
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, MoveKind, Ply, transfers
@@ -110,15 +110,19 @@ class Bed:
         truth = self.cell.plant.truth(reset_peak=False)
         return {pose.name: np.array([pose.x, pose.y, pose.z]) for pose in truth.pieces}
 
+    def planner(self) -> Planner:
+        """From where the arm rests."""
+        supervisor = self.cell.supervisor
+        return Planner.of(
+            self.settings, self.parameters, self.table, supervisor.reference.position.copy(),
+            supervisor.measurement.finger_position, LEAD,
+        )  # fmt: skip
+
     def begin(self, move: chess.Move) -> tuple[Ply, Plan, float]:
         """Plan a ply."""
         ply = transfers(self.board, move, self.inventory)
-        supervisor = self.cell.supervisor
         since = time.perf_counter()
-        plan = plan_ply(
-            ply.san, ply.transfers, self.inventory, supervisor.reference.position.copy(),
-            supervisor.measurement.finger_position, self.settings, self.parameters, LEAD,
-        )  # fmt: skip
+        plan = self.planner().ply(ply.san, ply.transfers, self.inventory)
         return ply, plan, time.perf_counter() - since
 
     def play(self, move: chess.Move) -> Done:

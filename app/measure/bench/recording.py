@@ -11,7 +11,7 @@ import chess
 import numpy as np
 
 from app.measure.bench.cell import LEAD, Cell
-from app.motion import MotionSettings, plan_ply
+from app.motion import MotionSettings, Planner
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, transfers
 from app.players.given_line import parse_line
@@ -120,7 +120,8 @@ def record(ticks: int, seed: int) -> TickRecording:
         ply = transfers(board, move, inventory)
         finger = cell.supervisor.measurement.finger_position
         start = cell.supervisor.reference.position.copy()
-        plan = plan_ply(ply.san, ply.transfers, inventory, start, finger, settings, cell.parameters, LEAD)
+        planner = Planner.of(settings, cell.parameters, table, start, finger, LEAD)
+        plan = planner.ply(ply.san, ply.transfers, inventory)
         for index in range(len(plan.motions)):
             motion = plan.continued(index, cell.supervisor.reference.position)
             cell.carry_out(motion, followed=index < len(plan.motions) - 1)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.measure.bench.cell import LEAD, Cell
-from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
+from app.motion import MotionSettings, Plan, Planner, PlanRefused
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, InventoryError, Transfer
 from app.play.hand_moves import hand_transfers
@@ -40,7 +40,7 @@ def moved(now: Inventory, source: chess.Square, target: chess.Square, off: tuple
 
 
 def planned(now: Inventory, *plan: Transfer) -> Plan:
-    return plan_ply("seen", plan, now, HOME, 0.01, MOTION, PARAMETERS, LEAD)
+    return Planner.of(MOTION, PARAMETERS, now.table, HOME, 0.01, LEAD).ply("seen", plan, now)
 
 
 def end(plan: Plan, motion: int) -> list[float]:
@@ -135,10 +135,15 @@ def test_the_arm_sets_pieces_right(off: tuple[float, float]) -> None:
     cell = Cell(plant, PARAMETERS, TABLE, TaskSpaceController(DeltaModel(PARAMETERS)))
     cell.boot()
     supervisor = cell.supervisor
-    arm = plan_ply(
-        "set right", plan, now, supervisor.reference.position.copy(), supervisor.measurement.finger_position, MOTION,
-        PARAMETERS, LEAD,
-    )  # fmt: skip
+    planner = Planner.of(
+        MOTION,
+        PARAMETERS,
+        now.table,
+        supervisor.reference.position.copy(),
+        supervisor.measurement.finger_position,
+        LEAD,
+    )
+    arm = planner.ply("set right", plan, now)
     for index in range(len(arm.motions)):
         motion = arm.continued(index, supervisor.reference.position)
         cell.carry_out(motion, followed=index < len(arm.motions) - 1)

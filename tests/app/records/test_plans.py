@@ -11,7 +11,7 @@ import pytest
 
 from app import UserError
 from app.measure.bench.plies import Bed, Disorder
-from app.motion import PROFILES, Plan, Profile, plan_ply
+from app.motion import PROFILES, Plan, Planner, Profile
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, transfers
 from app.records.plans import PlanUnreadable, load_plan, save_plan
@@ -27,7 +27,7 @@ def planned(fen: str, move: str, profile: Profile) -> Plan:
     inventory = Inventory.of(start_layout(board, TABLE), TABLE)
     ply, settings = transfers(board, chess.Move.from_uci(move), inventory), PROFILES[profile]
     home = np.array(settings.home)
-    return plan_ply(ply.san, ply.transfers, inventory, home, 0.01, settings, PARAMETERS, lead_ticks=8)
+    return Planner.of(settings, PARAMETERS, inventory.table, home, 0.01, 8).ply(ply.san, ply.transfers, inventory)
 
 
 @pytest.mark.parametrize("profile", Profile)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.measure.bench.cell import LEAD, Cell
-from app.motion import MotionSettings
+from app.motion import MotionSettings, Planner
 from app.motion.fallen.lying import Lying, Strip
 from app.motion.fallen.pivot_edge import Heeling, circle, eased, heel_of, reach
 from app.motion.fallen.stand_up import Uprighted, plan_upright
@@ -33,7 +33,7 @@ angles = st.floats(-math.pi, math.pi)
 
 
 def planned(lying: Lying, *standing: Obstacle, others: tuple[Lying, ...] = ()) -> Uprighted:
-    return plan_upright(lying, standing, others, HOME, 0.01, SETTINGS, PARAMETERS, TABLE)
+    return plan_upright(Planner.of(SETTINGS, PARAMETERS, TABLE, HOME, 0.01), lying, standing, others)
 
 
 @settings(deadline=None)
@@ -146,10 +146,15 @@ def test_in_the_world_a_lying_piece_stands_up(kind: Kind, yaw: float, along: flo
     assert axis[2] < 0.1  # it lies
     lying = Lying(kind, (float(body.xpos[0]), float(body.xpos[1])), math.atan2(axis[1], axis[0]))
     x, y = (np.array(lying.base) + along * lying.outwards).tolist()
-    plan, stands = plan_upright(
-        Lying(kind, (x, y), lying.yaw), (), (), cell.supervisor.reference.position.copy(),
-        cell.supervisor.measurement.finger_position, SETTINGS, PARAMETERS, TABLE, LEAD,
-    )  # fmt: skip
+    planner = Planner.of(
+        SETTINGS,
+        PARAMETERS,
+        TABLE,
+        cell.supervisor.reference.position.copy(),
+        cell.supervisor.measurement.finger_position,
+        LEAD,
+    )
+    plan, stands = plan_upright(planner, Lying(kind, (x, y), lying.yaw), (), ())
     for number in range(len(plan.motions)):
         cell.carry_out(plan.continued(number, cell.supervisor.reference.position.copy()))
     (pose,) = cell.plant.truth(reset_peak=False).pieces
