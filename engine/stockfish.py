@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import shutil
 import time
-from types import TracebackType
 from typing import NamedTuple, Self
 
 import chess
@@ -90,9 +89,7 @@ class Engine:
     def __enter__(self) -> Self:
         return self.open()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property

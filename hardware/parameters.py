@@ -177,7 +177,7 @@ def load_parameters(path: Path = DEFAULT_FILE) -> RobotParameters:
         raise ParametersError(f"parameter file {path} cannot be read: {error.strerror}") from error
     except ValidationError as error:
         raise ParametersError(f"parameter file {path}: {_explain(error)}") from error
-    except ValueError as error:  # no TOML, or no text at all
+    except (ValueError, RecursionError) as error:  # no TOML, or no text at all
         raise ParametersError(f"parameter file {path} is not valid TOML: {error}") from error
 
 

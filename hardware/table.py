@@ -213,8 +213,6 @@ class ContactLimits(FrozenFinite):
     downward_speed: PositiveFloat = 0.45
     """Within ``near_height`` of the playing surface [m/s]."""
     near_height: PositiveFloat = 0.090
-    holding_force: PositiveFloat = 8.0
-    """Largest normal grip force [N]."""
 
 
 CONTACT_PROFILES: Final[Mapping[str, ContactLimits]] = MappingProxyType({

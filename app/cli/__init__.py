@@ -2,15 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import typer
+from typer.core import TyperGroup
+from typer.exceptions import TyperException
 
 from app.cli.devices import calibrate, check, controller, link_test, world
+from app.cli.ending import fail
 from app.cli.games import demo, play, replay, report, resume, setup, show_config
 from app.cli.measuring import bench, figures, vision
 
+
+@contextmanager
+def _one_sentence() -> Iterator[None]:
+    """A mistake on the command line is answered like any other: in one sentence, with status 2."""
+    try:
+        yield
+    except TyperException as error:
+        sentence = error.format_message()
+        if "\n" in sentence:  # no mistake, but the help that is shown where nothing was said
+            raise
+        fail(f"{sentence.rstrip('.')}: 'touchmove COMMAND --help' says what there is")
+
+
+class _Commands(TyperGroup):
+    """All commands; mistakes are found while the program's own arguments are read, or those of a command."""
+
+    def make_context(self, *args: Any, **extra: Any) -> Any:
+        with _one_sentence():
+            return super().make_context(*args, **extra)
+
+    def invoke(self, ctx: Any) -> Any:
+        with _one_sentence():
+            return super().invoke(ctx)
+
+
 app = typer.Typer(
+    cls=_Commands,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

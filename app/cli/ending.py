@@ -7,20 +7,35 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from types import FrameType
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, Protocol
 
 import typer
 
 if TYPE_CHECKING:
-    from app.commissioning.calibrate_report import CalibrateReport
-    from app.commissioning.check_report import CheckReport
-    from app.commissioning.link_test import LinkReport
-    from app.measure.photographs import VisionReport
+    from rich.console import RenderableType
+
+
+class Shown(Protocol):
+    """A report of a command."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether all is as it should be."""
+
+    def table(self) -> RenderableType:
+        """One screen for people."""
+
+    def model_dump_json(self, *, indent: int) -> str:
+        """For programs."""
+
+
+PIPED_WIDTH = 160
+"""Of tables that go into a file or to another program: nothing of them is folded [characters]."""
 
 
 def fail(sentence: str, status: int = 2) -> NoReturn:
-    """Say what is wrong, and end the program with this status."""
-    print(f"touchmove: {sentence}", file=sys.stderr)
+    """Say what is wrong on one line, whatever was quoted in it, and end the program with this status."""
+    print(f"touchmove: {' '.join(sentence.split())}", file=sys.stderr)
     raise typer.Exit(status)
 
 
@@ -59,9 +74,7 @@ def run_process(process: Callable[[], int]) -> NoReturn:
     raise typer.Exit(status)
 
 
-def show_report(
-    find: Callable[[], CheckReport | LinkReport | CalibrateReport | VisionReport], as_json: bool
-) -> NoReturn:
+def show_report(find: Callable[[], Shown], as_json: bool) -> NoReturn:
     """Find out, show it, and end the program with what it says."""
     from rich.console import Console
 
@@ -75,5 +88,5 @@ def show_report(
     if as_json:
         print(report.model_dump_json(indent=2))
     else:
-        Console().print(report.table())
+        Console(width=None if sys.stdout.isatty() else PIPED_WIDTH).print(report.table())
     raise typer.Exit(0 if report.holds else 1)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from app.cli import options
-from app.cli.ending import fail, interrupt
+from app.cli.ending import fail, interrupt, say
 
 if TYPE_CHECKING:
     from app.play.session import SessionResult
@@ -182,13 +182,13 @@ def report(
     from app.terminal.report_table import report_table
 
     try:
-        found = summarise(read_events(folder / EVENTS_FILE))
+        found = summarise(read_events(folder / EVENTS_FILE, say))
     except UserError as error:
         fail(str(error))
     if as_json:
         print(found.model_dump_json(indent=2))
     else:
-        Console().print(report_table(found))
+        Console(markup=False).print(report_table(found))
     raise typer.Exit(0 if found.physical_ok is not False and not found.failures else 1)
 
 
@@ -206,6 +206,7 @@ def _show_game(
 ) -> NoReturn:
     """Play a game before a face; ends the program."""
     from rich.console import Console
+    from rich.text import Text
 
     from app import UserError
     from app.terminal.interface import Conversation, Quiet, Terminal
@@ -231,11 +232,13 @@ def _show_game(
         print(result.report.model_dump_json(indent=2))
     if not headless:
         report = result.report
-        console.print(f"{report.exit_reason}, result {report.result}, {report.plies} plies; record in {result.folder}")
+        ended = f"{report.exit_reason}, result {report.result}, {report.plies} plies; record in {result.folder}"
+        console.print(ended, markup=False)
     for failure in result.report.failures:
-        console.print(f"[red]failed:[/] {failure.reason}", highlight=False, soft_wrap=True)
+        console.print(Text.assemble(("failed:", "red"), f" {failure.reason}"), soft_wrap=True)
     if result.resumable:
         from app.play.match import match_of
 
-        console.print(f"'touchmove resume {match_of(result.folder)}' goes on with it", highlight=False, soft_wrap=True)
+        sentence = f"'touchmove resume {match_of(result.folder)}' goes on with it"
+        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
     raise typer.Exit(0 if result.holds else 1)

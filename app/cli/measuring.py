@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from app.cli.ending import fail, interruptible, say, show_report
+from app.cli.ending import fail, say, show_report
 
 
 def figures(
@@ -49,19 +49,9 @@ def bench(
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
     """Measure, and say whether each bar is held."""
-    from app import UserError
     from app.measure.bench import run_bench
 
-    try:
-        with interruptible():
-            report = run_bench(name, quick, say, photos)
-    except UserError as error:
-        fail(str(error))
-    if as_json:
-        print(report.model_dump_json(indent=2))
-    else:
-        print(report.table())
-    raise typer.Exit(0 if report.holds else 1)
+    show_report(lambda: run_bench(name, quick, say, photos), as_json)
 
 
 def vision(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli.ending import fail
+from app.cli.ending import fail, say
 
 if TYPE_CHECKING:
     from app.settings.tree import Settings
@@ -84,35 +84,34 @@ Config = Annotated[
 Headless = Annotated[bool, typer.Option("--headless", help="Show nothing meanwhile.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the report as JSON.")]
 
-_FIELDS: Final = {
-    "rig": "rig.name", "pace": "rig.pace", "profile": "rig.profile", "seed": "rig.seed", "square": "rig.square",
-    "pads": "rig.pads", "captured": "rig.captured", "randomise": "rig.randomise", "linger": "rig.linger",
-    "port": "rig.port", "cameras": "rig.cameras", "video": "rig.video", "video_length": "rig.video_length",
-    "fen": "game.fen", "chess960": "game.chess960", "standing": "game.standing", "moves": "game.moves",
-    "plies": "game.plies", "games": "game.games", "file": "game.replay", "game": "game.replay_game",
-    "from_ply": "game.from_ply",
-    "engine": "engine.path", "movetime": "engine.move_time", "nodes": "engine.nodes", "book": "engine.book",
-    "white_engine": "white.path", "white_elo": "white.elo", "white_book": "white.book", "white_clock": "white.time",
-    "black_engine": "black.path", "black_elo": "black.elo", "black_book": "black.book", "black_clock": "black.time",
-    "clock": "clock.time", "verify": "vision.verify", "guard": "vision.guard", "out": "out",
-}  # fmt: skip
-"""The field of the settings that each parameter of a command sets."""
-
 
 def settings_of_command(context: typer.Context, file: Path | None, also: Mapping[str, Any] | None = None) -> Settings:
     """The settings of a command: a file's, if there is one, changed by the options that somebody gave; else by all.
 
+    An option that would change nothing ends the program with a sentence; of a file, which may serve several commands,
+    the same is only said.
+
     Args:
-        context: of the command; its parameters are looked up among the fields of the settings.
+        context: of the command; its parameters are looked up among the options of the settings.
         file: TOML; None: none.
         also: further changes by dotted name, or other values for those that an option has set.
     """
+    from app.settings.options import OPTIONS, changed_fields, without_effect
+
+    parameters = {option.parameter: option.field for option in OPTIONS.values()}
     changes = {
-        _FIELDS[name]: value
+        parameters[name]: value
         for name, value in context.params.items()
-        if name in _FIELDS and (file is None or given(context, name))
+        if name in parameters and (file is None or given(context, name))
     }
-    return settings_or_end({**changes, **(also or {})}, file)
+    settings = settings_or_end({**changes, **(also or {})}, file)
+    named = [field for name, field in parameters.items() if name in context.params and given(context, name)]
+    for sentence in without_effect(settings, named):
+        fail(sentence)
+    if file is not None:
+        for sentence in without_effect(settings, changed_fields(settings)):
+            say(sentence)
+    return settings
 
 
 def given(context: typer.Context, name: str) -> bool:

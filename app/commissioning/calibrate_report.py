@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 from rich.console import Group, RenderableType
-from rich.table import Table
+from rich.text import Text
 
 from app.settings.calibration import Calibration
+from app.terminal.report_table import judged, rows_table
 from hardware.frozen import Frozen
 
 
@@ -25,6 +26,13 @@ class ShownPoint(Frozen):
     seen: bool
     counted: bool
     residual: float | None
+
+    def said(self) -> str | Text:
+        """Its residual, for people."""
+        if self.residual is None:
+            return judged("not in sight", None)
+        residual = f"{1e3 * self.residual:.2f}"
+        return residual if self.counted else judged(f"{residual} left out", False)
 
 
 class CalibrateReport(Frozen):
@@ -51,15 +59,12 @@ class CalibrateReport(Frozen):
         if self.calibration is None:
             return f"rig {self.rig}: not calibrated: {self.failure}"
         found = self.calibration
-        table = Table(title=f"rig {self.rig}: calibrated", title_justify="left", box=None, padding=(0, 1))
-        for column in ("point", "z1 [mm]", "z2 [mm]", "z3 [mm]", "residual [mm]"):
-            table.add_column(column, justify="right")
-        for number, one in enumerate(self.shown, start=1):
-            if one.residual is None:
-                said = "[dim]not in sight[/]"
-            else:
-                said = f"{1e3 * one.residual:.2f}" + ("" if one.counted else " [red]left out[/]")
-            table.add_row(str(number), *(f"{1e3 * value:z.1f}" for value in one.point), said)
+        columns = ("point", "z1 [mm]", "z2 [mm]", "z3 [mm]", "residual [mm]")
+        rows = [
+            (str(number), *(f"{1e3 * value:z.1f}" for value in one.point), one.said())
+            for number, one in enumerate(self.shown, start=1)
+        ]
+        table = rows_table([f">{name}" for name in columns], rows, f"rig {self.rig}: calibrated")
         return Group(table, *self._lines(found))
 
     def _lines(self, found: Calibration) -> list[str]:

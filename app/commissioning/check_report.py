@@ -8,6 +8,7 @@ from typing import Final
 
 from rich.table import Table
 
+from app.terminal.report_table import judged, rows_table
 from hardware.frozen import Frozen
 
 
@@ -55,21 +56,16 @@ class CheckReport(Frozen):
         """One screen for people."""
         wrong = sum(one.state is CheckState.WRONG for one in self.findings)
         verdict = "all is well" if self.holds else f"{wrong} thing{'s' * (wrong > 1)} wrong"
-        table = Table(title=f"rig {self.rig}: {verdict}", title_justify="left", box=None, padding=(0, 1))
-        for column in ("device", "what", "found", "what to do"):
-            table.add_column(column, overflow="fold")
-        last = ""
-        for one in self.findings:
-            style = _STYLES[one.state]
-            device = one.device if one.device != last else ""
-            table.add_row(
-                device, one.what, f"[{style}]{one.found}[/]", one.advice if one.state is CheckState.WRONG else ""
-            )
-            last = one.device
-        return table
+        before = ("", *(one.device for one in self.findings))
+        rows = [
+            ("" if one.device == last else one.device, one.what, judged(one.found, _HOLDS[one.state]),
+             one.advice if one.state is CheckState.WRONG else "")
+            for one, last in zip(self.findings, before, strict=False)
+        ]  # fmt: skip
+        return rows_table(("device", "what", "found", "what to do"), rows, f"rig {self.rig}: {verdict}")
 
 
-_STYLES: Final = {CheckState.GOOD: "green", CheckState.WRONG: "red", CheckState.LEFT_OUT: "dim"}
+_HOLDS: Final = {CheckState.GOOD: True, CheckState.WRONG: False, CheckState.LEFT_OUT: None}
 
 
 class Judge:

@@ -14,12 +14,14 @@ from typing import Final
 
 import numpy as np
 from rich.table import Table
+from rich.text import Text
 
 from app import UserError
 from app.commissioning.processor import ProcessorTime, stolen_share
 from app.rig.factory import choose_rig
 from app.rig.rig_file import ControllerSection
 from app.rig.simulation.timed import GrantedRealTime, timed_rig
+from app.terminal.report_table import judged, rows_table
 from controller.protocol.key import KEY_FILE, KeyFileError, load_key
 from controller.settings import CONTROLLER_FILE
 from controller.wire.errors import ControllerError
@@ -85,19 +87,14 @@ class LinkReport(Frozen):
     def table(self) -> Table:
         """One screen for people."""
         verdict = "good enough" if self.holds else "not good enough"
-        table = Table(title=f"PC and link are {verdict} (rig {self.rig}, {self.duration:g} s)", title_justify="left")
-        table.add_column("")
-        table.add_column("found", justify="right")
-        table.add_column("good", justify="right")
-        table.add_column("what to change")
-        said: set[str] = set()
+        said, rows = set[str](), list[tuple[str | Text, ...]]()
         for name, check in self.checks.items():
-            sign, style = ("≥" if check.at_least else "≤"), ("green" if check.holds else "red")
-            found = f"[{style}]{check.value:.4g} {check.unit}[/]"
             advice = "" if check.holds else "the same" if check.advice in said else check.advice
             said.add(advice)
-            table.add_row(name.replace("_", " "), found, f"{sign} {check.limit:g}", advice)
-        return table
+            found = judged(f"{check.value:.4g} {check.unit}", check.holds)
+            rows.append((name.replace("_", " "), found, f"{'≥' if check.at_least else '≤'} {check.limit:g}", advice))
+        title = f"PC and link are {verdict} (rig {self.rig}, {self.duration:g} s)"
+        return rows_table(("", ">found", ">good", "what to change"), rows, title)
 
 
 def link_test(rig: str, duration: float, progress: Callable[[str], None]) -> LinkReport:

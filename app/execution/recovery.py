@@ -52,8 +52,13 @@ FRESH: Final = 0.5
 class Asker(Protocol):
     """A person who can put the board right by hand."""
 
-    def mend(self, sentence: str, squares: tuple[str, ...]) -> None:
+    def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> None:
         """Ask for it; returns when they say that it is done.
+
+        Args:
+            sentence: what has to be done.
+            squares: where.
+            stands: what should stand where now, as far as is known.
 
         Raises:
             UserError: nobody is there.
@@ -161,7 +166,7 @@ class Mender:
                 else:  # it has come to stand where it shall
                     stands, step = step.believed, step.rest
             if step is not None:
-                self._ask(step, faults)
+                self._ask(step, faults, stands)
                 stands = wanted
 
     def _decide(
@@ -372,9 +377,9 @@ class Mender:
             return self._make_room([pair], strays, step.believed) or asked
         return Repair(step.believed, (transfer,), f"the {transfer.kind} of {transfer.source} makes way")
 
-    def _ask(self, step: Ask, faults: Sequence[Fault]) -> None:
+    def _ask(self, step: Ask, faults: Sequence[Fault], stands: Inventory) -> None:
         squares = tuple(str(square_place(square)) for square in step.squares)
-        self._asker.mend(step.sentence, squares)
+        self._asker.mend(step.sentence, squares, stands)
         self.eyes.forget_likeness()
         self._tried.clear()
         for fault in faults:

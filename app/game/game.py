@@ -10,6 +10,7 @@ from app import UserError
 from app.execution.state import WRONG, GameEnd
 from app.execution.table import Remark, Table
 from app.game.human_turn import HumanTurn
+from app.game.person import GameLeft
 from app.game.timing import Timing
 from app.players.person import Human
 from app.players.players import Decision, Players
@@ -56,6 +57,13 @@ class Game:
 
         A ply that fails physically ends the game; what went wrong is in the record.
         """
+        try:
+            return self._play(plies)
+        except GameLeft as left:
+            assert self._human is not None, "only a person leaves"
+            return self._human.left(left.word)
+
+    def _play(self, plies: int) -> GameEnd:
         board = self._table.board
         self._face.position(board)
         self._most = plies

@@ -16,11 +16,11 @@ import chess
 from app import UserError
 from app.execution.state import LEFT, WRONG, GameEnd
 from app.execution.table import Remark, Table
-from app.game.person import NeedsHand
+from app.game.person import GameLeft, NeedsHand, ask
 from app.game.timing import Timing
 from app.guard.hand_notice import HandNotice
 from app.pieces.manipulation import transfers
-from app.players.commands import Command, MoveHand, PlayMove, Word, help_text, parse_command
+from app.players.commands import Command, CommandError, MoveHand, PlayMove, Word, help_text, parse_command
 from app.players.person import Human, PersonGone
 from app.players.players import Players
 from app.records import RecordError
@@ -43,6 +43,14 @@ FORBEARANCE: Final = 2.0
 """So long after a hand has gone nobody complains of what it left, or asks: it may come again, as for the rook of a
 castling or for a queen [s, wall]."""
 _PROMOTIONS: Final = {"q": chess.QUEEN, "r": chess.ROOK, "b": chess.BISHOP, "n": chess.KNIGHT}
+
+
+class _Interjected(Exception):
+    """The person gave a command where they were asked a question."""
+
+    def __init__(self, command: Command) -> None:
+        super().__init__(command)
+        self.command = command
 
 
 class HumanTurn:
@@ -73,19 +81,25 @@ class HumanTurn:
         if not self._table.replied:
             self._prompt()
         self._timing.start(self._colour)
+        other: Command | None = None
         while len(self._table.board.move_stack) == done and self.plays(self._table.board.turn):
-            line, unseen = None, self._table.replied
-            if not unseen:
+            line, unseen, command, other = None, self._table.replied, other, None
+            if not unseen and command is None:
                 self._notice.wake(True)
                 line = self._human.lines.next(POLL)
                 self._notice.wake(False)
             try:
                 if unseen:
                     end = self._take_up()
+                elif command is not None or line is not None:
+                    end = self._obey(command or parse_command(line or "", self._table.board))
                 else:
-                    end = self._glance() if line is None else self._obey(parse_command(line, self._table.board))
-            except (PersonGone, RecordError, ArmPaused, NeedsHand):
+                    end = self._glance()
+            except (PersonGone, RecordError, ArmPaused, NeedsHand, GameLeft):
                 raise
+            except _Interjected as instead:
+                other, end = instead.command, None
+                self._timing.start(self._colour)
             except (
                 UserError,
                 HardwareError,
@@ -97,7 +111,7 @@ class HumanTurn:
             if (end := end or self._flag()) is not None:
                 return end
             at_it = len(self._table.board.move_stack) == done and self.plays(self._table.board.turn)
-            if at_it and (unseen or line is not None):
+            if at_it and other is None and (unseen or command is not None or line is not None):
                 self._prompt()
         return None
 
@@ -116,9 +130,19 @@ class HumanTurn:
         self._told = sentence
 
     def wait(self, sentence: str) -> None:
-        """Until the person says 'go'."""
+        """Until the person says 'go'.
+
+        Raises:
+            GameLeft: they leave instead.
+        """
         self._face.say(sentence)
-        self._answer("go on?", (Word.GO.value,))
+        ask(self._human, self._face, "go on?", (Word.GO.value,), lambda _: False)
+
+    def left(self, word: Word) -> GameEnd:
+        """How the game has ended for a person who said quit, resign or new."""
+        if word is Word.RESIGN:
+            return GameEnd(_lost(self._colour), f"{_name(self._colour)} resigns", True)
+        return LEFT if word is Word.QUIT else GameEnd("*", "given up for a new game", True, again=True)
 
     def _prompt(self) -> None:
         left = self._timing.left()
@@ -141,17 +165,16 @@ class HumanTurn:
             Word.PAUSE: self._pause,
             Word.GO: lambda: self._face.say("nothing waits: it is your move"),
             Word.SIDE: self._change_sides,
-            Word.RESIGN: lambda: GameEnd(_lost(self._colour), f"{_name(self._colour)} resigns", True),
-            Word.NEW: lambda: GameEnd("*", "given up for a new game", True, again=True),
-            Word.QUIT: lambda: LEFT,
+            Word.RESIGN: lambda: self.left(Word.RESIGN),
+            Word.NEW: lambda: self.left(Word.NEW),
+            Word.QUIT: lambda: self.left(Word.QUIT),
         }
         return words[command]()
 
     def _pause(self) -> GameEnd | None:
         self._timing.pause()
         self._face.say("the clocks stand; say 'go' to go on, or 'quit' to leave")
-        if self._answer("go on?", (Word.GO.value, Word.QUIT.value)) == Word.QUIT.value:
-            return LEFT
+        self._answer("go on?", (Word.GO.value,))
         self._timing.start(self._colour)
         return None
 
@@ -325,17 +348,15 @@ class HumanTurn:
         return self._answer(f"{question} (yes or no)", ("yes", "no", "y", "n")).startswith("y")
 
     def _answer(self, question: str, valid: tuple[str, ...]) -> str:
-        """One of some words; others are asked for again."""
-        self._face.prompt(question)
-        while True:
-            line = self._human.lines.next(POLL)
-            if line is None:
-                continue
-            word = line.strip()
-            if word.lower() in valid:
-                return word.lower()
-            self._face.say(f"'{word}' is no answer: say {' or '.join(valid)}")
-            self._face.prompt(question)
+        """One of some words; any other command is done instead of what the question was about."""
+
+        def other(line: str) -> bool:
+            try:
+                raise _Interjected(parse_command(line, self._table.board))
+            except CommandError:
+                return False
+
+        return ask(self._human, self._face, question, valid, other)
 
 
 def _name(colour: chess.Color) -> str:

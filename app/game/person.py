@@ -1,15 +1,29 @@
-"""Asking for a hand where the arm cannot help itself."""
+"""What a person at the board is asked, and what they may answer.
+
+At every prompt the words that it asks for are taken, and besides them whatever makes sense there: leaving, resigning
+and help always; a move of the simulated hand where the board is to be put right; any command where it is their turn.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable, Collection
 from typing import Final
 
 from app import UserError
-from app.players.person import Lines
+from app.pieces.manipulation import Inventory, Ply
+from app.players.commands import CommandError, HandVerb, MoveHand, Word, help_text, parse_hand, word_of
+from app.players.person import Hands, Human
+from app.rig.arm import Arm
 from app.terminal.interface import Face
+from hardware.interfaces import HardwareError
+from hardware.table import Place
 
 POLL: Final = 0.2
 """How long is waited for words at a time [s, wall]."""
+DONE: Final = ("done", "ok", "yes", "y", "go", "fix", "look")
+"""Words that say that the board was put right; whether it is, the camera sees."""
+_SQUARES: Final = re.compile(r"([a-h][1-8])[-x ]?([a-h][1-8])[qrbn]?")
 
 
 class NeedsHand(UserError):
@@ -19,10 +33,59 @@ class NeedsHand(UserError):
         super().__init__(f"{sentence}: put it right by hand, then go on with 'touchmove resume'")
 
 
+class GameLeft(UserError):
+    """The person leaves the game, or gives it up, where they were asked something else.
+
+    Attributes:
+        word: what they said: quit, resign or new.
+    """
+
+    def __init__(self, word: Word) -> None:
+        super().__init__(f"the person at the board said '{word}'")
+        self.word = word
+
+
+_LEAVES: Final = (Word.QUIT, Word.RESIGN, Word.NEW)
+
+
+def ask(human: Human, face: Face, question: str, valid: Collection[str], other: Callable[[str], bool]) -> str:
+    """Ask until the answer is one of some words.
+
+    Args:
+        human: who is asked.
+        face: shows the question.
+        question: for people.
+        valid: answers, in lower case.
+        other: takes any other line; False: it makes no sense here.
+
+    Returns:
+        The answer, in lower case.
+
+    Raises:
+        GameLeft: they quit, resign or want a new game.
+        PersonGone: nobody types any more.
+    """
+    face.prompt(question)
+    while True:
+        line = human.lines.next(POLL)
+        if line is None:
+            continue
+        if (answer := line.strip().lower()) in valid:
+            return answer
+        word = word_of(line)
+        if word in _LEAVES:
+            raise GameLeft(word)
+        if word is Word.HELP:
+            face.say(help_text())
+        elif not other(line):
+            face.say(f"'{line.strip()}' is no answer: say {' or '.join(valid)}, or quit or resign")
+        face.prompt(question)
+
+
 class UnattendedAsker:
     """``Asker`` where nobody is there."""
 
-    def mend(self, sentence: str, squares: tuple[str, ...]) -> None:
+    def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> None:
         """Nobody can be asked.
 
         Raises:
@@ -34,18 +97,80 @@ class UnattendedAsker:
 class PersonAsker:
     """``Asker`` of the person who plays."""
 
-    def __init__(self, lines: Lines, face: Face) -> None:
-        self._lines, self._face = lines, face
+    def __init__(self, human: Human, face: Face) -> None:
+        self._human, self._face = human, face
 
-    def mend(self, sentence: str, squares: tuple[str, ...]) -> None:
-        """See ``Asker.mend``."""
-        self._face.say(f"{sentence}. Put it right and say 'done'")
-        self._face.prompt("done?")
-        while True:
-            line = self._lines.next(POLL)
-            if line is None:
-                continue
-            if line.strip().lower() in ("done", "ok", "yes", "y", "go"):
-                return
-            self._face.say(f"'{line.strip()}' is no answer: put it right and say 'done', or leave with Ctrl-C")
-            self._face.prompt("done?")
+    def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> None:
+        """See ``Asker.mend``. A simulated hand does what it is told meanwhile: 'hand move c8 c1', or simply 'c8c1'."""
+        by_hand = " yourself" if self._human.hands is None else " by 'hand move …'"
+        self._face.say(f"{sentence}. Put it right{by_hand} and say 'done'")
+
+        def other(line: str) -> bool:
+            try:
+                command = _for_hand(line)
+            except CommandError as error:
+                self._face.say(str(error))
+                return True
+            if command is None:
+                return False
+            self._move(command, stands)
+            return True
+
+        ask(self._human, self._face, "done?", DONE, other)
+
+    def _move(self, command: MoveHand, stands: Inventory) -> None:
+        hands = self._human.hands
+        if hands is None:
+            self._face.say("only a simulated hand can be told what to do: move the piece yourself, then say 'done'")
+            return
+        try:
+            hands.do(command, stands)
+        except HardwareError as error:
+            self._face.say(str(error))
+
+
+def _for_hand(line: str) -> MoveHand | None:
+    """What a line tells a hand to do: its own command, or a move as its two squares; None: neither.
+
+    Raises:
+        CommandError: it begins like the hand's command, and is none.
+    """
+    words = line.strip().lower().split()
+    if words and words[0] == "hand":
+        return parse_hand(words[1:])
+    squares = _SQUARES.fullmatch(line.strip().lower())
+    if squares is None:
+        return None
+    return MoveHand(HandVerb.MOVE, (Place.parse(squares[1]), Place.parse(squares[2])))
+
+
+class SettledHands:
+    """``Hands`` that begin, and draw back, once the arm is at rest.
+
+    In pace fast plant time then stands, so that what the hand does begins at a tick that does not depend on how quickly
+    anybody types, or how busy the machine is.
+    """
+
+    def __init__(self, hands: Hands, arm: Arm) -> None:
+        self._hands, self._arm = hands, arm
+
+    def play(self, ply: Ply, inventory: Inventory) -> None:
+        """See ``Hands.play``."""
+        self._do(lambda: self._hands.play(ply, inventory))
+
+    def do(self, command: MoveHand, inventory: Inventory) -> None:
+        """See ``Hands.do``."""
+        self._do(lambda: self._hands.do(command, inventory))
+
+    def withdraw(self) -> None:
+        """See ``Hands.withdraw``."""
+        self._arm.state()
+        self._hands.withdraw()
+
+    def _do(self, act: Callable[[], None]) -> None:
+        self._arm.state()
+        try:
+            act()
+        except HardwareError:  # nobody leaves a hand where an arm will move
+            self.withdraw()
+            raise

@@ -15,7 +15,7 @@ from scipy.special import fresnel
 
 from app.motion.curves import STRAIGHT, pieces, turns
 
-__all__ = ["STRAIGHT", "CornerShape", "Derivatives", "Path", "Vector", "blend", "clothoid", "corner_shape", "turns"]
+__all__ = ["STRAIGHT", "Derivatives", "Path", "Vector", "blend", "clothoid", "turns"]
 
 Vector = NDArray[np.float64]
 
@@ -134,22 +134,6 @@ def clothoid(sharpness: Vector, way: Vector) -> tuple[Vector, Vector]:
     scale = np.sqrt(np.pi / sharpness)
     sine, cosine = fresnel(way / scale)
     return scale * cosine, scale * sine
-
-
-class CornerShape(NamedTuple):
-    """Of a corner whose clothoids are each 1 m long: where it begins before the corner's point, and how far its middle
-    stays off that point [m]. Both scale with the clothoids' length.
-    """
-
-    tangent: float
-    deviation: float
-
-
-def corner_shape(turn: float) -> CornerShape:
-    """For a turn between two lines [rad]."""
-    x, y = clothoid(np.array([turn]), np.array([1.0]))
-    half = 0.5 * turn
-    return CornerShape(float(x[0] + y[0] * np.tan(half)), float(y[0] / np.cos(half)))
 
 
 def blend(points: Vector, tangents: Vector) -> Path:

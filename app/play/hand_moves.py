@@ -10,11 +10,9 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Final
 
-import chess
-
 from app import UserError
-from app.pieces.manipulation import Inventory, Ply, Transfer, transfers
-from hardware.sim.hand.actions import Action, Move, Withdraw
+from app.pieces.manipulation import Transfer
+from hardware.sim.hand.actions import Move
 from hardware.table import Place, TableSettings
 
 
@@ -29,33 +27,6 @@ class HandDropsNothing(UserError):
 
 
 NOWHERE_ELSE: Final[Mapping[Place, tuple[float, float]]] = MappingProxyType({})
-
-
-def hand_move(
-    board: chess.Board,
-    move: chess.Move,
-    inventory: Inventory,
-    seen: Mapping[Place, tuple[float, float]] = NOWHERE_ELSE,
-) -> tuple[Ply, tuple[Action, ...]]:
-    """A legal move as a person makes it by hand, who then draws the hand back.
-
-    Args:
-        board: the position before the move; it is not changed.
-        move: a legal move.
-        inventory: what stands where before the move.
-        seen: where pieces were seen that do not stand at the centre of their place, board frame (x, y) [m].
-
-    Returns:
-        The ply, whose ``inventory.after(ply)`` is what stands where afterwards, and what the hand shall do.
-
-    Raises:
-        IllegalPly: the move is not legal.
-        InventoryError: inventory and position do not agree.
-        NoSpare: nothing to promote to is left of that kind.
-        HandDropsNothing: a piece would have to go into a box.
-    """
-    ply = transfers(board, move, inventory)
-    return ply, (*hand_transfers(ply.transfers, inventory.table, seen), Withdraw())
 
 
 def hand_transfers(

@@ -81,7 +81,7 @@ def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> Sessi
     settings = kept_settings(folder)
     venue = venue_of(settings.rig, settings.vision.calibration)
     path, number, sets_up = last_round(folder)
-    history = read_history(path / EVENTS_FILE, venue.table)
+    history = read_history(path / EVENTS_FILE, venue.table, face.say)
     if any(event.physical_ok is False for event in history.plies):
         raise UserError(f"a ply of the game in {path} left the board wrong, see its report: start a new one")
     sets_up = sets_up or not settings.game.plies
@@ -125,6 +125,8 @@ class _Games:
         if game.replay is not None:
             found = recorded_games(game.replay, game.replay_game)
             self._replayed = tuple(one.from_ply(game.from_ply) for one in found) if game.from_ply > 1 else found
+            for cut in [one.cut for one in found if one.cut is not None]:
+                face.say(cut)
         self._board = start_board(game.fen, chess960=game.chess960)
         self._line = None if game.moves is None else parse_line(game.moves, self._board)
 

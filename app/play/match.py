@@ -15,11 +15,12 @@ from typing import Final, Protocol
 
 import chess
 
-from app.execution.state import WRONG
+from app.execution.state import LEFT, WRONG
 from app.execution.table import Table
 from app.game import Devices, Game, GameEnd, Position
 from app.game.clock import ChessClock
 from app.game.game import require_empty_fingers
+from app.game.person import GameLeft, SettledHands
 from app.game.timing import Timing, clock_of
 from app.pieces.manipulation import Inventory
 from app.play.session import Round
@@ -184,6 +185,8 @@ class Match:
         human, side = self._fixture.human, persons_side(record.events)
         if human is not None and side is not None:
             human = replace(human, colour=side is Colour.WHITE)
+        if human is not None and human.hands is not None:
+            human = replace(human, hands=SettledHands(human.hands, devices.arm))
         table = self._table = self._seating.table(devices, record, position, self._face, human)
         if self._sets_up:
             goal = self._fixture.board
@@ -214,9 +217,12 @@ class Match:
 
 
 def _set_up(table: Table, goal: chess.Board) -> GameEnd:
-    if not table.begin():
-        return WRONG
-    return SET_UP if table.set_up(goal) else WRONG
+    try:
+        if not table.begin():
+            return WRONG
+        return SET_UP if table.set_up(goal) else WRONG
+    except GameLeft:
+        return LEFT
 
 
 def match_of(folder: Path) -> Path:

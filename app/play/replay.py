@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -34,6 +35,7 @@ class RecordedGame:
         black: name.
         title: of players and event, for people.
         result: as the file has it.
+        cut: what there is to say of a game that has no end in the file; None: it has one.
     """
 
     board: chess.Board
@@ -43,6 +45,7 @@ class RecordedGame:
     black: str
     title: str
     result: Result
+    cut: str | None = None
 
     def from_ply(self, ply: int) -> RecordedGame:
         """The rest of it, beginning with a ply (from 1).
@@ -70,7 +73,7 @@ def recorded_games(path: Path, number: int | None = None) -> tuple[RecordedGame,
         number: of one game in the file, from 1; None: all.
 
     Raises:
-        ReplayError: it cannot be read, holds no game or not so many, or a move in it is not legal.
+        ReplayError: it cannot be read, holds no game or not so many, or one that is no legal game of chess.
     """
     file = path / PGN_FILE if path.is_dir() else path
     try:
@@ -95,7 +98,7 @@ def _read(stream: TextIO, file: Path, number: int | None) -> Iterator[RecordedGa
                 return
             count += 1
             continue
-        game = chess.pgn.read_game(stream)
+        game = chess.pgn.read_game(stream, Visitor=_Builder)
         if game is None:
             return
         count += 1
@@ -109,19 +112,56 @@ _UNSAID: Final = frozenset({"?", "????.??.??", "*"})
 """Headers of a game that has none."""
 
 
-def _recorded(game: chess.pgn.Game, file: Path, count: int) -> RecordedGame:
-    nodes = list(game.mainline())
+class _Game(chess.pgn.Game):
+    """Remembers whether a result stood behind the moves, as PGN demands: without, the text may have been cut off."""
+
+    ended = False
+
+
+class _Builder(chess.pgn.GameBuilder[_Game]):
+    """Of such games."""
+
+    def __init__(self) -> None:
+        super().__init__(Game=_Game)
+
+    def visit_result(self, result: str) -> None:
+        """The moves are over."""
+        self.game.ended = True
+        super().visit_result(result)
+
+
+def _recorded(game: _Game, file: Path, count: int) -> RecordedGame:
+    moves = tuple(node.move for node in game.mainline())
     if not game.errors and not game.variations and all(value in _UNSAID for value in game.headers.values()):
         raise ReplayError(f"{file} holds no game: give a PGN file or the folder of a game")
-    if game.errors:
-        last = f"after {len(nodes)} plies" if nodes else "at its beginning"
-        raise ReplayError(f"{file}, game {count}, {last}: {game.errors[0]}: correct the file, or choose another --game")
+    after = f"after {len(moves)} plies" if moves else "at its beginning"
+    if wrong := _unplayable(game, moves, after):
+        raise ReplayError(f"{file}, game {count}, {wrong}, or choose another --game")
     headers = game.headers
     title = f"{headers.get('White', '?')} - {headers.get('Black', '?')}, {headers.get('Event', '?')}"
+    cut = None if game.ended else f"{file}, game {count}, ends without a result {after}: it may have been cut off there"
     return RecordedGame(
-        game.board(), tuple(node.move for node in nodes), tuple(node.comment for node in nodes),
-        headers.get("White", "?"), headers.get("Black", "?"), title, _result(headers.get("Result", "*")),
+        game.board(), moves, tuple(node.comment for node in game.mainline()),
+        headers.get("White", "?"), headers.get("Black", "?"), title, _result(headers.get("Result", "*")), cut,
     )  # fmt: skip
+
+
+def _unplayable(game: chess.pgn.Game, moves: tuple[chess.Move, ...], after: str) -> str | None:
+    """Why the arm cannot play a game, with what to do; None: it can."""
+    variant = game.headers.get("Variant", "")
+    with contextlib.suppress(ValueError):  # of a variant that nobody knows
+        if game.headers.variant() is chess.Board:
+            variant = ""
+    if variant:
+        return f"is of the variant {variant}: only chess and Chess960 can be played: give a game of these"
+    if chess.Move.null() in moves:
+        passed = moves.index(chess.Move.null()) + 1
+        return f"ply {passed} passes, which chess does not allow: correct the file"
+    if game.errors:
+        return f"{after}: {game.errors[0]}: correct the file"
+    if not game.board().is_valid():
+        return f"begins with no legal position ({game.board().fen()}): correct the file"
+    return None
 
 
 def _result(text: str) -> Result:

@@ -14,7 +14,7 @@ from app.execution.state import LEFT
 from app.game import EXPECTED_FAILURES, Devices, GameEnd
 from app.records import GameRecord, RecordError, Report
 from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
-from app.rig.devices import Rig, RigFailed
+from app.rig.devices import EndState, Rig, RigFailed
 from app.terminal.interface import Face
 from controller.protocol.messages import Telemetry
 from controller.wire.errors import ControllerError
@@ -148,20 +148,31 @@ def run_session(
             guarding.take(told)
 
     with telemetry, open_rig(listen) as rig:
-        with _filming(filming, tick), ExitStack() as stack:
-            guard = None if guarding is None else guarding.open(rig)
-            if guard is not None:
-                stack.enter_context(guard)
-            course = _play_all(rig, _devices(rig, sight, guard), programme, done)
+        try:
+            with _filming(filming, tick), ExitStack() as stack:
+                guard = None if guarding is None else guarding.open(rig)
+                if guard is not None:
+                    stack.enter_context(guard)
+                course = _play_all(rig, _devices(rig, sight, guard), programme, done)
+        except (ControllerError, HardwareError) as error:  # between two rounds
+            raise RigFailed(rig.failure() or str(error)) from error
         face.phase("the arm goes to rest")
         last = rig.close()
-    if last is None or not last.at_rest:
-        course.failures.append("the arm did not come to rest")
+        _note_the_end(course, rig, last)
     result = _result(course, rested=last is not None)
     if course.interrupted:
         raise Interrupted(folder)
     holds = result.holds and all(one.holds for one in done)
     return SessionResult(result.report, result.folder, holds, result.resumable, tuple(done))
+
+
+def _note_the_end(course: _RoundProgress, rig: Rig, last: EndState | None) -> None:
+    """How the arm was left; where a process has ended, that is the cause, and is said once."""
+    cause = rig.failure()
+    if cause is not None and not course.failures:
+        course.failures.append(cause)
+    elif cause is None and (last is None or not last.at_rest):
+        course.failures.append("the arm did not come to rest")
 
 
 def _devices(rig: Rig, sight: Sight, guard: GameGuard | None) -> Devices:
@@ -189,10 +200,8 @@ def _following(programme: Programme, devices: Devices, course: _RoundProgress) -
     """The round after one that was played; that one is ended in any case."""
     try:
         return programme.next(devices, course.end)
-    except BaseException as error:
+    except BaseException:
         _result(course, rested=True)
-        if isinstance(error, ControllerError | HardwareError):
-            raise RigFailed(str(error)) from error
         raise
 
 

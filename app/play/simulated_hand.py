@@ -17,6 +17,8 @@ class SimHands:
     def __init__(self, run_dir: Path) -> None:
         self._run_dir = run_dir
         self._hand: SimHand | None = None
+        self._out = False
+        """It could not do the last thing it was told, and may still be over the board."""
 
     def play(self, ply: Ply, inventory: Inventory) -> None:
         """See ``Hands.play``."""
@@ -48,6 +50,11 @@ class SimHands:
                 sentence = sentence.replace(f"({x:.3f}, {y:.3f}) m", str(place))
             raise HandRefused(sentence) from refused
 
+    def withdraw(self) -> None:
+        """See ``Hands.withdraw``."""
+        if self._out:
+            self._perform(Withdraw())
+
     def close(self) -> None:
         """Let the world go."""
         if self._hand is not None:
@@ -56,10 +63,7 @@ class SimHands:
     def _perform(self, *actions: Action) -> None:
         if self._hand is None:
             self._hand = SimHand(self._run_dir)
+        self._out = True
         self._hand.perform(*actions)
-        try:
-            self._hand.wait()
-        except HandRefused:  # nobody leaves a hand where an arm will move
-            self._hand.perform(Withdraw())
-            self._hand.wait()
-            raise
+        self._hand.wait()
+        self._out = False

@@ -55,6 +55,6 @@ class Seating:
             from app.execution.recovery import Mender
 
             eyes = Eyes(devices, position.inventory.table, self.view)
-            asker = UnattendedAsker() if human is None else PersonAsker(human.lines, face)
+            asker = UnattendedAsker() if human is None else PersonAsker(human, face)
             mender = Mender(eyes, carrier, asker, record, face, devices.clock)
         return Table(position, devices, carrier, mender, record, face)

@@ -104,9 +104,9 @@ def parse_command(text: str, board: chess.Board) -> Command:
         raise CommandError("type a move such as e4 or e2e4, or 'help'")
     first = words[0].lower()
     if first == "hand":
-        return _hand(words[1:])
-    if len(words) == 1 and (first in list(Word) or first in _SAME):
-        return Word(first) if first in list(Word) else _SAME[first]
+        return parse_hand(words[1:])
+    if (word := word_of(text)) is not None:
+        return word
     tokens = tokens_of(text) or words
     try:
         move = parse_move(tokens[0], board)
@@ -119,7 +119,21 @@ def parse_command(text: str, board: chess.Board) -> Command:
     return PlayMove(move)
 
 
-def _hand(words: list[str]) -> MoveHand:
+def word_of(text: str) -> Word | None:
+    """The command of one word that a line is; None: it is something else."""
+    word = text.strip().lower()
+    return Word(word) if word in list(Word) else _SAME.get(word)
+
+
+def parse_hand(words: list[str]) -> MoveHand:
+    """Understand what the simulated hand is to do.
+
+    Args:
+        words: after ``hand``.
+
+    Raises:
+        CommandError: that is nothing that a hand can do.
+    """
     usage = "say 'hand move b1 b4', 'hand knock e4', 'hand hover e4' or 'hand rest e4'"
     if not words or words[0].lower() not in list(HandVerb):
         raise CommandError(f"what shall the hand do? {usage}")

@@ -47,6 +47,9 @@ class Hands(Protocol):
     def do(self, command: MoveHand, inventory: Inventory) -> None:
         """Do something else; returns when the hand is drawn back. Raises as ``play``."""
 
+    def withdraw(self) -> None:
+        """Draw a hand back that could not do what it was told; nothing happens where it is back."""
+
 
 @dataclass(frozen=True, slots=True)
 class Human:

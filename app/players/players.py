@@ -93,10 +93,6 @@ class Players:
         player = self._players[colour]
         return "Human" if player is None else player.name
 
-    def is_person(self, colour: chess.Color) -> bool:
-        """Whether nobody is to be asked for the moves of a colour."""
-        return self._players[colour] is None
-
     def begin(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> None:
         """Let the side to move think about a position that will be on the board; asked twice, it goes on.
 

@@ -5,15 +5,15 @@ Places are written as on the table: ``e4``, ``L3``, ``R24``. A field that only a
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AwareDatetime, Field, FiniteFloat, TypeAdapter, ValidationError
+from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 
 from app.pieces.manipulation import Inventory, MoveKind, Stage, Transfer
-from app.records.files import RecordError
+from app.records.files import RecordError, whole_lines
 from hardware.frozen import Frozen
 from hardware.table import Colour, Kind
 
@@ -21,6 +21,10 @@ Pace = Literal["real", "fast"]
 Result = Literal["1-0", "0-1", "1/2-1/2", "*"]
 By = Literal["arm", "hand"]
 Mender = Literal["arm", "person"]
+
+
+Measured = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
+"""A quantity that was measured or planned: far from where sums of it overflow."""
 
 
 class Purpose(StrEnum):
@@ -52,16 +56,16 @@ class TransferRecord(Record):
     colour: Colour
     source: str
     target: str
-    seen: tuple[FiniteFloat, FiniteFloat] | None = None
+    seen: tuple[Measured, Measured] | None = None
     """Where it stood, if not at the centre of its source: board frame (x, y) [m]."""
-    raised: FiniteFloat = 0.0
+    raised: Measured = 0.0
     """So much higher than usual the fingers take it [m]."""
 
 
 class _Stamped(Record):
     wall_time: AwareDatetime
     """UTC, ISO 8601."""
-    plant_time: FiniteFloat
+    plant_time: Measured
     """[s] since the plant was switched on."""
     ply: int
     """Number of the ply that this belongs to; of the start 0, else of the last ply done."""
@@ -114,7 +118,7 @@ class TaskDoneEvent(_Stamped):
     """The task begun last was done by the arm, or by a person."""
 
     event: Literal["task_done"] = "task_done"
-    real_s: FiniteFloat | None
+    real_s: Measured | None
     """Plant time from home to home [s]; null: by a person."""
     inventory: dict[str, str]
     """Where each piece that stands elsewhere than before stands now, by name."""
@@ -166,14 +170,14 @@ class PlyEvent(_Stamped):
     """The position after it."""
     by: By = "arm"
     """Who moved the pieces. Of a hand, the times are null, and so are the peaks."""
-    planned_s: FiniteFloat | None
+    planned_s: Measured | None
     """Plant time from home to home, as planned [s]."""
-    real_s: FiniteFloat | None
+    real_s: Measured | None
     """Plant time from home to home, as it was [s]."""
-    placement_mm: dict[str, FiniteFloat] | None
+    placement_mm: dict[str, Measured] | None
     """Distance of each moved piece from the centre of its place at the end, by name [mm]."""
-    peak_torque_Nm: FiniteFloat | None  # noqa: N815  # the name in the file, with its unit
-    peak_force_N: FiniteFloat | None  # noqa: N815  # the name in the file, with its unit
+    peak_torque_Nm: Measured | None  # noqa: N815  # the name in the file, with its unit
+    peak_force_N: Measured | None  # noqa: N815  # the name in the file, with its unit
     physical_ok: bool | None
     """True when all pieces stood where the game says, by the referee."""
     frame: str | None
@@ -187,7 +191,7 @@ class PlyEvent(_Stamped):
     """Another program finished it: planned, real and peaks are those of its last part."""
     score: str | None = None
     """What the player thinks of it: pawns from White's side such as +0.31, or #-3."""
-    clock_s: dict[Colour, FiniteFloat] | None = None
+    clock_s: dict[Colour, Measured] | None = None
     """What both clocks show after it [s]; null where there are none."""
     comment: str = ""
     """Of the game that is replayed."""
@@ -253,20 +257,34 @@ def transfer_records(transfers: Iterable[Transfer]) -> tuple[TransferRecord, ...
     )
 
 
-def read_events(path: Path) -> tuple[AnyEvent, ...]:
-    """Read ``events.jsonl``; a last line that a crash cut short is left out.
+def unsaid(_sentence: str) -> None:
+    """For those whom nobody listens to."""
+
+
+def read_events(path: Path, said: Callable[[str], None] = unsaid) -> tuple[AnyEvent, ...]:
+    """Read ``events.jsonl``; a last line that a crash cut short or garbled is left out.
+
+    Args:
+        path: of the file.
+        said: told in a sentence what was left out.
 
     Raises:
-        RecordError: the file cannot be read, or another line is no event.
+        RecordError: the file cannot be read, another line is no event, or another game starts in it.
     """
     try:
-        *lines, rest = path.read_bytes().split(b"\n")
+        lines, left_out = whole_lines(path.read_bytes())
     except OSError as error:
         raise RecordError(f"{path} cannot be read: {error.strerror}: name the folder of a recorded game") from error
-    events = [_parse(path, number, line) for number, line in enumerate(lines, start=1)]
-    if rest and (last := _parse_cut(rest)) is not None:
-        events.append(last)
-    return tuple(events)
+    events = tuple(_parse(path, number, line) for number, line in enumerate(lines, start=1))
+    for number, event in enumerate(events[1:], start=2):
+        if isinstance(event, StartEvent):
+            raise RecordError(
+                f"{path}, line {number}, starts another game, but a record holds one: "
+                "keep the lines of one game, or name another folder"
+            )
+    if left_out:
+        said(f"{path}, line {len(lines) + 1}, the last one, is cut off or garbled and left out: all before it is whole")
+    return events
 
 
 def _parse(path: Path, number: int, line: bytes) -> AnyEvent:
@@ -277,10 +295,3 @@ def _parse(path: Path, number: int, line: bytes) -> AnyEvent:
         field = ".".join(str(part) for part in first["loc"]) or "the line"
         reason = f"{field}: {first['msg']}: read it with the version that wrote it"
         raise RecordError(f"{path}, line {number}, is no event of this version: {reason}") from error
-
-
-def _parse_cut(rest: bytes) -> AnyEvent | None:
-    try:
-        return _EVENT.validate_json(rest)
-    except ValidationError:
-        return None

@@ -9,7 +9,7 @@ import os
 import stat
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Final
@@ -25,6 +25,39 @@ class RecordError(UserError):
     """A file of the record cannot be written or read."""
 
 
+_MAKE_ROOM: Final = "free some space or choose another folder with --out"
+_ROOM: Final = 1 << 24
+"""What a simulation may need for its model, its state and its pictures [bytes]; with less it is not begun."""
+
+
+def full_disk(folder: Path) -> str | None:
+    """What there is to say of a disk without room for a simulation in a folder; None: it has room."""
+    path = folder / ".room"
+    try:
+        with path.open("wb") as file:
+            os.posix_fallocate(file.fileno(), 0, _ROOM)
+    except OSError as error:
+        return _no_room(folder, error) and (
+            f"the disk at {_disk_of(folder)} has less than {_ROOM >> 20} MiB left for {folder}: {_MAKE_ROOM}"
+        )
+    finally:
+        with suppress(OSError):
+            path.unlink()
+    return None
+
+
+def _disk_of(path: Path) -> Path:
+    """Where the file system of a path is mounted."""
+    return next(one for one in (path, *path.absolute().parents) if one.is_mount())
+
+
+def _no_room(path: Path, error: OSError) -> str | None:
+    """A sentence that names disk and path where an error says that the disk is full."""
+    if error.errno not in _FULL:
+        return None
+    return f"{path}: {_FULL[error.errno]} (the disk at {_disk_of(path)}): {_MAKE_ROOM}"
+
+
 @contextmanager
 def recording(path: Path) -> Iterator[None]:
     """Turn a failure of the file system into a sentence about ``path``; for any file of a record, also a video.
@@ -35,9 +68,8 @@ def recording(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno in _FULL:
-            remedy = "free some space or choose another folder with --out"
-            raise RecordError(f"{path}: {_FULL[error.errno]}: {remedy}") from error
+        if full := _no_room(path.absolute(), error):
+            raise RecordError(full) from error
         raise RecordError(f"{path}: {error.strerror or error}: choose another folder with --out") from error
 
 
@@ -86,6 +118,23 @@ def write_atomically(path: Path, content: str | bytes) -> None:
         _sync_folder(path.parent)
 
 
+def whole_lines(content: bytes) -> tuple[list[bytes], bytes]:
+    """The lines of a log of JSON objects, and what is left out at its end: a last line that is none.
+
+    A crash may cut the last line short, and a computer that loses its power may leave anything in its place.
+    """
+    lines = content.split(b"\n")
+    if not lines[-1]:
+        lines.pop()
+    if not lines:
+        return [], b""
+    try:
+        whole = isinstance(json.loads(lines[-1]), dict)
+    except (ValueError, RecursionError):
+        whole = False
+    return (lines, b"") if whole else (lines[:-1], lines[-1] or b"\n")
+
+
 class LineLog:
     """A file that only grows, line by line; a thread writes to the disk what nobody waits for."""
 
@@ -94,7 +143,7 @@ class LineLog:
 
         Args:
             path: the file.
-            go_on: it holds lines already, and a last one that a crash cut short is taken back.
+            go_on: it holds lines already, and a last one that cannot be read is taken back.
 
         Raises:
             RecordError: it cannot be opened, or holds something already.
@@ -127,15 +176,13 @@ class LineLog:
             raise RecordError(f"{self.path} is being written by a running game: end that program first") from error
 
     def _mend(self, content: bytes) -> None:
-        """Take back a last line that was cut short, or end one that is whole but for its end."""
-        self._size = content.rfind(b"\n") + 1
-        try:
-            json.loads(content[self._size :])
-        except ValueError:
+        """Take back a last line that was cut short or garbled, or end one that is whole but for its end."""
+        lines, left_out = whole_lines(content)
+        self._size = sum(len(line) + 1 for line in lines)
+        if left_out:
             self._take_back()
-            return
-        self._write(b"\n", durable=True)
-        self._size = len(content) + 1
+        elif self._size > len(content):
+            self._write(b"\n", durable=True)
 
     def append(self, line: str, *, durable: bool = True) -> None:
         """Write one line, which no death of this process loses.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from app.records.events import (
     TaskEvent,
     TransferRecord,
     read_events,
+    unsaid,
 )
 from app.records.files import RecordError
 from hardware.table import Colour, PieceSpec, Place, TableSettings
@@ -129,19 +130,24 @@ def persons_side(events: Iterable[AnyEvent]) -> Colour | None:
     return next((event.person for event in reversed([*events]) if isinstance(event, SideEvent)), None)
 
 
-def read_history(path: Path, table: TableSettings) -> History:
+def read_history(path: Path, table: TableSettings, said: Callable[[str], None] = unsaid) -> History:
     """Read ``events.jsonl`` of a game that was played on this table.
+
+    Args:
+        path: of the file.
+        table: on which the game was played.
+        said: told in a sentence what was left out at the end.
 
     Raises:
         RecordError: the file cannot be read, does not begin with a start, or contradicts itself.
     """
-    events = read_events(path)
+    events = read_events(path, said)
     if not events or not isinstance(events[0], StartEvent):
         raise RecordError(f"{path} does not begin with the start of a game: name the folder of a recorded game")
     start = events[0]
-    board = chess.Board(start.fen, chess960=start.chess960)
-    reading = _Reading(board, {piece.name: piece.place for piece in start.inventory})
     try:
+        board = chess.Board(start.fen, chess960=start.chess960)
+        reading = _Reading(board, {piece.name: piece.place for piece in start.inventory})
         for event in events[1:]:
             reading.take(event)
         pieces = [_piece(piece, reading.places[piece.name]) for piece in start.inventory]

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Final, Self
 
 from app.rig.arm import Arm, ControllerArm
@@ -26,6 +25,7 @@ from hardware.interfaces import Camera, Clock, HardwareError
 from hardware.sim.clients.camera import SimCamera, SimClock
 from hardware.sim.clients.referee import SimReferee
 from hardware.sim.clients.video_stream import SimWatchCamera
+from hardware.sim.clients.wire import world_pid
 
 RESTING: Final = 0.005
 """A tool slower than this is at rest [m/s]: the noise of the encoders makes less than a tenth of it."""
@@ -89,9 +89,7 @@ class RemoteRig:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def watched(self) -> Watched | None:
@@ -105,7 +103,9 @@ class RemoteRig:
         return Watched(lambda _: SteadyFrames(camera), self._client)
 
     def failure(self) -> str | None:
-        """A sentence on a controller that does not answer any more."""
+        """A sentence on a controller that does not answer any more, or on a world that has ended."""
+        if self._world is not None and world_pid(self._world) is None:
+            return f"the simulated world has ended: start the controller of {self._world} again"
         try:
             self._client.telemetry  # noqa: B018  # asked for its error alone
         except ControllerError as error:

@@ -26,13 +26,13 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, NonNegativeInt, model_validator
 
-from app.settings.toml import load_toml
+from app.settings.toml import ConfigError, load_toml
 from app.settings.tree import SIMULATED
 from controller.settings import ControllerSettings
 from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
 from hardware.frozen import Frozen
 from hardware.interfaces import Pace
-from hardware.parameters import DEFAULT_FILE
+from hardware.parameters import DEFAULT_FILE, ParametersError, load_parameters
 from hardware.sim.process.randomisation import Randomisation
 from hardware.sim.render.appearance import CameraSettings, LightSettings
 from hardware.table import Colour, TableSettings
@@ -141,6 +141,10 @@ def load_rig(path: Path) -> RigFile:
     key = rig.controller.model_copy(update={"key": folder / rig.controller.key})
     paths = {"run_dir": folder / rig.run_dir, "parameters": folder / rig.parameters}
     paths["calibration"] = folder / rig.calibration
+    try:
+        load_parameters(paths["parameters"])
+    except ParametersError as error:
+        raise ConfigError(f"rig file {path}: {error}: mend that file") from error
     return rig.model_copy(update={"controller": key, "camera": _placed(rig.camera, folder), **paths})
 
 

@@ -190,7 +190,7 @@ def load_calibration(path: Path) -> Calibration:
         CalibrationUnusable: it is missing, malformed or of another version.
     """
     try:
-        return Calibration.model_validate_json(path.read_text(encoding="utf-8"))
+        return Calibration.model_validate_json(path.read_bytes())
     except OSError as error:
         raise CalibrationUnusable(f"no calibration at {path} ({error.strerror}): run 'touchmove calibrate'") from error
     except ValidationError as error:

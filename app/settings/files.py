@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from app import UserError
 from app.records.files import write_atomically
+from app.settings.options import option_of
 from app.settings.toml import ConfigError, load_toml
 from app.settings.tree import Settings
 
@@ -36,14 +37,10 @@ def settings_of(changes: Mapping[str, Any], file: Path | None = None) -> Setting
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         choices = str(first.get("ctx", {}).get("expected", "")).replace("'", "")
-        wrong = f"choose {choices}" if choices else first["msg"].removeprefix("Value error, ")
-        raise ConfigError(f"{_option(first['loc'])} is '{first['input']}': {wrong}") from error
-
-
-def _option(where: tuple[int | str, ...]) -> str:
-    """The option of the command line that sets a field; those of a side begin with its colour."""
-    section, name = str(where[0]), str(where[-1]).replace("_", "-")
-    return f"--{section}-{name}" if section in ("white", "black") else f"--{name}"
+        wrong = first["msg"].removeprefix("Value error, ").replace("Input", "it", 1)
+        named = option_of(".".join(str(part) for part in first["loc"]))
+        wrong = f"choose {choices}" if choices else wrong
+        raise ConfigError(f"{named} is '{first['input']}': {wrong}") from error
 
 
 def load_settings(path: Path) -> Settings:
@@ -104,7 +101,7 @@ def kept_settings(folder: Path) -> Settings:
     """
     path = folder / SETTINGS_FILE
     try:
-        return Settings.model_validate_json(path.read_text(encoding="utf-8"))
+        return Settings.model_validate_json(path.read_bytes())
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): name the folder of a game") from error
     except ValidationError as error:

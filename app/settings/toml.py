@@ -35,7 +35,7 @@ def load_toml(path: Path, model: type[_M], what: str, instead: str) -> _M:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"{what} '{path}' cannot be read: {error.strerror}: {instead}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{what} file {path} is no TOML: {error}: mend that line") from error
     try:
         return model.model_validate(content)

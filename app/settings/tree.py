@@ -42,7 +42,7 @@ class PlayerKind(StrEnum):
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
 
 class RigSection(_Section):
@@ -55,7 +55,7 @@ class RigSection(_Section):
     says its own."""
     profile: Profile = Profile.DEFAULT
     """How the arm moves: default, fast, gentle (children in reach) or minimum-jerk."""
-    seed: NonNegativeInt = 1
+    seed: Annotated[int, Field(ge=0, lt=1 << 63)] = 1
     """Chooses the opening of two engines, and all randomness of a simulation."""
     square: PositiveFloat | None = None
     """Side of a square of a simulation of our own [mm]; the default board if left out. A larger board stands nearer to
@@ -114,9 +114,9 @@ class EngineSection(_Section):
 
     path: str | None = None
     """Of any UCI engine; Stockfish if left out."""
-    move_time: PositiveFloat | None = None
-    """Thinking time per move [s]; with a clock the longest. Left out: 0.2 s where there is no clock."""
-    nodes: PositiveInt | None = None
+    move_time: Annotated[float, Field(gt=0.0, le=86400.0)] | None = None
+    """Thinking time per move [s], a day at most; with a clock the longest. Left out: 0.2 s where there is no clock."""
+    nodes: Annotated[int, Field(ge=1, lt=1 << 63)] | None = None
     """Think so many nodes instead: a run then repeats exactly, at full strength."""
     threads: PositiveInt = THREADS
     """Of the search; more than one, and no run repeats exactly."""
@@ -169,7 +169,7 @@ class VisionSection(_Section):
     guard: bool | None = None
     """Watch for hands all the time, and hold the arm while one is over the board. Left out: in a lab; a simulation
     draws every frame that is watched, which is slow."""
-    guard_rate: PositiveFloat = 30.0
+    guard_rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 30.0
     """Frames a second that a simulated camera draws for that; a lab's camera has a rate of its own [1/s]."""
     calibration: Path | None = None
     """How the camera hangs and the board lies, as 'touchmove calibrate' wrote it. Left out: the file that a lab's rig

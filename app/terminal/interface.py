@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from types import TracebackType
 from typing import Protocol, Self
 
 import chess
@@ -77,9 +76,7 @@ class Terminal:
             self._live.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._live is not None:
             self._live.stop()
 
@@ -90,7 +87,7 @@ class Terminal:
             self._show()
         elif not self._rows and text != self._printed_phase:  # start-up takes seconds; later the plies tell
             self._printed_phase = text
-            self._console.print(text, highlight=False, soft_wrap=True)
+            self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def position(self, board: chess.Board) -> None:
         """See ``Face.position``."""
@@ -107,7 +104,7 @@ class Terminal:
 
     def say(self, sentence: str) -> None:
         """See ``Face.say``."""
-        self._console.print(sentence, highlight=False, soft_wrap=True)
+        self._console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
     def prompt(self, sentence: str) -> None:
         """See ``Face.prompt``."""
@@ -145,9 +142,7 @@ class Conversation:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Nothing has to be undone."""
 
     def phase(self, text: str) -> None:
@@ -155,7 +150,7 @@ class Conversation:
         if text != self._said:
             self._said = text
             self._leave_prompt()
-            self._console.print(f"  … {text}", style="cyan", highlight=False, soft_wrap=True)
+            self._console.print(f"  … {text}", style="cyan", highlight=False, markup=False, soft_wrap=True)
 
     def position(self, board: chess.Board) -> None:
         """See ``Face.position``."""
@@ -172,12 +167,12 @@ class Conversation:
     def say(self, sentence: str) -> None:
         """See ``Face.say``."""
         self._leave_prompt()
-        self._console.print(sentence, highlight=False, soft_wrap=True)
+        self._console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
     def prompt(self, sentence: str) -> None:
         """See ``Face.prompt``."""
         self._leave_prompt()
-        self._console.print(f"{sentence} > ", style="bold", end="", highlight=False, soft_wrap=True)
+        self._console.print(f"{sentence} > ", style="bold", end="", highlight=False, markup=False, soft_wrap=True)
         self._prompted = True
 
     def heard(self, line: str) -> None:

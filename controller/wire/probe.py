@@ -5,7 +5,6 @@ from __future__ import annotations
 import secrets
 import socket
 import time
-from types import TracebackType
 from typing import NamedTuple, Self
 
 from controller.protocol.envelope import Drop, Envelope, Opened
@@ -87,9 +86,7 @@ class Probe:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:

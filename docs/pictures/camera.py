@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
 import chess
@@ -23,7 +22,8 @@ from hardware.sim.bodies.scene import build_model
 from hardware.sim.process.settings import WorldSettings, stand_pieces
 from hardware.sim.render.appearance import CameraSettings, Looks
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
-from hardware.sim.render.renderer import MODEL_FILE, Renderer, Sensor, Shot, frame_path, load_pictures
+from hardware.sim.render.renderer import Sensor
+from hardware.sim.render.still import StillRenderer
 from hardware.table import TableSettings
 
 POSITION = "r2q1rk1/ppp2ppp/2npbn2/2b1p3/2B1P3/2NPBN2/PPP2PPP/R2Q1RK1 w - - 0 8"
@@ -38,17 +38,9 @@ def main() -> None:
     )
     home = np.array(settings.home)
     model = build_model(load_parameters(), settings.table, stand_pieces(settings), home)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        mujoco.mj_saveModel(model, str(folder / MODEL_FILE))
-        frame_path(folder, 0).touch()
-        renderer = Renderer(folder)
-        try:
-            renderer.wait_ready()
-            _, ideal = _shoot(renderer, folder, model, CameraSettings(noise=False))
-            colour, depth = _shoot(renderer, folder, model, CameraSettings())
-        finally:
-            renderer.close()
+    with StillRenderer(model) as still:
+        _, ideal = _shoot(still, model, CameraSettings(noise=False))
+        colour, depth = _shoot(still, model, CameraSettings())
     pinhole = colour_intrinsics(640, 480)
     device = SoftwareCamera(pinhole, DepthStream(depth_intrinsics(), 1e-3, LEFT_IMAGER))
     frame = FrameMaker().make(device.pass_through(colour, depth, 0.0), 0.0)
@@ -61,12 +53,9 @@ def main() -> None:
 
 
 def _shoot(
-    renderer: Renderer, folder: Path, model: mujoco.MjModel, camera: CameraSettings
+    still: StillRenderer, model: mujoco.MjModel, camera: CameraSettings
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
-    sensor = Sensor(camera=camera, seed=1, tick=0, depth=True)
-    renderer.request(Shot(slot=0, view="camera", looks=Looks(), sensor=sensor), np.array(model.key_qpos[0]))
-    renderer.take(wait=True)
-    colour, depth = load_pictures(frame_path(folder, 0), camera.width, camera.height, depth=True)
+    colour, depth = still.draw(np.array(model.key_qpos[0]), Looks(), Sensor(camera=camera, seed=1, tick=0, depth=True))
     assert depth is not None
     return colour, depth
 

@@ -181,8 +181,7 @@ MAY_CALL = {
     "mj_camlight": {("render.drawing", "Easel._prepared"), ("clients.viewer", "watch_world")},
     "mj_saveModel": {
         ("process.server", "World.__init__"),
-        ("bodies.grasp_world", "save_model"),
-        ("process.table_studio", "TableStudio.__init__"),
+        ("render.still", "StillRenderer.__init__"),
     },
 }
 """The only functions of MuJoCo that take a whole simulation, and where they are called."""

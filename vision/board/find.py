@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from vision.board.alternation import channel_weights, compare_sides, look_into
 from vision.board.crossings import refine_grid, working_scale
-from vision.board.grid import CORNERS, Grid, fit_grid
+from vision.board.grid import Grid, fit_grid
 from vision.board.joint_fit import JointFit, fit_jointly
-from vision.board.lattice import Lattice, fit_homography, grow_lattices
+from vision.board.lattice import Lattice, grow_lattices
 from vision.board.orientation import orient
 from vision.board.saddles import Picture, find_saddles, levels
 from vision.board.view import BoardNotFound
-from vision.board.window import LEAST_MEAN, Window, best_window, judge
+from vision.board.window import Window, best_window, judge
 
 Array = NDArray[np.float64]
 Colour = NDArray[np.uint8]
@@ -49,8 +49,6 @@ SURE_ERROR: Final = 0.15
 """Corners that are less certain than this are given with a doubt [sides of a square]."""
 MOST_ERROR: Final = 0.3
 """And those less certain than this not at all [sides of a square]."""
-MOST_CORRECTION: Final = 0.75
-"""Given corners that are off by more belong to another grid [sides of a square]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,8 +84,7 @@ class _Measured:
             return None
         return (
             f"the board's corners may be off by {self.error:.2f} squares, {SURE_ERROR:.2f} would be sure, and its "
-            f"smallest squares are {self.side:.0f} pixels wide: move the camera nearer or higher above the board, "
-            "or click its four corners"
+            f"smallest squares are {self.side:.0f} pixels wide: move the camera nearer or higher above the board"
         )
 
 
@@ -131,8 +128,7 @@ def find_board(colour: Colour, *, near: ArrayLike | None = None) -> FoundBoard:
     if found is None:
         reason = doubts[-1] if doubts else "no squares were found that lie as on a board"
         raise BoardNotFound(
-            f"there is no chessboard for certain in this picture: {reason}; show all of it in even light, or click "
-            "its corners"
+            f"there is no chessboard for certain in this picture: {reason}; show all of it in even light"
         )
     corners = found.corners
     if near is not None:
@@ -141,45 +137,6 @@ def find_board(colour: Colour, *, near: ArrayLike | None = None) -> FoundBoard:
         return found.board(min(turns, key=lambda one: float(np.linalg.norm(one - before))), True)
     oriented = orient(colour, corners)
     return found.board(oriented.corners, oriented.sure)
-
-
-def refine_corners(colour: Colour, corners: ArrayLike) -> FoundBoard:
-    """Sub-pixel corners from rough ones, as a person clicks them.
-
-    Args:
-        colour: RGB, shape (h, w, 3).
-        corners: a1, h1, h8, a8 to half a square, or from any other corner on, in either sense of rotation, shape
-            (4, 2) [px].
-
-    Returns:
-        The board; its corners go round counter-clockwise from the one that was given first, which is taken to be a1.
-
-    Raises:
-        BoardNotFound: there is no board at these corners.
-    """
-    rough = np.asarray(corners, dtype=float)
-    if rough.shape != (4, 2) or not np.isfinite(rough).all():
-        raise BoardNotFound(f"corners of shape {rough.shape} were given: give four finite points")
-    edges = np.roll(rough, -1, axis=0) - rough
-    turns = edges[:, 0] * np.roll(edges, -1, axis=0)[:, 1] - edges[:, 1] * np.roll(edges, -1, axis=0)[:, 0]
-    if not ((turns > 0.0).all() or (turns < 0.0).all()):
-        raise BoardNotFound("these corners go round no board: give the four outer corners one after the other")
-    if turns[0] > 0.0:  # v points down: clockwise to the eye
-        rough = rough[[0, 3, 2, 1]]
-    doubts: list[str] = []
-    found = _snap(colour, rough, doubts) or _find_near(colour, rough, doubts)
-    if found is None:
-        raise BoardNotFound(f"there is no board at these corners: {doubts[-1]}; point at its outer corners again")
-    side = np.linalg.norm(np.roll(rough, -1, axis=0) - rough, axis=1).min() / 8.0
-    turned = [np.roll(found.corners, -turn, axis=0) for turn in range(4)]
-    best = min(turned, key=lambda one: float(np.linalg.norm(one - rough)))
-    off = float(np.linalg.norm(best - rough, axis=1).max() / side)
-    if off > MOST_CORRECTION:
-        raise BoardNotFound(
-            f"the board's corners are up to {off:.1f} squares from those given, at most {MOST_CORRECTION:.2f} are "
-            "accepted: point at its outer corners again"
-        )
-    return found.board(best, True)
 
 
 def _find_at(colour: Colour, factor: float, blur: float, doubts: list[str]) -> _Measured | None:
@@ -259,31 +216,6 @@ def _in_full(fit: JointFit, resized: Picture, colour: Colour) -> _Measured:
     factor = np.array(resized.shape[1::-1]) / np.array(colour.shape[1::-1])
     scale = float(factor.mean())
     return _Measured((fit.corners + 0.5) / factor - 0.5, fit.error(scale), float(fit.sides.min()) / scale)
-
-
-def _snap(colour: Colour, rough: Array, doubts: list[str]) -> _Measured | None:
-    """Corners around rough ones that are right to a fifth of a square."""
-    grid = Grid(fit_homography(CORNERS, rough), 0.0, (colour.shape[1], colour.shape[0]))
-    factor = working_scale(grid)
-    picture = levels(_resize(colour, factor))
-    grid = grid.scaled(factor, (picture.shape[1], picture.shape[0]))
-    inner = np.stack(np.meshgrid(np.arange(1.0, 8.0), np.arange(1.0, 8.0), indexing="ij"), axis=-1).reshape(-1, 2)
-    weights = channel_weights(picture, grid, -1, inner)
-    look = look_into(_softened(picture), weights)
-    # the weights are signed so that a1 comes out dark; whether it is, is for the person who clicks
-    fit = refine_grid(look, grid, 1)
-    joint = None if fit is None else fit_jointly(look, fit.grid, 1)
-    if fit is None or joint is None:
-        doubts.append("too few crossings of its lines can be seen")
-        return None
-    window = judge(compare_sides(look, fit.grid, -1, (-1, -1), (9, 9)), 1, 1)
-    found = _in_full(joint, picture, colour)
-    if window.mean < LEAST_MEAN or window.margin < 0.0 or found.error > MOST_ERROR:
-        doubts.append(
-            f"its squares alternate by {window.mean:.2f} of 1 and its corners are uncertain by {found.error:.2f}"
-        )
-        return None
-    return found
 
 
 def _resize(colour: Colour, factor: float) -> Colour:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hardware.interfaces import Frame, Intrinsics
+from hardware.interfaces import Intrinsics
 from hardware.table import TableSettings, square_place
 
 Array = NDArray[np.float64]
@@ -140,38 +140,6 @@ class BoardView:
         x, y = self.table.xy(square_place(square))
         half = self.table.square / 2.0
         return self.project(_rectangle(half, half) + np.array([x, y, 0.0]))
-
-    def rectify(self, frame: Frame, size: int) -> NDArray[np.uint8]:
-        """The playing area from straight above: a8 in the first row and column, a1 in the last row.
-
-        What stands on the board leans away from the camera, since only the surface is mapped.
-
-        Args:
-            frame: a picture by the camera of this view.
-            size: side of the result [px]; a multiple of eight gives every square as many pixels.
-
-        Returns:
-            Shape (size, size, 3), RGB.
-
-        Raises:
-            ValueError: the frame is of another camera, or the size is not positive.
-        """
-        if frame.intrinsics != self.intrinsics:
-            raise ValueError(f"the frame is by a camera with {frame.intrinsics}, this view is of {self.intrinsics}")
-        if size < 1:
-            raise ValueError(f"a picture of {size} px is impossible: ask for at least 1")
-        side = 8.0 * self.table.square
-        scale = side / size
-        start = 0.5 * (scale - side)
-        board_from_pixel = np.array([[scale, 0.0, start], [0.0, -scale, -start], [0.0, 0.0, 1.0]])
-        pixel_from_board = self.intrinsics.matrix() @ self.camera_from_board[:3, [0, 1, 3]]
-        picture = cv2.warpPerspective(
-            frame.colour,
-            pixel_from_board @ board_from_pixel,
-            (size, size),
-            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        )
-        return np.asarray(picture, dtype=np.uint8)
 
 
 def playing_area(table: TableSettings) -> Array:

@@ -151,12 +151,6 @@ class Space:
             view.camera_position.astype(np.float32), pixel, half, _board_and_pieces(view, step),
         )  # fmt: skip
 
-    def coordinate(self, depth: Floats, axis: int) -> Floats:
-        """x, y or height (axis 0, 1, 2) of what each pixel of a small depth picture shows [m]."""
-        along: Floats = depth * self.ray[axis]
-        along += self.position[axis]
-        return along
-
 
 def _board_and_pieces(view: BoardView, step: int) -> Mask:
     """Where a piece of any height on any square is seen, in the small picture."""

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from hardware.table import PIECE_SHAPES
 from vision.board.view import BoardView, playing_area
 
-Array = NDArray[np.float64]
 Field = NDArray[np.float32]
 
 LIGHT, DARK, BESIDE, SEAM = 0, 1, 2, 3

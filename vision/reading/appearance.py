@@ -18,7 +18,6 @@ States = NDArray[np.intp]
 
 EMPTY, WHITE, BLACK = 0, 1, 2
 """States of a square."""
-STATE_NAMES: Final = ("empty", "white", "black")
 
 MEMORY: Final = 0.9
 """Share of what was known that one more position leaves: light changes within ten plies."""

@@ -71,12 +71,6 @@ class Evidence:
     solid: Array | None = None
     measured: Cover | None = None
 
-    def probabilities(self) -> Array:
-        """Of empty, white and black for each square by looks alone: shape (64, 3)."""
-        likelihood = np.exp(self.states if self.solid is None else self._weight() * self.states + self.solid)
-        probabilities: Array = likelihood / likelihood.sum(axis=1, keepdims=True)
-        return probabilities
-
     def read(self, before: Codes) -> NDArray[np.intp]:
         """The likeliest state of each square by its looks and by whether it has changed, whatever the rules: (64,)."""
         looks, did, kept = (one[0] for one in self._terms(before[None], before))

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import chess
 
 from app.game.clock import ChessClock
-from app.measure.bench.report import BenchReport, Row, machine, row
+from app.measure.bench.report import BenchReport, Row, row
 from app.players.players import EnginePlayer, Players
 from app.settings.time_control import ArmTime, TimeControl
 from engine.openings import opening_engine, varied_opening
@@ -58,8 +58,7 @@ def clock_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
         if game.flag is not None:
             progress(game.flag)
     rows["flags fallen"] = row(flags, "1", 0.0, "max")
-    holds = all(one.holds for one in rows.values())
-    return BenchReport(bench="clock", seed=SEED, pace="real", machine=machine(), holds=holds, rows=rows)
+    return BenchReport.of("clock", SEED, rows, "real")
 
 
 def play(control: TimeControl, arm: float, paid: ArmTime, plies: int) -> Played:

@@ -15,18 +15,16 @@ from typing import Final
 import numpy as np
 
 from app.execution.recovery_plans import Strayed, in_order, plan_making_way, plan_righting
-from app.measure.bench.cell import LEAD, Cell
-from app.measure.bench.report import BenchReport, machine, row
+from app.measure.bench.beds.bed import Bed, plant_of
+from app.measure.bench.report import BenchReport, row
 from app.motion import MotionSettings, Plan, Planner, PlanRefused
 from app.motion.plan import InTheWay
 from app.pieces.manipulation import Inventory, Transfer
 from controller.protocol import CommandCode
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece
-from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.grip_faults import GripFaults
 from hardware.sim.plant.imperfections import Flaws, Imperfections
-from hardware.sim.plant.plant import Plant
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
 from hardware.sim.render.appearance import Looks
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
@@ -67,10 +65,7 @@ def fallen_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
         "unmended": row(unmended, "1", UNMENDED_LIMIT, "mean"),
         "plans": row(plans, "1"),
     }
-    return BenchReport(
-        bench="fallen", seed=SEED, pace="fast", machine=machine(), holds=all(one.holds for one in rows.values()),
-        rows=rows,
-    )  # fmt: skip
+    return BenchReport.of("fallen", SEED, rows)
 
 
 def _set() -> tuple[PieceSpec, ...]:
@@ -112,10 +107,9 @@ class FallTrial:
         self._lost = lost
         pushed = () if lost else (self._victim.name,)
         pieces = tuple(self._put(spec, spec.name in pushed) for spec in stands)
-        model = build_model(self._parameters, table, pieces, np.array(self._settings.home), looks=False)
         faults = Imperfections(grip=GripFaults(holds=(1,) if lost else (), latest=0.4))
-        plant = Plant(model, self._parameters, tuple(p.name for p in stands), flaws=Flaws(faults, number))
-        self._cell = Cell(plant, self._parameters, table)
+        plant = plant_of(pieces, table, self._settings, self._parameters, Flaws(faults, number))
+        self._bed = Bed(plant, self._parameters, table)
         self._looks = Looks()
         self._view = studio.camera_from_board(self._looks.mount)
         self.what = f"{self._victim.kind} on {self._victim.place} {'lost on its way' if lost else 'knocked over'}"
@@ -129,10 +123,9 @@ class FallTrial:
 
     def run(self) -> str | None:
         """A sentence if the piece does not stand on its square in the end, or another one no longer does."""
-        self._cell.boot()
         if self._lost:
             self._lose()
-        self._wait(_SETTLE)
+        self._bed.wait(_SETTLE)
         for _ in range(LOOKS):
             strays = self._strays()
             one = next(iter(in_order(strays)), None)
@@ -148,7 +141,7 @@ class FallTrial:
                 return str(refused)
             self.plans += 1
             self._carry_out(plan)
-            self._wait(0.3)
+            self._bed.wait(0.3)
         for transfer in reversed(self._ways):
             back = Transfer(transfer.name, transfer.kind, transfer.colour, transfer.target, transfer.source)
             self._carry_out(self._planner().ply("", [back], self._as_righted()))
@@ -157,11 +150,7 @@ class FallTrial:
 
     def _planner(self) -> Planner:
         """From where the arm is."""
-        supervisor = self._cell.supervisor
-        return Planner.of(
-            self._settings, self._parameters, self._table, supervisor.reference.position.copy(),
-            supervisor.measurement.finger_position, LEAD,
-        )  # fmt: skip
+        return self._bed.planner(self._settings, self._table)
 
     def _as_righted(self) -> Inventory:
         """With the victim where it had to go."""
@@ -188,24 +177,19 @@ class FallTrial:
 
     def _carry_out(self, plan: Plan) -> None:
         """As far as it goes; then home."""
-        supervisor = self._cell.supervisor
         try:
-            for number in range(len(plan.motions)):
-                self._cell.carry_out(plan.continued(number, supervisor.reference.position.copy()))
+            for motion, _ in self._bed.continued(plan):
+                self._bed.carry_out(motion)
         except RuntimeError:
-            self._wait(0.5)
-            supervisor.obey(CommandCode.RESUME)
+            self._bed.wait(0.5)
+            self._bed.supervisor.obey(CommandCode.RESUME)
             back = self._planner().home(self._victim.kind)
-            self._cell.carry_out(back.motions[0])
-
-    def _wait(self, duration: float) -> None:
-        for _ in range(round(duration / self._parameters.drive.tick)):
-            self._cell.tick()
+            self._bed.carry_out(back.motions[0])
 
     def _poses(self) -> Iterator[PlacedPiece]:
         """Of all pieces, for the picture."""
         for spec in self._inventory:
-            body = self._cell.plant.data.body(spec.name)
+            body = self._bed.plant.data.body(spec.name)
             x, y, z = body.xpos.tolist()
             axis = body.xmat.reshape(3, 3)[:, 2]
             yield PlacedPiece(

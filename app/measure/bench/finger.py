@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from app.measure.bench.cell import Cell
-from app.measure.bench.report import BenchReport, Row, machine, row
+from app.measure.bench.beds.bed import Bed
+from app.measure.bench.report import BenchReport, Row, row
 from app.motion import MotionSettings
 from app.motion.gains import critical
 from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
@@ -109,26 +109,25 @@ def meet(trial: FingerTrial, limits: ContactLimits, parameters: RobotParameters)
     table, settings, tick = TableSettings(limits=limits), MotionSettings(), parameters.drive.tick
     start, end = table.base_from_board(trial.start), table.base_from_board(trial.end)
     plant = Plant(build_finger_world(parameters, table, start, trial.finger), parameters, ())
-    cell = Cell(plant, parameters, table)
-    cell.boot()
-    here = cell.supervisor.reference.position.copy()
+    bed = Bed(plant, parameters, table)
+    here, _ = bed.arm
     bounds = Bounds(_speed(trial, limits), settings.acceleration, settings.jerk)
     way = join([dwell(here, 1), line(here, end, bounds, tick)])
-    cell.begin(to_samples(way, critical((_STIFF,) * 3, len(way)), np.zeros(len(way))))
+    bed.begin(to_samples(way, critical((_STIFF,) * 3, len(way)), np.zeros(len(way))))
     forces: list[float] = []
     met = None
     while met is None or len(forces) < met + WATCHED / tick:
-        cell.tick()
+        bed.tick()
         forces.append(finger_force(plant.model, plant.data))
         if met is None and forces[-1] >= RELEASED:
             met = len(forces)
-        if met is None and cell.supervisor.motion.announced is None:
-            _explain(cell.supervisor.ended)
+        if met is None and bed.supervisor.motion.announced is None:
+            _explain(bed.supervisor.ended)
             met = len(forces)
     felt = np.array(forces[met - 1 :])
     pressed = np.flatnonzero(felt >= RELEASED)
     freed = float((pressed[-1] + 1) * tick) if pressed.size else 0.0
-    resting = cell.supervisor.state in (State.HOLD, State.FAULT) and plant.arm_speed() < 0.02
+    resting = bed.supervisor.state in (State.HOLD, State.FAULT) and plant.arm_speed() < 0.02
     return Felt(float(felt.max()), freed, float(felt[round(WITHIN / tick) :].max()), resting)
 
 
@@ -163,9 +162,7 @@ def finger_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
         for kind in KINDS:
             progress(f"{trials} fingers, {kind}, profile {profile}")
             rows |= _rows(f"{profile}_{kind}", _trials(kind, trials, limits, parameters), limit)
-    return BenchReport(
-        bench="finger", seed=SEED, pace="fast", machine=machine(), holds=all(r.holds for r in rows.values()), rows=rows
-    )
+    return BenchReport.of("finger", SEED, rows)
 
 
 def _trials(kind: str, count: int, limits: ContactLimits, parameters: RobotParameters) -> list[Felt]:

@@ -7,23 +7,21 @@ all kinds that stand up to 4 mm off along both axes, turned at random, are grasp
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.bench.cell import LEAD, Cell
-from app.measure.bench.report import BenchReport, machine, row
-from app.motion import PROFILES, Motion, MotionSettings, Planner, Profile
+from app.measure.bench.beds.bed import Bed, plant_of
+from app.measure.bench.report import BenchReport, row
+from app.motion import PROFILES, MotionSettings, Plan, Profile
 from app.motion.path import Vector
 from app.motion.timing.reference import Bounds, join, line, to_samples
 from app.pieces.manipulation import Inventory, Stage, Transfer
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.placed import StandingPiece
-from hardware.sim.bodies.scene import build_model
-from hardware.sim.plant.plant import Plant
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 
 SEED: Final = 7
@@ -75,10 +73,7 @@ def grip_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
         "dropped": row([share], "%", DROP_LIMIT, "max"),
         "grasps": row([grasped.done], "1"),
     }
-    return BenchReport(
-        bench="grip", seed=SEED, pace="fast", machine=machine(), holds=all(one.holds for one in rows.values()),
-        rows=rows,
-    )  # fmt: skip
+    return BenchReport.of("grip", SEED, rows)
 
 
 # a king, shaken
@@ -102,14 +97,12 @@ def shake(number: int, parameters: RobotParameters, table: TableSettings) -> flo
     table = table.model_copy(update={"limits": table.limits.model_copy(update={"tool_speed": settings.speed})})
     source = SOURCES[number % len(SOURCES)]
     standing = _stand(Kind.KING, source, table, rng)
-    cell = _cell((standing,), settings, parameters, table)
-    _grasp(cell, standing.spec, TARGETS[number % len(TARGETS)], settings, parameters, table)
-    start = cell.supervisor.reference.position.copy()
-    begun = _in_fingers(cell, standing.spec.name)
-    cell.execute(_shaking(start, settings, parameters, table), followed=False)
-    for _ in range(round(0.2 / parameters.drive.tick)):
-        cell.tick()
-    return float(np.linalg.norm(_in_fingers(cell, standing.spec.name) - begun))
+    bed = _bed((standing,), settings, parameters, table)
+    _grasp(bed, standing.spec, TARGETS[number % len(TARGETS)], settings, table)
+    begun = _in_fingers(bed, standing.spec.name)
+    bed.execute(_shaking(bed.arm[0], settings, parameters, table), followed=False)
+    bed.wait(0.2)
+    return float(np.linalg.norm(_in_fingers(bed, standing.spec.name) - begun))
 
 
 def _shaking(
@@ -129,9 +122,9 @@ def _shaking(
     return to_samples(path, gains, np.full(len(path), -settings.grip.closing_speed))
 
 
-def _in_fingers(cell: Cell, name: str) -> Vector:
+def _in_fingers(bed: Bed, name: str) -> Vector:
     """Where the piece is, seen from the tool [m]."""
-    data = cell.plant.data
+    data = bed.plant.data
     position: Vector = data.body(name).xpos - data.site("tool").xpos
     return position.copy()
 
@@ -148,10 +141,10 @@ def grasps(
         rng = np.random.default_rng([seed, world])
         kinds = rng.permutation(list(Kind))
         pieces = tuple(_stand(Kind(kind), place, table, rng) for kind, place in zip(kinds, SOURCES, strict=True))
-        cell = _cell(pieces, settings, parameters, table)
+        bed = _bed(pieces, settings, parameters, table)
         stands = [piece.spec for piece in pieces]
         for index, target in enumerate(TARGETS):
-            trouble = _carry(cell, stands, index, target, settings, parameters, table)
+            trouble = _carry(bed, stands, index, target, settings, table)
             found.done += 1
             if trouble is not None:
                 found.dropped.append(f"world {world}, {stands[index].kind} on {stands[index].place}: {trouble}")
@@ -165,16 +158,15 @@ def grasps(
 
 
 def _carry(
-    cell: Cell, stands: Sequence[PieceSpec], index: int, target: Place, settings: MotionSettings,
-    parameters: RobotParameters, table: TableSettings,
-) -> str | None:  # fmt: skip
+    bed: Bed, stands: Sequence[PieceSpec], index: int, target: Place, settings: MotionSettings, table: TableSettings
+) -> str | None:
     """Carry one of the pieces that stand there away; a sentence if it did not arrive."""
     try:
-        for motion in _motions(cell, stands, index, target, settings, parameters, table):
-            cell.carry_out(motion)
+        for motion, _ in bed.continued(_plan(bed, stands, index, target, settings, table)):
+            bed.carry_out(motion)
     except RuntimeError as error:
         return str(error)
-    pose = next(one for one in cell.plant.truth(reset_peak=False).pieces if one.name == stands[index].name)
+    pose = next(one for one in bed.plant.truth(reset_peak=False).pieces if one.name == stands[index].name)
     x, y = table.xy(target)
     off = float(np.hypot(pose.x - x, pose.y - y))
     if pose.tilt > UPRIGHT or off > PLACED:
@@ -182,29 +174,20 @@ def _carry(
     return None
 
 
-def _motions(
-    cell: Cell, stands: Sequence[PieceSpec], index: int, target: Place, settings: MotionSettings,
-    parameters: RobotParameters, table: TableSettings,
-) -> Iterator[Motion]:  # fmt: skip
-    """Of a transfer, each continued from where the one before ended."""
-    supervisor, spec = cell.supervisor, stands[index]
-    start, finger = supervisor.reference.position.copy(), supervisor.measurement.finger_position
-    transfer = Transfer(spec.name, spec.kind, spec.colour, spec.place, target)
-    plan = Planner.of(settings, parameters, table, start, finger, LEAD).ply("", [transfer], Inventory.of(stands, table))
-    for number in range(len(plan.motions)):
-        yield plan.continued(number, supervisor.reference.position.copy())
+def _plan(
+    bed: Bed, stands: Sequence[PieceSpec], index: int, target: Place, settings: MotionSettings, table: TableSettings
+) -> Plan:
+    """Of a transfer."""
+    inventory = Inventory.of(stands, table)
+    return bed.planner(settings, table).ply("", [Transfer.of(stands[index], target)], inventory)
 
 
-def _grasp(
-    cell: Cell, spec: PieceSpec, target: Place, settings: MotionSettings, parameters: RobotParameters,
-    table: TableSettings,
-) -> None:  # fmt: skip
-    for motion in _motions(cell, [spec], 0, target, settings, parameters, table):
-        cell.carry_out(motion, followed=motion.stage is Stage.GRASP)
+def _grasp(bed: Bed, spec: PieceSpec, target: Place, settings: MotionSettings, table: TableSettings) -> None:
+    for motion, _ in bed.continued(_plan(bed, [spec], 0, target, settings, table)):
+        bed.carry_out(motion, followed=motion.stage is Stage.GRASP)
         if motion.stage is Stage.GRASP:
             break
-    for _ in range(round(settings.grip.settle / parameters.drive.tick)):
-        cell.tick()
+    bed.wait(settings.grip.settle)
 
 
 def _stand(kind: Kind, place: Place, table: TableSettings, rng: np.random.Generator) -> StandingPiece:
@@ -213,10 +196,7 @@ def _stand(kind: Kind, place: Place, table: TableSettings, rng: np.random.Genera
     return StandingPiece(spec, float(x), float(y), float(rng.uniform(-np.pi, np.pi)))
 
 
-def _cell(
+def _bed(
     pieces: tuple[StandingPiece, ...], settings: MotionSettings, parameters: RobotParameters, table: TableSettings
-) -> Cell:
-    model = build_model(parameters, table, pieces, np.array(settings.home), looks=False)
-    cell = Cell(Plant(model, parameters, tuple(piece.spec.name for piece in pieces)), parameters, table)
-    cell.boot()
-    return cell
+) -> Bed:
+    return Bed(plant_of(pieces, table, settings, parameters), parameters, table)

@@ -24,7 +24,7 @@ from typing import Final
 import chess
 
 from app import UserError
-from app.measure.bench.report import BenchReport, Row, machine, row
+from app.measure.bench.report import BenchReport, Row, row
 from app.rig.arm import FELT
 from app.rig.remote import RESTING
 from app.rig.simulation.processes import last_words
@@ -116,9 +116,7 @@ def measure_kills(number: int, pace: str, progress: Callable[[str], None]) -> Be
                 except HardwareError as error:
                     raise UserError(f"{error}; last words: {game.last_words()}") from error
     rows = _rows(figures)
-    return BenchReport(
-        bench="kills", seed=SEED, pace=pace, machine=machine(), holds=all(one.holds for one in rows.values()), rows=rows
-    )
+    return BenchReport.of("kills", SEED, rows, pace)
 
 
 def _rows(figures: KillFigures) -> dict[str, Row]:

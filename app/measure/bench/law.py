@@ -7,16 +7,19 @@ The same ticks must give the same torques, positions and velocities as in the su
 from __future__ import annotations
 
 import gc
+import os
+import subprocess
+import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from time import perf_counter_ns
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from app.measure.bench.beds.recording import Tick, TickRecording, found, record
 from app.measure.bench.parts import Poses, nothing, time_parts
-from app.measure.bench.recording import Tick, TickRecording, found, record
-from app.measure.bench.report import BenchReport, Row, machine, row
-from app.measure.bench.start import measure_starts
+from app.measure.bench.report import BenchReport, Row, row
 from controller.law.task_space import TaskSpaceController, pack_reference
 from controller.model.compiled import FloatArray
 from controller.model.constants import DISTAL, DeltaModel
@@ -33,6 +36,18 @@ CLOSURE_LIMIT: Final = 1e-8
 """Newton must leave less than this between the arms' tool points [m]."""
 FIRST_COMPILE_LIMIT: Final = 20.0
 CACHED_START_LIMIT: Final = 1.0
+FIRST_TICK = """
+import time
+start = time.perf_counter()
+from controller.law.task_space import TaskSpaceController, pack_reference
+from controller.model.constants import DeltaModel
+from hardware.parameters import load_parameters
+law = TaskSpaceController(DeltaModel(load_parameters()))
+assert law.update((0.3, 0.3, 0.3), (0.0, 0.0, 0.0)) == 0
+law.torque(pack_reference((0.0, 0.0, 0.4)))
+print(time.perf_counter() - start)
+"""
+"""Run in a new process: how long until its first tick."""
 
 
 def law_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
@@ -54,9 +69,7 @@ def law_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
     starts = measure_starts(3 if quick else 7)
     rows["first_compile"] = row([starts.first], "s", FIRST_COMPILE_LIMIT)
     rows["cached_start"] = row(starts.cached, "s", CACHED_START_LIMIT)
-    return BenchReport(
-        bench="law", seed=SEED, pace="fast", machine=machine(), holds=all(one.holds for one in rows.values()), rows=rows
-    )
+    return BenchReport.of("law", SEED, rows)
 
 
 def replayed(model: DeltaModel, recording: TickRecording) -> TaskSpaceController:
@@ -162,3 +175,35 @@ def _calls(ticks: Sequence[Tick]) -> list[int]:
         nothing(state, tick.angle, tick.velocity)
         durations.append(clock() - start)
     return durations
+
+
+# how long a new process needs until its first tick: with nothing compiled yet, and from the cache on disk
+
+
+class Starts(NamedTuple):
+    """Seconds of wall time from the first import to the first torque."""
+
+    first: float
+    """With an empty cache: everything is compiled."""
+    cached: list[float]
+    """Later starts, one by one."""
+
+
+def measure_starts(cached: int) -> Starts:
+    """Start the law in processes of their own, with a cache directory that is empty before the first.
+
+    Args:
+        cached: how many starts from the cache.
+    """
+    with tempfile.TemporaryDirectory(prefix="touchmove-bench-") as folder:
+        return Starts(start_once(folder), [start_once(folder) for _ in range(cached)])
+
+
+def start_once(cache: str) -> float:
+    """Seconds from the first import to the first torque in a new process with this cache directory."""
+    done = subprocess.run(
+        [sys.executable, "-c", FIRST_TICK],
+        env={**os.environ, "NUMBA_CACHE_DIR": cache}, stdin=subprocess.DEVNULL, capture_output=True, text=True,
+        check=True, timeout=120,
+    )  # fmt: skip
+    return float(done.stdout)

@@ -19,7 +19,7 @@ import numpy as np
 
 from app import UserError
 from app.commissioning.processor import ProcessorTime, stolen_share
-from app.measure.bench.report import BenchReport, Row, machine, row
+from app.measure.bench.report import BenchReport, Row, row
 from app.motion import Motion, MotionSettings, Plan
 from app.motion.gains import critical
 from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
@@ -75,14 +75,7 @@ def loop_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
             f"{100.0 * STOLEN:g} % leaves a loop alone: measure on a PC of its own"
         )
     rows = loop_rows(end, stopped, stolen)
-    return BenchReport(
-        bench="loop",
-        seed=SEED,
-        pace="real",
-        machine=machine(),
-        holds=all(one.holds for one in rows.values()),
-        rows=rows,
-    )
+    return BenchReport.of("loop", SEED, rows, "real")
 
 
 def loop_rows(end: RunEnd, stopped: int, stolen: float) -> dict[str, Row]:

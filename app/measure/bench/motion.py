@@ -11,11 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from app.measure.bench.grasps import slides
+from app.measure.bench.beds.grasps import slides
+from app.measure.bench.beds.plies import Disorder, Done, Games
+from app.measure.bench.beds.touchdown import TARGET, Touchdown, set_down
 from app.measure.bench.optimum import NoOptimum, optimal_duration
-from app.measure.bench.plies import Disorder, Done, Games
-from app.measure.bench.report import BenchReport, Row, machine, row
-from app.measure.bench.touchdown import TARGET, Touchdown, set_down
+from app.measure.bench.report import BenchReport, Row, row
 from app.motion import PROFILES, Motion, MotionSettings, Profile
 from app.motion.path import STRAIGHT, Path, Vector, blend, turns
 from app.motion.settings import Law
@@ -94,8 +94,7 @@ def motion_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
     rows["failed"] = row([float(len(failures))], "plies", 0.0, "max")
     for sentence in failures:
         progress(sentence)
-    holds = all(one.holds for one in rows.values())
-    return BenchReport(bench="motion", seed=SEED, pace="fast", machine=machine(), holds=holds, rows=rows)
+    return BenchReport.of("motion", SEED, rows)
 
 
 def _touch_forces(parameters: RobotParameters, *, quick: bool) -> list[float]:

@@ -20,8 +20,8 @@ import chess
 import numpy as np
 
 from app import UserError
-from app.measure.bench.report import BenchReport, machine, row
-from app.measure.bench.vision_games import random_game
+from app.measure.bench.report import BenchReport, row
+from app.measure.bench.vision.games import random_game
 from app.play.launch import run_games
 from app.play.session import SessionResult
 from app.records import EVENTS_FILE, PlyEvent, read_events
@@ -132,10 +132,7 @@ def recovery_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
         "unmended": row([tally.unmended / max(1, both)], "1", UNMENDED_LIMIT, "max"),
         "games": row([tally.games], "1"),
     }
-    return BenchReport(
-        bench="recovery", seed=SEED, pace="fast", machine=machine(), holds=all(one.holds for one in rows.values()),
-        rows=rows,
-    )  # fmt: skip
+    return BenchReport.of("recovery", SEED, rows)
 
 
 def measure(losses: int, mishaps: int, plies: int, progress: Callable[[str], None], seed: int = SEED) -> RecoveryTally:
@@ -180,7 +177,7 @@ def play_one(seed: int, plies: int, tally: RecoveryTally, progress: Callable[[st
         )  # fmt: skip
         face = Clumsy(folder / "game" / "run", seed, progress)
         result = run_games(settings, face)
-        done = [event for event in read_events(folder / "game" / EVENTS_FILE) if isinstance(event, PlyEvent)]
+        done = [event for event in read_events(folder / "game" / EVENTS_FILE, progress) if isinstance(event, PlyEvent)]
         tally.losses += lost_grips(folder / "game" / "run")
     tally.games += 1
     tally.mishaps += face.mishaps

@@ -18,7 +18,7 @@ from app.measure.bench.motion import motion_bench
 from app.measure.bench.recovery import recovery_bench
 from app.measure.bench.report import BenchReport
 from app.measure.bench.sim import sim_bench
-from app.measure.bench.vision import vision_bench
+from app.measure.bench.vision.rows import vision_bench
 
 Progress = Callable[[str], None]
 Bench = Callable[[bool, Progress], BenchReport]

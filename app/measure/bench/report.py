@@ -9,7 +9,10 @@ from pathlib import Path
 import numba
 import numpy as np
 from numpy.typing import ArrayLike
+from rich.console import Group
+from rich.text import Text
 
+from app.terminal.report_table import judged, rows_table
 from hardware.frozen import Frozen
 
 
@@ -25,6 +28,13 @@ class Row(Frozen):
     limit: float | None = None
     holds: bool = True
 
+    def texts(self, name: str) -> tuple[str | Text, ...]:
+        """What a table for people says of it."""
+        limit = "" if self.limit is None else f"{self.limit:g}"
+        verdict = "" if self.limit is None else judged("holds" if self.holds else "does not hold", self.holds)
+        numbers = (f"{value:.4g}" for value in (self.mean, self.p50, self.p99, self.max))
+        return name, self.unit, str(self.n), *numbers, limit, verdict
+
 
 class BenchReport(Frozen):
     """One bench: ``holds`` says whether all of its rows hold."""
@@ -36,15 +46,16 @@ class BenchReport(Frozen):
     holds: bool
     rows: dict[str, Row]
 
-    def table(self) -> str:
+    @classmethod
+    def of(cls, bench: str, seed: int, rows: dict[str, Row], pace: str = "fast") -> BenchReport:
+        """Of rows that were measured on this machine."""
+        holds = all(one.holds for one in rows.values())
+        return cls(bench=bench, seed=seed, pace=pace, machine=machine(), holds=holds, rows=rows)
+
+    def table(self) -> Group:
         """For people: one line a row."""
-        lines = [f"{'':16}{'unit':>7}{'n':>8}{'mean':>11}{'p50':>11}{'p99':>11}{'max':>11}{'limit':>9}"]
-        for name, one in self.rows.items():
-            numbers = "".join(f"{value:>11.4g}" for value in (one.mean, one.p50, one.p99, one.max))
-            limit = "" if one.limit is None else f"{one.limit:g}"
-            verdict = "" if one.limit is None else ("  holds" if one.holds else "  does not hold")
-            lines.append(f"{name:16}{one.unit:>7}{one.n:>8}{numbers}{limit:>9}{verdict}")
-        return "\n".join([*lines, self.machine])
+        columns = ("", "unit", ">n", ">mean", ">p50", ">p99", ">max", ">limit", "")
+        return Group(rows_table(columns, [one.texts(name) for name, one in self.rows.items()]), self.machine)
 
 
 def row(values: ArrayLike, unit: str, limit: float | None = None, bound: str = "p50") -> Row:

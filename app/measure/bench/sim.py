@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from app import UserError
-from app.measure.bench.report import BenchReport, Row, machine, row
+from app.measure.bench.report import BenchReport, Row, row
 from app.play.launch import run_games
 from app.records import Report
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
@@ -82,8 +82,7 @@ def sim_bench(quick: bool, progress: Callable[[str], None]) -> BenchReport:
         with _load():
             second = play(folder / "second", plies)
     rows = rows_of(first, second, again)
-    holds = all(one.holds for one in rows.values())
-    return BenchReport(bench="sim", seed=SEED, pace="fast", machine=machine(), holds=holds, rows=rows)
+    return BenchReport.of("sim", SEED, rows)
 
 
 def rows_of(first: PlayedGame, second: PlayedGame, again: Again) -> dict[str, Row]:

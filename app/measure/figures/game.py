@@ -7,7 +7,7 @@ from typing import Final
 import chess
 import numpy as np
 
-from app.measure.bench.plies import Bed, Disorder
+from app.measure.bench.beds.plies import Disorder, GameBed
 from app.measure.figures.drawing import GREY, WITH, WITHOUT, axes, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import PROFILES, Profile
@@ -27,22 +27,22 @@ IN_AIR: Final = 1.0
 def figure_9(progress: Progress) -> FigureResult:
     """Play the plies in the simulated world and draw them."""
     board, parameters = chess.Board(), load_parameters()
-    bed = Bed(board, PROFILES[Profile.DEFAULT], parameters, TableSettings(), Disorder((0.002, 0.002), 0.03), SEED)
+    bed = GameBed(board, PROFILES[Profile.DEFAULT], parameters, TableSettings(), Disorder((0.002, 0.002), 0.03), SEED)
     rows: list[Vector] = []
     homes: list[float] = []
     tick = parameters.drive.tick
 
     def watch() -> None:
-        law, reference = bed.cell.supervisor.law.state, bed.cell.supervisor.reference.row
-        rows.append(np.concatenate([[bed.cell.plant.tick * tick], reference[0:3], law.position, reference[9:12]]))
+        law, reference = bed.supervisor.law.state, bed.supervisor.reference.row
+        rows.append(np.concatenate([[bed.plant.tick * tick], reference[0:3], law.position, reference[9:12]]))
 
-    bed.cell.watchers.append(watch)
+    bed.watchers.append(watch)
     durations: list[float] = []
     for move in parse_line(LINE, board):
         progress(board.san(move))
-        homes.append(bed.cell.plant.tick * tick)
+        homes.append(bed.plant.tick * tick)
         durations.append(bed.play(move).duration)
-    homes.append(bed.cell.plant.tick * tick)
+    homes.append(bed.plant.tick * tick)
     seen = np.array(rows)
     seen[:, 0] -= homes[0]
     error = 1e3 * (seen[:, 4:7] - seen[:, 1:4])

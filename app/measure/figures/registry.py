@@ -12,8 +12,7 @@ from app import UserError
 from app.measure.figures.admittance import figure_5
 from app.measure.figures.encoder import encoder
 from app.measure.figures.game import figure_9
-from app.measure.figures.grasp_motion import figure_6
-from app.measure.figures.grasp_pictures import figure_7
+from app.measure.figures.grasp_figures import figure_6, figure_7
 from app.measure.figures.move import MOVE, move_figure
 from app.measure.figures.newton import newton
 from app.measure.figures.result import FigureResult, Progress, save

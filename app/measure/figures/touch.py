@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from app.measure.bench.touchdown import FELT, WOOD, Pressed, Touchdown, set_down
+from app.measure.bench.beds.touchdown import FELT, WOOD, Pressed, Touchdown, set_down
 from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import PROFILES, Profile

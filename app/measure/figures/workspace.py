@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import JsonValue
 
-from app.measure.figures.drawing import axes, board_map, picture
+from app.measure.figures.drawing import TableGrid, axes, board_map, picture, table_grid
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
-from app.measure.figures.table_grid import TableGrid, table_grid
 from app.motion import MotionSettings
 from app.motion.timing.reference import Vector
 from controller.model.constants import DeltaModel

@@ -118,7 +118,7 @@ def load_labels(folder: Path) -> Labels | None:
         first = error.errors()[0]
         place = ".".join(str(part).removesuffix("_") for part in first["loc"])
         raise UserError(f"{path}: {place}: {first['msg']}: correct it, or move the file away") from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise UserError(f"{path} cannot be read: {error}: correct it, or move the file away") from error
 
 

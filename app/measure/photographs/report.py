@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from rich.table import Table
+from rich.console import Group, RenderableType
 
+from app.terminal.report_table import rows_table
 from hardware.frozen import Frozen
 
 
@@ -60,15 +61,14 @@ class VisionReport(Frozen):
         """Followed to the end, and nothing wrong where that is known."""
         return self.failed is None and (self.score is None or self.score.wrong == 0)
 
-    def table(self) -> Table:
+    def table(self) -> RenderableType:
         """For people: the game, and how sure its moves were."""
-        table = Table(title=self.failed or self.pgn, caption=self._summary(), title_justify="left")
-        for name in ("frame", "moves", "confidence", ""):
-            table.add_column(name, justify="right" if name == "confidence" else "left")
-        for event in self.events:
-            moves = " ".join(event.moves) or "-"
-            table.add_row(event.frame, moves, f"{event.confidence:.4f}", "asked" if event.asked else event.said)
-        return table
+        rows = [
+            (one.frame, " ".join(one.moves) or "-", f"{one.confidence:.4f}", "asked" if one.asked else one.said)
+            for one in self.events
+        ]
+        title = self.failed or self.pgn
+        return Group(rows_table(("frame", "moves", ">confidence", ""), rows, title), self._summary())
 
     def _summary(self) -> str:
         asked = sum(event.asked for event in self.events)

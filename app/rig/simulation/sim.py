@@ -10,13 +10,13 @@ import json
 import math
 import signal
 import subprocess
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from app.records import recording
+from app.records.files import full_disk
 from app.rig.arm import ControllerArm
 from app.rig.attach import attach
 from app.rig.devices import EndState, RigFailed, Watched
@@ -47,6 +47,8 @@ START_TIMEOUT = 120.0
 """World and controller together; the first start on a machine compiles the law [s, wall]."""
 LAST_WORDS_TIME = 2.0
 """For a world that may be ending to say why, when another process has failed first [s, wall]."""
+_NAMES = {"world": "the simulated world", "controller": "the controller"}
+"""Of the processes, for people."""
 END_TIMEOUT = 8.0
 """For each process to end by itself; then it is killed, and the drives' watchdog brakes [s, wall]."""
 
@@ -79,6 +81,8 @@ class SimRig:
         self._processes: dict[str, Process] = {}
         self._client: ControllerClient | None = None
         self._open = True
+        self._cause: str | None = None
+        """Why a process has ended, found when the rig was closed."""
         try:
             cameras = self._take_over(progress) if settings is None else self._start(settings, progress)
             self._await_controller()
@@ -89,8 +93,9 @@ class SimRig:
             self.camera = SimCamera(self._run_dir) if cameras else None
             self.referee = SimReferee(self._run_dir)
         except (ControllerError, KeyFileError, HardwareError) as error:
+            cause = self.failure() or full_disk(self._run_dir) or str(error)
             self._give_up()
-            raise RigFailed(str(error)) from error
+            raise RigFailed(cause) from error
         except BaseException:
             self._give_up()
             raise
@@ -168,6 +173,8 @@ class SimRig:
             controller = settings.controller.model_dump_json()
             (self._run_dir / CONTROLLER_SETTINGS_FILE).write_text(controller, encoding="utf-8")
             create_key(self._run_dir / KEY_FILE)
+        if full := full_disk(self._run_dir):
+            raise RigFailed(full)
 
     def _spawn(self, name: str) -> None:
         with recording(self._run_dir):
@@ -177,7 +184,7 @@ class SimRig:
         deadline = time.monotonic() + START_TIMEOUT
         while not (self._run_dir / CONTROLLER_FILE).exists():
             if culprit := self._culprit():
-                raise RigFailed(self._last_words(culprit))
+                raise RigFailed(self._sentence(culprit, "could not start"))
             if time.monotonic() > deadline:
                 raise RigFailed(f"the controller is not ready after {START_TIMEOUT:.0f} s; logs are in {self._run_dir}")
             time.sleep(0.02)
@@ -193,15 +200,20 @@ class SimRig:
         failed = [name for name, code in status.items() if code]
         if not failed and status and None not in status.values():
             failed = list(status)
-        return failed[0] if failed else None
+        killed = [name for name in failed if (status[name] or 0) < 0]  # others end by themselves, since one is gone
+        return next(iter([*killed, *failed]), None)
 
     def _statuses(self) -> dict[str, int | None]:
         return {name: process.poll() for name, process in self._processes.items()}
 
-    def _last_words(self, name: str) -> str:
-        said = last_words(log_of(name, self._run_dir))
-        said = said or f"it said nothing (exit status {self._processes[name].poll()})"
-        return f"the {name} could not start: {said}"
+    def _sentence(self, name: str, what: str) -> str:
+        """What became of a process, and why: who killed it is more than what it said last."""
+        status = self._processes[name].poll()
+        if status is not None and status < 0:
+            why = f"it was killed ({signal.Signals(-status).name})"
+        else:
+            why = full_disk(self._run_dir) or last_words(log_of(name, self._run_dir)) or f"exit status {status}"
+        return f"{_NAMES[name]} {what}: {why}"
 
     def __enter__(self) -> SimRig:
         return self
@@ -217,9 +229,10 @@ class SimRig:
         return SimWatchCamera(self._run_dir, interval, colour_asleep=False)
 
     def failure(self) -> str | None:
-        """A sentence on a process that has ended unexpectedly, None while all run."""
-        culprit = self._culprit()
-        return self._last_words(culprit).replace("could not start", "has ended") if culprit else None
+        """A sentence on a process that has ended unexpectedly, also while the rig was closed; None: none has."""
+        if self._open and self._cause is None and (culprit := self._culprit()):
+            self._cause = self._sentence(culprit, "has ended")
+        return self._cause
 
     def free_lease(self) -> None:
         """Leave the controller, which holds the arm, to another client; from here this rig only waits for ``close``."""
@@ -234,12 +247,16 @@ class SimRig:
         """
         if not self._open:
             return None
-        self._open = False
         with _uninterrupted():
+            self.failure()
             self._close_devices()
             orderly = self._shut_down()
-            for name in ("controller", "world"):
-                self._end(name, orderly)
+            if not orderly:  # somebody has ended meanwhile, and could not be asked
+                self.failure()
+            self._open = False
+            killed = [name for name in ("controller", "world") if not self._end(name, orderly)]
+            if self._cause is None and orderly and not killed:
+                self._cause = self._ended_otherwise()
             (self._run_dir / KEY_FILE).unlink(missing_ok=True)
         return self._end_state()
 
@@ -259,11 +276,11 @@ class SimRig:
             return False
         return True
 
-    def _end(self, name: str, orderly: bool) -> None:
-        """Wait for a process that was told to end; SIGTERM for one that was not, which brakes as well."""
+    def _end(self, name: str, orderly: bool) -> bool:
+        """Wait for a process that was told to end, SIGTERM for one that was not; whether it did so without force."""
         process = self._processes.get(name)
         if process is None:
-            return
+            return True
         if not orderly:
             process.terminate()
         try:
@@ -271,6 +288,14 @@ class SimRig:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+            return False
+        return True
+
+    def _ended_otherwise(self) -> str | None:
+        """A sentence on a process that was told to end, and ended for another reason; of adopted ones nobody knows."""
+        ours = {name: process.poll() for name, process in self._processes.items() if not isinstance(process, Adopted)}
+        culprit = next((name for name, status in ours.items() if status), None)
+        return self._sentence(culprit, "has ended") if culprit else None
 
     def _end_state(self) -> EndState | None:
         path = self._run_dir / END_FILE
@@ -325,8 +350,3 @@ def require_present(run_dir: Path, recorded: float, period: float) -> None:
             f"on until {recorded:.2f} s, so that nobody knows where the pieces are: start a new game from its last "
             "position"
         )
-
-
-def new_run_dir(folder: Path | None) -> Path:
-    """The run directory of a game's folder, or a temporary one."""
-    return folder / "run" if folder is not None else Path(tempfile.mkdtemp(prefix="touchmove-")) / "run"

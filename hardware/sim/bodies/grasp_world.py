@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import mujoco
@@ -80,11 +79,6 @@ def build_block_world(parameters: RobotParameters, world: BlockWorld, substeps: 
     model = spec.compile()
     spec.add_key(name="start").qpos = _start(model, parameters, world).tolist()
     return spec.compile()
-
-
-def save_model(model: mujoco.MjModel, path: Path) -> None:
-    """Write a model where a renderer finds it."""
-    mujoco.mj_saveModel(model, str(path))
 
 
 def _add_surface(spec: mujoco.MjSpec, world: BlockWorld) -> None:

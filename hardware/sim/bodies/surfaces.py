@@ -28,8 +28,6 @@ POINTS_OF_A_FACE: Final = 2
 POINTS_OF_A_FOOT: Final = 4
 POINTS_OF_AN_EDGE: Final = 2
 POINTS_OF_A_BOX: Final = 4
-BOXES_OF_THE_FINGERS: Final = 6
-"""Bars and faces of the pads: all end at the same height."""
 
 
 WALL: Final = "wall."

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 COUNTS: Final = slice(0, 3)
-SPEEDS: Final = slice(3, 6)
 TOUCH: Final = slice(6, 8)
 PEAK_SQUARED: Final = 8
 FASTEST: Final = 9

@@ -20,10 +20,10 @@ from hardware.sim.plant.plant import Plant
 from hardware.sim.process.connections import Refused, Visitor
 from hardware.sim.process.scene_control import SceneControlService
 from hardware.sim.process.services import NEVER, SILENCE
-from hardware.sim.process.video_stream import Watcher
+from hardware.sim.process.video_stream import PATIENCE, Watcher
 from hardware.sim.render.appearance import CameraSettings
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
-from hardware.sim.render.renderer import Renderer, RenderRequest, Sensor, frame_path, intrinsics_for
+from hardware.sim.render.renderer import Renderer, RenderRequest, Sensor, frame_path, intrinsics_for, make_slot
 
 RGBD = "camera"
 """The view of the board's RGB-D camera; the others show the world to people."""
@@ -105,8 +105,7 @@ class CameraService:
             self._renderer = Renderer(self._run_dir)
         if self._renderer is None:
             raise Refused(self._absent)
-        slot, self._slots = self._slots, self._slots + 1
-        frame_path(self._run_dir, slot).touch()
+        (slot,) = self._new_slots(1)
         self._views[visitor] = _View(visitor, slot)
         return {**self._facts, "slot": slot, "views": {name: self._describe(name) for name in CAMERAS}}
 
@@ -140,6 +139,16 @@ class CameraService:
             view.due = self._after(self._plant.tick, view.every)
         self._plan()
 
+    def _new_slots(self, number: int) -> list[int]:
+        first, self._slots = self._slots, self._slots + number
+        slots = list(range(first, self._slots))
+        try:
+            for slot in slots:
+                make_slot(self._run_dir, slot)
+        except OSError as error:
+            raise Refused(f"there is no room for pictures in {self._run_dir}: {error.strerror}") from error
+        return slots
+
     def leave(self, visitor: Visitor) -> None:
         """See ``Service``."""
         del self._views[visitor]
@@ -148,10 +157,11 @@ class CameraService:
 
     def _watch(self, view: _View, request: wire.WatchWish) -> None:
         rooms = self._latency // request.watch_ticks + 3  # frames under way, one that is read, one that is begun
-        slots = [view.slot, *range(self._slots, self._slots + rooms - 1)]
-        self._slots += rooms - 1
-        for slot in slots:
-            frame_path(self._run_dir, slot).touch()
+        try:
+            slots = [view.slot, *self._new_slots(rooms - 1)]
+        except Refused as error:
+            view.visitor.tell({"error": str(error)})
+            return
         first = self._after(self._plant.tick, request.watch_ticks)
         self._watchers[view.visitor] = Watcher(
             view.visitor, request.camera, request.depth, request.watch_ticks, self._latency, slots, first,
@@ -229,11 +239,15 @@ class CameraService:
         return waited
 
     def _expose(self, view: _View, listen: Callable[[float], None] | None) -> bool:
-        waited, give_up = False, time.monotonic() + SILENCE
+        waited, begun = False, time.monotonic()
+        drawn = begun
         while listen is not None and view.stuck and view.visitor in self._views:
             waited = True
             listen(0.005)
-            if time.monotonic() > give_up:
+            now = time.monotonic()
+            if view.drawing:  # by a second renderer, if the first one has ended: that takes seconds
+                drawn = now
+            if now - drawn > SILENCE or now - begun > PATIENCE:
                 view.visitor.dismiss()
         if view.visitor in self._views and view.due != NEVER:
             view.due = self._after(self._plant.tick, view.every)

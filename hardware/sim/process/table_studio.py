@@ -6,12 +6,9 @@ Nothing moves and no physics runs: the renderer alone draws, so a picture costs 
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import mujoco
@@ -28,14 +25,12 @@ from hardware.sim.bodies.scene import build_model
 from hardware.sim.render.appearance import CameraSettings, Looks, MountSettings
 from hardware.sim.render.camera_mount import Mount
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
-from hardware.sim.render.renderer import MODEL_FILE, Renderer, RenderRequest, Sensor, frame_path, load_pictures
+from hardware.sim.render.renderer import Sensor
+from hardware.sim.render.still import VIEW, StillRenderer
 from hardware.table import Colour, PieceSpec, TableSettings
 
-VIEW = "camera"
 _AWAY = -1.0
 """Height at which pieces that are not wanted are kept, far below the table [m]."""
-_PATIENCE = 60.0
-"""For one picture: here nothing hurries, on however busy a machine [s, wall]."""
 _CV_AXES = np.diag([1.0, -1.0, -1.0])
 """OpenCV's camera axes in MuJoCo's."""
 
@@ -77,12 +72,7 @@ class TableStudio:
         self._hand = hand
         self._names = [piece.name for piece in pieces]
         self._camera = camera or CameraSettings()
-        self._folder = tempfile.TemporaryDirectory(prefix="touchmove-")
-        folder = Path(self._folder.name)
-        mujoco.mj_saveModel(self._model, str(folder / MODEL_FILE))
-        frame_path(folder, 0).touch()
-        self._renderer = Renderer(folder)
-        self._renderer.wait_ready()
+        self._still = StillRenderer(self._model)
         self._device = SoftwareCamera(
             colour_intrinsics(self._camera.width, self._camera.height),
             DepthStream(depth_intrinsics(), self._camera.depth_unit, LEFT_IMAGER),
@@ -93,12 +83,9 @@ class TableStudio:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._renderer.close()
+    def __exit__(self, *_: object) -> None:
+        self._still.close()
         self._device.close()
-        self._folder.cleanup()
 
     def frame(self, poses: Iterable[PlacedPiece], looks: Looks, seed: int, hand: HandPose | None = None) -> Frame:
         """A picture of these pieces and no others; ``seed`` decides the sensors' noise.
@@ -116,12 +103,7 @@ class TableStudio:
             raise ValueError("this studio has no hand: say whose when it is opened")
         self._taken += 1
         sensor = Sensor(camera=self._camera, seed=seed, tick=self._taken, depth=True)
-        self._renderer.request(
-            RenderRequest(slot=0, view=VIEW, looks=looks, sensor=sensor), self._positions(poses, hand)
-        )
-        self._renderer.take(wait=True, patience=_PATIENCE)
-        size = self._camera.width, self._camera.height
-        colour, depth = load_pictures(frame_path(Path(self._folder.name), 0), *size, depth=True)
+        colour, depth = self._still.draw(self._positions(poses, hand), looks, sensor)
         stamp = self._taken / 30.0
         return self._maker.make(self._device.pass_through(colour, depth, stamp), stamp)
 

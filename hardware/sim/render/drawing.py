@@ -191,7 +191,7 @@ def _serve(run_dir: Path, link: socket.socket) -> None:
         shot, positions = unpack_request(message)
         if shot.slot not in files:
             path = frame_path(run_dir, shot.slot)
-            files[shot.slot] = np.memmap(path, dtype=np.uint8, mode="w+", shape=(FRAME_BYTES,))
+            files[shot.slot] = np.memmap(path, dtype=np.uint8, mode="r+", shape=(FRAME_BYTES,))
         easel.draw(shot, positions, files[shot.slot])
         link.send(REPLY.pack(shot.slot))
     easel.close()

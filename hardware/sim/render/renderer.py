@@ -13,6 +13,7 @@ import struct
 import subprocess
 import sys
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,9 @@ _LONGEST = 64
 START_TIMEOUT = 60.0
 DRAW_TIMEOUT = 4.0
 """A picture that takes longer does not come; below the time after which clients give the whole world up [s, wall]."""
-LOST = "the renderer has ended or is stuck; renderer.log in the run directory says why"
+MOST_DEATHS: Final = 3
+"""A renderer that ends so often without a picture in between is given up."""
+LOST = "the renderer is stuck or has ended again and again; renderer.log in the run directory says why"
 GL_REMEDY = (
     "pictures need OpenGL through EGL, and it does not start here ({}): "
     "install it with 'sudo apt-get install libegl1 libgl1-mesa-dri', or leave the cameras out (--no-cameras; in a rig "
@@ -86,6 +89,16 @@ def frame_path(run_dir: Path, slot: int) -> Path:
     return run_dir / f"frame-{slot}.bin"
 
 
+def make_slot(run_dir: Path, slot: int) -> None:
+    """Make a slot's file, and see that there is room for its frames: who drew where none is left would be killed.
+
+    Raises:
+        OSError: there is none.
+    """
+    with frame_path(run_dir, slot).open("ab") as file:
+        os.posix_fallocate(file.fileno(), 0, FRAME_BYTES)
+
+
 def load_pictures(
     path: Path, width: int, height: int, *, depth: bool, colour: bool = True
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint16] | None]:
@@ -113,46 +126,91 @@ def intrinsics_for(vertical_field_of_view: float) -> Intrinsics:
 
 
 class Renderer:
-    """The renderer process as the world sees it: send positions, later take the answer."""
+    """The renderer process as the world sees it: send positions, later take the answer.
+
+    A process that ends is replaced, and asked again for every picture it still owed. A picture depends on its request
+    alone, so that it comes out the same to the last bit.
+    """
 
     def __init__(self, run_dir: Path) -> None:
         """Start the process; requests wait until it is ready, and ``wait_ready`` tells whether it can draw at all."""
+        self._run_dir = run_dir
+        self._owed: list[bytes] = []
+        """Requests without an answer, oldest first."""
+        self._deaths = 0
+        """Since the last picture."""
+        self._start("wb")
+
+    def _start(self, log_mode: str) -> None:
         self._link, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         environment = {**os.environ, "MUJOCO_GL": "egl", "LP_NUM_THREADS": "1"}
-        with (run_dir / "renderer.log").open("wb") as log:
+        with far, (self._run_dir / "renderer.log").open(log_mode) as log:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "hardware.sim.render.drawing", str(run_dir), str(far.fileno())],
+                [sys.executable, "-m", "hardware.sim.render.drawing", str(self._run_dir), str(far.fileno())],
                 pass_fds=[far.fileno()], stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment,
             )  # fmt: skip
-        far.close()
-        self._run_dir = run_dir
+
+    def _start_again(self) -> None:
+        """Replace a process that has ended, and ask the new one for what the old one owed.
+
+        Raises:
+            HardwareError: it ends again and again.
+        """
+        while True:
+            self._deaths += 1
+            if self._deaths >= MOST_DEATHS:
+                raise HardwareError(LOST)
+            self.close(patience=0.0)
+            print("the renderer has ended: another one is started", file=sys.stderr, flush=True)
+            try:
+                self._start("ab")
+                for request in self._owed:
+                    self._link.send(request)
+            except OSError:
+                continue
+            return
+
+    @property
+    def pid(self) -> int:
+        """Of the process that draws at the moment."""
+        return self._process.pid
 
     def wait_ready(self) -> None:
         """Block until the first picture could be drawn.
 
         Raises:
-            HardwareError: there is no OpenGL here.
+            HardwareError: there is no OpenGL here, or it ends again and again.
         """
-        self._link.settimeout(START_TIMEOUT)
-        try:
-            answer = self._link.recv(1024)
-        except OSError:
-            answer = b""
-        if answer != READY:
+        while True:
+            self._link.settimeout(START_TIMEOUT)
+            answer, stuck = b"", False
+            try:
+                answer = self._link.recv(_LONGEST)
+            except TimeoutError:
+                stuck = True
+            except OSError:  # it has ended
+                pass
+            if answer == READY:
+                return
             self.close()
-            lines = (self._run_dir / "renderer.log").read_text(errors="replace").strip().splitlines()
-            raise HardwareError(GL_REMEDY.format(lines[-1][:200] if lines else "no answer"))
+            if stuck or self._process.returncode >= 0:
+                lines = (self._run_dir / "renderer.log").read_text(errors="replace").strip().splitlines()
+                raise HardwareError(GL_REMEDY.format(lines[-1][:200] if lines else "no answer"))
+            self._start_again()  # it was killed
 
     def request(self, shot: RenderRequest, positions: NDArray[np.float64]) -> None:
         """Ask for a picture of the world at these joint positions.
 
         Raises:
-            HardwareError: the renderer has ended or is stuck.
+            HardwareError: the renderer ends again and again, or is stuck.
         """
+        self._owed.append(pack_request(shot, positions))
         try:
-            self._link.send(pack_request(shot, positions))
-        except OSError as error:
+            self._link.send(self._owed[-1])
+        except (BlockingIOError, TimeoutError) as error:
             raise HardwareError(LOST) from error
+        except OSError:
+            self._start_again()
 
     def take(self, wait: bool, patience: float = DRAW_TIMEOUT) -> int | None:
         """The slot of the next finished picture.
@@ -162,21 +220,26 @@ class Renderer:
             patience: how long to wait at most [s, wall].
 
         Raises:
-            HardwareError: the renderer has ended or is stuck.
+            HardwareError: the renderer ends again and again, or is stuck.
         """
-        try:
-            self._link.settimeout(patience if wait else 0.0)
-            message = READY
-            while message == READY:  # the first word of one that nobody waited for
+        while True:
+            try:
+                self._link.settimeout(patience if wait else 0.0)
                 message = self._link.recv(_LONGEST)
-        except BlockingIOError:
-            return None
-        except OSError as error:
-            raise HardwareError(LOST) from error
-        if not message:
-            raise HardwareError(LOST)
-        slot: int = REPLY.unpack(message)[0]
-        return slot
+            except BlockingIOError:
+                return None
+            except TimeoutError as error:
+                raise HardwareError(LOST) from error
+            except OSError:
+                message = b""
+            if not message:
+                self._start_again()
+                patience = max(patience, START_TIMEOUT)
+            elif message != READY:  # the first word of one that nobody waited for
+                self._deaths = 0
+                del self._owed[0]
+                slot: int = REPLY.unpack(message)[0]
+                return slot
 
     def close(self, patience: float = 5.0) -> None:
         """End the process, by force if it takes longer than ``patience`` [s]."""

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from app.cli import app
 from app.commissioning.calibrate import calibrate_rig, corners_near
 from app.commissioning.marker_survey import Setup
-from app.measure.bench.vision_calibration import square_errors
+from app.measure.bench.vision.calibration import square_errors
 from app.motion import MotionSettings
 from app.rig.simulation.settings import SimRigSettings
 from app.rig.simulation.sim import SimRig

@@ -5,8 +5,8 @@ from __future__ import annotations
 import chess
 import pytest
 
-from app.measure.bench.vision_actions import ClumsyHands
-from app.measure.bench.vision_games import Eye, Scene, open_studio, random_game
+from app.measure.bench.vision.actions import ClumsyHands
+from app.measure.bench.vision.games import Eye, Scene, open_studio, random_game
 from app.pieces.layout import start_layout
 from hardware.table import TableSettings
 from vision.pieces.verify import FaultKind, examine_board

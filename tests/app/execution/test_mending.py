@@ -219,9 +219,9 @@ class Unattended(UnattendedAsker):
     def __init__(self, paper: Paper) -> None:
         self._paper = paper
 
-    def mend(self, sentence: str, squares: tuple[str, ...]) -> None:
+    def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> None:
         self._paper.asked.append(sentence)
-        super().mend(sentence, squares)
+        super().mend(sentence, squares, stands)
 
 
 def table_of(

@@ -8,7 +8,7 @@ import chess
 import numpy as np
 import pytest
 
-from app.measure.bench.cell import LEAD, Cell
+from app.measure.bench.beds.bed import LEAD, Bed
 from app.motion import MotionSettings, Plan, Planner, PlanRefused
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, InventoryError, Transfer
@@ -132,21 +132,12 @@ def test_the_arm_sets_pieces_right(off: tuple[float, float]) -> None:
     seen = {transfer.name: transfer.seen for transfer in plan}
     standing = [StandingPiece(p, *(seen.get(p.name) or TABLE.xy(p.place)), 0.3) for p in now]
     plant = Plant(build_model(PARAMETERS, TABLE, standing, HOME), PARAMETERS, tuple(p.name for p in now))
-    cell = Cell(plant, PARAMETERS, TABLE, TaskSpaceController(DeltaModel(PARAMETERS)))
-    cell.boot()
-    supervisor = cell.supervisor
-    planner = Planner.of(
-        MOTION,
-        PARAMETERS,
-        now.table,
-        supervisor.reference.position.copy(),
-        supervisor.measurement.finger_position,
-        LEAD,
-    )
-    arm = planner.ply("set right", plan, now)
+    bed = Bed(plant, PARAMETERS, TABLE, TaskSpaceController(DeltaModel(PARAMETERS)))
+    supervisor = bed.supervisor
+    arm = bed.planner(MOTION, now.table).ply("set right", plan, now)
     for index in range(len(arm.motions)):
         motion = arm.continued(index, supervisor.reference.position)
-        cell.carry_out(motion, followed=index < len(arm.motions) - 1)
+        bed.carry_out(motion, followed=index < len(arm.motions) - 1)
     goals = {piece.name: piece.place for piece in now} | {transfer.name: transfer.target for transfer in plan}
     for pose in plant.truth(reset_peak=False).pieces:
         x, y = TABLE.xy(goals[pose.name])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.measure.bench.cell import Cell
+from app.measure.bench.beds.bed import Bed
 from app.motion.gains import critical
 from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
 from controller.protocol import Guard, Result
@@ -40,31 +40,29 @@ def push(plant: Plant) -> float:
 def test_a_touch_ends_the_motion_at_its_force(place: tuple[float, float]) -> None:
     above = TABLE.base_from_board(np.array([*place, 0.010]))
     plant = Plant(build_model(PARAMETERS, TABLE, (), above, looks=False), PARAMETERS, ())
-    cell = Cell(plant, PARAMETERS, TABLE)
-    cell.boot()
-    start = cell.supervisor.reference.position.copy()
+    bed = Bed(plant, PARAMETERS, TABLE)
+    start = bed.supervisor.reference.position.copy()
     samples = way(start, start + np.array([0.0, 0.0, 0.014]), 0.010)
     samples["guard"], samples["guard_level"] = int(Guard.TOUCH), LEVEL
-    cell.begin(samples)
+    bed.begin(samples)
     largest = 0.0
-    while cell.supervisor.motion.announced is not None:
-        cell.tick()
-        largest = max(largest, abs(cell.supervisor.force[2]))
-    assert cell.supervisor.ended.result is Result.TOUCHED
+    while bed.supervisor.motion.announced is not None:
+        bed.tick()
+        largest = max(largest, abs(bed.supervisor.force[2]))
+    assert bed.supervisor.ended.result is Result.TOUCHED
     assert LEVEL < largest < LEVEL + 0.3  # in the very tick in which the estimate crosses its level
     for _ in range(200):
-        cell.tick()
+        bed.tick()
     print(f"at {place} m: told {largest:.2f} N, pressing {push(plant):.2f} N")
     assert push(plant) == pytest.approx(LEVEL, abs=1.0)
-    assert cell.supervisor.state is State.HOLD
+    assert bed.supervisor.state is State.HOLD
 
 
 def test_a_touch_that_does_not_come_is_no_touch() -> None:
     above = TABLE.base_from_board(np.array([0.0, 0.0, 0.060]))
     plant = Plant(build_model(PARAMETERS, TABLE, (), above, looks=False), PARAMETERS, ())
-    cell = Cell(plant, PARAMETERS, TABLE)
-    cell.boot()
-    start = cell.supervisor.reference.position.copy()
+    bed = Bed(plant, PARAMETERS, TABLE)
+    start = bed.supervisor.reference.position.copy()
     samples = way(start, start + np.array([0.0, 0.0, 0.030]), 0.20)
     samples["guard"], samples["guard_level"] = int(Guard.TOUCH), LEVEL
-    assert cell.execute(samples).result is Result.DONE
+    assert bed.execute(samples).result is Result.DONE

@@ -18,7 +18,7 @@ from app.pieces.judging import judge
 from app.pieces.layout import BoxesTooSmall, TraysTooSmall, physical_set, start_layout
 from app.pieces.manipulation import Inventory, InventoryError, NoSpare, PieceBoxed, Ply, Stage, Transfer, transfers
 from app.play.game_setup import venue_of
-from app.play.hand_moves import HandDropsNothing, hand_move
+from app.play.hand_moves import HandDropsNothing, hand_transfers
 from app.play.launch import run_games
 from app.rig.arm import FELT, ArmAtRest
 from app.rig.rig_file import load_rig
@@ -272,7 +272,7 @@ def test_a_piece_beside_or_above_its_box_is_named(change: dict[str, float]) -> N
 def test_the_simulated_hand_says_that_it_drops_nothing() -> None:
     board, inventory = set_up("4k3/8/8/3q4/4P3/8/8/4K3 w - - 0 1")
     with pytest.raises(HandDropsNothing, match=r"^the simulated hand cannot drop the black queen from d5 into a box: "):
-        hand_move(board, chess.Move.from_uci("e4d5"), inventory)
+        hand_transfers(transfers(board, chess.Move.from_uci("e4d5"), inventory).transfers, inventory.table)
 
 
 def test_the_options_of_a_game_keep_where_captured_pieces_go() -> None:

@@ -59,6 +59,11 @@ def test_one_of_them_and_the_rest_of_it(file: Path) -> None:
         ("", "holds no game"),
         ("Dear Anna,\n\nthe games are in the other file.\n", "holds no game: give a PGN file"),
         ('[White "X"]\n\n1. e4 e5 2. Ke3 *\n', r"game 1, after 2 plies: illegal san: 'Ke3' in .*: correct the file"),
+        ('[White "X"]\n\n1. e4 -- 2. d4 *\n', r"game 1, ply 2 passes, which chess does not allow: correct the file"),
+        ('[Variant "Crazyhouse"]\n\n1. e4 e5 *\n', r"game 1, is of the variant Crazyhouse: only chess and Chess960"),
+        ('[Variant "Xiangqi"]\n\n1. e4 e5 *\n', r"game 1, is of the variant Xiangqi: only chess and Chess960"),
+        ('[Variant "King of the Hill"]\n\n1. e4 *\n', r"game 1, is of the variant King of the Hill"),
+        ('[SetUp "1"]\n[FEN "8/8/8/8/8/8/8/K7 w - - 0 1"]\n\n1. Ka2 *\n', r"game 1, begins with no legal position"),
     ],
 )
 def test_what_cannot_be_played_is_one_sentence(tmp_path: Path, text: str, said: str) -> None:
@@ -72,6 +77,17 @@ def test_what_cannot_be_played_is_one_sentence(tmp_path: Path, text: str, said: 
         recorded_games(path, 3 if text == "" else 1)
     with pytest.raises(ReplayError, match="cannot be read"):
         recorded_games(tmp_path / "none.pgn")
+
+
+@pytest.mark.parametrize("text", ["1. e4 e5 2. Nf3", "1. e4 e5 2. Nf3 {and here", "1. e4 e5 2. Nf3 (2. f4"])
+def test_a_game_that_is_cut_off_is_said_to_be_so(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "cut.pgn"
+    path.write_text(f'[White "X"]\n\n{text}', encoding="utf-8")
+    (game,) = recorded_games(path)
+    assert len(game.moves) == 3
+    assert game.cut == f"{path}, game 1, ends without a result after 3 plies: it may have been cut off there"
+    path.write_text(f'[White "X"]\n\n1. e4 e5 2. Nf3 *\n\n[White "Y"]\n\n{text}', encoding="utf-8")
+    assert [one.cut is None for one in recorded_games(path)] == [True, False]
 
 
 def test_castling_of_chess960_is_read(tmp_path: Path) -> None:

@@ -186,8 +186,7 @@ def test_a_person_is_not_asked_but_helped():
     robot = Thinking()
     board = chess.Board()
     with Players(None, robot) as players:
-        assert (players.name(chess.WHITE), players.is_person(chess.WHITE)) == ("Human", True)
-        assert not players.is_person(chess.BLACK)
+        assert players.name(chess.WHITE) == "Human"
         players.begin(board)
         with pytest.raises(ValueError, match="a person is to move"):
             players.choose(board)

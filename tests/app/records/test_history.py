@@ -69,11 +69,12 @@ def test_what_was_begun_comes_back(tmp_path: Path, stage: Stage) -> None:
     assert (step.uci, step.transfer, step.stage) == ("e4d5", 1, stage)
 
 
-def test_a_record_goes_on_after_a_torn_line(tmp_path: Path) -> None:
+@pytest.mark.parametrize("torn", [b'{"wall_time":"2026-11-2', b"\0\0\0", b'{"wall_time":\n', b"\n"])
+def test_a_record_goes_on_after_a_torn_line(tmp_path: Path, torn: bytes) -> None:
     table = Table(tmp_path / "game").play("e4 d5")
     table.record.close()
     whole = table.log.read_bytes()
-    table.log.write_bytes(whole + b'{"wall_time":"2026-11-2')
+    table.log.write_bytes(whole + torn)
     history = read_history(table.log, TABLE)
     assert len(history.plies) == 2
     with GameRecord.go_on(table.folder, history) as record:

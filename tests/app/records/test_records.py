@@ -234,8 +234,32 @@ def test_a_cut_last_line_is_left_out(tmp_path: Path) -> None:
     for end in range(last, len(whole) - 1):
         path.write_bytes(whole[:end])
         assert read_events(path) == game.record.events[:2], end
+    said: list[str] = []
     path.write_bytes(whole[:-1])  # only the end of line is missing
-    assert read_events(path) == game.record.events
+    assert read_events(path, said.append) == game.record.events
+    assert not said
+
+
+@pytest.mark.parametrize(
+    "last", [b"\0" * 500, b"\n", b"\xff\xfe\n", b'{"wall_time":"2026-\n', b"12\n", b"[" * 9999 + b"\n"]
+)
+def test_a_garbled_last_line_is_left_out_and_said(tmp_path: Path, last: bytes) -> None:
+    game = Game(tmp_path)
+    game.play("e4 e5")
+    path, said = tmp_path / "events.jsonl", list[str]()
+    path.write_bytes(path.read_bytes() + last)
+    assert read_events(path, said.append) == game.record.events
+    assert said == [f"{path}, line 4, the last one, is cut off or garbled and left out: all before it is whole"]
+
+
+def test_a_second_start_is_named(tmp_path: Path) -> None:
+    game = Game(tmp_path)
+    game.play("e4 e5")
+    path = tmp_path / "events.jsonl"
+    first = path.read_bytes().splitlines(keepends=True)[0]
+    path.write_bytes(path.read_bytes() + first)
+    with pytest.raises(RecordError, match=r"line 4, starts another game, but a record holds one: keep the lines of"):
+        read_events(path)
 
 
 def test_another_broken_line_is_named(tmp_path: Path) -> None:

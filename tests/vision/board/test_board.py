@@ -8,7 +8,6 @@ from collections.abc import Callable
 from typing import Any
 
 import chess
-import cv2
 import mujoco
 import numpy as np
 import pytest
@@ -162,42 +161,6 @@ def test_what_is_no_board_is_refused(change: Callable[[Picture], Picture], messa
         BoardView.from_corners(PINHOLE, change(corners), TABLE)
 
 
-# ------------------------------------------------------------------------------------------------------ rectify
-
-
-def painted(view: BoardView, colours: dict[int, tuple[int, int, int]]) -> Frame:
-    """A picture in which only the given squares are painted."""
-    picture = np.zeros((view.intrinsics.height, view.intrinsics.width, 3), np.uint8)
-    for square, colour in colours.items():
-        cv2.fillConvexPoly(picture, np.round(view.square_polygon(square)).astype(np.int32), colour)
-    return Frame(picture, None, view.intrinsics, 0.0)
-
-
-@pytest.mark.parametrize("view", [rig_view(), from_above()], ids=["oblique", "above"])
-def test_rectified_squares_stand_in_rows_and_columns(view: BoardView) -> None:
-    colours = {chess.A1: (255, 0, 0), chess.H1: (0, 255, 0), chess.A8: (0, 0, 255), chess.E4: (255, 255, 0)}
-    flat = view.rectify(painted(view, colours), 400)
-    assert flat.shape == (400, 400, 3)
-    for square in chess.SQUARES:
-        row, column = 50 * (7 - chess.square_rank(square)) + 25, 50 * chess.square_file(square) + 25
-        assert tuple(flat[row, column]) == colours.get(square, (0, 0, 0)), chess.square_name(square)
-
-
-def test_rectifying_is_exact_at_pixel_centres() -> None:
-    view = from_above(height=1.0, focal=1000.0)  # 320 px a side: one to one
-    picture = np.random.default_rng(1).integers(0, 256, (480, 640, 3), np.uint8)
-    flat = view.rectify(Frame(picture, None, view.intrinsics, 0.0), 320)
-    np.testing.assert_array_equal(flat, picture[80:400, 160:480])
-
-
-def test_rectify_refuses_a_frame_of_another_camera_and_an_impossible_size() -> None:
-    view = rig_view()
-    with pytest.raises(ValueError, match=r"the frame is by a camera with Intrinsics\(.*this view is of"):
-        view.rectify(painted(from_above(), {}), 80)
-    with pytest.raises(ValueError, match="a picture of 0 px is impossible: ask for at least 1"):
-        view.rectify(painted(view, {}), 0)
-
-
 # ---------------------------------------------------------------------------------------- rendered by the rig's camera
 
 
@@ -268,21 +231,14 @@ def _left_of(u: Picture, v: Picture, start: Picture, end: Picture) -> Picture:
 
 
 def test_rendered_squares_have_the_colours_of_a_chess_board(empty: Scene) -> None:
-    flat = rig_view().rectify(empty.frame(), 320)
-    geoms = rig_view().rectify(
-        Frame(_as_colour(empty.geoms() == empty.model.geom("squares").id), None, PINHOLE, 0.0), 320
-    )
+    seen, board = empty.frame().colour, empty.geoms() == empty.model.geom("squares").id
     light, dark = [], []
     for square in chess.SQUARES:
-        row, column = 40 * (7 - chess.square_rank(square)) + 20, 40 * chess.square_file(square) + 20
-        assert geoms[row, column, 0] == 255
+        u, v = np.round(rig_view().project([*TABLE.xy(square_place(square)), 0.0])).astype(int)
+        assert board[v, u]
         shade = light if chess.BB_LIGHT_SQUARES & chess.BB_SQUARES[square] else dark
-        shade.append(float(flat[row, column].mean()))
+        shade.append(float(seen[v, u].mean()))
     assert min(light) > max(dark)
-
-
-def _as_colour(mask: Picture) -> NDArray[np.uint8]:
-    return np.repeat((255 * mask).astype(np.uint8)[..., None], 3, axis=2)
 
 
 def hidden_places(scene: Scene) -> dict[str, str]:

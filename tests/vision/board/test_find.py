@@ -15,10 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from app.measure.bench.vision_find import find_rows, photographs
+from app.measure.bench.vision.find import find_rows, photographs
 from hardware.sim.render.appearance import LightSettings
 from tests.vision.drawing import START, Drawing, corners_of, draw, pose
-from vision.board.find import FoundBoard, find_board, refine_corners
+from vision.board.find import FoundBoard, find_board
 from vision.board.view import BoardNotFound
 
 MIDDLE_GAME = "r1bq1rk1/pp2bppp/2n1pn2/3p4/3P4/2NBPN2/PP3PPP/R1BQ1RK1"
@@ -69,7 +69,7 @@ def test_an_empty_board_is_not_oriented() -> None:
 def test_a_pattern_that_is_not_eight_by_eight_is_no_board(squares: int) -> None:
     seen = pose(0.2, 0.3, 0.6, SIZE)
     shrunk = seen @ np.diag([8.0 / squares, 8.0 / squares, 1.0])
-    with pytest.raises(BoardNotFound, match=r"there is no chessboard for certain in this picture: .*click its corners"):
+    with pytest.raises(BoardNotFound, match=r"there is no chessboard for certain in this picture: .*; show all of it"):
         find_board(draw(shrunk, None, Drawing(squares=squares)))
 
 
@@ -113,29 +113,6 @@ def test_near_where_it_was_it_keeps_its_a1() -> None:
     found = find_board(draw(seen, None, Drawing()), near=before)
     assert found.oriented
     assert off(found, corners_of(seen)) < 0.04
-
-
-@pytest.mark.parametrize("start", [0, 1, 2, 3])
-@pytest.mark.parametrize("reverse", [False, True])
-def test_clicked_corners_snap(start: int, reverse: bool) -> None:
-    seen = pose(0.6, 0.5, 0.65, SIZE)
-    truth = np.roll(corners_of(seen), -start, axis=0)
-    clicked = truth + np.random.default_rng(start).uniform(-4.0, 4.0, (4, 2))
-    found = refine_corners(draw(seen, START, Drawing()), clicked[[0, 3, 2, 1]] if reverse else clicked)
-    assert off(found, truth) < 0.04
-
-
-def test_corners_of_no_board_are_refused() -> None:
-    seen = pose(0.3, 0.2, 0.6, SIZE)
-    colour = draw(seen, START, Drawing())
-    truth = corners_of(seen)
-    inner = truth.mean(axis=0) + 0.7 * (truth - truth.mean(axis=0))
-    with pytest.raises(BoardNotFound, match="point at its outer corners again"):
-        refine_corners(colour, inner)
-    with pytest.raises(BoardNotFound, match="go round no board"):
-        refine_corners(colour, truth[[0, 2, 1, 3]])
-    with pytest.raises(BoardNotFound, match="give four finite points"):
-        refine_corners(colour, truth[:3])
 
 
 def test_lens_distortion_is_allowed_for() -> None:

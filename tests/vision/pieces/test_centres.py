@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.measure.bench.vision_calibration import random_looks, random_mount, random_position
+from app.measure.bench.vision.calibration import random_looks, random_mount, random_position
 from app.pieces.layout import start_layout
 from hardware.interfaces import Frame, Intrinsics
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio

@@ -163,7 +163,7 @@ def test_states_are_read_square_by_square():
     for san in ("d4", "d5", "c4", "dxc4", "e3"):
         board.push_san(san)
         look = observer.look(see(board, rng, offsets=off(rng)))
-        assert np.array_equal(look.evidence.probabilities().argmax(axis=1), states_of(codes_of(board)))
+        assert np.array_equal(look.evidence.states.argmax(axis=1), states_of(codes_of(board)))
         observer.confirm(look, board)
 
 

@@ -16,10 +16,10 @@ from typer.testing import CliRunner
 import app.measure.bench.law as law_bench
 from app.cli import app as command_line
 from app.measure.bench import BENCHES, UnknownBench, run_bench
+from app.measure.bench.beds.recording import TickRecording, found, record
+from app.measure.bench.law import Starts, start_once
 from app.measure.bench.parts import parts
-from app.measure.bench.recording import TickRecording, found, record
 from app.measure.bench.report import BenchReport, Row, machine, row
-from app.measure.bench.start import Starts, start_once
 from controller.model.constants import DeltaModel
 
 ROW_KEYS = {"unit", "n", "mean", "p50", "p99", "max", "limit", "holds"}

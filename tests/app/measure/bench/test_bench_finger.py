@@ -52,7 +52,7 @@ def without_protection(parameters: Any, table: Any) -> Limits:
 
 def test_without_the_protection_it_would_be_pressed(monkeypatch: pytest.MonkeyPatch) -> None:
     """So the bench can fail, and it is the protection that frees."""
-    monkeypatch.setattr("app.measure.bench.cell.default_limits", without_protection)
+    monkeypatch.setattr("app.measure.bench.beds.bed.default_limits", without_protection)
     felt = meet(CLAMPED, PROFILES["default"][0], PARAMETERS)
     assert felt.pressing > 4.0 * RELEASED
     assert felt.freed > WITHIN

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from app.measure.bench import vision_hand
+from app.measure.bench.vision import hands
 
 pytestmark = pytest.mark.slow
 
@@ -14,10 +14,10 @@ def quiet(_step: str) -> None:
 
 
 def test_a_hand_stops_the_arm_and_a_ply_without_one_is_not_stopped():
-    rows = vision_hand.measure(1, 1, quiet)
+    rows = hands.measure(1, 1, quiet)
     assert rows["hand_missed"].max == 0.0
     stopped = rows.get("hand_to_rest") or rows["hand_to_give_way"]
     assert stopped.n == 1
-    assert stopped.max <= vision_hand.REST_LIMIT
+    assert stopped.max <= hands.REST_LIMIT
     assert rows["false_stops"].n == 1
     assert rows["false_stops"].max == 0.0

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from app.measure.bench import motion
+from app.measure.bench.beds.plies import Disorder, GameBed, positions
+from app.measure.bench.beds.touchdown import WOOD, Touchdown, set_down
 from app.measure.bench.optimum import optimal_duration
-from app.measure.bench.plies import Bed, Disorder, positions
-from app.measure.bench.touchdown import WOOD, Touchdown, set_down
 from app.motion import PROFILES, Profile
 from app.motion.path import blend
 from app.motion.route import timed
@@ -51,7 +51,7 @@ def test_the_optimum_along_a_line_is_the_known_one(length: float, expected: floa
 
 def test_pieces_that_stand_off_are_set_down_on_their_squares() -> None:
     board = chess.Board("4k3/8/8/8/8/8/P6R/4K3 w - - 0 1")
-    bed = Bed(board, DEFAULT, PARAMETERS, TABLE, Disorder((0.003, 0.003), 0.05), 5)
+    bed = GameBed(board, DEFAULT, PARAMETERS, TABLE, Disorder((0.003, 0.003), 0.05), 5)
     stood = bed.positions()
     done = bed.play(chess.Move.from_uci("a2a4"))
     name = done.ply.transfers[0].name
@@ -69,8 +69,8 @@ def test_pieces_that_stand_off_are_set_down_on_their_squares() -> None:
 def test_a_square_at_another_height_than_the_others_is_touched_gently_and_surely(higher: float) -> None:
     """The piece comes down on a square that is higher than the plan believes: its way ends so much lower."""
     board = chess.Board("4k3/8/8/8/8/8/P6R/4K3 w - - 0 1")
-    bed = Bed(board, DEFAULT, PARAMETERS, TABLE, Disorder(mass_error=0.05), 6)
-    ply, plan, _ = bed.begin(chess.Move.from_uci("h2h6"))
+    bed = GameBed(board, DEFAULT, PARAMETERS, TABLE, Disorder(mass_error=0.05), 6)
+    ply, plan, _ = bed.planned(chess.Move.from_uci("h2h6"))
     carry = plan.motions[2]
     assert carry.route is not None
     assert plan.style is not None
@@ -78,17 +78,15 @@ def test_a_square_at_another_height_than_the_others_is_touched_gently_and_surely
     points[-1, 2] += higher
     wrong = timed(replace(carry.route, points=points), *plan.style)
     motions = (*plan.motions[:2], replace(carry, samples=wrong.samples, paths=wrong.paths), plan.motions[3])
-    bed.cell.plant.truth(reset_peak=True)
+    bed.plant.truth(reset_peak=True)
     ended = [
-        bed.cell.execute(
-            replace(plan, motions=motions).continued(i, bed.cell.supervisor.reference.position).samples, i < 3
-        )
+        bed.execute(replace(plan, motions=motions).continued(i, bed.supervisor.reference.position).samples, i < 3)
         for i in range(4)
     ]
     assert [one.result for one in ended] == [Result.DONE, Result.GRIPPED, Result.TOUCHED, Result.DONE]
     x, y = TABLE.xy(ply.transfers[0].target)
     np.testing.assert_allclose(bed.positions()[ply.transfers[0].name], [x, y, 0.0], atol=3e-4)
-    assert bed.cell.plant.truth(reset_peak=False).peak_contact_force < 10.0
+    assert bed.plant.truth(reset_peak=False).peak_contact_force < 10.0
     guarded = np.flatnonzero(wrong.samples["guard"] == Guard.TOUCH)[0] * PARAMETERS.drive.tick
     touched = (ended[2].end_tick - ended[2].first_tick) * PARAMETERS.drive.tick - guarded
     assert touched == pytest.approx((DEFAULT.touch_height - higher) / DEFAULT.touch_speed, abs=0.03)

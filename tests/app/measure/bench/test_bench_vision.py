@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from app.measure.bench import registry
-from app.measure.bench.vision_actions import SORTS, action_rows
-from app.measure.bench.vision_games import (
+from app.measure.bench.vision.actions import SORTS, action_rows
+from app.measure.bench.vision.games import (
     TROUBLES,
     Scene,
     follow_games,
@@ -17,7 +17,7 @@ from app.measure.bench.vision_games import (
     random_game,
     trouble_rows,
 )
-from app.measure.bench.vision_photos import photo_folder
+from app.measure.bench.vision.photos import photo_folder
 from hardware.table import Colour, TableSettings
 
 pytestmark = pytest.mark.slow
@@ -28,7 +28,7 @@ def quiet(_step: str) -> None:
 
 
 def test_a_rendered_game_is_read(monkeypatch):
-    monkeypatch.setattr("app.measure.bench.vision_games.PLIES", {True: 8})
+    monkeypatch.setattr("app.measure.bench.vision.games.PLIES", {True: 8})
     rows = game_rows(True, quiet)
     assert rows["game wrong"].max == 0.0
     assert rows["game asked"].mean <= 0.25
@@ -37,7 +37,7 @@ def test_a_rendered_game_is_read(monkeypatch):
 
 
 def test_trouble_with_light_camera_and_a_hand_is_read_or_asked_about(monkeypatch):
-    monkeypatch.setattr("app.measure.bench.vision_games.TROUBLED", {True: 5})
+    monkeypatch.setattr("app.measure.bench.vision.games.TROUBLED", {True: 5})
     said: list[str] = []
     rows = trouble_rows(True, said.append)
     assert rows["trouble wrong"].max == 0.0, said
@@ -74,7 +74,7 @@ def test_a_long_run_is_the_sum_of_its_parts():
 
 
 def test_what_people_do_wrong_is_never_accepted(monkeypatch):
-    monkeypatch.setattr("app.measure.bench.vision_actions.ACTIONS", {True: len(SORTS) // 2})
+    monkeypatch.setattr("app.measure.bench.vision.actions.ACTIONS", {True: len(SORTS) // 2})
     said: list[str] = []
     rows = action_rows(True, said.append)
     assert rows["action accepted"].max == 0.0, said

@@ -6,12 +6,19 @@ import numpy as np
 import pytest
 
 from app.measure.figures.grasp import POINT, Block, Grasp, sliding
-from app.measure.figures.grasp_dae import BRISTLE, PACE, PLACE, PRESLIDING, GraspedBlock, run_dae
-from app.measure.figures.grasp_motion import Grasps, bars, both_grasps
+from app.measure.figures.grasp_figures import Grasps, bars, both_grasps, figure_7, study
 from app.measure.figures.grasp_mujoco import run_mujoco
-from app.measure.figures.grasp_pictures import figure_7
-from app.measure.figures.gripper import STATES, Z4, effective_mass
-from app.measure.figures.sensitivity import study
+from app.measure.figures.gripper import (
+    BRISTLE,
+    PACE,
+    PLACE,
+    PRESLIDING,
+    STATES,
+    Z4,
+    GraspedBlock,
+    effective_mass,
+    run_dae,
+)  # fmt: skip
 from controller.law.tactile import grip_force
 from controller.model.constants import DeltaModel
 from controller.offline.simulation import ConstrainedArm, Moment
@@ -119,7 +126,7 @@ def test_mujoco_repeats_to_the_bit(grasps: Grasps) -> None:
 
 @pytest.mark.slow
 def test_figure_7_shows_start_and_ends(grasps: Grasps, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.measure.figures.grasp_pictures.both_grasps", lambda _progress: grasps)
+    monkeypatch.setattr("app.measure.figures.grasp_figures.both_grasps", lambda _progress: grasps)
     result = figure_7(print)
     assert result.holds
     assert len(result.pictures[""].axes) == 6

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from app.measure.figures.drawing import TableGrid, table_grid
 from app.measure.figures.encoder import encoder, resolutions
 from app.measure.figures.newton import DECIMALS, ENOUGH, counted, fast_way, newton, newton_along
-from app.measure.figures.table_grid import TableGrid, table_grid
 from app.measure.figures.workspace import maps, workspace
 from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at, tool_point_at

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from app import UserError
 from app.cli import app
-from app.measure.bench.vision_photos import VARIABLE, sequences
+from app.measure.bench.vision.photos import VARIABLE, sequences
 from app.measure.photographs import CornersFrom, follow_folder
 from app.measure.photographs.pictures import picture_files
 from tests.vision.synthetic import camera_matrix, corners_of, draw

@@ -12,7 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from app.execution.recovery_plans import Blocked, Strayed, plan_pushing
-from app.measure.bench.cell import LEAD, Cell
+from app.measure.bench.beds.bed import Bed
 from app.motion import MotionSettings, Planner
 from app.motion.arcs import Workcell
 from app.motion.fallen.lying import Lying, Strewn, crowd_of, discs_of
@@ -206,12 +206,11 @@ def test_in_the_world_a_pushed_piece_goes_as_far_as_it_is_pushed_and_does_not_fa
         PieceSpec("piece", kind, Colour.WHITE, square_place(27)), 0.02, 0.02, 0.4, shape.foot_radius if tip else 0.0,
         tip=tip,
     )  # fmt: skip
-    cell = Cell(Plant(build_model(PARAMETERS, TABLE, (piece,), HOME, looks=False), PARAMETERS, ("piece",)),
+    bed = Bed(Plant(build_model(PARAMETERS, TABLE, (piece,), HOME, looks=False), PARAMETERS, ("piece",)),
                 PARAMETERS, TABLE)  # fmt: skip
-    cell.boot()
     for _ in range(600):
-        cell.tick()
-    body = cell.plant.data.body("piece")
+        bed.tick()
+    body = bed.plant.data.body("piece")
     x, y, _ = body.xpos.tolist()
     axis = body.xmat.reshape(3, 3)[:, 2].copy()
     lying = [Lying(kind, (x, y), math.atan2(axis[1], axis[0]), "piece")] if tip else []
@@ -227,17 +226,9 @@ def test_in_the_world_a_pushed_piece_goes_as_far_as_it_is_pushed_and_does_not_fa
     touching = centre - (back + reach(PARAMETERS.pads, unit)) * unit
     begin, end = touching - 0.005 * unit, touching + way * unit
     nudge = Nudge("piece", direction, way, tips, (begin[0], begin[1]), (end[0], end[1]))
-    planner = Planner.of(
-        SETTINGS,
-        PARAMETERS,
-        TABLE,
-        cell.supervisor.reference.position.copy(),
-        cell.supervisor.measurement.finger_position,
-        LEAD,
-    )
-    plan = plan_nudge(planner, nudge, Strewn(tuple(standing), tuple(lying)))
+    plan = plan_nudge(bed.planner(SETTINGS, TABLE), nudge, Strewn(tuple(standing), tuple(lying)))
     for number in range(len(plan.motions)):
-        cell.carry_out(plan.continued(number, cell.supervisor.reference.position.copy()))
+        bed.carry_out(plan.continued(number, bed.supervisor.reference.position.copy()))
     went = (body.xpos[:2] - (x, y)) @ unit
     print(f"{kind}: pushed by {1e3 * way:.0f} mm, went {1e3 * went:.1f} mm")
     assert body.xmat.reshape(3, 3)[2, 2] == pytest.approx(axis[2], abs=0.1), "it stands as it stood, lies as it lay"

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.measure.bench.cell import LEAD, Cell
+from app.measure.bench.beds.bed import Bed
 from app.motion import MotionSettings, Planner
 from app.motion.fallen.lying import Lying, Strip
 from app.motion.fallen.pivot_edge import Heeling, circle, eased, heel_of, reach
@@ -137,27 +137,18 @@ def test_in_the_world_a_lying_piece_stands_up(kind: Kind, yaw: float, along: flo
         tip=0.5 * math.pi,
     )  # fmt: skip
     model = build_model(PARAMETERS, TABLE, (piece,), HOME, looks=False)
-    cell = Cell(Plant(model, PARAMETERS, ("piece",)), PARAMETERS, TABLE)
-    cell.boot()
+    bed = Bed(Plant(model, PARAMETERS, ("piece",)), PARAMETERS, TABLE)
     for _ in range(600):
-        cell.tick()
-    body = cell.plant.data.body("piece")
+        bed.tick()
+    body = bed.plant.data.body("piece")
     axis = body.xmat.reshape(3, 3)[:, 2].copy()
     assert axis[2] < 0.1  # it lies
     lying = Lying(kind, (float(body.xpos[0]), float(body.xpos[1])), math.atan2(axis[1], axis[0]))
     x, y = (np.array(lying.base) + along * lying.outwards).tolist()
-    planner = Planner.of(
-        SETTINGS,
-        PARAMETERS,
-        TABLE,
-        cell.supervisor.reference.position.copy(),
-        cell.supervisor.measurement.finger_position,
-        LEAD,
-    )
-    plan, stands = plan_upright(planner, Lying(kind, (x, y), lying.yaw), (), ())
+    plan, stands = plan_upright(bed.planner(SETTINGS, TABLE), Lying(kind, (x, y), lying.yaw), (), ())
     for number in range(len(plan.motions)):
-        cell.carry_out(plan.continued(number, cell.supervisor.reference.position.copy()))
-    (pose,) = cell.plant.truth(reset_peak=False).pieces
+        bed.carry_out(plan.continued(number, bed.supervisor.reference.position.copy()))
+    (pose,) = bed.plant.truth(reset_peak=False).pieces
     print(f"{kind}: {math.degrees(pose.tilt):.1f}°, {1e3 * math.dist((pose.x, pose.y), stands):.1f} mm off")
     assert pose.tilt < math.radians(2.0)
     assert math.dist((pose.x, pose.y), stands) < 0.006

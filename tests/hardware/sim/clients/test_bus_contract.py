@@ -1,4 +1,4 @@
-"""What every servo bus has to do, whoever is behind it: simulated drives in either pace, and recorded ones."""
+"""What every servo bus has to do: simulated drives in either pace."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ import pytest
 
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Pace, ServoBus
 from hardware.parameters import load_parameters
-from hardware.recorded_bus import RecordedServoBus
 from hardware.sim.clients.bus import SimServoBus
 from hardware.sim.process.settings import FILE_NAME, WorldSettings
 
@@ -28,12 +27,9 @@ FREE = Command((1.0, 1.0, 1.0), 0.01, brake=False, enable=True, busy=True)
 Open = Callable[[], ServoBus]
 
 
-@pytest.fixture(scope="module", params=["fast", "real", "recorded"])
+@pytest.fixture(scope="module", params=["fast", "real"])
 def open_bus(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Open]:
     """Opens a bus of one kind anew."""
-    if request.param == "recorded":
-        yield recorded
-        return
     worlds: list[subprocess.Popen[bytes]] = []
 
     def start() -> ServoBus:
@@ -51,17 +47,6 @@ def open_bus(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     for world in worlds:
         world.kill()
         world.wait()
-
-
-def recorded() -> ServoBus:
-    """Half a second at rest, as the simulated drives would have said it."""
-    ticks = np.arange(100, 700)
-    columns = {
-        "tick": ticks, "angle": np.tile([0.1, 0.2, 0.3], (600, 1)), "angle_velocity": np.zeros((600, 3)),
-        "finger_position": np.full(600, 0.011), "tactile": np.zeros((600, 2)),
-        "drive_status": np.full(600, int(DriveStatus.BRAKED)),
-    }  # fmt: skip
-    return RecordedServoBus.from_columns(columns, PARAMETERS.drive.tick)
 
 
 @pytest.fixture
@@ -115,60 +100,42 @@ def test_after_close_it_is_lost_and_a_second_close_does_nothing(open_bus: Open) 
 # --------------------------------------------------------------------------------- what only drives that move can do
 
 
-@pytest.fixture
-def moving(bus: ServoBus) -> ServoBus:
-    if isinstance(bus, RecordedServoBus):
-        pytest.skip("a recording does not listen")
-    return bus
-
-
-def test_a_command_acts_and_brakes_end_it(moving: ServoBus) -> None:
+def test_a_command_acts_and_brakes_end_it(bus: ServoBus) -> None:
     for _ in range(60):
-        moved = moving.exchange(FREE)
+        moved = bus.exchange(FREE)
     assert moved.status & DriveStatus.ENABLED
     assert not moved.status & DriveStatus.BRAKED
     assert max(map(abs, moved.velocity)) > 0.01
     for _ in range(400):
-        rested = moving.exchange(POWERED)
+        rested = bus.exchange(POWERED)
     assert rested.status & DriveStatus.BRAKED
     assert max(map(abs, rested.velocity)) < 0.01
     assert rested.finger_position > moved.finger_position - 1e-3
 
 
-def test_what_is_no_number_is_a_fault_on_the_brakes_until_disabled(moving: ServoBus) -> None:
-    moving.exchange(POWERED)
+def test_what_is_no_number_is_a_fault_on_the_brakes_until_disabled(bus: ServoBus) -> None:
+    bus.exchange(POWERED)
     for _ in range(20):
-        said = moving.exchange(FREE._replace(torque=(math.nan, 0.0, 0.0)))
+        said = bus.exchange(FREE._replace(torque=(math.nan, 0.0, 0.0)))
     assert said.status & DriveStatus.FAULT
     assert said.status & DriveStatus.BRAKED
     for _ in range(20):
-        said = moving.exchange(REST)
+        said = bus.exchange(REST)
     assert not said.status & DriveStatus.FAULT
 
 
-def test_a_torque_beyond_the_peak_is_cut_and_said_to_be(moving: ServoBus) -> None:
+def test_a_torque_beyond_the_peak_is_cut_and_said_to_be(bus: ServoBus) -> None:
     peak = PARAMETERS.drive.peak_torque
-    said = [moving.exchange(POWERED._replace(torque=(2.0 * peak, 0.0, 0.0))) for _ in range(20)]
+    said = [bus.exchange(POWERED._replace(torque=(2.0 * peak, 0.0, 0.0))) for _ in range(20)]
     assert said[-1].status & DriveStatus.SATURATED
 
 
-def test_silence_brakes_drives_whose_time_goes_on(moving: ServoBus) -> None:
-    if moving.lockstep:
+def test_silence_brakes_drives_whose_time_goes_on(bus: ServoBus) -> None:
+    if bus.lockstep:
         pytest.skip("its time waits")
     for _ in range(20):
-        moving.exchange(FREE)
-    time.sleep(6.0 * PARAMETERS.drive.watchdog_ticks * moving.period)
-    said = moving.exchange(FREE)
+        bus.exchange(FREE)
+    time.sleep(6.0 * PARAMETERS.drive.watchdog_ticks * bus.period)
+    said = bus.exchange(FREE)
     assert said.status & DriveStatus.WATCHDOG
     assert said.status & DriveStatus.BRAKED
-
-
-def test_a_recording_ends_with_a_sentence() -> None:
-    bus = recorded()
-    for _ in range(600):
-        last = bus.exchange(FREE)
-    assert last.tick == 699
-    with pytest.raises(BusLost, match="ends with tick 699"):
-        bus.exchange(FREE)
-    with pytest.raises(ValueError, match="at least one"):
-        RecordedServoBus((), 1e-3)

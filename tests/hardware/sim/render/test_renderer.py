@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from hardware.sim.process.settings import stand_pieces
 from hardware.sim.render.appearance import CameraSettings, ExposureSettings, LightSettings, Looks, MountSettings
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
 from hardware.sim.render.drawing import draw_rods
-from hardware.sim.render.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, RenderRequest, Sensor, frame_path
+from hardware.sim.render.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, RenderRequest, Sensor, frame_path, make_slot
 from hardware.sim.render.sensors import STEREO
 from hardware.table import TableSettings
 from tests.hardware.sim.process.test_world import settings_for
@@ -40,7 +41,7 @@ class Studio:
         settings = settings_for(randomisation=Randomisation(placement_sigma=0.0))
         model = build_model(load_parameters(), TABLE, stand_pieces(settings), np.array(settings.home))
         mujoco.mj_saveModel(model, str(folder / MODEL_FILE))
-        frame_path(folder, 0).touch()
+        make_slot(folder, 0)
         self._file = frame_path(folder, 0)
         self._positions = np.array(model.key_qpos[0])
         data = mujoco.MjData(model)
@@ -119,6 +120,38 @@ def test_the_same_seed_and_tick_give_the_same_bytes(studio: Studio) -> None:
         assert (other[0] != colour).mean() > 0.5
         assert (other[1] != depth).mean() > 0.5
     assert (studio.shoot(noisy, depth=False)[0] == colour).all(), "a picture is the same without depth"
+
+
+@pytest.mark.parametrize("when", ["at rest", "with a picture under way"])
+def test_a_killed_renderer_is_replaced_and_draws_the_same_bytes(
+    studio: Studio, when: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noisy, light = CameraSettings(), LightSettings(brightness=0.4)
+    colour, depth = studio.shoot(noisy, light=light)
+    first = studio.renderer.pid
+    if when == "at rest":
+        os.kill(first, signal.SIGKILL)
+    else:
+        ask = studio.renderer.request
+
+        def ask_and_kill(shot: RenderRequest, positions: Any) -> None:
+            ask(shot, positions)
+            os.kill(first, signal.SIGKILL)
+
+        monkeypatch.setattr(studio.renderer, "request", ask_and_kill)
+    again = studio.shoot(noisy, light=light)
+    assert studio.renderer.pid != first
+    assert (again[0] == colour).all()
+    assert (again[1] == depth).all()
+
+
+def test_a_renderer_that_ends_again_and_again_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # where MuJoCo leaves a file of its own about a model that is not there
+    renderer = Renderer(tmp_path)  # there is no model to draw
+    with pytest.raises(HardwareError, match=r"stuck or has ended again and again; renderer\.log in the run directory"):
+        renderer.take(wait=True)
+    renderer.close()
+    assert (tmp_path / "renderer.log").read_text(encoding="utf-8").count(MODEL_FILE) >= 2, "what each said is kept"
 
 
 @pytest.mark.parametrize("brightness", [0.6, 1.2])

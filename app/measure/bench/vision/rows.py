@@ -6,14 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from app.measure.bench.report import BenchReport, Row, machine
-from app.measure.bench.vision_actions import action_rows
-from app.measure.bench.vision_calibration import calibration_rows, centre_rows
-from app.measure.bench.vision_find import find_rows
-from app.measure.bench.vision_games import game_rows, trouble_rows
-from app.measure.bench.vision_hand import hand_rows
-from app.measure.bench.vision_photos import VARIABLE, photo_folder, photo_rows
-from app.measure.bench.vision_turn import turn_rows
+from app.measure.bench.report import BenchReport, Row
+from app.measure.bench.vision.actions import action_rows
+from app.measure.bench.vision.calibration import calibration_rows, centre_rows
+from app.measure.bench.vision.find import find_rows
+from app.measure.bench.vision.games import game_rows, trouble_rows
+from app.measure.bench.vision.hands import hand_rows
+from app.measure.bench.vision.photos import VARIABLE, photo_folder, photo_rows
+from app.measure.bench.vision.turns import turn_rows
 
 Progress = Callable[[str], None]
 
@@ -48,6 +48,4 @@ def vision_bench(quick: bool, progress: Progress, photos: Path | None = None) ->
     else:
         rows |= photo_rows(folder, progress)
         rows |= find_rows(folder, progress)
-    return BenchReport(
-        bench="vision", seed=0, pace="fast", machine=machine(), holds=all(one.holds for one in rows.values()), rows=rows
-    )
+    return BenchReport.of("vision", 0, rows)

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 import chess
 import numpy as np
 
-from app.measure.bench.cell import LEAD, Cell
-from app.motion import MotionSettings, Plan, Planner
+from app.measure.bench.beds.bed import Bed, plant_of
+from app.motion import MotionSettings, Plan
 from app.motion.path import Vector
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, MoveKind, Ply, transfers
@@ -25,8 +25,6 @@ from controller.model.constants import DeltaModel
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters
 from hardware.sim.bodies.placed import StandingPiece
-from hardware.sim.bodies.scene import build_model
-from hardware.sim.plant.plant import Plant
 from hardware.table import Kind, PieceSpec, TableSettings
 
 PLIES_A_WORLD = 6
@@ -75,8 +73,8 @@ class Done:
     peak_contact: float
 
 
-class Bed:
-    """A world with pieces set up, its controller, and how the game on it stands."""
+class GameBed(Bed):
+    """A test bed with pieces set up, and how the game on it stands."""
 
     def __init__(
         self,
@@ -88,41 +86,25 @@ class Bed:
         seed: int,
     ) -> None:
         rng = np.random.default_rng(seed)
-        self.board, self.settings, self.parameters = board, settings, parameters
+        self.board, self.settings = board, settings
         self.inventory = Inventory.of(start_layout(board, table), table)
         standing = stand_off(tuple(self.inventory), table, disorder, rng)
-        model = build_model(parameters, table, standing, np.array(settings.home))
-        plant = Plant(model, parameters, tuple(piece.spec.name for piece in standing))
         law = TaskSpaceController(DeltaModel(believed(parameters, disorder, rng)))
-        self.cell = Cell(plant, parameters, table, law)
-        self.cell.boot()
+        super().__init__(plant_of(standing, table, settings, parameters, looks=True), parameters, table, law)
         self.moved: set[str] = set()
         self._torques: list[Triple] = []
-        self.cell.watchers.append(lambda: self._torques.append(self.cell.supervisor.torque))
+        self.watchers.append(lambda: self._torques.append(self.supervisor.torque))
 
     @property
     def table(self) -> TableSettings:
         """As the planner believes it to be."""
         return self.inventory.table
 
-    def positions(self) -> dict[str, Vector]:
-        """Where each piece stands, board frame [m]."""
-        truth = self.cell.plant.truth(reset_peak=False)
-        return {pose.name: np.array([pose.x, pose.y, pose.z]) for pose in truth.pieces}
-
-    def planner(self) -> Planner:
-        """From where the arm rests."""
-        supervisor = self.cell.supervisor
-        return Planner.of(
-            self.settings, self.parameters, self.table, supervisor.reference.position.copy(),
-            supervisor.measurement.finger_position, LEAD,
-        )  # fmt: skip
-
-    def begin(self, move: chess.Move) -> tuple[Ply, Plan, float]:
+    def planned(self, move: chess.Move) -> tuple[Ply, Plan, float]:
         """Plan a ply."""
         ply = transfers(self.board, move, self.inventory)
         since = time.perf_counter()
-        plan = self.planner().ply(ply.san, ply.transfers, self.inventory)
+        plan = self.planner(self.settings, self.table).ply(ply.san, ply.transfers, self.inventory)
         return ply, plan, time.perf_counter() - since
 
     def play(self, move: chess.Move) -> Done:
@@ -132,18 +114,17 @@ class Bed:
             RuntimeError: a motion did not end as it had to.
         """
         before = self.positions()
-        ply, plan, planning = self.begin(move)
-        self.cell.plant.truth(reset_peak=True)
+        ply, plan, planning = self.planned(move)
+        self.plant.truth(reset_peak=True)
         self._torques.clear()
-        start, tool = self.cell.plant.tick, list[float]()
-        for index in range(len(plan.motions)):
-            motion = plan.continued(index, self.cell.supervisor.reference.position)
-            self.cell.carry_out(motion, followed=index < len(plan.motions) - 1)
+        start, tool = self.plant.tick, list[float]()
+        for motion, followed in self.continued(plan):
+            self.carry_out(motion, followed)
             if motion.touches:
                 target = ply.transfers[motion.transfer or 0].target
-                here = self.table.board_from_base(np.array(self.cell.plant.truth(reset_peak=False).tool))
+                here = self.table.board_from_base(np.array(self.plant.truth(reset_peak=False).tool))
                 tool.append(float(np.hypot(*(here[:2] - self.table.xy(target)))))
-        duration = (self.cell.plant.tick - start) * self.parameters.drive.tick
+        duration = (self.plant.tick - start) * self.parameters.drive.tick
         after = self.positions()
         changes = ply.changes()
         fresh = {name: place for name, place in changes.items() if name not in self.moved}
@@ -152,7 +133,7 @@ class Bed:
         self.board.push(move)
         self.inventory = self.inventory.after(ply)
         self.moved |= changes.keys()
-        peak = self.cell.plant.truth(reset_peak=False).peak_contact_force
+        peak = self.plant.truth(reset_peak=False).peak_contact_force
         kinds = {transfer.name: transfer.kind for transfer in ply.transfers}
         return Done(
             ply, plan, planning, duration, np.array(self._torques), released, kinds, tuple(tool),
@@ -221,7 +202,7 @@ class Games:
         for number, board in enumerate(positions(self.seed)):
             if made >= transfers_wanted:
                 return
-            bed = Bed(board, self.settings, self.parameters, self.table, self.disorder, self.seed + number)
+            bed = GameBed(board, self.settings, self.parameters, self.table, self.disorder, self.seed + number)
             self.worlds.append(0)
             for _ in range(self.plies):
                 if board.is_game_over() or made >= transfers_wanted:

@@ -9,7 +9,7 @@ from typing import Final
 import chess
 import numpy as np
 
-from app.measure.bench.plies import Bed, Disorder, positions
+from app.measure.bench.beds.plies import Disorder, GameBed, positions
 from app.motion import MotionSettings
 from app.pieces.manipulation import MoveKind
 from hardware.parameters import RobotParameters
@@ -35,7 +35,7 @@ def slides(
     """  # fmt: skip
     rng, found = random.Random(seed), list[float]()
     for number, board in enumerate(positions(seed)):
-        bed = Bed(board, settings, parameters, table, OFF, seed + number)
+        bed = GameBed(board, settings, parameters, table, OFF, seed + number)
         for move in _one_a_piece(board, rng)[:GRASPS_A_WORLD]:
             found.append(_slide(bed, move))
             if len(found) == count:
@@ -52,15 +52,15 @@ def _one_a_piece(board: chess.Board, rng: random.Random) -> list[chess.Move]:
     return list({move.from_square: move for move in moves if move.promotion is None}.values())
 
 
-def _slide(bed: Bed, move: chess.Move) -> float:
+def _slide(bed: GameBed, move: chess.Move) -> float:
     """Grasp the piece of a move where it stands, let go of it again, and go home."""
-    ply, plan, _ = bed.begin(move)
+    ply, plan, _ = bed.planned(move)
     assert ply.kind is MoveKind.QUIET
     name, kind = ply.transfers[0].name, ply.transfers[0].kind
     before = bed.positions()[name]
     for motion in plan.motions[:2]:
-        bed.cell.carry_out(motion)
+        bed.carry_out(motion)
     pushed = float(np.hypot(*(bed.positions()[name] - before)[:2]))
-    for motion in bed.planner().home(kind).motions:
-        bed.cell.carry_out(motion)
+    for motion in bed.planner(bed.settings, bed.table).home(kind).motions:
+        bed.carry_out(motion)
     return pushed

@@ -14,9 +14,9 @@ from typing import Final
 import chess
 import numpy as np
 
-from app.measure.bench.positions import RandomTable
 from app.measure.bench.report import Row, row
-from app.measure.bench.vision_calibration import OFF, random_looks, random_mount
+from app.measure.bench.vision.calibration import OFF, random_looks, random_mount
+from app.measure.bench.vision.positions import RandomTable
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from hardware.interfaces import Frame

@@ -9,9 +9,9 @@ from typing import Final
 import chess
 import numpy as np
 
-from app.measure.bench.positions import RandomTable
 from app.measure.bench.report import Row, row
-from app.measure.bench.vision_games import Eye, GameTally, Scene, open_studio, random_game
+from app.measure.bench.vision.games import Eye, GameTally, Scene, open_studio, random_game
+from app.measure.bench.vision.positions import RandomTable
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import PlacedPiece
 from hardware.table import PIECE_SHAPES, TableSettings, square_place
@@ -28,8 +28,6 @@ Action = tuple[Poses, frozenset[int]]
 
 ACTIONS: Final = {True: 15, False: 510}
 """By ``quick``."""
-A_GAME: Final = 15
-"""Actions on one set-up: then light and camera are drawn anew."""
 LINES: Final = (
     "e4 e5 Nf3 Nc6 Bc4 Bc5",
     "d4 d5 Nc3 Nf6 Bg5 e6 Qd3 Be7",

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import chess
 import numpy as np
 
-from app.measure.bench.cell import LEAD, Cell
-from app.motion import MotionSettings, Planner
+from app.measure.bench.beds.bed import Bed, plant_of
+from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, transfers
 from app.players.given_line import parse_line
@@ -21,8 +21,6 @@ from controller.model.constants import DeltaModel
 from controller.model.kinematics import Status
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters, load_parameters
-from hardware.sim.bodies.scene import build_model
-from hardware.sim.plant.plant import Plant
 from hardware.sim.process.settings import WorldSettings, stand_pieces
 from hardware.table import TableSettings
 
@@ -83,16 +81,15 @@ def found(law: TaskSpaceController) -> FloatArray:
     return np.concatenate([law.state.position, law.state.velocity, law.state.quality[2:]])
 
 
-class _RecordedCell(Cell):
+class _RecordedBed(Bed):
     """Of which every tick is recorded."""
 
     def __init__(self, inventory: Inventory, motion: MotionSettings, seed: int) -> None:
         parameters, table = load_parameters(), inventory.table
         world = WorldSettings(pieces=tuple(inventory), home=motion.home, table=table, seed=seed, cameras=False)
-        model = build_model(parameters, table, stand_pieces(world), np.array(motion.home))
-        self.parameters = parameters
         self.law = _Listening(DeltaModel(parameters))
-        super().__init__(Plant(model, parameters, tuple(p.name for p in world.pieces)), parameters, table, self.law)
+        plant = plant_of(stand_pieces(world), table, motion, parameters, looks=True)
+        super().__init__(plant, parameters, table, self.law)
 
     def tick(self) -> None:
         super().tick()
@@ -112,23 +109,18 @@ def record(ticks: int, seed: int) -> TickRecording:
     """
     board, table, settings = chess.Board(), TableSettings(), MotionSettings()
     inventory = Inventory.of(start_layout(board, table), table)
-    cell = _RecordedCell(inventory, settings, seed)
-    cell.boot()
-    boot = sum(tick.reference is None for tick in cell.law.ticks)
+    bed = _RecordedBed(inventory, settings, seed)
+    boot = sum(tick.reference is None for tick in bed.law.ticks)
     plies = 0
     for move in parse_line(LINE, board):
         ply = transfers(board, move, inventory)
-        finger = cell.supervisor.measurement.finger_position
-        start = cell.supervisor.reference.position.copy()
-        planner = Planner.of(settings, cell.parameters, table, start, finger, LEAD)
-        plan = planner.ply(ply.san, ply.transfers, inventory)
-        for index in range(len(plan.motions)):
-            motion = plan.continued(index, cell.supervisor.reference.position)
-            cell.carry_out(motion, followed=index < len(plan.motions) - 1)
+        plan = bed.planner(settings, table).ply(ply.san, ply.transfers, inventory)
+        for motion, followed in bed.continued(plan):
+            bed.carry_out(motion, followed)
         plies += 1
         board.push(move)
         inventory = inventory.after(ply)
-        if len(cell.law.ticks) - boot >= ticks:
-            heard = tuple(cell.law.ticks)
-            return TickRecording(cell.parameters, heard[:boot], heard[boot : boot + ticks], plies)
-    raise RuntimeError(f"the line of {plies} plies gave {len(cell.law.ticks) - boot} ticks, {ticks} are wanted")
+        if len(bed.law.ticks) - boot >= ticks:
+            heard = tuple(bed.law.ticks)
+            return TickRecording(bed.parameters, heard[:boot], heard[boot : boot + ticks], plies)
+    raise RuntimeError(f"the line of {plies} plies gave {len(bed.law.ticks) - boot} ticks, {ticks} are wanted")

@@ -22,9 +22,9 @@ import chess
 import numpy as np
 
 from app import UserError
-from app.measure.bench.hand_scene import INTERVAL, Follower, HandScene, hand_scene, until
 from app.measure.bench.loop import straight
 from app.measure.bench.report import Row, row
+from app.measure.bench.vision.hand_scene import INTERVAL, Follower, HandScene, hand_scene, until
 from app.motion import Motion, MotionSettings, Plan, Planner
 from app.pieces.manipulation import transfers
 from app.rig.arm import ArmHeld

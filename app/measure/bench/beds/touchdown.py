@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.bench.cell import LEAD, Cell
+from app.measure.bench.beds.bed import LEAD, Bed
 from app.motion import Motion, MotionSettings, Planner
 from app.pieces.manipulation import Inventory, Stage, Transfer
 from controller.protocol import Guard
@@ -75,14 +75,13 @@ def set_down(trial: Touchdown, settings: MotionSettings, parameters: RobotParame
     home = np.array(settings.home)
     world = build_touchdown_world(parameters, nominal, piece, raised, home, trial.stiffness)
     plant = Plant(world, parameters, (spec.name,))
-    cell = Cell(plant, parameters, believed)
-    cell.boot()
+    bed = Bed(plant, parameters, believed)
     ways = {motion.stage: motion for motion in plan.motions}
-    cell.carry_out(ways[Stage.APPROACH])
-    cell.carry_out(ways[Stage.GRASP], followed=True)
+    bed.carry_out(ways[Stage.APPROACH])
+    bed.carry_out(ways[Stage.GRASP], followed=True)
     forces: list[float] = []
     plant.watch_step = lambda: forces.append(board_force(plant.data, raised=trial.error != 0.0))
-    cell.execute(_as_asked(ways[Stage.CARRY], trial, settings), followed=True)
+    bed.execute(_as_asked(ways[Stage.CARRY], trial, settings), followed=True)
     left = np.flatnonzero(np.array(forces) == 0.0)
     if not left.size:
         raise RuntimeError("the piece was not lifted")

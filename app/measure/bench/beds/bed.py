@@ -5,12 +5,14 @@ So ticks repeat exactly, and a bench sees both sides of every one of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Final
 
+import numpy as np
 from numpy.typing import NDArray
 
-from app.motion import Motion
+from app.motion import Motion, MotionSettings, Plan, Planner
+from app.motion.path import Vector
 from controller.law.task_space import TaskSpaceController
 from controller.loop.supervisor import Ended, Supervisor
 from controller.model.constants import DeltaModel
@@ -22,6 +24,9 @@ from controller.protocol.states import State
 from controller.settings import ControllerSettings
 from hardware.interfaces import Command, Measurement
 from hardware.parameters import RobotParameters
+from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.bodies.scene import build_model
+from hardware.sim.plant.imperfections import Flaws
 from hardware.sim.plant.plant import Plant
 from hardware.table import TableSettings
 
@@ -30,8 +35,8 @@ LEAD: Final = 8
 _BOOT_TICKS = 400
 
 
-class Cell:
-    """A controller and its plant.
+class Bed:
+    """A test bed: a controller and its plant, up to where the arm holds.
 
     Args:
         plant: arm and what stands around it.
@@ -41,8 +46,12 @@ class Cell:
 
     Attributes:
         plant: arm and what stands around it.
+        parameters: robot.
         supervisor: states, protection, law.
         watchers: called after every tick.
+
+    Raises:
+        RuntimeError: the arm does not get so far as to hold.
     """
 
     def __init__(
@@ -52,12 +61,26 @@ class Cell:
         table: TableSettings,
         law: TaskSpaceController | None = None,
     ) -> None:
-        self.plant = plant
+        self.plant, self.parameters = plant, parameters
         law = law or TaskSpaceController(DeltaModel(parameters))
         limits = default_limits(parameters, table)
         self.supervisor = Supervisor(law, limits, ControllerSettings(), parameters.drive.tick, lockstep=True)
         self.watchers: list[Callable[[], None]] = []
         self._motions = 0
+        self._boot()
+
+    @property
+    def arm(self) -> tuple[Vector, float]:
+        """Where the arm is to be, base frame (3,), and where its fingers are [m]."""
+        return self.supervisor.reference.position.copy(), self.supervisor.measurement.finger_position
+
+    def planner(self, settings: MotionSettings, table: TableSettings) -> Planner:
+        """From where the arm is, with the table that is believed."""
+        return Planner.of(settings, self.parameters, table, *self.arm, LEAD)
+
+    def positions(self) -> dict[str, Vector]:
+        """Where each piece stands, board frame (3,) [m]."""
+        return {pose.name: np.array([pose.x, pose.y, pose.z]) for pose in self.plant.truth(reset_peak=False).pieces}
 
     def tick(self) -> None:
         """One exchange: the measurement is of the plant before the command acts."""
@@ -71,12 +94,12 @@ class Cell:
         self.plant.step()
         return measurement
 
-    def boot(self) -> None:
-        """Until the arm holds.
+    def wait(self, duration: float) -> None:
+        """Let so much time pass [s]."""
+        for _ in range(round(duration / self.parameters.drive.tick)):
+            self.tick()
 
-        Raises:
-            RuntimeError: it does not.
-        """
+    def _boot(self) -> None:
         for _ in range(_BOOT_TICKS):
             self.tick()
             if self.supervisor.state is State.HOLD:
@@ -108,3 +131,31 @@ class Cell:
         if ended.result is not motion.wanted:
             why = explain(*ended.reason[:3])
             raise RuntimeError(f"{motion.label} ended as {ended.result.name}, not {motion.wanted.name}: {why}")
+
+    def continued(self, plan: Plan) -> Iterator[tuple[Motion, bool]]:
+        """A plan's motions, each timed from where the arm is when it is asked for; and whether another one follows."""
+        for index in range(len(plan.motions)):
+            yield plan.continued(index, self.arm[0]), index < len(plan.motions) - 1
+
+
+def plant_of(
+    standing: tuple[StandingPiece, ...],
+    table: TableSettings,
+    settings: MotionSettings,
+    parameters: RobotParameters,
+    flaws: Flaws | None = None,
+    *,
+    looks: bool = False,
+) -> Plant:
+    """The plant of a test bed with these pieces on its table and the arm at home.
+
+    Args:
+        standing: pieces.
+        table: board and trays.
+        settings: say where home is.
+        parameters: robot.
+        flaws: as of ``Plant``.
+        looks: as of ``build_model``: as in a game, whose motion differs in its last digits from that of a bare world.
+    """
+    model = build_model(parameters, table, standing, np.array(settings.home), looks=looks)
+    return Plant(model, parameters, tuple(piece.spec.name for piece in standing), flaws=flaws)

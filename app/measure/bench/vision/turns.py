@@ -20,9 +20,9 @@ import chess
 
 from app import UserError
 from app.guard.hand_guard import HandGuard, Listener
-from app.measure.bench.hand_scene import Follower, HandScene, hand_scene, until
 from app.measure.bench.report import Row, row
-from app.measure.bench.vision_games import Eye, GameTally
+from app.measure.bench.vision.games import Eye, GameTally
+from app.measure.bench.vision.hand_scene import Follower, HandScene, hand_scene, until
 from app.pieces.manipulation import transfers
 from app.play.hand_moves import hand_transfers
 from hardware.interfaces import DepthFrame, Frame, HardwareError
@@ -59,7 +59,7 @@ class TurnFigures:
 
 
 def turn_rows(quick: bool, progress: Callable[[str], None]) -> dict[str, Row]:
-    """Measure; arguments and errors as of ``app.measure.bench.vision_hand.hand_rows``."""
+    """Measure; arguments and errors as of ``app.measure.bench.vision.hands.hand_rows``."""
     return measure(MOVES[quick], progress)
 
 

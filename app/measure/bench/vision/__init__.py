@@ -1,0 +1,1 @@
+"""Bench ``vision``: its rows, and the scenes that they are measured in."""

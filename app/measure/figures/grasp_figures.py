@@ -1,0 +1,292 @@
+"""Figures ``6`` and ``7``: the soft grasp without and with tactile feedback, on the constrained dynamics and in MuJoCo.
+
+Figure 6 shows arm, fingers and block over time, and what decides it: the grasp with one assumed value changed at a
+time. Figure 7 shows block and fingers before and after; white lines on block and surface are aligned at the start, as
+in the paper's pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+from pydantic import JsonValue
+
+from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
+from app.measure.figures.grasp import DAMPING, HEIGHT, POINT, Block, Grasp, Run, sliding
+from app.measure.figures.grasp_mujoco import MujocoRun, run_mujoco, views
+from app.measure.figures.gripper import PAD_DAMPING, PAD_STIFFNESS, effective_mass, run_dae
+from app.measure.figures.result import Bar, FigureResult, Picture, Progress
+from controller.law.tactile import grip_force, least_contact_damping
+from controller.model.constants import DeltaModel
+
+GAINS = (0.0, 2.0)
+"""k* [1/kg]."""
+SPEEDS = (0.020, 0.025, 0.030, 0.040, 0.050)
+"""Of each finger [m/s]."""
+CHANGES: tuple[tuple[str, Grasp], ...] = (
+    *((f"fingers {1e3 * speed:g} mm/s", Grasp(0.0, finger_speed=speed)) for speed in SPEEDS),
+    *((f"wood friction {friction:g}", Grasp(0.0, block=Block(friction=friction))) for friction in (0.3, 0.5)),
+    ("block 10 g", Grasp(0.0, block=Block(mass=0.010))),
+    ("shaft friction 0.005 N m, compensated", Grasp(0.0, joint_friction=0.005)),
+    ("shaft friction 0.005 N m, not compensated", Grasp(0.0, joint_friction=0.005, compensated=False)),
+    ("shaft friction 0.02 N m, compensated", Grasp(0.0, joint_friction=0.02)),
+    ("shaft friction 0.02 N m, not compensated", Grasp(0.0, joint_friction=0.02, compensated=False)),
+)
+"""Beside 30 mm/s, friction 0.4, 15 g and shafts without Coulomb friction, which is what the figures take."""
+CAPTION = "Final place of the block with one assumed value changed"
+FINER = 16
+"""Steps a tick of a second run of each model: what its own steps do to the result."""
+TITLES = {"dae": "constrained dynamics (2)", "mujoco": "MuJoCo"}
+_WOOD = "#b8864e"
+_PAD = (0.003, 0.006)
+"""Thickness and half height of a pad as drawn [m]."""
+_ROWS = slice(40, 440)
+"""Of a rendered picture: block and pads."""
+
+
+class Grasps(NamedTuple):
+    """The grasp of the paper without and with feedback."""
+
+    dae: tuple[Run, Run]
+    mujoco: tuple[MujocoRun, MujocoRun]
+
+    def by_model(self) -> dict[str, tuple[Run, Run]]:
+        """The runs of each model."""
+        return {"dae": self.dae, "mujoco": (self.mujoco[0].run, self.mujoco[1].run)}
+
+
+def both_grasps(progress: Progress) -> Grasps:
+    """Run both models for both gains."""
+    without, fed_back = (Grasp(gain) for gain in GAINS)
+    progress("simulating the grasp on the constrained dynamics")
+    dae = run_dae(without), run_dae(fed_back)
+    progress("simulating the grasp in MuJoCo")
+    return Grasps(dae, (run_mujoco(without), run_mujoco(fed_back)))
+
+
+def bars(grasps: Grasps) -> dict[str, Bar]:
+    """What figures 6 and 7 must show in both models."""
+    found = {}
+    for name, (without, fed_back) in grasps.by_model().items():
+        found[f"block_without_feedback_{name}"] = Bar(1e3 * without.final, "mm", 3.0, 5.0)
+        found[f"block_with_feedback_{name}"] = Bar(1e3 * abs(fed_back.final), "mm", high=1.0)
+    return found
+
+
+def _run_numbers(grasps: Grasps) -> dict[str, JsonValue]:
+    """Of each run, by model and gain, in mm and N."""
+    return {
+        model: {
+            f"k*={run.grasp.tactile_gain:g}": {
+                "final_mm": 1e3 * run.final,
+                "farthest_mm": 1e3 * run.farthest,
+                "arm_mm": 1e3 * float(run.arm[-1]),
+                "grip_force_N": run.forces[-1].tolist(),
+                "still_moving_to_and_fro_um": 1e6 * run.unrest,
+            }
+            for run in runs
+        }
+        for model, runs in grasps.by_model().items()
+    }
+
+
+def figure_6(progress: Progress) -> FigureResult:
+    """Compute and draw."""
+    grasps = both_grasps(progress)
+    mass = effective_mass(DeltaModel(Grasp(0.0).parameters), POINT)
+    cases = study(mass, progress)
+    title = "Soft grasp of a wooden block, 10 mm off the middle"
+    progress("simulating the grasp with smaller steps")
+    numbers = _numbers(grasps, mass, cases)
+    return FigureResult(
+        title, bars(grasps), numbers, {"": _draw_motion(grasps, title), "-sensitivity": draw_study(cases, mass)}
+    )
+
+
+def _numbers(grasps: Grasps, mass: float, cases: list[Case]) -> Mapping[str, JsonValue]:
+    grasp = grasps.dae[0].grasp
+    names = [f"k*={gain:g}" for gain in GAINS]
+    finer = [
+        (1e3 * run_dae(one.grasp, FINER).final, 1e3 * run_mujoco(one.grasp, FINER).run.final) for one in grasps.dae
+    ]
+    return {
+        "effective_mass_kg": mass,
+        "block_friction_N": grasp.block.holds,
+        "finger_speed_mm_s": 1e3 * grasp.finger_speed,
+        "grip_force_expected_N": grip_force(grasp.parameters.gripper, -grasp.finger_speed),
+        "contact_damping_against_hum_N_s_m": {
+            "needed": least_contact_damping(grasp.parameters, mass, DAMPING, GAINS[1], 2.0 * PAD_STIFFNESS),
+            "of both pads": 2.0 * PAD_DAMPING,
+        },
+        **_run_numbers(grasps),
+        "closed_form_mm": {
+            name: [1e3 * v for v in sliding(Grasp(g), mass)] for name, g in zip(names, GAINS, strict=True)
+        },
+        f"final_mm_with_{FINER}_steps_a_tick_dae_mujoco": {n: list(pair) for n, pair in zip(names, finer, strict=True)},
+        "sensitivity": [case.as_json() for case in cases],
+    }
+
+
+def _draw_motion(grasps: Grasps, title: str) -> Picture:
+    sheet = picture(9.6, 7.4)
+    panels = axes(sheet, 3, 2, sharex=True)
+    sheet.suptitle(title, fontsize=11)
+    for column, (name, runs) in enumerate(grasps.by_model().items()):
+        arm, fingers, block = panels[column::2]
+        arm.set_title(TITLES[name], fontsize=9)
+        for run, gain, colour in zip(runs, GAINS, (WITHOUT, WITH), strict=True):
+            arm.plot(run.time, 1e3 * run.arm, color=colour, lw=1.4, label=f"k* = {gain:g}")
+            fingers.plot(run.time, 1e3 * run.right, color=colour, lw=1.4)
+            fingers.plot(run.time, 1e3 * run.left, color=colour, lw=1.4, ls="--")
+            block.plot(run.time, -1e3 * run.block, color=colour, lw=1.4)
+            _final(block, run, colour)
+        arm.set_ylabel("arm z₁ [mm]", fontsize=9)
+        fingers.set_ylabel("right, left (- -) pad [mm]", fontsize=9)
+        block.set_ylabel("block, pushed aside [mm]", fontsize=9)
+        block.set_xlabel("time [s]", fontsize=9)
+        block.axhline(0.0, color=DARK, lw=0.6)
+        block.set_ylim(-1.2, 7.6)
+        arm.set_ylim(-0.8, 11.5)
+        arm.legend(fontsize=8, loc="upper left")
+    return sheet
+
+
+def _final(axis: Axes, run: Run, colour: str) -> None:
+    axis.annotate(
+        f"{1e3 * run.final:.1f} mm".replace("-", "−"), (float(run.time[-1]), 1e3 * max(run.final, 0.0)), xytext=(0, 5),
+        textcoords="offset points", ha="right", fontsize=8, color=colour,
+    )  # fmt: skip
+
+
+# what decides
+
+
+class Case(NamedTuple):
+    """Final displacements of the block for both gains [mm]."""
+
+    name: str
+    grasp: Grasp
+    dae: tuple[float, float]
+    mujoco: tuple[float, float]
+    closed_form: tuple[float, float]
+
+    def as_json(self) -> dict[str, JsonValue]:
+        """With ``k* = 0`` first."""
+        return {
+            "case": self.name,
+            "dae_mm": list(self.dae),
+            "mujoco_mm": list(self.mujoco),
+            "closed_form_mm": list(self.closed_form) if self.grasp.joint_friction == 0.0 else None,
+        }
+
+
+def study(mass: float, progress: Progress, changes: tuple[tuple[str, Grasp], ...] = CHANGES) -> list[Case]:
+    """Run all cases; ``mass``: effective, of the arm along z1 [kg]."""
+    cases = []
+    for number, (name, grasp) in enumerate(changes, 1):
+        progress(f"varying an assumed value, {number} of {len(changes)}: {name}")
+        cases.append(_case(name, grasp, mass))
+    return cases
+
+
+def _case(name: str, grasp: Grasp, mass: float) -> Case:
+    both = [grasp.with_gain(gain) for gain in GAINS]
+    dae = tuple(1e3 * run_dae(one).final for one in both)
+    mujoco = tuple(1e3 * run_mujoco(one).run.final for one in both)
+    formula = tuple(1e3 * sliding(one, mass)[0] for one in both)
+    return Case(name, grasp, (dae[0], dae[1]), (mujoco[0], mujoco[1]), (formula[0], formula[1]))
+
+
+def draw_study(cases: list[Case], mass: float) -> Picture:
+    """Final place over finger speed with the closed form, and all cases as a list."""
+    sheet = picture(11.0, 4.4)
+    left, right = axes(sheet, 1, 2)
+    speeds = np.linspace(0.012, 0.055, 200)
+    for gain, colour in zip(GAINS, (WITHOUT, WITH), strict=True):
+        ends = [1e3 * sliding(Grasp(gain, finger_speed=float(v)), mass)[0] for v in speeds]
+        left.plot(1e3 * speeds, ends, color=colour, lw=1.2, label=f"k* = {gain:g}, closed form")
+    swept = [case for case in cases if case.name.startswith("fingers")]
+    _points(left, swept, [1e3 * case.grasp.finger_speed for case in swept], upright=True)
+    left.axvline(30.0, color="grey", lw=0.8, ls="--")
+    left.set_xlabel("speed of each finger [mm/s]", fontsize=9)
+    left.set_ylabel("final place of the block [mm]", fontsize=9)
+    left.legend(fontsize=8, loc="upper left")
+    rows = list(range(len(cases)))[::-1]
+    _points(right, cases, rows, upright=False)
+    right.set_yticks(rows, [case.name for case in cases], fontsize=8)
+    right.axvline(0.0, color=DARK, lw=0.8)
+    right.set_xlabel("final place of the block [mm]", fontsize=9)
+    right.plot([], [], "o", color="grey", label="DAE")
+    right.plot([], [], "x", color="grey", label="MuJoCo")
+    right.legend(fontsize=8, loc="upper right")
+    sheet.suptitle(f"{CAPTION}; pushed aside is positive, 10 mm aside at the start", fontsize=10)
+    return sheet
+
+
+def _points(axis: Axes, cases: list[Case], places: Sequence[float], upright: bool) -> None:
+    """Dots for the DAE and crosses for MuJoCo, the places along x or (not upright) along y."""
+    for index, colour in enumerate((WITHOUT, WITH)):
+        for found, mark in (([c.dae[index] for c in cases], "o"), ([c.mujoco[index] for c in cases], "x")):
+            x, y = (places, found) if upright else (found, places)
+            axis.plot(x, y, mark, color=colour, ms=6, mfc="none" if mark == "o" else colour, mew=1.3)
+
+
+# before and after
+
+
+def figure_7(progress: Progress) -> FigureResult:
+    """Compute and draw."""
+    grasps = both_grasps(progress)
+    poses = [grasps.mujoco[0].start, *(one.end for one in grasps.mujoco)]
+    start, *ends = views(grasps.mujoco[0].run.grasp, poses)
+    title = "Block before and after the soft grasp"
+    return FigureResult(title, bars(grasps), _run_numbers(grasps), {"": _draw_ends(grasps, start, ends)})
+
+
+def _draw_ends(grasps: Grasps, start: NDArray[np.uint8], ends: list[NDArray[np.uint8]]) -> Picture:
+    sheet = picture(10.6, 5.4)
+    grid = sheet.subplots(2, 3, squeeze=False)
+    rows = zip(grid, GAINS, ends, grasps.mujoco, grasps.dae, strict=True)
+    for (before, after, drawn), gain, end, mujoco, dae in rows:
+        _photo(before, start, f"k* = {gain:g}: start")
+        _photo(after, end, f"end, MuJoCo: {_moved(mujoco.run)}")
+        _schematic(drawn, dae)
+        drawn.set_title(f"end, constrained dynamics: {_moved(dae)}", fontsize=9)
+    return sheet
+
+
+def _moved(run: Run) -> str:
+    return f"block moved {1e3 * abs(run.final):.1f} mm"
+
+
+def _photo(axis: Axes, pixels: NDArray[np.uint8], title: str) -> None:
+    axis.imshow(pixels[_ROWS])
+    axis.set_title(title, fontsize=9)
+    axis.set_axis_off()
+
+
+def _schematic(axis: Axes, run: Run) -> None:
+    """Side view to scale in mm, z1 to the right; the surface's line is where the block's was."""
+    block = run.grasp.block
+    half, _, high = (1e3 * v for v in block.half_size)
+    middle = 1e3 * (block.offset + run.block[-1])
+    axis.add_patch(Rectangle((middle - half, 0.0), 2 * half, 2 * high, fc=_WOOD, ec=DARK, lw=0.8))
+    axis.plot([middle, middle], [0.0, 2 * high], color="white", lw=1.6)
+    axis.plot([1e3 * block.offset] * 2, [-7.0, 0.0], color="white", lw=1.6, zorder=3)
+    axis.add_patch(Rectangle((-24.0, -7.0), 56.0, 7.0, fc=GREY, ec="none"))
+    thickness, half_height = (1e3 * v for v in _PAD)
+    for face, outward in ((run.right[-1], 0.0), (run.left[-1], -thickness)):
+        corner = (1e3 * face + outward, 1e3 * HEIGHT - half_height)
+        axis.add_patch(Rectangle(corner, thickness, 2 * half_height + 16.0, fc="#e8e6df", ec=DARK, lw=0.8))
+    axis.set_xlim(-24.0, 32.0)
+    axis.set_ylim(-7.0, 36.0)
+    axis.set_aspect("equal")
+    axis.set_yticks([])
+    axis.tick_params(labelsize=8)
+    axis.set_xlabel("z₁ from the gripper's middle at the start [mm]", fontsize=8)
+    axis.spines[["top", "right", "left"]].set_visible(False)

@@ -1,0 +1,291 @@
+"""Whatever stands in a file or on the command line that a person may write: it is taken, or refused in one sentence."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import chess
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from app import UserError
+from app.cli import app
+from app.measure.photographs.labels import load_labels
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import Inventory
+from app.play.game_setup import start_board, venue_of
+from app.play.replay import recorded_games
+from app.players.given_line import parse_line
+from app.records import GameRecord, GameSetup, read_events, read_history, summarise
+from app.rig.rig_file import load_rig
+from app.rig.simulation.settings import load_randomisation
+from app.settings.calibration import load_calibration
+from app.settings.files import as_toml, kept_settings, load_settings
+from app.settings.time_control import TimeControl
+from app.settings.tree import Settings
+from engine.book import Book, BookSettings
+from engine.errors import EngineProblem
+from hardware.interfaces import HardwareError
+from hardware.parameters import DEFAULT_FILE
+from hardware.table import TableSettings
+
+REFUSALS = (UserError, EngineProblem, HardwareError)
+"""What the commands answer in one sentence."""
+TABLE = TableSettings()
+WORDS = (
+    b"", b"nan", b"inf", b"-inf", b"1e999", b"-1", b"0", b"9" * 40, b"null", b"true", b"[]", b"{}", b'""', b'"', b"\0",
+    b"\xff\xfe", b"\n", b"[" * 3000, b"{" * 50, b"e2e4", b"0000", b"--", b"[/b]", b"K", b"=", b".", b"\\",
+    b"\xe2\x80\xa8",
+)  # fmt: skip
+"""What is put in somewhere: values at the edge, and what means something to a reader of one of the formats."""
+
+RIG = b"""run_dir = "run"
+calibration = "calibration.json"
+[controller]
+host = "127.0.0.1"
+port = 47100
+linger = 30.0
+[drives]
+bus = "sim"
+[world]
+pace = "fast"
+seed = 3
+fen = "8/8/8/4k3/8/8/8/3QK3 w - - 0 1"
+[world.camera]
+noise = true
+[world.light]
+direction = [0.9, 0.5, 1.0]
+[world.randomisation]
+piece_mass = 0.1
+[table]
+square = 0.05
+centre_in_base = [0.0, 0.0, -0.6]
+"""
+LABELS = json.dumps({
+    "schema": "chess-seq/1", "initial_fen": chess.STARTING_FEN,
+    "corners_px": {n: [1.0, 2.0] for n in ("a1", "h1", "h8", "a8")},
+    "frames": [{"file": "a.jpg", "moves_since_previous": ["e2e4"], "fen": chess.STARTING_FEN}],
+}).encode()  # fmt: skip
+CALIBRATION = json.dumps({
+    "version": 1, "made": "2026-11-01T00:00:00Z",
+    "pinhole": {"width": 1280, "height": 720, "fx": 900.0, "fy": 900.0, "cx": 639.5, "cy": 359.5},
+    "camera_from_base": [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]],
+    "depth_factor": 1.0, "points": 20, "left_out": 0, "mean_residual": 1e-4, "worst_residual": 2e-4,
+    "mean_error": 1e-4, "worst_error": 2e-4,
+    "board": {"centre": [0.0, 0.0, -0.6], "yaw": 0.01, "tilt": 0.0, "by_depth": True, "by_corners": True},
+}).encode()  # fmt: skip
+PGN = (
+    b'[Event "x"]\n[White "W"]\n[Variant "Chess960"]\n[SetUp "1"]\n[FEN "4k3/8/8/8/8/8/8/1RK5 w Q - 0 1"]\n\n'
+    b'1. O-O-O {[%clk 0:01:00]} Kd7 (1... Ke7 2. Re1+) 2. Rd1+ $1 Ke6 1/2-1/2\n\n[Event "y"]\n\n1. e4 e5 *\n'
+)
+
+
+def _summary_of(path: Path) -> None:
+    summarise(read_events(path))
+
+
+def _book_of(path: Path) -> None:
+    with Book(BookSettings(path=path)) as book:
+        book.move(chess.Board())
+
+
+def _calibration_of(path: Path) -> None:
+    calibration = load_calibration(path)
+    calibration.board_view(calibration.table(TABLE))
+
+
+def _rig_of(path: Path) -> None:
+    venue_of(Settings().with_changes({"rig.name": str(path)}).rig)
+
+
+def _parameters_of(path: Path) -> None:
+    rig = path.with_name("rig.toml")
+    rig.write_text(f'parameters = "{path}"\n[controller]\nport = 47100\n', encoding="utf-8")
+    load_rig(rig)
+
+
+READERS: dict[str, tuple[str, bytes | None, Callable[[Path], object]]] = {
+    "record's report": ("events.jsonl", None, _summary_of),
+    "record's history": ("events.jsonl", None, lambda path: read_history(path, TABLE)),
+    "settings": ("my.toml", as_toml(Settings()).encode(), load_settings),
+    "kept settings": ("settings.json", Settings().model_dump_json().encode(), lambda path: kept_settings(path.parent)),
+    "rig file": ("lab.toml", RIG, _rig_of),
+    "robot's parameters": ("robot.toml", DEFAULT_FILE.read_bytes(), _parameters_of),
+    "randomisation": ("random.toml", b"piece_mass = 0.1\n[devices.grip]\nholds = [3]\n", load_randomisation),
+    "labels": ("labels.json", LABELS, lambda path: load_labels(path.parent)),
+    "calibration": ("calibration.json", CALIBRATION, _calibration_of),
+    "games": ("games.pgn", PGN, recorded_games),
+    "opening book": ("book.bin", bytes(range(16)) * 4, _book_of),
+}
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The events of a short game."""
+    folder = tmp_path_factory.mktemp("record") / "game"
+    inventory = Inventory.of(start_layout(chess.Board(), TABLE), TABLE)
+    with GameRecord.begin(folder, GameSetup("W", "B", 1, "fast"), chess.Board(), inventory, 0.0) as game:
+        game.end("*", "left", 1.0)
+    return (folder / "events.jsonl").read_bytes()
+
+
+@st.composite
+def edits(draw: st.DrawFn) -> Callable[[bytes], bytes]:
+    """What happens to a file: parts are cut out, doubled, replaced or cut off."""
+    cuts = draw(
+        st.lists(
+            st.tuples(st.floats(0, 1), st.integers(0, 12), st.sampled_from(WORDS) | st.binary(max_size=6)), max_size=4
+        )
+    )
+    end = draw(st.none() | st.floats(0, 1))
+    swap = draw(st.none() | st.tuples(st.integers(0, 200), st.sampled_from(WORDS)))
+
+    def edit(content: bytes) -> bytes:
+        if swap is not None:  # a value of its own, where the formats have one
+            parts = content.split(b" ")
+            parts[swap[0] % len(parts)] = swap[1]
+            content = b" ".join(parts)
+        for where, length, put in cuts:
+            at = int(where * len(content))
+            content = content[:at] + put + content[at + length :]
+        return content if end is None else content[: int(end * len(content))]
+
+    return edit
+
+
+@pytest.mark.parametrize("reader", READERS)
+@given(edit=edits())
+def test_garbage_in_a_file_is_taken_or_refused(
+    reader: str, edit: Callable[[bytes], bytes], tmp_path_factory: pytest.TempPathFactory, record: bytes
+) -> None:
+    name, content, read = READERS[reader]
+    path = tmp_path_factory.mktemp("garbage") / name
+    path.write_bytes(edit(record if content is None else content))
+    with contextlib.suppress(*REFUSALS):
+        read(path)
+
+
+@pytest.mark.parametrize("reader", READERS)
+@given(content=st.binary(max_size=60) | st.sampled_from(WORDS))
+def test_anything_in_a_file_is_taken_or_refused(
+    reader: str, content: bytes, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    name, _, read = READERS[reader]
+    path = tmp_path_factory.mktemp("garbage") / name
+    path.write_bytes(content)
+    with contextlib.suppress(*REFUSALS):
+        read(path)
+
+
+TEXTS = st.text(st.characters(codec="utf-8"), max_size=30) | st.sampled_from([word.decode("latin-1") for word in WORDS])
+
+
+@given(
+    text=TEXTS | st.from_regex(r"[kqrbnpKQRBNP1-8/]{5,30} [wb] [KQkqA-H-]{1,4} [a-h36-]{1,2} -?[0-9]{1,12} [0-9]{1,4}"),
+    chess960=st.booleans(),
+)
+def test_any_position_is_taken_or_refused(text: str, chess960: bool) -> None:
+    with contextlib.suppress(*REFUSALS):
+        start_layout(start_board(text, chess960=chess960), TABLE)
+
+
+@given(
+    text=TEXTS | st.lists(st.sampled_from(["e4", "e2e4", "O-O", "--", "Z0", "@@@@", "e7e8q", "1.", "x"])).map(" ".join)
+)
+def test_any_line_and_any_time_control_is_taken_or_refused(text: str) -> None:
+    for read in (lambda: parse_line(text, chess.Board()), lambda: TimeControl.parse(text)):
+        with contextlib.suppress(*REFUSALS):
+            read()
+
+
+NUMBERS = ("nan", "inf", "-inf", "-1", "0", "1e308", "1e-308", "9" * 40, "1.5", "abc", "")
+NUMERIC: dict[str, tuple[str, ...]] = {
+    "demo": ("plies", "games", "seed", "white-elo", "movetime", "nodes", "video-length", "linger", "square", "port"),
+    "play": ("elo", "movetime", "nodes", "seed"),
+    "replay": ("game", "from-ply", "plies", "seed"),
+    "setup": ("seed",),
+    "link-test": ("duration",),
+}
+
+
+@pytest.mark.parametrize(("command", "option"), [(name, one) for name, all_of in NUMERIC.items() for one in all_of])
+def test_numbers_on_the_command_line_are_taken_or_refused(
+    command: str, option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No rig is ever opened: a missing one ends what was taken."""
+    monkeypatch.chdir(tmp_path)
+    for number in NUMBERS:
+        arguments = [
+            command,
+            *(["games.pgn"] if command == "replay" else []),
+            "--rig",
+            "none.toml",
+            f"--{option}",
+            number,
+        ]
+        _assert_one_sentence(arguments)
+
+
+TEXTUAL = ("--rig", "--pace", "--profile", "--fen", "--moves", "--clock", "--book", "--engine", "--pads", "--captured",
+           "--randomise", "--config", "--out")  # fmt: skip
+
+
+@pytest.mark.parametrize("option", TEXTUAL)
+@pytest.mark.parametrize("text", ["", "\n", "[/b]", "\0", "a" * 5000, "nan", "\u2028", "/"])
+def test_texts_on_the_command_line_are_taken_or_refused(
+    option: str, text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rig = [] if option == "--rig" else ["--rig", "none.toml"]
+    _assert_one_sentence(["demo", *rig, option, text])
+
+
+def _assert_one_sentence(arguments: list[str]) -> None:
+    done = CliRunner().invoke(app, arguments)
+    trouble: Any = done.exception
+    assert isinstance(trouble, SystemExit), (arguments, done.exc_info)
+    assert done.exit_code == 2, (arguments, done.output)
+    (line,) = done.output.splitlines()
+    assert line.startswith("touchmove: "), line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("demo --rig board --square 59", "--square has no effect here, it is for a simulation of our own (--rig sim)"),
+        ("demo --rig board --video", "--video has no effect here, it is for a simulation of our own"),
+        (
+            "demo --no-video --video-length 9",
+            "--video-length has no effect here, it is for a film (without --no-video)",
+        ),
+        ("demo --no-cameras --video", "--video has no effect here, it is for a simulation that is drawn"),
+        ("demo --moves e4 --movetime 1", "--movetime has no effect here, it is for engines that choose the moves"),
+        ("demo --nodes 10 --movetime 1", "--movetime has no effect here, it is for engines that think by time"),
+        ("demo --moves e4 --black-clock 5+3", "--black-clock has no effect here, it is for engines that choose"),
+        ("demo --movetime inf", "--movetime is 'inf': it should be a finite number"),
+        ("demo --movetime 1e9", "--movetime is '1000000000.0': it should be less than or equal to 86400"),
+        ("demo --nope", "No such option: --nope"),
+        ("nope", "No such command 'nope'"),
+    ],
+)
+def test_what_has_no_effect_or_no_meaning_is_refused(arguments: str, said: str) -> None:
+    done = CliRunner().invoke(app, arguments.split())
+    assert done.exit_code == 2
+    (line,) = done.output.splitlines()
+    assert said in line
+
+
+def test_settings_of_a_file_without_effect_are_said(tmp_path: Path) -> None:
+    file, out = tmp_path / "my.toml", tmp_path / "game"
+    file.write_text('[rig]\nname = "board"\nsquare = 59.0\nvideo = false\n[game]\nmoves = "e4"\n', encoding="utf-8")
+    done = CliRunner().invoke(app, ["demo", "--config", str(file), "--headless", "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    assert done.output.splitlines() == [
+        "touchmove: --square has no effect here, it is for a simulation of our own (--rig sim): leave it out"
+    ]
