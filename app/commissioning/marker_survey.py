@@ -145,7 +145,7 @@ def _go(rig: Rig, setup: Setup, point: Array, label: str) -> None:
     motion = setup.motion.model_copy(update={"home": (x, y, z)})
     plan = Planner.of(motion, setup.parameters, setup.table, state.reference, state.finger).home()
     if np.linalg.norm(state.reference - point) > 1e-6:
-        rig.arm.execute(Plan(label, tuple(replace(one, label=label) for one in plan.motions), style=plan.style))
+        rig.arm.execute(Plan(label, tuple(replace(one, label=label) for one in plan.motions)))
 
 
 def fresh_frame(rig: Rig, camera: Camera) -> Frame:

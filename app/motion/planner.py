@@ -20,7 +20,7 @@ from app.motion.lift_off import loosened
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd, Obstacle, blocking_neighbour, box_in_the_way, closed_position
 from app.motion.path import Vector
-from app.motion.plan import InTheWay, Motion, Plan, PlanRefused, Style
+from app.motion.plan import InTheWay, Motion, Plan, PlanRefused
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
 from app.pieces.manipulation import Inventory, PieceBoxed, Stage, Transfer
@@ -55,14 +55,9 @@ class Planner:
         """For a robot at a table; ``settings`` are speeds, gains and heights."""
         return cls(Workcell.of(settings, parameters, table), start, finger, lead_ticks)
 
-    @property
-    def style(self) -> Style:
-        """How routes are timed."""
-        return Style(self.cell.settings, self.cell.table, self.cell.tick)
-
     def plan(self, label: str, motions: Sequence[Motion]) -> Plan:
         """Of motions that follow each other."""
-        return Plan(label, tuple(motions), self.lead_ticks * self.cell.tick, self.style)
+        return Plan(label, tuple(motions), self.lead_ticks * self.cell.tick)
 
     def ply(
         self, label: str, transfers: Sequence[Transfer], inventory: Inventory, *, holding: bool = False,
@@ -142,7 +137,7 @@ class Planner:
             opens=opens, soft_start=Softness.STIFF if release is None else Softness.LASTS,
         )  # fmt: skip
         motion, _ = motion_of(cell, "home", route, 0, Stage.RETURN)
-        return Plan("home", (*before, motion), style=self.style)
+        return Plan("home", (*before, motion))
 
 
 # fingers

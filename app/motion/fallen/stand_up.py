@@ -156,7 +156,9 @@ def _draw_over(cell: Workcell, lying: Lying, heel: Heel, begin: Vector, how: Hee
     path = join([dwell(begin, 1), Segment(table), dwell(table[-1, 0:3], math.ceil(how.settling_time / tick))])
     samples = to_samples(path, _gains(cell, ticks, len(path), how), np.zeros(len(path)))
     samples.flags.writeable = False
-    return Motion(f"draw the {lying.called} over its heel", samples, (len(path) - 1) * tick)
+    return Motion(
+        f"draw the {lying.called} over its heel", samples, (len(path) - 1) * tick, continuation=cell.continuation()
+    )
 
 
 def _gains(cell: Workcell, ticks: list[int], count: int, how: Heeling) -> Vector:

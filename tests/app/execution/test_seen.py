@@ -136,7 +136,7 @@ def test_the_arm_sets_pieces_right(off: tuple[float, float]) -> None:
     supervisor = bed.supervisor
     arm = bed.planner(MOTION, now.table).ply("set right", plan, now)
     for index in range(len(arm.motions)):
-        motion = arm.continued(index, supervisor.reference.position)
+        motion = arm.motions[index].continued(supervisor.reference.position)
         bed.carry_out(motion, followed=index < len(arm.motions) - 1)
     goals = {piece.name: piece.place for piece in now} | {transfer.name: transfer.target for transfer in plan}
     for pose in plant.truth(reset_peak=False).pieces:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from typing import Any
 
 import chess
@@ -83,3 +85,9 @@ def test_the_way_home_from_what_holds_the_tool_up_begins_softly_and_straight_up(
     assert np.abs(rows["velocity"]).max() < 0.06
     assert rows["stiffness"][:, 2] == pytest.approx(MOTION.gains.frequency_at_contact**2, rel=1e-6)
     assert Planner.of(MOTION, parameters, TABLE, reference, 0.0).home().motions[0].label == "home"
+
+
+def test_who_carries_plans_out_loads_nothing_that_plans() -> None:
+    """What follows a touch was planned before: it comes with the plan."""
+    script = "import sys, app.rig.arm; print(*(name for name in sys.modules if name.startswith('app.motion')))"
+    assert not subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout.split()

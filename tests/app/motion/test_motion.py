@@ -57,8 +57,8 @@ def test_plans_of_random_games_pass_the_controllers_protection(seed, board_at):
     for ply, inventory in games(seed, 16):
         plan = planned(ply, inventory)
         reference = HOME
-        for index in range(len(plan.motions)):
-            motion = plan.continued(index, reference)
+        for each in plan.motions:
+            motion = each.continued(reference)
             rows = np.array([np.concatenate([np.atleast_1d(s[n]).astype(float) for n in s.dtype.names])
                              for s in motion.samples])  # fmt: skip
             check.begin(reference)

@@ -133,8 +133,8 @@ def test_plans_pass_the_controllers_protection_and_flow_without_a_touch_at_the_b
     captures = [(ply, before) for ply, before in games(seed, 60) if ply.transfers[0].target.in_box]
     for ply, inventory in captures[:12:4]:
         plan, reference = planned(ply, inventory), HOME
-        for index in range(len(plan.motions)):
-            motion = plan.continued(index, reference)
+        for each in plan.motions:
+            motion = each.continued(reference)
             rows = np.array([np.concatenate([np.atleast_1d(s[n]).astype(float) for n in s.dtype.names])
                              for s in motion.samples])  # fmt: skip
             check.begin(reference)

@@ -69,7 +69,7 @@ def test_an_arm_keeps_its_contract(rig: Rig) -> None:
     inventory = INVENTORY.after(ply)
     ply = transfers(chess.Board("rnbqkbnr/pppppppp/8/8/4P3/8/PPPP1PPP/RNBQKBNR w - - 0 1"), D4, inventory)
     plan = planned(arm, ply, inventory)
-    arm.execute(Plan(plan.label, plan.motions[:2], plan.lead, plan.style))
+    arm.execute(Plan(plan.label, plan.motions[:2], plan.lead))
     held = arm.settle()
     assert held.felt >= FELT, "it says that something is in its fingers"
     x, y, _ = TABLE.board_from_base(held.reference)

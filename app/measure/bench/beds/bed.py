@@ -134,8 +134,8 @@ class Bed:
 
     def continued(self, plan: Plan) -> Iterator[tuple[Motion, bool]]:
         """A plan's motions, each timed from where the arm is when it is asked for; and whether another one follows."""
-        for index in range(len(plan.motions)):
-            yield plan.continued(index, self.arm[0]), index < len(plan.motions) - 1
+        for index, motion in enumerate(plan.motions):
+            yield motion.continued(self.arm[0]), index < len(plan.motions) - 1
 
 
 def plant_of(

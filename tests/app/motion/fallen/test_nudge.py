@@ -227,8 +227,8 @@ def test_in_the_world_a_pushed_piece_goes_as_far_as_it_is_pushed_and_does_not_fa
     begin, end = touching - 0.005 * unit, touching + way * unit
     nudge = Nudge("piece", direction, way, tips, (begin[0], begin[1]), (end[0], end[1]))
     plan = plan_nudge(bed.planner(SETTINGS, TABLE), nudge, Strewn(tuple(standing), tuple(lying)))
-    for number in range(len(plan.motions)):
-        bed.carry_out(plan.continued(number, bed.supervisor.reference.position.copy()))
+    for motion, _ in bed.continued(plan):
+        bed.carry_out(motion)
     went = (body.xpos[:2] - (x, y)) @ unit
     print(f"{kind}: pushed by {1e3 * way:.0f} mm, went {1e3 * went:.1f} mm")
     assert body.xmat.reshape(3, 3)[2, 2] == pytest.approx(axis[2], abs=0.1), "it stands as it stood, lies as it lay"
