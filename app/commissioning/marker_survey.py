@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.motion import MotionSettings, Plan, PlanRefused, plan_return
+from app.motion import MotionSettings, Plan, Planner, PlanRefused
 from app.rig.devices import Rig
 from hardware.interfaces import Camera, Frame, HardwareError
 from hardware.parameters import Marker, RobotParameters
@@ -143,9 +143,9 @@ def _go(rig: Rig, setup: Setup, point: Array, label: str) -> None:
     x, y, z = point.tolist()
     state = rig.arm.state()
     motion = setup.motion.model_copy(update={"home": (x, y, z)})
-    plan = plan_return(state.reference, state.finger, motion, setup.parameters, setup.table)
+    plan = Planner.of(motion, setup.parameters, setup.table, state.reference, state.finger).home()
     if np.linalg.norm(state.reference - point) > 1e-6:
-        rig.arm.execute(Plan(label, tuple(replace(one, label=label) for one in plan.motions), style=plan.style))
+        rig.arm.execute(Plan(label, tuple(replace(one, label=label) for one in plan.motions)))
 
 
 def fresh_frame(rig: Rig, camera: Camera) -> Frame:

@@ -30,7 +30,7 @@ from hardware.table import Kind
 
 if TYPE_CHECKING:
     from app.execution.recovery_plans import Blocked, Strayed
-    from app.motion import Motion, MotionSettings, Plan
+    from app.motion import Motion, MotionSettings, Plan, Planner
 
 MOST_PAUSES = 20
 """Within one job; a computer that is late so often will not get better by itself."""
@@ -201,14 +201,11 @@ class Carrier:
         """
         from app.execution.recovery_plans import plan_righting
 
-        arm, state = self._devices.arm, self._devices.arm.state()
-        plan = plan_righting(
-            one, strays, stands, state.reference, state.finger, self._motion, self._parameters, arm.lead_ticks
-        )
+        plan = plan_righting(self._planner(stands), one, strays, stands)
         self._step = None
         try:
             self._interlock(seen)
-            return arm.execute(plan).duration
+            return self._devices.arm.execute(plan).duration
         except (ArmPaused, GraspFailed, NothingTouched, TouchedElsewhere) as stop:
             self._face.phase(str(stop))
             self._go_home(stands, None, touching=isinstance(stop, TouchedElsewhere))
@@ -231,10 +228,7 @@ class Carrier:
         """
         from app.execution.recovery_plans import plan_pushing
 
-        arm, state = self._devices.arm, self._devices.arm.state()
-        nudge, plan = plan_pushing(
-            blocked, strays, stands, state.reference, state.finger, self._motion, self._parameters, arm.lead_ticks
-        )
+        nudge, plan = plan_pushing(self._planner(stands), blocked, strays, stands)
         self._step = None
         self._interlock(seen)
         return PlannedPush(nudge.name, plan)
@@ -278,11 +272,18 @@ class Carrier:
         """
         from app.execution.recovery_plans import plan_making_way
 
-        arm, state = self._devices.arm, self._devices.arm.state()
-        transfer, _ = plan_making_way(
-            blocks, strays, stands, state.reference, state.finger, self._motion, self._parameters, arm.lead_ticks
-        )
+        transfer, _ = plan_making_way(self._planner(stands), blocks, strays, stands)
         return transfer
+
+    def _planner(self, inventory: Inventory, state: ArmAtRest | None = None) -> Planner:
+        """From where the arm rests, on the table that an inventory stands on."""
+        from app.motion import Planner  # takes seconds to load: not before something moves
+
+        arm = self._devices.arm
+        state = state or arm.state()
+        return Planner.of(
+            self._motion, self._parameters, inventory.table, state.reference, state.finger, arm.lead_ticks
+        )
 
     def _rest(
         self,
@@ -292,9 +293,7 @@ class Carrier:
         progress: Progress | None,
     ) -> tuple[float, Outcome]:
         from app.execution.recovery_plans import strewn_of
-        from app.motion import plan_ply, plan_return  # takes seconds to load: not before something moves
 
-        arm, parameters = self._devices.arm, self._parameters
         done = 0 if progress is None else progress.done
         now = _after(inventory, job, done)
         if rest := job.transfers[done:]:
@@ -302,20 +301,19 @@ class Carrier:
             strays = [one for one in job.strays if one.piece.name not in {each.name for each in job.transfers}]
             strayed = {one.piece.name for one in strays}
             now = Inventory.of((piece for piece in now if piece.name not in strayed), now.table)
-            plan = plan_ply(
-                job.label, rest, now, state.reference, state.finger, self._motion, parameters, arm.lead_ticks,
-                holding=progress is not None and progress.holding, low=progress is not None, strewn=strewn_of(strays),
+            plan = self._planner(now, state).ply(
+                job.label, rest, now, holding=progress is not None and progress.holding, low=progress is not None,
+                strewn=strewn_of(strays),
             )  # fmt: skip
         else:
-            kind = job.transfers[-1].kind
-            plan = plan_return(state.reference, state.finger, self._motion, parameters, now.table, release=kind)
+            plan = self._planner(now, state).home(job.transfers[-1].kind)
 
         first = plan.motions[0]
 
         def begin(motion: Motion) -> None:
             self._note(job, motion, done, durable=motion is first)  # the arm rests before the first one
 
-        return plan.expected, arm.execute(plan, begin)
+        return plan.expected, self._devices.arm.execute(plan, begin)
 
     def _note(self, job: Job, motion: Motion, done: int, *, durable: bool) -> None:
         """Record what the arm begins, so that another program can finish it."""
@@ -353,15 +351,10 @@ class Carrier:
 
     def _go_home(self, inventory: Inventory, release: Kind | None, *, touching: bool = False) -> None:
         """Straight up and home, whatever holds it up on the way; the fingers open first from what they are around."""
-        from app.motion import plan_return
-
         for _ in range(MOST_PAUSES):
             state = self._devices.arm.settle()
             held_up = touching or state.reference[2] - state.position[2] > HELD_UP
-            plan = plan_return(
-                state.reference, state.finger, self._motion, self._parameters, inventory.table, release,
-                held_up_at=state.position if held_up else None,
-            )  # fmt: skip
+            plan = self._planner(inventory, state).home(release, held_up_at=state.position if held_up else None)
             try:
                 self._interlock()
                 self._devices.arm.execute(plan)

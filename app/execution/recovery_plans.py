@@ -13,15 +13,12 @@ from typing import Final
 
 import numpy as np
 
-from app.motion.arcs import Workcell
 from app.motion.fallen.lying import Lying, Strewn, crowd_of
 from app.motion.fallen.push import Nudge, find_nudge, plan_nudge
 from app.motion.fallen.stand_up import plan_upright, room_to_stand_up
 from app.motion.obstacles import Obstacle
-from app.motion.path import Vector
 from app.motion.plan import Plan, PlanRefused
-from app.motion.planner import fits_around, plan_ply
-from app.motion.settings import MotionSettings
+from app.motion.planner import Planner, fits_around
 from app.pieces.manipulation import Inventory, Transfer
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, square_place
@@ -120,21 +117,14 @@ def leant_on(one: Strayed, strays: Sequence[Strayed], stands: Inventory) -> str 
     return found
 
 
-def plan_righting(
-    one: Strayed, others: Sequence[Strayed], inventory: Inventory, start: Vector, finger: float,
-    settings: MotionSettings, parameters: RobotParameters, lead_ticks: int = 0,
-) -> Plan:  # fmt: skip
+def plan_righting(planner: Planner, one: Strayed, others: Sequence[Strayed], inventory: Inventory) -> Plan:
     """Stand a piece up where it lies, or carry it from where it stands to its place; then home.
 
     Args:
+        planner: of the arm.
         one: the piece.
         others: all other strays.
         inventory: what should stand where, with all strays at some place.
-        start: the arm's present reference, base frame (3,) [m].
-        finger: present finger position [m].
-        settings: speeds, gains, heights.
-        parameters: robot.
-        lead_ticks: pause between motions, for announcing the next one.
 
     Raises:
         PlanRefused: something is in the way; of a piece that lies, ``InTheWay`` says which piece.
@@ -144,35 +134,27 @@ def plan_righting(
     if not one.lies:
         carried = Transfer.of(one.piece, one.target, (one.pose.x, one.pose.y))
         label = f"{one.piece.name} to {one.target}"
-        return plan_ply(
-            label, [carried], Inventory.of(rest, inventory.table), start, finger, settings, parameters, lead_ticks
-        )
+        return planner.ply(label, [carried], Inventory.of(rest, inventory.table))
     table = inventory.table
     strewn = strewn_of([stray for stray in others if stray.piece.name in gone])
     near = [Obstacle.at(piece.name, piece.place, piece.kind, table) for piece in rest
             if piece.name != one.piece.name and not piece.place.in_box]  # fmt: skip
     near += strewn.standing
-    lying = strewn.lying
-    return plan_upright(_lying(one), near, lying, start, finger, settings, parameters, table, lead_ticks).plan
+    return plan_upright(planner, _lying(one), near, strewn.lying).plan
 
 
 def plan_making_way(
-    blocks: str, strays: Sequence[Strayed], inventory: Inventory, start: Vector, finger: float,
-    settings: MotionSettings, parameters: RobotParameters, lead_ticks: int = 0,
-) -> tuple[Transfer, Plan]:  # fmt: skip
+    planner: Planner, blocks: str, strays: Sequence[Strayed], inventory: Inventory
+) -> tuple[Transfer, Plan]:
     """Carry a piece that stands in the way to a free place; once all is right it has to be carried back.
 
     One that itself is where it should not be goes where it belongs, if that is clear of what lies about.
 
     Args:
+        planner: of the arm.
         blocks: name of the piece, as ``InTheWay`` has it.
         strays: all strays; the piece goes where it is clear of them.
         inventory: what should stand where, with all strays at some place.
-        start: the arm's present reference, base frame (3,) [m].
-        finger: present finger position [m].
-        settings: speeds, gains, heights.
-        parameters: robot.
-        lead_ticks: pause between motions, for announcing the next one.
 
     Returns:
         Where it goes, for the inventory, and the plan.
@@ -199,35 +181,27 @@ def plan_making_way(
     if itself is not None and itself.target not in targets and _clear_of(table.xy(itself.target), strays):
         free.insert(0, itself.target)
     refused: PlanRefused | None = None
-    for raised in _raised(piece.kind, parameters):
+    for raised in _raised(piece.kind, planner.cell.parameters):
         for place in free[:_PLACES_TRIED]:
             transfer = Transfer.of(piece, place, seen, raised)
             try:
                 label = f"{piece.name} out of the way to {place}"
-                plan = plan_ply(
-                    label, [transfer], rest, start, finger, settings, parameters, lead_ticks, strewn=strewn_of(strays)
-                )
-                return transfer, plan
+                return transfer, planner.ply(label, [transfer], rest, strewn=strewn_of(strays))
             except PlanRefused as error:
                 refused = refused or error
     raise refused or PlanRefused(f"no place is free for {blocks}, which is in the way: take a piece off the board")
 
 
 def plan_pushing(
-    blocked: Sequence[Blocked], strays: Sequence[Strayed], inventory: Inventory, start: Vector, finger: float,
-    settings: MotionSettings, parameters: RobotParameters, lead_ticks: int = 0,
-) -> tuple[Nudge, Plan]:  # fmt: skip
+    planner: Planner, blocked: Sequence[Blocked], strays: Sequence[Strayed], inventory: Inventory
+) -> tuple[Nudge, Plan]:
     """Push one of two pieces aside that are in each other's way, so that one of them can be taken or stood up.
 
     Args:
+        planner: of the arm.
         blocked: which cannot be, and by what.
         strays: all strays.
         inventory: what should stand where, with all strays at some place.
-        start: the arm's present reference, base frame (3,) [m].
-        finger: present finger position [m].
-        settings: speeds, gains, heights.
-        parameters: robot.
-        lead_ticks: pause between motions, for announcing the next one.
 
     Returns:
         The push, and the plan; where the piece comes to rest, a look must tell.
@@ -235,7 +209,7 @@ def plan_pushing(
     Raises:
         PlanRefused: no push helps, or it leads out of the workspace.
     """
-    table, cell = inventory.table, Workcell.of(settings, parameters, inventory.table)
+    table, cell = inventory.table, planner.cell
     gone = {stray.piece.name for stray in strays}
     strewn = strewn_of(strays)
     kept = tuple(
@@ -260,11 +234,11 @@ def plan_pushing(
     names = tuple(dict.fromkeys(name for one in blocked for name in (one.name, one.by) if name in there))
     nudge = find_nudge(
         names, scene, frozenset(piece.name for piece in kept), lambda after: any(free(one, after) for one in stuck),
-        parameters.pads, table,
+        cell.parameters.pads, table,
     )  # fmt: skip
     if nudge is None:
         raise PlanRefused(f"no push of the {' or the '.join(names)} helps: move one of them away")
-    return nudge, plan_nudge(nudge, scene, start, finger, settings, parameters, table, lead_ticks)
+    return nudge, plan_nudge(planner, nudge, scene)
 
 
 def _raised(kind: Kind, parameters: RobotParameters) -> Iterator[float]:

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from app.motion.plan import Motion, Plan, PlanRefused
-    from app.motion.planner import plan_ply, plan_return
+    from app.motion.planner import Planner
     from app.motion.settings import PROFILES, MotionSettings, Profile, contact_limits
 
 __all__ = [
-    "PROFILES", "Motion", "MotionSettings", "Plan", "PlanRefused", "Profile", "contact_limits", "plan_ply",
-    "plan_return",
+    "PROFILES", "Motion", "MotionSettings", "Plan", "PlanRefused", "Planner", "Profile", "contact_limits",
 ]  # fmt: skip
 
 
@@ -32,7 +31,7 @@ def __getattr__(name: str) -> Any:
         from app.motion import plan
 
         return getattr(plan, name)
-    if name in ("plan_ply", "plan_return"):
+    if name == "Planner":
         from app.motion import planner
 
         return getattr(planner, name)

@@ -14,12 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from app.motion.continuation import Continuation
 from app.motion.curves import STRAIGHT, turns, widest_corner
 from app.motion.drop import tool_height
 from app.motion.obstacles import Crowd, Moving, needed_heights
 from app.motion.path import Vector
 from app.motion.plan import PlanRefused
-from app.motion.route import NEAR
+from app.motion.route import NEAR, Route
 from app.motion.settings import MotionSettings
 from app.motion.timing.time_law import Bounds
 from app.motion.timing.torque import TorqueModel
@@ -57,6 +58,10 @@ class Workcell:
     def tick(self) -> float:
         """Of the loop [s]."""
         return self.parameters.drive.tick
+
+    def continuation(self, route: Route | None = None) -> Continuation:
+        """Of a motion along a route, or of samples of another origin."""
+        return Continuation(self.settings, self.table, self.tick, route)
 
     def height(self, kind: Kind, place: Place) -> float:
         """Of the tool over the board where it takes a piece from a place or lets go of it there [m]."""

@@ -35,4 +35,4 @@ def loosened(cell: Workcell, start: Vector, tool: Vector) -> Motion:
     rows = np.tile([stiff**2, stiff**2, soft**2, double * stiff, double * stiff, double * soft], (len(path), 1))
     samples = to_samples(path, rows, np.zeros(len(path)))
     samples.flags.writeable = False
-    return Motion("up from what was touched", samples, (len(path) - 1) * tick)
+    return Motion("up from what was touched", samples, (len(path) - 1) * tick, continuation=cell.continuation())

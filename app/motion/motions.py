@@ -35,8 +35,8 @@ def motion_of(
     _check(cell, label, route)
     route, done = _within_torque(cell, label, route)
     motion = Motion(
-        label, done.samples, done.expected, grips=route.grips, touches=route.touches, route=route,
-        paths=done.paths, transfer=transfer, stage=stage,
+        label, done.samples, done.expected, grips=route.grips, touches=route.touches,
+        continuation=cell.continuation(route), paths=done.paths, transfer=transfer, stage=stage,
     )  # fmt: skip
     return motion, done.finger
 

@@ -7,7 +7,8 @@ with corners as wide as that leaves room for. Fingers move while the arm travels
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from app.motion.lift_off import loosened
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd, Obstacle, blocking_neighbour, box_in_the_way, closed_position
 from app.motion.path import Vector
-from app.motion.plan import InTheWay, Motion, Plan, PlanRefused, Style
+from app.motion.plan import InTheWay, Motion, Plan, PlanRefused
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
 from app.pieces.manipulation import Inventory, PieceBoxed, Stage, Transfer
@@ -30,116 +31,113 @@ _OPENINGS = 4
 """So many openings of the fingers are tried, from the widest to the least."""
 
 
-def plan_ply(
-    label: str,
-    transfers: Sequence[Transfer],
-    inventory: Inventory,
-    start: Vector,
-    finger: float,
-    settings: MotionSettings,
-    parameters: RobotParameters,
-    lead_ticks: int = 0,
-    *,
-    holding: bool = False,
-    low: bool = False,
-    strewn: Strewn = NOTHING_STREWN,
-) -> Plan:
-    """Plan all transfers of a ply, or what is left of them, from where the arm rests to home.
+@dataclass(frozen=True, slots=True)
+class Planner:
+    """Plans motions of an arm from where it rests.
 
-    Args:
-        label: the move, for people.
-        transfers: in order of execution. A piece that one of them says was seen elsewhere counts as standing there
-            until it is carried.
-        inventory: what stands where before the ply.
+    Attributes:
+        cell: what plans are made for.
         start: the arm's present reference, base frame (3,) [m].
         finger: present finger position [m].
-        settings: speeds, gains, heights.
-        parameters: robot.
         lead_ticks: pause between motions, for announcing the next one.
-        holding: the first transfer's piece is in the fingers already.
-        low: the fingers may still be around a piece that stands: they open before the arm moves.
-        strewn: what is on the board besides.
-
-    Raises:
-        InTheWay: open fingers would touch a neighbour.
-        PlanRefused: open fingers would touch a box, or a way leads out of the workspace.
-        PieceBoxed: a piece would be taken out of a box.
     """
-    table = inventory.table
-    for transfer in transfers:
-        if transfer.source.in_box:
-            raise PieceBoxed(transfer.name, transfer.source)
-    cell = Workcell.of(settings, parameters, table)
-    motions: list[Motion] = []
-    point = np.asarray(start, dtype=float)
-    stands = Crowd.before(transfers, inventory)
-    if strewn != NOTHING_STREWN:
-        stands = standing_near([*stands.pieces, *strewn.standing], strewn.lying, table)
-    for index, transfer in enumerate(transfers):
-        others = stands.without(transfer.name)
-        if index == 0 and not holding:
-            route = _approach(cell, transfer, stands, point, finger, low=low)
-            motion, finger = motion_of(cell, f"to {transfer.source}", route, index, Stage.APPROACH)
+
+    cell: Workcell
+    start: Vector
+    finger: float
+    lead_ticks: int = 0
+
+    @classmethod
+    def of(
+        cls, settings: MotionSettings, parameters: RobotParameters, table: TableSettings, start: Vector, finger: float,
+        lead_ticks: int = 0,
+    ) -> Self:  # fmt: skip
+        """For a robot at a table; ``settings`` are speeds, gains and heights."""
+        return cls(Workcell.of(settings, parameters, table), start, finger, lead_ticks)
+
+    def plan(self, label: str, motions: Sequence[Motion]) -> Plan:
+        """Of motions that follow each other."""
+        return Plan(label, tuple(motions), self.lead_ticks * self.cell.tick)
+
+    def ply(
+        self, label: str, transfers: Sequence[Transfer], inventory: Inventory, *, holding: bool = False,
+        low: bool = False, strewn: Strewn = NOTHING_STREWN,
+    ) -> Plan:  # fmt: skip
+        """Plan all transfers of a ply, or what is left of them, from where the arm rests to home.
+
+        Args:
+            label: the move, for people.
+            transfers: in order of execution. A piece that one of them says was seen elsewhere counts as standing there
+                until it is carried.
+            inventory: what stands where before the ply, on the cell's table.
+            holding: the first transfer's piece is in the fingers already.
+            low: the fingers may still be around a piece that stands: they open before the arm moves.
+            strewn: what is on the board besides.
+
+        Raises:
+            InTheWay: open fingers would touch a neighbour.
+            PlanRefused: open fingers would touch a box, or a way leads out of the workspace.
+            PieceBoxed: a piece would be taken out of a box.
+        """
+        cell, table, finger = self.cell, self.cell.table, self.finger
+        for transfer in transfers:
+            if transfer.source.in_box:
+                raise PieceBoxed(transfer.name, transfer.source)
+        motions: list[Motion] = []
+        point = np.asarray(self.start, dtype=float)
+        stands = Crowd.before(transfers, inventory)
+        if strewn != NOTHING_STREWN:
+            stands = standing_near([*stands.pieces, *strewn.standing], strewn.lying, table)
+        for index, transfer in enumerate(transfers):
+            others = stands.without(transfer.name)
+            if index == 0 and not holding:
+                route = _approach(cell, transfer, stands, point, finger, low=low)
+                motion, finger = motion_of(cell, f"to {transfer.source}", route, index, Stage.APPROACH)
+                motions.append(motion)
+                point = route.points[-1]
+            if index > 0 or not holding:
+                route = _grasp(cell, transfer, point, finger)
+                motion, _ = motion_of(cell, f"grasp {transfer.kind} on {transfer.source}", route, index, Stage.GRASP)
+                motions.append(replace(motion, expected=_grip_time(cell, transfer, finger)))
+            route = _carry(cell, transfer, others, point, fresh=index > 0 or not holding)
+            carried = f"{transfer.kind} {transfer.source} to {transfer.target}"
+            motion, _ = motion_of(cell, carried, route, index, Stage.CARRY)
+            motions.append(motion)
+            point = cell.base([(*table.xy(transfer.target), _height(cell, transfer, transfer.target))])[0]
+            moved = Obstacle.at(transfer.name, transfer.target, transfer.kind, table)
+            stands = others if transfer.target.in_box else stands.with_moved(moved)
+            following = transfers[index + 1] if index + 1 < len(transfers) else None
+            route = _release(cell, transfer, following, stands, point)
+            where = "home" if following is None else f"to {following.source}"
+            motion, finger = motion_of(cell, f"release {transfer.kind}, {where}", route, index, Stage.RELEASE)
             motions.append(motion)
             point = route.points[-1]
-        if index > 0 or not holding:
-            route = _grasp(cell, transfer, point, finger)
-            motion, _ = motion_of(cell, f"grasp {transfer.kind} on {transfer.source}", route, index, Stage.GRASP)
-            motions.append(replace(motion, expected=_grip_time(cell, transfer, finger)))
-        route = _carry(cell, transfer, others, point, fresh=index > 0 or not holding)
-        carried = f"{transfer.kind} {transfer.source} to {transfer.target}"
-        motion, _ = motion_of(cell, carried, route, index, Stage.CARRY)
-        motions.append(motion)
-        point = cell.base([(*table.xy(transfer.target), _height(cell, transfer, transfer.target))])[0]
-        moved = Obstacle.at(transfer.name, transfer.target, transfer.kind, table)
-        stands = others if transfer.target.in_box else stands.with_moved(moved)
-        following = transfers[index + 1] if index + 1 < len(transfers) else None
-        route = _release(cell, transfer, following, stands, point)
-        where = "home" if following is None else f"to {following.source}"
-        motion, finger = motion_of(cell, f"release {transfer.kind}, {where}", route, index, Stage.RELEASE)
-        motions.append(motion)
-        point = route.points[-1]
-    return Plan(label, tuple(motions), lead_ticks * cell.tick, Style(settings, table, cell.tick))
+        return self.plan(label, motions)
 
+    def home(self, release: Kind | None = None, *, held_up_at: Vector | None = None) -> Plan:
+        """From anywhere to home: straight up to a safe height first, then over.
 
-def plan_return(
-    start: Vector,
-    finger: float,
-    settings: MotionSettings,
-    parameters: RobotParameters,
-    table: TableSettings,
-    release: Kind | None = None,
-    *,
-    held_up_at: Vector | None = None,
-) -> Plan:
-    """From anywhere to home: straight up to a safe height first, then over.
-
-    Args:
-        start: the arm's present reference, base frame (3,) [m].
-        finger: present finger position [m].
-        settings: speeds, gains, heights.
-        parameters: robot.
-        table: board and trays.
-        release: the fingers open from a piece of this kind, which stands, before the arm moves; None: they stay.
-        held_up_at: something holds the tool up there, above its reference, base frame (3,) [m]: that comes there first.
-            None: nothing does.
-    """
-    cell = Workcell.of(settings, parameters, table)
-    point, home = np.asarray(start, dtype=float), np.asarray(settings.home, dtype=float)
-    before: tuple[Motion, ...] = ()
-    if held_up_at is not None:
-        before = (loosened(cell, point, np.asarray(held_up_at, dtype=float)),)
-        point = before[0].samples["position"][-1].astype(float)
-    above = np.array([point[0], point[1], min(point[2], home[2])])
-    opens = finger if release is None else max(finger, _least_opening(cell, release))
-    wait = (opens - finger) / settings.grip.opening_speed
-    low = 0.0 if release is None else PIECE_SHAPES[release].grip_height
-    route = Route(
-        *polygon(cell, np.array([point, above, home]), [0.0], None), contact=(low, 0.0), finger=finger, wait=wait,
-        opens=opens, soft_start=Softness.STIFF if release is None else Softness.LASTS,
-    )  # fmt: skip
-    motion, _ = motion_of(cell, "home", route, 0, Stage.RETURN)
-    return Plan("home", (*before, motion), style=Style(settings, table, cell.tick))
+        Args:
+            release: the fingers open from a piece of this kind, which stands, before the arm moves; None: they stay.
+            held_up_at: something holds the tool up there, above its reference, base frame (3,) [m]: the reference comes
+                there first. None: nothing does.
+        """
+        cell, finger = self.cell, self.finger
+        point, home = np.asarray(self.start, dtype=float), np.asarray(cell.settings.home, dtype=float)
+        before: tuple[Motion, ...] = ()
+        if held_up_at is not None:
+            before = (loosened(cell, point, np.asarray(held_up_at, dtype=float)),)
+            point = before[0].samples["position"][-1].astype(float)
+        above = np.array([point[0], point[1], min(point[2], home[2])])
+        opens = finger if release is None else max(finger, _least_opening(cell, release))
+        wait = (opens - finger) / cell.settings.grip.opening_speed
+        low = 0.0 if release is None else PIECE_SHAPES[release].grip_height
+        route = Route(
+            *polygon(cell, np.array([point, above, home]), [0.0], None), contact=(low, 0.0), finger=finger, wait=wait,
+            opens=opens, soft_start=Softness.STIFF if release is None else Softness.LASTS,
+        )  # fmt: skip
+        motion, _ = motion_of(cell, "home", route, 0, Stage.RETURN)
+        return Plan("home", (*before, motion))
 
 
 # fingers

@@ -58,7 +58,9 @@ class TouchedElsewhere(UserError):
 class NothingTouched(UserError):
     """A piece was lowered and nothing held it up."""
 
-    def __init__(self, motion: Motion, depth: float) -> None:
+    def __init__(self, motion: Motion) -> None:
+        assert motion.continuation is not None
+        depth = motion.continuation.settings.touch_depth
         super().__init__(
             f"{motion.label}: lowered {depth * 1e3:.0f} mm below the board's height and felt nothing; does the board "
             "stand where the settings say?"
@@ -158,7 +160,7 @@ class ControllerArm:
         first_tick, end_tick, torque, force = None, 0, 0.0, 0.0
         done: MotionOutcome | None = None
         for index, planned in enumerate(plan.motions):
-            motion = planned if done is None else plan.continued(index, np.array(done.reference))
+            motion = planned if done is None else planned.continued(np.array(done.reference))
             if self._progress is not None:
                 self._progress(motion.label)
             if begin is not None:
@@ -172,8 +174,7 @@ class ControllerArm:
                 raise GraspFailed(motion, done.finger_position)
             if motion.touches and not done.touched:
                 self._client.stop()
-                assert plan.style is not None
-                raise NothingTouched(motion, plan.style.settings.touch_depth)
+                raise NothingTouched(motion)
             if motion.touches_at is not None and abs(off := done.position[2] - motion.touches_at) > TOUCH_ERROR:
                 self._client.stop()
                 raise TouchedElsewhere(motion, off)

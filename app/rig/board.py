@@ -68,8 +68,8 @@ class BoardArm:
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
         """See ``Arm.execute``; nothing is late and nothing is held. Torques and forces are unknown: zero."""
         before = self._state.tick
-        for index in range(len(plan.motions)):
-            motion = plan.continued(index, self._state.reference)
+        for index, planned in enumerate(plan.motions):
+            motion = planned.continued(self._state.reference)
             if begin is not None:
                 begin(motion)
             self._state = self._after(motion, plan.lead if index else 0.0)

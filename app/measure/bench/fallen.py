@@ -15,15 +15,13 @@ from typing import Final
 import numpy as np
 
 from app.execution.recovery_plans import Strayed, in_order, plan_making_way, plan_righting
-from app.measure.bench.beds.bed import LEAD, Bed, plant_of
+from app.measure.bench.beds.bed import Bed, plant_of
 from app.measure.bench.report import BenchReport, Progress, row
-from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
-from app.motion.path import Vector
+from app.motion import MotionSettings, Plan, Planner, PlanRefused
 from app.motion.plan import InTheWay
-from app.motion.planner import plan_return
 from app.pieces.manipulation import Inventory, Transfer
 from controller.protocol import CommandCode
-from hardware.parameters import RobotParameters, load_parameters
+from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.plant.grip_faults import GripFaults
 from hardware.sim.plant.imperfections import Flaws, Imperfections
@@ -134,7 +132,7 @@ class FallTrial:
             if one is None:
                 break
             try:
-                plan = plan_righting(one, strays, self._inventory, *self._arm(), LEAD)
+                plan = plan_righting(self._planner(), one, strays, self._inventory)
             except InTheWay as blocked:
                 if trouble := self._make_way(blocked.piece.name, strays):
                     return trouble
@@ -146,13 +144,13 @@ class FallTrial:
             self._bed.wait(0.3)
         for transfer in reversed(self._ways):
             back = Transfer(transfer.name, transfer.kind, transfer.colour, transfer.target, transfer.source)
-            self._carry_out(plan_ply("", [back], self._as_righted(), *self._arm(), LEAD))
+            self._carry_out(self._planner().ply("", [back], self._as_righted()))
             self._inventory = self._inventory.moved(back)
         return self._judge()
 
-    def _arm(self) -> tuple[Vector, float, MotionSettings, RobotParameters]:
-        """Where the arm is, and how it moves: what planners ask for."""
-        return *self._bed.arm, self._settings, self._parameters
+    def _planner(self) -> Planner:
+        """From where the arm is."""
+        return self._bed.planner(self._settings, self._table)
 
     def _as_righted(self) -> Inventory:
         """With the victim where it had to go."""
@@ -163,7 +161,7 @@ class FallTrial:
         if name not in {spec.name for spec in self._inventory}:
             return f"the {name} lies in the way"
         try:
-            transfer, plan = plan_making_way(name, strays, self._inventory, *self._arm(), LEAD)
+            transfer, plan = plan_making_way(self._planner(), name, strays, self._inventory)
         except PlanRefused as refused:
             return str(refused)
         self._carry_out(plan)
@@ -174,7 +172,7 @@ class FallTrial:
 
     def _lose(self) -> None:
         """Carry the victim; the gripper lets go on the way, and the arm notices, at the latest when nothing stands."""
-        plan = plan_ply("", [Transfer.of(self._victim, self._target)], self._inventory, *self._arm(), LEAD)
+        plan = self._planner().ply("", [Transfer.of(self._victim, self._target)], self._inventory)
         self._carry_out(plan)
 
     def _carry_out(self, plan: Plan) -> None:
@@ -185,7 +183,7 @@ class FallTrial:
         except RuntimeError:
             self._bed.wait(0.5)
             self._bed.supervisor.obey(CommandCode.RESUME)
-            back = plan_return(*self._arm(), self._table, release=self._victim.kind)
+            back = self._planner().home(self._victim.kind)
             self._bed.carry_out(back.motions[0])
 
     def _poses(self) -> Iterator[PlacedPiece]:

@@ -14,9 +14,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.bench.beds.bed import LEAD, Bed, plant_of
+from app.measure.bench.beds.bed import Bed, plant_of
 from app.measure.bench.report import BenchReport, Progress, row
-from app.motion import PROFILES, MotionSettings, Plan, Profile, plan_ply
+from app.motion import PROFILES, MotionSettings, Plan, Profile
 from app.motion.path import Vector
 from app.motion.timing.reference import Bounds, join, line, to_samples
 from app.pieces.manipulation import Inventory, Stage, Transfer
@@ -177,7 +177,7 @@ def _plan(
 ) -> Plan:
     """Of a transfer."""
     inventory = Inventory.of(stands, table)
-    return plan_ply("", [Transfer.of(stands[index], target)], inventory, *bed.arm, settings, bed.parameters, LEAD)
+    return bed.planner(settings, table).ply("", [Transfer.of(stands[index], target)], inventory)
 
 
 def _grasp(bed: Bed, spec: PieceSpec, target: Place, settings: MotionSettings, table: TableSettings) -> None:

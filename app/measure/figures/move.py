@@ -15,7 +15,7 @@ from pydantic import JsonValue
 from app import UserError
 from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
-from app.motion import PROFILES, MotionSettings, Plan, Profile, contact_limits, plan_ply
+from app.motion import PROFILES, MotionSettings, Plan, Planner, Profile, contact_limits
 from app.motion.path import Vector
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, Ply, Stage, transfers
@@ -65,8 +65,8 @@ def _plan(board: chess.Board, move: chess.Move, profile: Profile) -> tuple[Ply, 
     table = TableSettings(limits=contact_limits(profile))
     inventory = Inventory.of(start_layout(board, table), table)
     ply, settings = transfers(board, move, inventory), PROFILES[profile]
-    plan = plan_ply(ply.san, ply.transfers, inventory, np.array(settings.home), 0.008, settings, load_parameters())
-    return ply, plan, inventory
+    planner = Planner.of(settings, load_parameters(), table, np.array(settings.home), 0.008)
+    return ply, planner.ply(ply.san, ply.transfers, inventory), inventory
 
 
 def until_touch(plan: Plan) -> list[NDArray[Any]]:

@@ -10,7 +10,7 @@ from pydantic import JsonValue
 
 from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
-from app.motion import MotionSettings, plan_ply
+from app.motion import MotionSettings, Planner
 from app.motion.timing.reference import Vector
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, transfers
@@ -50,8 +50,8 @@ def fast_way(model: DeltaModel) -> Vector:
     board = chess.Board(POSITION)
     inventory = Inventory.of(start_layout(board, table), table)
     ply = transfers(board, chess.Move.from_uci(MOVE), inventory)
-    home = np.array(settings.home)
-    plan = plan_ply(ply.san, ply.transfers, inventory, home, 0.01, settings, model.parameters)
+    planner = Planner.of(settings, model.parameters, table, np.array(settings.home), 0.01)
+    plan = planner.ply(ply.san, ply.transfers, inventory)
     ways: list[Vector] = []
     for index, motion in enumerate(plan.motions):
         way = motion.samples["position"]

@@ -21,10 +21,10 @@ from app.motion.fallen.pivot_edge import MASS_HEIGHT, reach
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd
 from app.motion.path import Vector
-from app.motion.plan import Motion, Plan, Style
+from app.motion.plan import Motion, Plan
+from app.motion.planner import Planner
 from app.motion.route import Route
-from app.motion.settings import MotionSettings
-from hardware.parameters import Pads, RobotParameters
+from hardware.parameters import Pads
 from hardware.table import PIECE_SHAPES, TableSettings
 
 _TIPS: Final = (0.004, 0.009, 0.014)
@@ -106,46 +106,32 @@ def find_nudge(
     return best
 
 
-def plan_nudge(
-    nudge: Nudge,
-    scene: Strewn,
-    start: Vector,
-    finger: float,
-    settings: MotionSettings,
-    parameters: RobotParameters,
-    table: TableSettings,
-    lead_ticks: int = 0,
-) -> Plan:
+def plan_nudge(planner: Planner, nudge: Nudge, scene: Strewn) -> Plan:
     """Over to the piece, the push, and home.
 
     Args:
+        planner: of the arm.
         nudge: the push.
         scene: all pieces on the table, where they are.
-        start: the arm's present reference, base frame (3,) [m].
-        finger: present finger position [m].
-        settings: speeds, gains, heights.
-        parameters: robot.
-        table: board and trays.
-        lead_ticks: pause between motions, for announcing the next one.
 
     Raises:
         PlanRefused: it leads out of the workspace.
     """
-    cell = Workcell.of(settings, parameters, table)
-    height = nudge.tips + parameters.pads.half_height
+    cell = planner.cell
+    height = nudge.tips + cell.parameters.pads.half_height
     begin, end = cell.base([(*nudge.begin, height), (*nudge.end, height)])
     home = np.asarray(cell.settings.home, dtype=float)
-    hop = Hop(cell.board(np.asarray(start, dtype=float)), (*nudge.begin, height), 0.0, None, finger)
-    to = over(cell, hop, crowd_of(scene, table))
+    hop = Hop(cell.board(np.asarray(planner.start, dtype=float)), (*nudge.begin, height), 0.0, None, planner.finger)
+    to = over(cell, hop, crowd_of(scene, cell.table))
     push = polygon(cell, np.array([begin, end]), [], None)
     push = push._replace(bounds=tuple(replace(one, speed=min(one.speed, _SPEED)) for one in push.bounds))
     back = polygon(cell, np.array([end, [end[0], end[1], min(end[2], home[2])], home]), [0.0], None)
     motions = [
-        _motion(cell, f"to the {nudge.name}", to, finger),
+        _motion(cell, f"to the {nudge.name}", to, planner.finger),
         _motion(cell, f"push the {nudge.name} by {1e3 * nudge.way:.0f} mm", push, 0.0),
         _motion(cell, "home", back, 0.0),
     ]
-    return Plan(f"push the {nudge.name}", tuple(motions), lead_ticks * cell.tick, Style(settings, table, cell.tick))
+    return planner.plan(f"push the {nudge.name}", motions)
 
 
 def _motion(cell: Workcell, label: str, way: Way, finger: float) -> Motion:

@@ -6,7 +6,7 @@ once the centre of mass is over the rim the piece falls onto its foot by itself.
 which it turns, so that it may lie in any direction; no friction of the pads against turning is in the way, as it is
 when a piece hangs between them.
 
-Afterwards it stands, within some millimetres of ``Uprighted.stands``. From there ``plan_ply`` takes it, told by
+Afterwards it stands, within some millimetres of ``Uprighted.stands``. From there ``Planner.ply`` takes it, told by
 ``Transfer.seen``.
 """
 
@@ -25,12 +25,11 @@ from app.motion.fallen.pivot_edge import Heel, Heeling, circle, eased, heel_of, 
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd, Obstacle
 from app.motion.path import Vector
-from app.motion.plan import InTheWay, Motion, Plan, Style
+from app.motion.plan import InTheWay, Motion, Plan
+from app.motion.planner import Planner
 from app.motion.route import Route
-from app.motion.settings import MotionSettings
 from app.motion.timing.reference import Segment, dwell, join, to_samples
-from hardware.parameters import RobotParameters
-from hardware.table import PIECE_SHAPES, TableSettings
+from hardware.table import PIECE_SHAPES
 
 _USUAL: Final = Heeling()
 _UPRIGHT: Final = 0.025
@@ -47,37 +46,24 @@ class Uprighted(NamedTuple):
 
 
 def plan_upright(
-    lying: Lying,
-    standing: Iterable[Obstacle],
-    others_lying: Iterable[Lying],
-    start: Vector,
-    finger: float,
-    settings: MotionSettings,
-    parameters: RobotParameters,
-    table: TableSettings,
-    lead_ticks: int = 0,
+    planner: Planner, lying: Lying, standing: Iterable[Obstacle], others_lying: Iterable[Lying],
     how: Heeling = _USUAL,
-) -> Uprighted:
+) -> Uprighted:  # fmt: skip
     """Stand a piece up where it lies, and go home.
 
     Args:
+        planner: of the arm.
         lying: the piece.
         standing: all pieces that stand, each where it stands.
         others_lying: other pieces that lie.
-        start: the arm's present reference, base frame (3,) [m].
-        finger: present finger position [m].
-        settings: speeds, gains, heights.
-        parameters: robot.
-        table: board and trays.
-        lead_ticks: pause between motions, for announcing the next one.
         how: to press and to go.
 
     Raises:
         InTheWay: a piece is where the fingers or the foot have to go.
         PlanRefused: it lies beyond the arm's workspace.
     """
-    cell, shape = Workcell.of(settings, parameters, table), PIECE_SHAPES[lying.kind]
-    heel, others = heel_of(shape, how), standing_near(standing, others_lying, table)
+    cell, shape = planner.cell, PIECE_SHAPES[lying.kind]
+    heel, others = heel_of(shape, how), standing_near(standing, others_lying, cell.table)
     blocking = _blocking(cell, lying, heel, others, how)
     if blocking is not None:
         raise InTheWay(
@@ -86,7 +72,7 @@ def plan_upright(
             blocking,
         )
     begin = _tool_point(cell, lying, heel.contact)
-    route = _approach(cell, lying, begin, np.asarray(start, dtype=float), finger, others)
+    route = _approach(cell, lying, begin, np.asarray(planner.start, dtype=float), planner.finger, others)
     first, finger = motion_of(cell, f"onto the heel of the {lying.called}", route, None, None)
     first = replace(first, touches_at=float(begin[2]))
     second = _draw_over(cell, lying, heel, begin, how)
@@ -97,8 +83,7 @@ def plan_upright(
         *polygon(cell, np.array([end, up, home]), [0.0], None), contact=(0.0, 0.0), finger=finger, opens=finger
     )
     third, _ = motion_of(cell, "home", back, None, None)
-    plan = Plan(f"stand up the {lying.called}", (first, second, third), lead_ticks * cell.tick,
-                Style(settings, table, cell.tick))  # fmt: skip
+    plan = planner.plan(f"stand up the {lying.called}", [first, second, third])
     x, y = (np.array(lying.base) + heel.stands * lying.outwards).tolist()
     return Uprighted(plan, (x, y))
 
@@ -171,7 +156,9 @@ def _draw_over(cell: Workcell, lying: Lying, heel: Heel, begin: Vector, how: Hee
     path = join([dwell(begin, 1), Segment(table), dwell(table[-1, 0:3], math.ceil(how.settling_time / tick))])
     samples = to_samples(path, _gains(cell, ticks, len(path), how), np.zeros(len(path)))
     samples.flags.writeable = False
-    return Motion(f"draw the {lying.called} over its heel", samples, (len(path) - 1) * tick)
+    return Motion(
+        f"draw the {lying.called} over its heel", samples, (len(path) - 1) * tick, continuation=cell.continuation()
+    )
 
 
 def _gains(cell: Workcell, ticks: list[int], count: int, how: Heeling) -> Vector:

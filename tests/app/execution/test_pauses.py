@@ -56,8 +56,8 @@ class LateArm:
         return self._state
 
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
-        for index in range(len(plan.motions)):
-            motion = plan.continued(index, self._state.reference)
+        for each in plan.motions:
+            motion = each.continued(self._state.reference)
             assert begin is not None
             np.testing.assert_allclose(motion.samples[0]["position"], self._state.reference, atol=1e-9)
             begin(motion)

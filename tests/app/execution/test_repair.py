@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from app.execution.repair import Ask, BoardObservation, Repair, kinds_by_height, mend, repair_towards
 from app.execution.repair.observed import Chances
-from app.motion import MotionSettings, plan_ply
+from app.motion import MotionSettings, Planner
 from app.pieces.layout import colour_of, start_layout
 from app.pieces.manipulation import Inventory, NoSpare, transfers
 from hardware.parameters import load_parameters
@@ -533,15 +533,8 @@ def test_the_arm_can_do_what_mends() -> None:
         _slid(world)
         result = mend(world.expected, world.sighting(heights=True, places=True), world.board)
         if isinstance(result, Repair) and result.transfers:
-            plan = plan_ply(
-                "mend",
-                result.transfers,
-                result.believed,
-                np.array(motion.home),
-                0.008,
-                motion,
-                parameters,
-                lead_ticks=8,
+            plan = Planner.of(motion, parameters, result.believed.table, np.array(motion.home), 0.008, 8).ply(
+                "mend", result.transfers, result.believed
             )
             done += sum(m.grips for m in plan.motions)
     assert done >= 6

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.execution.recovery_plans import Strayed, in_order, plan_making_way
-from app.motion import MotionSettings, plan_ply
+from app.motion import MotionSettings, Planner
 from app.motion.plan import Plan, PlanRefused
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, Transfer
@@ -31,7 +31,9 @@ def stray(square: str, at: str, yaw: float | None, off: tuple[float, float] = (0
 
 def way(blocks: str, *strays: Strayed) -> tuple[Transfer, Plan]:
     home = np.array(MotionSettings().home)
-    return plan_making_way(blocks, strays, INVENTORY, home, 0.02, MotionSettings(), load_parameters())
+    return plan_making_way(
+        Planner.of(MotionSettings(), load_parameters(), INVENTORY.table, home, 0.02), blocks, strays, INVENTORY
+    )
 
 
 KNIGHT = next(piece.name for piece in INVENTORY if str(piece.place) == "e3")
@@ -80,10 +82,12 @@ def test_over_something_that_lies_beside_it_a_piece_is_taken_higher() -> None:
     x, y = TABLE.xy(bishop.place)
     lies = Strayed(king, king.place, Pose(x + 0.022, y, 0.0))
     home = np.array(MotionSettings().home)
-    transfer, plan = plan_making_way(bishop.name, [lies], inventory, home, 0.02, MotionSettings(), load_parameters())
+    transfer, plan = plan_making_way(
+        Planner.of(MotionSettings(), load_parameters(), inventory.table, home, 0.02), bishop.name, [lies], inventory
+    )
     shape = PIECE_SHAPES[bishop.kind]
     assert 0.0 < transfer.raised < shape.height - shape.grip_height
     grasp = plan.motions[1].samples["position"][-1]
     usual = Transfer.of(bishop, transfer.target)
-    lower = plan_ply("", [usual], inventory, home, 0.02, MotionSettings(), load_parameters())
+    lower = Planner.of(MotionSettings(), load_parameters(), inventory.table, home, 0.02).ply("", [usual], inventory)
     assert lower.motions[1].samples["position"][-1][2] - grasp[2] == pytest.approx(transfer.raised, abs=1e-6)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.measure.bench.beds.bed import LEAD, Bed
-from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
+from app.motion import MotionSettings, Plan, Planner, PlanRefused
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, InventoryError, Transfer
 from app.play.hand_moves import hand_transfers
@@ -40,7 +40,7 @@ def moved(now: Inventory, source: chess.Square, target: chess.Square, off: tuple
 
 
 def planned(now: Inventory, *plan: Transfer) -> Plan:
-    return plan_ply("seen", plan, now, HOME, 0.01, MOTION, PARAMETERS, LEAD)
+    return Planner.of(MOTION, PARAMETERS, now.table, HOME, 0.01, LEAD).ply("seen", plan, now)
 
 
 def end(plan: Plan, motion: int) -> list[float]:
@@ -134,12 +134,9 @@ def test_the_arm_sets_pieces_right(off: tuple[float, float]) -> None:
     plant = Plant(build_model(PARAMETERS, TABLE, standing, HOME), PARAMETERS, tuple(p.name for p in now))
     bed = Bed(plant, PARAMETERS, TABLE, TaskSpaceController(DeltaModel(PARAMETERS)))
     supervisor = bed.supervisor
-    arm = plan_ply(
-        "set right", plan, now, supervisor.reference.position.copy(), supervisor.measurement.finger_position, MOTION,
-        PARAMETERS, LEAD,
-    )  # fmt: skip
+    arm = bed.planner(MOTION, now.table).ply("set right", plan, now)
     for index in range(len(arm.motions)):
-        motion = arm.continued(index, supervisor.reference.position)
+        motion = arm.motions[index].continued(supervisor.reference.position)
         bed.carry_out(motion, followed=index < len(arm.motions) - 1)
     goals = {piece.name: piece.place for piece in now} | {transfer.name: transfer.target for transfer in plan}
     for pose in plant.truth(reset_peak=False).pieces:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from typing import Any
 
 import chess
 import numpy as np
 import pytest
 
-from app.motion import MotionSettings, Plan, plan_ply, plan_return
+from app.motion import MotionSettings, Plan, Planner
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, Stage, transfers
 from app.rig.arm import ControllerArm, PieceSlipped
@@ -47,7 +49,9 @@ def carried_out(felt: tuple[float, float]) -> Client:
     board = chess.Board()
     inventory = Inventory.of(start_layout(board, TABLE), TABLE)
     ply = transfers(board, chess.Move.from_uci("e2e4"), inventory)
-    plan = plan_ply("e4", ply.transfers, inventory, np.array(MOTION.home), 0.02, MOTION, load_parameters(), 8)
+    plan = Planner.of(MOTION, load_parameters(), inventory.table, np.array(MOTION.home), 0.02, 8).ply(
+        "e4", ply.transfers, inventory
+    )
     client = Client(plan, felt)
     arm = ControllerArm(client)  # type: ignore[arg-type]
     try:
@@ -71,7 +75,7 @@ def test_the_way_home_from_what_holds_the_tool_up_begins_softly_and_straight_up(
     parameters, stroke = load_parameters(), 0.009
     held = TABLE.base_from_board(np.array([(0.02, -0.08, 0.028)]))[0]
     reference = held + np.array([0.0, 0.0, stroke])
-    plan = plan_return(reference, 0.0, MOTION, parameters, TABLE, held_up_at=held)
+    plan = Planner.of(MOTION, parameters, TABLE, reference, 0.0).home(held_up_at=held)
     first, second = plan.motions
     rows = first.samples
     assert rows["position"][0] == pytest.approx(reference, abs=1e-7)
@@ -80,4 +84,10 @@ def test_the_way_home_from_what_holds_the_tool_up_begins_softly_and_straight_up(
     assert np.all(np.diff(rows["position"][:, 2]) <= 1e-9), "z3 points down"
     assert np.abs(rows["velocity"]).max() < 0.06
     assert rows["stiffness"][:, 2] == pytest.approx(MOTION.gains.frequency_at_contact**2, rel=1e-6)
-    assert plan_return(reference, 0.0, MOTION, parameters, TABLE).motions[0].label == "home"
+    assert Planner.of(MOTION, parameters, TABLE, reference, 0.0).home().motions[0].label == "home"
+
+
+def test_who_carries_plans_out_loads_nothing_that_plans() -> None:
+    """What follows a touch was planned before: it comes with the plan."""
+    script = "import sys, app.rig.arm; print(*(name for name in sys.modules if name.startswith('app.motion')))"
+    assert not subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout.split()

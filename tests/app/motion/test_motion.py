@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.motion import MotionSettings, Plan, PlanRefused, plan_ply, plan_return
+from app.motion import MotionSettings, Plan, Planner, PlanRefused
 from app.motion.gains import Softness, scheduled
 from app.motion.obstacles import Crowd, Moving, Obstacle, blocking_neighbour, closed_position, needed_heights
 from app.motion.path import Vector
@@ -48,7 +48,7 @@ def games(seed: int, plies: int) -> list[tuple[Ply, Inventory]]:
 
 
 def planned(ply: Ply, inventory: Inventory) -> Plan:
-    return plan_ply(ply.san, ply.transfers, inventory, HOME, OPEN, MOTION, PARAMETERS, lead_ticks=8)
+    return Planner.of(MOTION, PARAMETERS, inventory.table, HOME, OPEN, 8).ply(ply.san, ply.transfers, inventory)
 
 
 @pytest.mark.parametrize(("seed", "board_at"), [(0, 10), (1, 120), (2, 260), (3, 350)])
@@ -57,8 +57,8 @@ def test_plans_of_random_games_pass_the_controllers_protection(seed, board_at):
     for ply, inventory in games(seed, 16):
         plan = planned(ply, inventory)
         reference = HOME
-        for index in range(len(plan.motions)):
-            motion = plan.continued(index, reference)
+        for each in plan.motions:
+            motion = each.continued(reference)
             rows = np.array([np.concatenate([np.atleast_1d(s[n]).astype(float) for n in s.dtype.names])
                              for s in motion.samples])  # fmt: skip
             check.begin(reference)
@@ -175,7 +175,9 @@ def test_a_piece_held_anywhere_on_its_way_is_set_down_from_above(height, aside):
     grip = PIECE_SHAPES[transfer.kind].grip_height
     x, y = TABLE.xy(transfer.target)
     start = TABLE.base_from_board(np.array([x + aside, y, grip + height]))
-    plan = plan_ply(ply.san, [transfer], inventory, start, 0.002, MOTION, PARAMETERS, holding=True, low=True)
+    plan = Planner.of(MOTION, PARAMETERS, inventory.table, start, 0.002).ply(
+        ply.san, [transfer], inventory, holding=True, low=True
+    )
     carry, release = plan.motions
     assert (carry.stage, release.stage) == (Stage.CARRY, Stage.RELEASE)
     guarded = carry.samples["guard"] == Guard.TOUCH
@@ -194,7 +196,11 @@ def test_an_arm_that_stopped_anywhere_near_its_piece_goes_to_it(height, aside, l
     x, y = TABLE.xy(transfer.source)
     grip = PIECE_SHAPES[transfer.kind].grip_height
     start = TABLE.base_from_board(np.array([x + aside, y, grip + height]))
-    approach = plan_ply(ply.san, [transfer], inventory, start, 0.002, MOTION, PARAMETERS, low=low).motions[0]
+    approach = (
+        Planner.of(MOTION, PARAMETERS, inventory.table, start, 0.002)
+        .ply(ply.san, [transfer], inventory, low=low)
+        .motions[0]
+    )
     np.testing.assert_allclose(TABLE.board_from_base(approach.samples["position"][-1]), [x, y, grip], atol=1e-9)
     assert not approach.samples["velocity"][-1].any()
 
@@ -233,7 +239,7 @@ def test_gains_are_continuous(softness):
 
 def test_return_goes_up_before_it_goes_over():
     low = TABLE.base_from_board(np.array([0.14, 0.14, 0.02]))
-    (motion,) = plan_return(low, OPEN, MOTION, PARAMETERS, TABLE).motions
+    (motion,) = Planner.of(MOTION, PARAMETERS, TABLE, low, OPEN).home().motions
     path = motion.samples["position"]
     aside = np.linalg.norm(path[:, :2] - low[:2], axis=1) > 1e-9
     assert path[aside][0, 2] == pytest.approx(HOME[2], abs=1e-3)
@@ -247,14 +253,14 @@ def test_a_neighbour_within_reach_of_the_open_fingers_is_refused():
     transfer = Transfer("white-king", Kind.KING, Colour.WHITE, square_place(chess.E1), square_place(chess.E4))
     king = dataclasses.replace(transfer, name=inventory.at(square_place(chess.E1)).name)
     with pytest.raises(PlanRefused, match=r"at e1 the fingers, 7\.9 mm open, would touch the (queen|bishop) on [df]1"):
-        plan_ply("Ke4", [king], inventory, HOME, OPEN, MOTION, PARAMETERS)
+        Planner.of(MOTION, PARAMETERS, inventory.table, HOME, OPEN).ply("Ke4", [king], inventory)
 
 
 def test_a_gripper_that_cannot_open_wide_enough_is_refused():
     narrow = PARAMETERS.model_copy(update={"gripper": PARAMETERS.gripper.model_copy(update={"stroke": 0.005})})
     ply, inventory = games(1, 1)[0]
     with pytest.raises(PlanRefused, match=r"fingers \d+\.\d mm open, the gripper opens 5\.0 mm: use thinner"):
-        plan_ply(ply.san, ply.transfers, inventory, HOME, OPEN, MOTION, narrow)
+        Planner.of(MOTION, narrow, inventory.table, HOME, OPEN).ply(ply.san, ply.transfers, inventory)
 
 
 def test_closed_fingers_touch_the_stem():

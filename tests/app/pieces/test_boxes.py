@@ -12,7 +12,7 @@ import pytest
 
 from app import UserError
 from app.execution.interruption import PieceLost, Progress, progress_of
-from app.motion import MotionSettings, Plan, PlanRefused, plan_ply
+from app.motion import MotionSettings, Plan, Planner, PlanRefused
 from app.motion.drop import fall_time, tool_height
 from app.pieces.judging import judge
 from app.pieces.layout import BoxesTooSmall, TraysTooSmall, physical_set, start_layout
@@ -59,7 +59,7 @@ def games(seed: int, plies: int) -> list[tuple[Ply, Inventory]]:
 
 
 def planned(ply: Ply, inventory: Inventory) -> Plan:
-    return plan_ply(ply.san, ply.transfers, inventory, HOME, 0.008, MOTION, PARAMETERS, lead_ticks=8)
+    return Planner.of(MOTION, PARAMETERS, inventory.table, HOME, 0.008, 8).ply(ply.san, ply.transfers, inventory)
 
 
 # inventory
@@ -133,8 +133,8 @@ def test_plans_pass_the_controllers_protection_and_flow_without_a_touch_at_the_b
     captures = [(ply, before) for ply, before in games(seed, 60) if ply.transfers[0].target.in_box]
     for ply, inventory in captures[:12:4]:
         plan, reference = planned(ply, inventory), HOME
-        for index in range(len(plan.motions)):
-            motion = plan.continued(index, reference)
+        for each in plan.motions:
+            motion = each.continued(reference)
             rows = np.array([np.concatenate([np.atleast_1d(s[n]).astype(float) for n in s.dtype.names])
                              for s in motion.samples])  # fmt: skip
             check.begin(reference)
@@ -189,7 +189,7 @@ def test_taking_a_piece_out_of_a_box_is_refused_before_anything_moves() -> None:
     queen = after.find("black-queen")
     back = Transfer(queen.name, queen.kind, queen.colour, queen.place, square_place(chess.A1))
     with pytest.raises(PieceBoxed, match=r"take it out by hand"):
-        plan_ply("back", [back], after, HOME, 0.008, MOTION, PARAMETERS)
+        Planner.of(MOTION, PARAMETERS, after.table, HOME, 0.008).ply("back", [back], after)
 
 
 def test_a_box_too_near_to_the_tray_is_refused() -> None:
@@ -225,7 +225,9 @@ def test_a_piece_still_held_over_its_box_is_dropped_from_there() -> None:
     ply = transfers(board, chess.Move.from_uci("e4d5"), inventory)
     drop = ply.transfers[0].target
     there = TABLE.base_from_board(np.array([*TABLE.xy(drop), tool_height(Kind.QUEEN, drop, TABLE, MOTION)]))
-    plan = plan_ply("rest", ply.transfers, inventory, there, 0.003, MOTION, PARAMETERS, 8, holding=True, low=True)
+    plan = Planner.of(MOTION, PARAMETERS, inventory.table, there, 0.003, 8).ply(
+        "rest", ply.transfers, inventory, holding=True, low=True
+    )
     carry = plan.motions[0]
     np.testing.assert_allclose(carry.samples["position"], np.broadcast_to(there, (len(carry.samples), 3)), atol=1e-9)
     assert [m.stage for m in plan.motions[:3]] == [Stage.CARRY, Stage.RELEASE, Stage.GRASP]

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.motion import MotionSettings, plan_ply
+from app.motion import MotionSettings, Planner
 from app.pieces.layout import colour_of, kind_of, start_layout
 from app.pieces.manipulation import Inventory, InventoryError, NoSpare, Transfer, transfers
 from app.pieces.order import NowhereAside, rearrange
@@ -299,7 +299,7 @@ def test_the_arm_can_do_what_is_planned(table: TableSettings) -> None:
             plan = set_up(now, board)
         except PiecesMissing:
             continue
-        arm = plan_ply("set up", plan, now, np.array(motion.home), 0.008, motion, parameters, lead_ticks=8)
+        arm = Planner.of(motion, parameters, now.table, np.array(motion.home), 0.008, 8).ply("set up", plan, now)
         assert [m.transfer for m in arm.motions if m.grips] == list(range(len(plan)))
         done += len(plan)
     assert done > 10

@@ -8,7 +8,7 @@ import chess
 import numpy as np
 import pytest
 
-from app.motion import Motion, MotionSettings, Plan, plan_ply, plan_return
+from app.motion import Motion, MotionSettings, Plan, Planner
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, Ply, Stage, transfers
 from app.rig.arm import FELT, Arm
@@ -41,8 +41,8 @@ def rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 
 def planned(arm: Arm, ply: Ply, inventory: Inventory) -> Plan:
     state = arm.state()
-    return plan_ply(
-        ply.san, ply.transfers, inventory, state.reference, state.finger, MOTION, PARAMETERS, arm.lead_ticks
+    return Planner.of(MOTION, PARAMETERS, inventory.table, state.reference, state.finger, arm.lead_ticks).ply(
+        ply.san, ply.transfers, inventory
     )
 
 
@@ -69,13 +69,13 @@ def test_an_arm_keeps_its_contract(rig: Rig) -> None:
     inventory = INVENTORY.after(ply)
     ply = transfers(chess.Board("rnbqkbnr/pppppppp/8/8/4P3/8/PPPP1PPP/RNBQKBNR w - - 0 1"), D4, inventory)
     plan = planned(arm, ply, inventory)
-    arm.execute(Plan(plan.label, plan.motions[:2], plan.lead, plan.style))
+    arm.execute(Plan(plan.label, plan.motions[:2], plan.lead))
     held = arm.settle()
     assert held.felt >= FELT, "it says that something is in its fingers"
     x, y, _ = TABLE.board_from_base(held.reference)
     assert np.hypot(x - TABLE.xy(ply.transfers[0].source)[0], y - TABLE.xy(ply.transfers[0].source)[1]) < 1e-3
     kind = ply.transfers[0].kind
-    arm.execute(plan_return(held.reference, held.finger, MOTION, PARAMETERS, TABLE, release=kind))
+    arm.execute(Planner.of(MOTION, PARAMETERS, TABLE, held.reference, held.finger).home(kind))
     assert arm.state().felt < FELT
     np.testing.assert_allclose(arm.state().reference, home, atol=1e-6)
 

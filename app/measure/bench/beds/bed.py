@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.motion import Motion, MotionSettings, Plan
+from app.motion import Motion, MotionSettings, Plan, Planner
 from app.motion.path import Vector
 from controller.law.task_space import TaskSpaceController
 from controller.loop.admission import Ended
@@ -72,8 +72,12 @@ class Bed:
 
     @property
     def arm(self) -> tuple[Vector, float]:
-        """Where the arm is to be, base frame (3,), and where its fingers are [m]: what planners ask for."""
+        """Where the arm is to be, base frame (3,), and where its fingers are [m]."""
         return self.supervisor.reference.position.copy(), self.supervisor.measurement.finger_position
+
+    def planner(self, settings: MotionSettings, table: TableSettings) -> Planner:
+        """From where the arm is, with the table that is believed."""
+        return Planner.of(settings, self.parameters, table, *self.arm, LEAD)
 
     def positions(self) -> dict[str, Vector]:
         """Where each piece stands, board frame (3,) [m]."""
@@ -131,8 +135,8 @@ class Bed:
 
     def continued(self, plan: Plan) -> Iterator[tuple[Motion, bool]]:
         """A plan's motions, each timed from where the arm is when it is asked for; and whether another one follows."""
-        for index in range(len(plan.motions)):
-            yield plan.continued(index, self.arm[0]), index < len(plan.motions) - 1
+        for index, motion in enumerate(plan.motions):
+            yield motion.continued(self.arm[0]), index < len(plan.motions) - 1
 
 
 def plant_of(

@@ -10,7 +10,7 @@ import numpy as np
 
 from app.measure.bench.beds.plies import Disorder, GameBed, positions
 from app.measure.bench.report import Progress
-from app.motion import MotionSettings, plan_return
+from app.motion import MotionSettings
 from app.pieces.manipulation import MoveKind
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
@@ -61,7 +61,6 @@ def _slide(bed: GameBed, move: chess.Move) -> float:
     for motion in plan.motions[:2]:
         bed.carry_out(motion)
     pushed = float(np.hypot(*(bed.positions()[name] - before)[:2]))
-    back = plan_return(*bed.arm, bed.settings, bed.parameters, bed.table, release=kind)
-    for motion in back.motions:
+    for motion in bed.planner(bed.settings, bed.table).home(kind).motions:
         bed.carry_out(motion)
     return pushed

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 import chess
 import numpy as np
 
-from app.measure.bench.beds.bed import LEAD, Bed, plant_of
-from app.motion import MotionSettings, Plan, plan_ply
+from app.measure.bench.beds.bed import Bed, plant_of
+from app.motion import MotionSettings, Plan
 from app.motion.path import Vector
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, MoveKind, Ply, transfers
@@ -104,7 +104,7 @@ class GameBed(Bed):
         """Plan a ply."""
         ply = transfers(self.board, move, self.inventory)
         since = time.perf_counter()
-        plan = plan_ply(ply.san, ply.transfers, self.inventory, *self.arm, self.settings, self.parameters, LEAD)
+        plan = self.planner(self.settings, self.table).ply(ply.san, ply.transfers, self.inventory)
         return ply, plan, time.perf_counter() - since
 
     def play(self, move: chess.Move) -> Done:

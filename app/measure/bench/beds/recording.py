@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import chess
 import numpy as np
 
-from app.measure.bench.beds.bed import LEAD, Bed, plant_of
-from app.motion import MotionSettings, plan_ply
+from app.measure.bench.beds.bed import Bed, plant_of
+from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import Inventory, transfers
 from app.players.given_line import parse_line
@@ -114,7 +114,7 @@ def record(ticks: int, seed: int) -> TickRecording:
     plies = 0
     for move in parse_line(LINE, board):
         ply = transfers(board, move, inventory)
-        plan = plan_ply(ply.san, ply.transfers, inventory, *bed.arm, settings, bed.parameters, LEAD)
+        plan = bed.planner(settings, table).ply(ply.san, ply.transfers, inventory)
         for motion, followed in bed.continued(plan):
             bed.carry_out(motion, followed)
         plies += 1

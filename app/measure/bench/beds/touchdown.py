@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.measure.bench.beds.bed import LEAD, Bed
-from app.motion import Motion, MotionSettings, plan_ply
+from app.motion import Motion, MotionSettings, Planner
 from app.pieces.manipulation import Inventory, Stage, Transfer
 from controller.protocol import Guard
 from hardware.parameters import RobotParameters
@@ -66,10 +66,9 @@ def set_down(trial: Touchdown, settings: MotionSettings, parameters: RobotParame
     believed = nominal.model_copy(update={"centre_in_base": (z1, z2, z3 - max(0.0, -trial.error))})
     spec = PieceSpec("piece", trial.kind, Colour.WHITE, SOURCE)
     transfer = Transfer(spec.name, spec.kind, spec.colour, SOURCE, trial.target)
-    plan = plan_ply(
-        "", [transfer], Inventory.of([spec], believed), np.array(settings.home), parameters.gripper.stroke / 2.0,
-        settings, parameters, LEAD,
-    )  # fmt: skip
+    finger = parameters.gripper.stroke / 2.0
+    planner = Planner.of(settings, parameters, believed, np.array(settings.home), finger, LEAD)
+    plan = planner.ply("", [transfer], Inventory.of([spec], believed))
     x, y = nominal.xy(SOURCE)
     piece = StandingPiece(spec, x, y, height=max(0.0, -trial.error))
     raised = nominal.xy(trial.target) if trial.error > 0.0 else (x, y), abs(trial.error)

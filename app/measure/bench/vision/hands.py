@@ -24,7 +24,7 @@ from app import UserError
 from app.measure.bench.loop import WAY, straight
 from app.measure.bench.report import Progress, Row, row
 from app.measure.bench.vision.hand_scene import INTERVAL, Follower, HandScene, hand_scene, until
-from app.motion import Motion, MotionSettings, Plan, plan_ply
+from app.motion import Motion, MotionSettings, Plan, Planner
 from app.pieces.manipulation import transfers
 from app.rig.arm import ArmHeld
 from controller.protocol.causes import Cause
@@ -225,10 +225,10 @@ def _play(scene: HandScene, plies: int, rng: random.Random, figures: HandFigures
             ply = transfers(board, move, inventory)
             guard.clear()
             state = scene.rig.arm.state()
-            plan = plan_ply(
-                ply.san, ply.transfers, inventory, state.reference, state.finger, scene.motion, scene.parameters,
-                scene.rig.arm.lead_ticks,
-            )  # fmt: skip
+            planner = Planner.of(
+                scene.motion, scene.parameters, inventory.table, state.reference, state.finger, scene.rig.arm.lead_ticks
+            )
+            plan = planner.ply(ply.san, ply.transfers, inventory)
             figures.plies += 1
             try:
                 scene.rig.arm.execute(plan)

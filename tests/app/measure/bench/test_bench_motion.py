@@ -73,16 +73,12 @@ def test_a_square_at_another_height_than_the_others_is_touched_gently_and_surely
     ply, plan, _ = bed.planned(chess.Move.from_uci("h2h6"))
     carry = plan.motions[2]
     assert carry.route is not None
-    assert plan.style is not None
     points = np.array(carry.route.points)
     points[-1, 2] += higher
-    wrong = timed(replace(carry.route, points=points), *plan.style)
+    wrong = timed(replace(carry.route, points=points), DEFAULT, TABLE, PARAMETERS.drive.tick)
     motions = (*plan.motions[:2], replace(carry, samples=wrong.samples, paths=wrong.paths), plan.motions[3])
     bed.plant.truth(reset_peak=True)
-    ended = [
-        bed.execute(replace(plan, motions=motions).continued(i, bed.supervisor.reference.position).samples, i < 3)
-        for i in range(4)
-    ]
+    ended = [bed.execute(motions[i].continued(bed.supervisor.reference.position).samples, i < 3) for i in range(4)]
     assert [one.result for one in ended] == [Result.DONE, Result.GRIPPED, Result.TOUCHED, Result.DONE]
     x, y = TABLE.xy(ply.transfers[0].target)
     np.testing.assert_allclose(bed.positions()[ply.transfers[0].name], [x, y, 0.0], atol=3e-4)

@@ -12,8 +12,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from app.execution.recovery_plans import Blocked, Strayed, plan_pushing
-from app.measure.bench.beds.bed import LEAD, Bed
-from app.motion import MotionSettings
+from app.measure.bench.beds.bed import Bed
+from app.motion import MotionSettings, Planner
 from app.motion.arcs import Workcell
 from app.motion.fallen.lying import Lying, Strewn, crowd_of, discs_of
 from app.motion.fallen.pivot_edge import reach
@@ -143,7 +143,9 @@ def test_a_piece_that_lies_between_others_is_stood_up_after_a_push() -> None:
     assert bishop is not None
     strays = [Strayed(bishop, bishop.place, Pose(-0.0739, -0.1167, 3.133))]
     blocked = [Blocked(bishop.name, "white-pawn-c")]
-    nudge, plan = plan_pushing(blocked, strays, inventory, HOME, 0.01, SETTINGS, PARAMETERS)
+    nudge, plan = plan_pushing(
+        Planner.of(SETTINGS, PARAMETERS, inventory.table, HOME, 0.01), blocked, strays, inventory
+    )
     assert nudge.name in {bishop.name, "white-pawn-c"}
     assert len(plan.motions) == 3
     assert plan.motions[-1].samples["position"][-1] == pytest.approx(HOME)
@@ -161,7 +163,12 @@ def test_where_no_push_helps_it_says_which_pieces_to_move() -> None:
     ]
     middle, beside = row[5], row[6]
     with pytest.raises(PlanRefused, match=f"^no push of the {middle.name} or the {beside.name} helps: move one of"):
-        plan_pushing([Blocked(middle.name, beside.name)], strays, inventory, HOME, 0.01, SETTINGS, PARAMETERS)
+        plan_pushing(
+            Planner.of(SETTINGS, PARAMETERS, inventory.table, HOME, 0.01),
+            [Blocked(middle.name, beside.name)],
+            strays,
+            inventory,
+        )
 
 
 def test_a_place_that_is_kept_for_a_piece_counts_where_it_is() -> None:
@@ -172,7 +179,12 @@ def test_a_place_that_is_kept_for_a_piece_counts_where_it_is() -> None:
     assert h2 is not None
     goal = Obstacle.at(h2.name, Place.parse("d4"), h2.kind, TABLE)
     strays = [Strayed(a2, a2.place, Pose(goal.x + 0.0205, goal.y))]
-    nudge, _ = plan_pushing([Blocked(h2.name, a2.name, goal)], strays, inventory, HOME, 0.01, SETTINGS, PARAMETERS)
+    nudge, _ = plan_pushing(
+        Planner.of(SETTINGS, PARAMETERS, inventory.table, HOME, 0.01),
+        [Blocked(h2.name, a2.name, goal)],
+        strays,
+        inventory,
+    )
     assert nudge.name == a2.name
     assert math.cos(nudge.direction) > 0.3, "away from where the other one goes"
 
@@ -214,12 +226,9 @@ def test_in_the_world_a_pushed_piece_goes_as_far_as_it_is_pushed_and_does_not_fa
     touching = centre - (back + reach(PARAMETERS.pads, unit)) * unit
     begin, end = touching - 0.005 * unit, touching + way * unit
     nudge = Nudge("piece", direction, way, tips, (begin[0], begin[1]), (end[0], end[1]))
-    plan = plan_nudge(
-        nudge, Strewn(tuple(standing), tuple(lying)), bed.supervisor.reference.position.copy(),
-        bed.supervisor.measurement.finger_position, SETTINGS, PARAMETERS, TABLE, LEAD,
-    )  # fmt: skip
-    for number in range(len(plan.motions)):
-        bed.carry_out(plan.continued(number, bed.supervisor.reference.position.copy()))
+    plan = plan_nudge(bed.planner(SETTINGS, TABLE), nudge, Strewn(tuple(standing), tuple(lying)))
+    for motion, _ in bed.continued(plan):
+        bed.carry_out(motion)
     went = (body.xpos[:2] - (x, y)) @ unit
     print(f"{kind}: pushed by {1e3 * way:.0f} mm, went {1e3 * went:.1f} mm")
     assert body.xmat.reshape(3, 3)[2, 2] == pytest.approx(axis[2], abs=0.1), "it stands as it stood, lies as it lay"

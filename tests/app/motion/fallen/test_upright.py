@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.measure.bench.beds.bed import LEAD, Bed
-from app.motion import MotionSettings
+from app.measure.bench.beds.bed import Bed
+from app.motion import MotionSettings, Planner
+from app.motion.continuation import Continuation
 from app.motion.fallen.lying import Lying, Strip
 from app.motion.fallen.pivot_edge import Heeling, circle, eased, heel_of, reach
 from app.motion.fallen.stand_up import Uprighted, plan_upright
 from app.motion.obstacles import Obstacle
-from app.motion.plan import InTheWay, Motion, Plan, Style
+from app.motion.plan import InTheWay, Motion
 from controller.protection.limits import default_limits
 from controller.protocol import SAMPLE
 from hardware.parameters import load_parameters
@@ -33,7 +35,7 @@ angles = st.floats(-math.pi, math.pi)
 
 
 def planned(lying: Lying, *standing: Obstacle, others: tuple[Lying, ...] = ()) -> Uprighted:
-    return plan_upright(lying, standing, others, HOME, 0.01, SETTINGS, PARAMETERS, TABLE)
+    return plan_upright(Planner.of(SETTINGS, PARAMETERS, TABLE, HOME, 0.01), lying, standing, others)
 
 
 @given(kind=kinds)
@@ -114,12 +116,12 @@ def test_a_strip_tells_how_far_points_are_from_it() -> None:
 def test_samples_without_a_route_follow_a_touch_up_and_down_but_nowhere_else() -> None:
     samples = np.zeros(3, dtype=SAMPLE)
     samples["position"][:] = (0.1, 0.2, 0.4)
-    motion = Motion("press", samples, 0.1)
-    plan = Plan("plan", (motion,), style=Style(SETTINGS, TABLE, TICK))
-    moved = plan.continued(0, np.array([0.1, 0.2, 0.405]))
+    motion = Motion("press", samples, 0.1, continuation=Continuation(SETTINGS, TABLE, TICK))
+    moved = motion.continued(np.array([0.1, 0.2, 0.405]))
     assert moved.samples["position"] == pytest.approx(np.full((3, 3), (0.1, 0.2, 0.405)))
-    assert plan.continued(0, np.array([0.11, 0.2, 0.4])) is motion
-    assert plan.continued(0, np.array([0.1, 0.2, 0.45])) is motion
+    assert motion.continued(np.array([0.11, 0.2, 0.4])) is motion
+    assert motion.continued(np.array([0.1, 0.2, 0.45])) is motion
+    assert replace(motion, continuation=None).continued(np.array([0.1, 0.2, 0.405])).samples is samples
 
 
 @pytest.mark.slow
@@ -143,12 +145,9 @@ def test_in_the_world_a_lying_piece_stands_up(kind: Kind, yaw: float, along: flo
     assert axis[2] < 0.1  # it lies
     lying = Lying(kind, (float(body.xpos[0]), float(body.xpos[1])), math.atan2(axis[1], axis[0]))
     x, y = (np.array(lying.base) + along * lying.outwards).tolist()
-    plan, stands = plan_upright(
-        Lying(kind, (x, y), lying.yaw), (), (), bed.supervisor.reference.position.copy(),
-        bed.supervisor.measurement.finger_position, SETTINGS, PARAMETERS, TABLE, LEAD,
-    )  # fmt: skip
-    for number in range(len(plan.motions)):
-        bed.carry_out(plan.continued(number, bed.supervisor.reference.position.copy()))
+    plan, stands = plan_upright(bed.planner(SETTINGS, TABLE), Lying(kind, (x, y), lying.yaw), (), ())
+    for motion, _ in bed.continued(plan):
+        bed.carry_out(motion)
     (pose,) = bed.plant.truth(reset_peak=False).pieces
     print(f"{kind}: {math.degrees(pose.tilt):.1f}°, {1e3 * math.dist((pose.x, pose.y), stands):.1f} mm off")
     assert pose.tilt < math.radians(2.0)
