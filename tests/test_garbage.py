@@ -17,8 +17,8 @@ from typer.testing import CliRunner
 from app import UserError
 from app.cli import app
 from app.measure.photographs.labels import load_labels
+from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory
 from app.play.game_setup import start_board, venue_of
 from app.play.replay import recorded_games
 from app.players.given_line import parse_line

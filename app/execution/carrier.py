@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from app import UserError
 from app.execution.interruption import PieceLost, Progress, progress_of
 from app.execution.state import Clearance, Devices, Job, moved_all
-from app.pieces.manipulation import Inventory, Stage, Transfer
+from app.pieces.inventory import Inventory, Stage, Transfer
 from app.records import GameRecord
 from app.rig.arm import (
     FELT,

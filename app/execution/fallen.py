@@ -10,7 +10,7 @@ import numpy as np
 
 from app.execution.recovery_plans import Strayed
 from app.execution.repair import Repair
-from app.pieces.manipulation import Inventory, Transfer
+from app.pieces.inventory import Inventory, Transfer
 from hardware.table import Place, TableSettings
 from vision.pieces.verify import TOLERANCE
 

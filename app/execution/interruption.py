@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app import UserError
-from app.pieces.manipulation import Stage, Transfer
+from app.pieces.inventory import Stage, Transfer
 from app.rig.arm import FELT, ArmAtRest
 from hardware.table import TableSettings
 

@@ -20,8 +20,8 @@ from app.execution.repair import BoardObservation, kinds_by_height
 from app.execution.repair.observed import HEIGHTS, Chances
 from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
 from app.execution.unseen_reply import pieces_of, reply_shown
+from app.pieces.inventory import Inventory
 from app.pieces.layout import KINDS, PIECE_TYPES
-from app.pieces.manipulation import Inventory
 from app.rig.arm import Arm
 from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place

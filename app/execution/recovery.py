@@ -9,14 +9,15 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
-from typing import Final, Protocol
+from typing import Final
 
 import chess
 import numpy as np
 
 from app import UserError
+from app.execution.asking import Asker, Mended
 from app.execution.carrier import BoardTouched, Carrier, CarryFailed
 from app.execution.fallen import Fallen, unaided, with_missing
 from app.execution.observation import Eyes
@@ -25,7 +26,7 @@ from app.execution.repair import Ask, Repair, mend
 from app.execution.repair.diagnosis import SEEN_WITHIN, repair_towards
 from app.execution.state import AwaitedReply, Job, changed, moved_all
 from app.motion.plan import InTheWay, PlanRefused
-from app.pieces.manipulation import Inventory, Transfer
+from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import rearrange
 from app.records import GameRecord
 from app.records.events import Purpose
@@ -47,39 +48,6 @@ MOST_TRIES: Final = 3
 """To stand one piece up."""
 FRESH: Final = 0.5
 """The arm relies for so long on what the camera has seen [s]."""
-
-
-class Asker(Protocol):
-    """A person who can put the board right by hand."""
-
-    def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> None:
-        """Ask for it; returns when they say that it is done.
-
-        Args:
-            sentence: what has to be done.
-            squares: where.
-            stands: what should stand where now, as far as is known.
-
-        Raises:
-            UserError: nobody is there.
-        """
-
-
-@dataclass(frozen=True, slots=True)
-class Mended:
-    """What mending came to.
-
-    Attributes:
-        inventory: what stands where now.
-        jobs: rounds in which something had to be moved, by the arm or by a person.
-        duration: of what the arm did [s].
-        answered: a person has made the next move already, or has begun to; the newest frame shows it.
-    """
-
-    inventory: Inventory
-    jobs: int
-    duration: float
-    answered: bool = False
 
 
 class Mender:

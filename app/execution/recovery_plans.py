@@ -19,7 +19,7 @@ from app.motion.fallen.stand_up import plan_upright, room_to_stand_up
 from app.motion.obstacles import Obstacle
 from app.motion.plan import Plan, PlanRefused
 from app.motion.planner import Planner, fits_around
-from app.pieces.manipulation import Inventory, Transfer
+from app.pieces.inventory import Inventory, Transfer
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, square_place
 from vision.pieces.pose_search import Stray

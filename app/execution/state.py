@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
-from app.pieces.manipulation import Inventory, Transfer
+from app.pieces.inventory import Inventory, Transfer
 from app.records import History
 from app.records.events import Result
 from app.records.history import Unfinished

@@ -7,20 +7,21 @@ should be is mended first, by the arm where it can, else by a person who is aske
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import chess
 import chess.engine
 
 from app import UserError
-from app.execution.carrier import Begun, BoardTouched, Carried, Carrier, CarryFailed
+from app.execution.carrier import Begun, BoardTouched, Carrier, CarryFailed
+from app.execution.outcome import NO_REMARK, JobDone, Remark, outcome_of, save_picture
 from app.execution.state import FRAME_AGE, AwaitedReply, Devices, Job, Position, changed, moved_all
+from app.pieces.inventory import Inventory, Ply, Transfer
 from app.pieces.judging import Verdict, judge
 from app.pieces.layout import colour_of
-from app.pieces.manipulation import Inventory, Ply, Transfer, move_kind, transfers
-from app.records import GameRecord, PlyOutcome, recording
+from app.pieces.manipulation import move_kind, transfers
+from app.records import GameRecord, PlyOutcome
 from app.records.events import Purpose
 from app.records.history import Unfinished, transfer_of
 from app.terminal.interface import Face
@@ -33,20 +34,6 @@ if TYPE_CHECKING:
     from app.execution.recovery_plans import Strayed
     from app.guard.game_guard import GameGuard
     from vision.reading.diagnosis import Diagnosis
-
-
-@dataclass(frozen=True, slots=True)
-class Remark:
-    """What is recorded with a ply: what the player thinks of it, a comment, and what the clocks show after it [s], to
-    be asked for once the move stands on the board.
-    """
-
-    score: chess.engine.PovScore | None = None
-    comment: str = ""
-    clocks: Callable[[], dict[chess.Color, float] | None] = lambda: None
-
-
-NO_REMARK: Final = Remark()
 
 
 class Table:
@@ -305,13 +292,13 @@ class Table:
                 goal = chess.Board(unfinished.task.fen, chess960=goal.chess960)
         return goal
 
-    def _carry(self, job: Job, wanted: Inventory, begun: Begun | None, reply: AwaitedReply | None) -> _Done:
+    def _carry(self, job: Job, wanted: Inventory, begun: Begun | None, reply: AwaitedReply | None) -> JobDone:
         """Do a job, and mend what came of it, until the board shows what it should, or a person's answer to it."""
         outcome, stands = PlyOutcome(real=0.0), wanted
         if job.transfers:
             try:
                 seen = None if self.eyes is None else self.eyes.seen
-                outcome = _outcome(self._carrier.carry(job, self.inventory, begun, seen))
+                outcome = outcome_of(self._carrier.carry(job, self.inventory, begun, seen))
             except BoardTouched:
                 stands = self.inventory  # as far as is known: the mender looks first, then carries
             except CarryFailed as failure:
@@ -320,11 +307,11 @@ class Table:
                 stands, outcome = failure.inventory, replace(outcome, resumed=True)
                 self._mender.note_loss(failure)
         if self._mender is None:
-            return _Done(wanted, outcome)
+            return JobDone(wanted, outcome)
         mended = self._mender.mend(stands, wanted, reply=reply)
         if mended.jobs:
             outcome = replace(outcome, real=(outcome.real or 0.0) + mended.duration, resumed=True)
-        return _Done(mended.inventory, outcome, mended.answered)
+        return JobDone(mended.inventory, outcome, mended.answered)
 
     # after a job
 
@@ -392,41 +379,8 @@ class Table:
         return name
 
 
-@dataclass(frozen=True, slots=True)
-class _Done:
-    """What stands where after a job, what is known of it, and whether a person has made the next move already."""
-
-    inventory: Inventory
-    outcome: PlyOutcome
-    answered: bool = False
-
-
 def _arranged(inventory: Inventory, board: chess.Board) -> tuple[Transfer, ...]:
     """Transfers that put a position on the board."""
     from app.pieces.position import set_up  # SciPy takes a second to load: not before something is to be set up
 
     return set_up(inventory, board)
-
-
-def _outcome(carried: Carried) -> PlyOutcome:
-    done = carried.done
-    return PlyOutcome(
-        planned=carried.planned, real=done.duration, peak_torque=done.peak_torque, peak_force=done.peak_force,
-        resumed=carried.resumed,
-    )  # fmt: skip
-
-
-def save_picture(path: Path, frame: Frame) -> None:
-    """Write a frame's colours as JPEG.
-
-    Raises:
-        RecordError: it cannot be written.
-    """
-    import cv2  # only where there is a camera
-
-    done, encoded = cv2.imencode(".jpg", cv2.cvtColor(frame.colour, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])
-    if not done:
-        raise RuntimeError(f"OpenCV could not encode {path.name}")
-    with recording(path):
-        path.parent.mkdir(exist_ok=True)
-        path.write_bytes(encoded.tobytes())

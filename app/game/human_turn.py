@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
+from app.execution.outcome import Remark
 from app.execution.state import LEFT, WRONG, GameEnd
-from app.execution.table import Remark, Table
+from app.execution.table import Table
 from app.game.person import GameLeft, NeedsHand, ask
 from app.game.timing import Timing
 from app.guard.hand_notice import HandNotice

@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection
 from typing import Final
 
 from app import UserError
-from app.pieces.manipulation import Inventory, Ply
+from app.pieces.inventory import Inventory, Ply
 from app.players.commands import CommandError, HandVerb, MoveHand, Word, help_text, parse_hand, word_of
 from app.players.person import Hands, Human
 from app.rig.arm import Arm

@@ -11,7 +11,7 @@ import numpy as np
 from app.motion.arcs import Workcell
 from app.motion.plan import Motion, PlanRefused
 from app.motion.route import Route, Timed, timed
-from app.pieces.manipulation import Stage
+from app.pieces.inventory import Stage
 
 _ATTEMPTS: Final = 6
 """So often a motion is slowed down until its torques are feasible."""

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from app.motion.path import Vector
-from app.pieces.manipulation import Inventory, Transfer
+from app.pieces.inventory import Inventory, Transfer
 from controller.model.compiled import PAIR, ROW, SCALAR, STATUS, TABLE, FloatArray, compiled_as
 from hardware.parameters import Pads
 from hardware.table import PIECE_SHAPES, Kind, PieceShape, Place, TableSettings

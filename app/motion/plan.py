@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from app import UserError
 from app.motion.continuation import Continuation, Continued
 from app.motion.path import Path, Vector
-from app.pieces.manipulation import Stage
+from app.pieces.inventory import Stage
 from controller.protocol import Result
 
 if TYPE_CHECKING:

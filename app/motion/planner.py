@@ -23,7 +23,7 @@ from app.motion.path import Vector
 from app.motion.plan import InTheWay, Motion, Plan, PlanRefused
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
-from app.pieces.manipulation import Inventory, PieceBoxed, Stage, Transfer
+from app.pieces.inventory import Inventory, PieceBoxed, Stage, Transfer
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, Kind, Place, TableSettings
 

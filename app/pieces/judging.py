@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from app.pieces.manipulation import Inventory, expected
+from app.pieces.inventory import Inventory, expected
 from hardware.referee import PiecePose, Truth
 from hardware.table import Box, PieceSpec, Place, TableSettings
 

@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from app import UserError
-from app.pieces.manipulation import Inventory, InventoryError, PieceBoxed, Transfer
+from app.pieces.inventory import Inventory, InventoryError, PieceBoxed, Transfer
 from hardware.table import PieceSpec, Place, square_place
 
 Point = tuple[float, float]

@@ -18,8 +18,8 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from app import UserError
+from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import SPARES, colour_of, kind_of, physical_set
-from app.pieces.manipulation import Inventory, Transfer
 from app.pieces.order import rearrange, rings_of
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 

@@ -11,7 +11,7 @@ import chess
 
 from app import UserError
 from app.motion import PROFILES, MotionSettings, contact_limits
-from app.pieces.manipulation import Inventory
+from app.pieces.inventory import Inventory
 from app.rig.board import BoardRig
 from app.rig.devices import Rig
 from app.rig.rig_file import RigFile, load_rig

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from app import UserError
-from app.pieces.manipulation import Transfer
+from app.pieces.inventory import Transfer
 from hardware.sim.hand.actions import Move
 from hardware.table import TableSettings
 

@@ -11,8 +11,8 @@ import chess
 
 from app import UserError
 from app.game import GameEnd, Position
+from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory
 from app.play.game_setup import Venue, start_board, venue_of
 from app.play.match import Fixture, Match, Start, last_round, match_of
 from app.play.player_selection import engine_players, line_players, start_clock

@@ -22,7 +22,7 @@ from app.game.clock import ChessClock
 from app.game.game import require_empty_fingers
 from app.game.person import GameLeft, SettledHands
 from app.game.timing import Timing, clock_of
-from app.pieces.manipulation import Inventory
+from app.pieces.inventory import Inventory
 from app.play.session import Round
 from app.play.table_setup import Seating
 from app.players.person import Human

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from app.pieces.manipulation import Inventory, Ply
+from app.pieces.inventory import Inventory, Ply
 from app.play.hand_moves import hand_transfers
 from app.players.commands import HandVerb, MoveHand
 from hardware.sim.clients.hand import HandRefused, SimHand

@@ -8,7 +8,7 @@ from typing import Protocol
 import chess
 
 from app import UserError
-from app.pieces.manipulation import Inventory, Ply
+from app.pieces.inventory import Inventory, Ply
 from app.players.commands import MoveHand
 
 

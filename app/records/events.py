@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 
-from app.pieces.manipulation import Inventory, MoveKind, Stage, Transfer
+from app.pieces.inventory import Inventory, MoveKind, Stage, Transfer
 from app.records.files import RecordError, whole_lines
 from hardware.frozen import Frozen
 from hardware.table import Colour, Kind

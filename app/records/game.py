@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -11,15 +10,12 @@ import chess
 import chess.engine
 from pydantic import JsonValue
 
-from app.pieces.layout import colour_of
-from app.pieces.manipulation import Inventory, Ply, Stage, Transfer
+from app.pieces.inventory import Inventory, Ply, Stage, Transfer
 from app.records.events import (
     AnyEvent,
-    By,
     EndEvent,
     FoundEvent,
     Mender,
-    Pace,
     PlyEvent,
     Purpose,
     Result,
@@ -31,11 +27,11 @@ from app.records.events import (
     TaskDroppedEvent,
     TaskEvent,
     TroubleEvent,
-    piece_records,
     transfer_records,
 )
 from app.records.files import LineLog, recording, write_atomically
 from app.records.history import History, counted_plies, open_task, places_of
+from app.records.outcome import GameSetup, PlyOutcome, own_clock, ply_event, score_of, start_event
 from app.records.pgn import PgnFile, PgnMove
 from app.records.report import Report, summarise
 from hardware.table import Colour
@@ -48,49 +44,6 @@ REPORT_FILE = "report.json"
 def utc_now() -> datetime:
     """Wall time, aware, in UTC."""
     return datetime.now(UTC)
-
-
-@dataclass(frozen=True, slots=True)
-class GameSetup:
-    """Who plays, and how."""
-
-    white: str
-    black: str
-    seed: int
-    pace: Pace
-    site: str = "?"
-    time_control: str | None = None
-    """As in PGN; None: played without a clock."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlyOutcome:
-    """What is known of a ply or task that was done; None: what a referee alone knows in a lab, or an arm of a hand."""
-
-    planned: float | None = None
-    """Plant time from home to home, as planned [s]."""
-    real: float | None = None
-    """Plant time from home to home, as it was [s]."""
-    peak_torque: float | None = None
-    """Largest servomotor torque [N m]."""
-    placement_mm: Mapping[str, float] | None = None
-    """Distance of each moved piece from the centre of its place, by name [mm]."""
-    peak_force: float | None = None
-    """Largest contact force [N]."""
-    physical_ok: bool | None = None
-    frame: str | None = None
-    """Name of the camera's picture in the folder."""
-    failures: tuple[str, ...] = ()
-    resumed: bool = False
-    """Another program had begun it."""
-    by: By = "arm"
-    """Who moved the pieces."""
-    score: chess.engine.PovScore | None = None
-    """What the player thinks of it."""
-    clocks: Mapping[chess.Color, float] | None = None
-    """What both clocks show after it [s]."""
-    comment: str = ""
-    """For the PGN."""
 
 
 class GameRecord:
@@ -137,7 +90,7 @@ class GameRecord:
         with recording(folder):
             folder.mkdir(parents=True, exist_ok=True)
         log = LineLog(folder / EVENTS_FILE)
-        start = _start_event(now(), plant_time, setup, board, inventory)
+        start = start_event(now(), plant_time, setup, board, inventory)
         try:
             log.append(start.model_dump_json())
             return cls(folder, log, _pgn(folder, start, setup.site), [start], now)
@@ -295,14 +248,14 @@ class GameRecord:
         """
         after = self._pgn.board.copy(stack=False)
         after.push_uci(ply.uci)
-        event = _ply_event(
+        event = ply_event(
             self._now(), plant_time, number=self._plies() + 1, ply=ply, outcome=outcome, fen=after.fen(),
             places=self._after(ply) if stands is None else self._moved(stands),
         )  # fmt: skip
         self._append(event)
         self._task = None
         self._counted.append(event)
-        self._pgn.add(PgnMove(ply.uci, _own_clock(event), outcome.score, outcome.comment))
+        self._pgn.add(PgnMove(ply.uci, own_clock(event), outcome.score, outcome.comment))
         return event
 
     def end(
@@ -373,80 +326,5 @@ def _pgn(folder: Path, start: StartEvent, site: str, moves: Sequence[PgnMove] = 
     )
 
 
-def _start_event(
-    wall_time: datetime, plant_time: float, setup: GameSetup, board: chess.Board, inventory: Inventory
-) -> StartEvent:
-    return StartEvent(
-        wall_time=wall_time,
-        plant_time=plant_time,
-        ply=0,
-        fen=board.fen(),
-        chess960=board.chess960,
-        white=setup.white,
-        black=setup.black,
-        seed=setup.seed,
-        pace=setup.pace,
-        time_control=setup.time_control,
-        inventory=piece_records(inventory),
-    )
-
-
-def _ply_event(
-    wall_time: datetime,
-    plant_time: float,
-    *,
-    number: int,
-    ply: Ply,
-    outcome: PlyOutcome,
-    fen: str,
-    places: dict[str, str],
-) -> PlyEvent:
-    return PlyEvent(
-        wall_time=wall_time,
-        plant_time=plant_time,
-        ply=number,
-        side=ply.colour,
-        san=ply.san,
-        uci=ply.uci,
-        kind=ply.kind,
-        fen=fen,
-        planned_s=outcome.planned,
-        real_s=outcome.real,
-        placement_mm=None if outcome.placement_mm is None else dict(outcome.placement_mm),
-        peak_torque_Nm=outcome.peak_torque,
-        peak_force_N=outcome.peak_force,
-        physical_ok=outcome.physical_ok,
-        frame=outcome.frame,
-        transfers=transfer_records(ply.transfers),
-        inventory=places,
-        failures=outcome.failures,
-        resumed=outcome.resumed,
-        by=outcome.by,
-        score=None if outcome.score is None else score_text(outcome.score),
-        comment=outcome.comment,
-        clock_s=None if outcome.clocks is None else {colour_of(c): left for c, left in outcome.clocks.items()},
-    )
-
-
-def _own_clock(event: PlyEvent) -> float | None:
-    return None if event.clock_s is None else event.clock_s.get(event.side)
-
-
 def _pgn_move(event: PlyEvent) -> PgnMove:
-    return PgnMove(event.uci, _own_clock(event), None if event.score is None else score_of(event.score), event.comment)
-
-
-def score_text(score: chess.engine.PovScore) -> str:
-    """Pawns from White's side with two decimals and sign, or #3 and #-3 for mates."""
-    white = score.white()
-    mate, pawns = white.mate(), white.score()
-    if mate is not None:
-        return f"#{mate}"
-    assert pawns is not None
-    return f"{pawns / 100.0:+.2f}"
-
-
-def score_of(text: str) -> chess.engine.PovScore:
-    """What ``score_text`` has written."""
-    score = chess.engine.Mate(int(text[1:])) if text.startswith("#") else chess.engine.Cp(round(100.0 * float(text)))
-    return chess.engine.PovScore(score, chess.WHITE)
+    return PgnMove(event.uci, own_clock(event), None if event.score is None else score_of(event.score), event.comment)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import chess
 
-from app.pieces.manipulation import Inventory, Stage, Transfer
+from app.pieces.inventory import Inventory, Stage, Transfer
 from app.records.events import (
     AnyEvent,
     EndEvent,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from pydantic import Field, FiniteFloat, JsonValue
 
-from app.pieces.manipulation import MoveKind
+from app.pieces.inventory import MoveKind
 from app.records.events import (
     AnyEvent,
     EndEvent,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 import numpy as np
 
 from app import UserError
-from app.pieces.manipulation import Stage
+from app.pieces.inventory import Stage
 from controller.protocol.causes import Cause
 from controller.wire.client import ControllerClient, MotionOutcome
 from controller.wire.errors import MotionRefused, MotionStopped

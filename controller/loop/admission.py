@@ -42,6 +42,8 @@ class Admission:
         ended: how the last motion ended.
         admitting: no hold is in force.
         awaiting: a FOLLOWED motion succeeded and the next one is not announced yet.
+        peak_torque: largest torque commanded in the present, else the last motion [N m].
+        peak_tactile: largest tactile force in the present, else the last motion [N].
     """
 
     def __init__(self, motion: MotionBuffer, settings: ControllerSettings) -> None:
@@ -49,6 +51,7 @@ class Admission:
         self.last_motion = 0
         self.ended = Ended()
         self.admitting, self.awaiting = True, False
+        self.peak_torque = self.peak_tactile = 0.0
         self._settings = settings
         self._guarding, self._loose = False, 0
         self._untouched = 0.0
@@ -82,6 +85,15 @@ class Admission:
         """Take a motion on that begins at a reference, shape (3,) [m]."""
         self.motion.announce(motion, position)
         self._guarding, self._loose = False, 0
+        self.peak_torque = self.peak_tactile = 0.0
+
+    def note_peaks(self, torque: Triple, tactile: tuple[float, float]) -> None:
+        """Torques [N m] and tactile forces [N] of a tick in which the arm moves."""
+        (a, b, c), (right, left), most = torque, tactile, self.peak_torque
+        if not (-most <= a <= most and -most <= b <= most and -most <= c <= most):
+            self.peak_torque = max(most, a, -a, b, -b, c, -c)
+        if right > self.peak_tactile or left > self.peak_tactile:
+            self.peak_tactile = max(right, left)
 
     def met(self, guard: float, level: float, tactile: tuple[float, float], lift: float) -> Result | Violation | None:
         """What a sample's guard says: how the motion has succeeded, why it has to stop, or nothing.
@@ -112,23 +124,31 @@ class Admission:
         self._loose = self._loose + 1 if felt < level else 0
         return self._loose >= _LOOSE_TICKS
 
-    def end(self, result: Result, reason: Violation, measurement: Measurement, position: Triple) -> None:
+    def end(self, result: Result, reason: Violation, measurement: Measurement, position: NDArray[np.float64]) -> None:
         """The announced motion is over.
 
         Args:
             result: how.
             reason: why, where it did not succeed.
             measurement: of the tick in which it ended.
-            position: of the tool then, measured [m].
+            position: of the tool then, measured, base frame (3,) [m].
         """
-        assert self.motion.announced is not None
-        self.record(self.motion.announced, result, reason, measurement, position)
+        motion = self.motion.announced
+        assert motion is not None
+        self.record(motion, result, reason, measurement, position)
         self.motion.clear()
+        self.awaiting = reason is NOTHING and motion.followed
 
     def record(
-        self, motion: Announce, result: Result, reason: Violation, measurement: Measurement, position: Triple
+        self,
+        motion: Announce,
+        result: Result,
+        reason: Violation,
+        measurement: Measurement,
+        position: NDArray[np.float64],
     ) -> None:
         """How a motion ended that need not have begun; as of ``end``."""
+        x, y, z = position.tolist()
         self.ended = Ended(
-            motion.motion, result, reason, motion.first_tick, measurement.tick, position, measurement.finger_position
+            motion.motion, result, reason, motion.first_tick, measurement.tick, (x, y, z), measurement.finger_position
         )

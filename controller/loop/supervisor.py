@@ -52,8 +52,6 @@ class Supervisor:
         reference: what the law follows.
         admission: of motions, and what came of the last one.
         brakes: the way on and off them.
-        peak_torque: largest torque commanded in the present, else the last motion [N m].
-        peak_tactile: largest tactile force in the present, else the last motion [N].
         force: on the tool, as torques and motion tell, base frame [N].
         clamped: ticks in which a torque was clamped.
     """
@@ -68,7 +66,6 @@ class Supervisor:
         self.reference = Reference(settings, period)
         self.admission = Admission(MotionBuffer(settings.capacity, SampleCheck(limits, period)), settings)
         self.brakes = BrakeSequence(settings)
-        self.peak_torque = self.peak_tactile = 0.0
         self.force = _NO_TORQUE
         self.clamped = 0
         self.law = law
@@ -152,7 +149,7 @@ class Supervisor:
         if not self._braked:
             self._output(measurement.tactile)
         if moving:
-            self._note_peaks(measurement.tactile)
+            self.admission.note_peaks(self.torque, measurement.tactile)
 
     def _follow(self, measurement: Measurement) -> None:
         """Reference of this tick from the motion's sample; its guard or its end."""
@@ -253,13 +250,6 @@ class Supervisor:
         self.torque, clamped = clamp_torque(torque, self.torque, limits.torque, limits.torque_rate)
         self.clamped += clamped
 
-    def _note_peaks(self, tactile: tuple[float, float]) -> None:
-        (a, b, c), (right, left), most = self.torque, tactile, self.peak_torque
-        if not (-most <= a <= most and -most <= b <= most and -most <= c <= most):
-            self.peak_torque = max(most, a, -a, b, -b, c, -c)
-        if right > self.peak_tactile or left > self.peak_tactile:
-            self.peak_tactile = max(right, left)
-
     # on the brakes
 
     def _boot(self, measurement: Measurement, trouble: Violation | None) -> None:
@@ -301,11 +291,10 @@ class Supervisor:
         admission.last_motion = motion.motion
         refusal = admission.refusal(motion, self.state, self.measurement.tick, retiring=self.brakes.retiring)
         if refusal is not None:
-            admission.record(motion, Result.REFUSED, refusal, self.measurement, self._position())
+            admission.record(motion, Result.REFUSED, refusal, self.measurement, self.law.state.position)
             return
         admission.admit(motion, self.reference.position)
         self.cause = NOTHING
-        self.peak_torque = self.peak_tactile = 0.0
         self._enter(Event.ANNOUNCED)
 
     def take_samples(self, samples: Samples) -> None:
@@ -395,20 +384,12 @@ class Supervisor:
 
     def _succeed(self, result: Result) -> None:
         """The motion reached its end or its guard: the reference rests there, gains and fingers stay."""
-        motion = self.admission.motion.announced
-        assert motion is not None
         self.reference.rest()
         self._end(result, NOTHING)
-        self.admission.awaiting = motion.followed
         self._enter(Event.ENDED)
 
     def _end(self, result: Result, reason: Violation) -> None:
-        self.admission.end(result, reason, self.measurement, self._position())
-
-    def _position(self) -> Triple:
-        """Of the tool, measured, base frame [m]."""
-        x, y, z = self.law.state.position.tolist()
-        return x, y, z
+        self.admission.end(result, reason, self.measurement, self.law.state.position)
 
     def _enter(self, event: Event) -> None:
         before = self.state

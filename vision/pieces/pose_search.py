@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import cv2
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from hardware.table import PIECE_SHAPES, Colour, Kind, Place
 from vision.board.view import BoardView
 from vision.pieces.fit import FLAT, Fit, PieceLike
+from vision.pieces.pose_trials import PoseTrial, apart, middles, moved, neighbours
 from vision.pieces.poses import Pose, drawn, off_surface
 
 Array = NDArray[np.float64]
@@ -50,8 +51,6 @@ _COARSE: Final = 2
 """… so many on either side …"""
 _KEPT, _CLOSER = 6, 2
 """… and so many of the best are looked at more closely, then so many of those again …"""
-_APART: Final = 0.016, 0.7
-"""… that differ from each other by so much in place [m] or in direction [rad]."""
 _STEPS: Final = ((0.004, 0.20), (0.002, 0.10), (0.001, 0.05), (0.0005, 0.025))
 """Finer and finer steps of place [m] and direction [rad]."""
 _LEAST_SUPPORT: Final = 0.30
@@ -104,13 +103,6 @@ class Stray:
         return self.pose.yaw is not None
 
 
-class _Trial(NamedTuple):
-    score: float
-    pose: Pose
-    support: float
-    seen: float
-
-
 class PoseSearch:
     """Explains what one frame shows beside the pieces that stand as expected.
 
@@ -126,7 +118,7 @@ class PoseSearch:
         self, fit: Fit, view: BoardView, taken: NDArray[np.bool_], around: tuple[float, float], points: Field | None
     ) -> None:
         self._made_of = fit, view, taken, around, points
-        self._ways: dict[tuple[Kind, Colour], list[_Trial]] = {}
+        self._ways: dict[tuple[Kind, Colour], list[PoseTrial]] = {}
         """The best ways that were found, by kind and colour."""
         self._view, self._part = view, fit.part
         self._shape = fit.part.ground.shape[0], fit.part.ground.shape[1]
@@ -225,7 +217,7 @@ class PoseSearch:
         at_home = _AT_HOME if pose.yaw is None and away <= _NEAR_HOME else 0.0
         return at_home + _STAYED * max(0.0, 1.0 - away / _STRAYED)
 
-    def _near(self, piece: PieceLike, pose: Pose) -> _Trial:
+    def _near(self, piece: PieceLike, pose: Pose) -> PoseTrial:
         """The best way for a piece to be about there, lying or standing as in a pose."""
         return self._climb(piece, self._try(piece, pose), _STEPS)
 
@@ -242,14 +234,14 @@ class PoseSearch:
         # what else was found stays as it is where nothing of it is gone
         self._ways = {key: ways for key, ways in self._ways.items() if not self._meets(key[0], ways, gone)}
 
-    def _meets(self, kind: Kind, ways: list[_Trial], gone: NDArray[np.bool_]) -> bool:
+    def _meets(self, kind: Kind, ways: list[PoseTrial], gone: NDArray[np.bool_]) -> bool:
         drawings = (drawn(kind, way.pose, self._view, self._shape, self._origin) for way in ways)
         return any(bool((gone[one.rows, one.columns] & one.mask).any()) for one in drawings)
 
-    def _of_piece(self, piece: PieceLike) -> list[_Trial]:
+    def _of_piece(self, piece: PieceLike) -> list[PoseTrial]:
         """The best way for it to lie and to stand, the better one first; none where nothing looks like its side."""
         spots = self._spots(piece.colour)
-        lying, standing = list[_Trial](), list[_Trial]()
+        lying, standing = list[PoseTrial](), list[PoseTrial]()
         reach = 0.5 * PIECE_SHAPES[piece.kind].height
         grid = [_COARSE_STEP * i for i in range(-_COARSE, _COARSE + 1)]
         # what stands before it may have left but its foot or its head in sight: any part of it may be at the spot
@@ -284,27 +276,27 @@ class PoseSearch:
         high = np.count_nonzero((rises > 2.0 * shape.foot_radius + _RISEN) & (rises < shape.height + _RISEN))
         return bool(high >= _HIGH)
 
-    def _climbed(self, piece: PieceLike, trials: list[_Trial]) -> _Trial:
+    def _climbed(self, piece: PieceLike, trials: list[PoseTrial]) -> PoseTrial:
         """From the best of some, step by step to the best near them."""
-        near = [self._climb(piece, self._try(piece, one.pose), _STEPS[:2]) for one in _apart(trials, _KEPT)]
-        return max((self._climb(piece, one, _STEPS) for one in _apart(near, _CLOSER)), key=lambda one: one.score)
+        near = [self._climb(piece, self._try(piece, one.pose), _STEPS[:2]) for one in apart(trials, _KEPT)]
+        return max((self._climb(piece, one, _STEPS) for one in apart(near, _CLOSER)), key=lambda one: one.score)
 
-    def _climb(self, piece: PieceLike, trial: _Trial, steps: Sequence[tuple[float, float]]) -> _Trial:
+    def _climb(self, piece: PieceLike, trial: PoseTrial, steps: Sequence[tuple[float, float]]) -> PoseTrial:
         for step, turn in steps:
             for _ in range(20):
-                around = (self._try(piece, pose) for pose in _neighbours(trial.pose, step, turn))
+                around = (self._try(piece, pose) for pose in neighbours(trial.pose, step, turn))
                 better = max(around, key=lambda one: one.score)
                 if better.score <= trial.score:
                     break
                 trial = better
         return trial
 
-    def _try(self, piece: PieceLike, pose: Pose, blur: float = 1.0) -> _Trial:
+    def _try(self, piece: PieceLike, pose: Pose, blur: float = 1.0) -> PoseTrial:
         """How well a pose explains the picture; ``blur``: points may be so many times further off the surface."""
         rows, columns, mask, felt = drawn(piece.kind, pose, self._view, self._shape, self._origin)
         count = int(np.count_nonzero(mask))
         if not count:
-            return _Trial(-math.inf, pose, -1.0, 0.0)
+            return PoseTrial(-math.inf, pose, -1.0, 0.0)
         evidence = np.where(felt, self._felt[rows, columns], self._maps[piece.colour][rows, columns])
         if self._rises is not None:
             shape, rises = PIECE_SHAPES[piece.kind], self._rises[rows, columns]
@@ -315,20 +307,20 @@ class PoseSearch:
                 evidence[seen_at & (rises > 2.0 * shape.foot_radius + _RISEN)] = -_MOST
         total = float(evidence[mask].sum())
         seen = int(np.count_nonzero(self._open[rows, columns] & mask))
-        return _Trial(total, pose, total / (_MOST * max(seen, 1)), seen / count)
+        return PoseTrial(total, pose, total / (_MOST * max(seen, 1)), seen / count)
 
-    def _spread(self, piece: PieceLike, best: _Trial) -> tuple[_Trial, float, float]:
+    def _spread(self, piece: PieceLike, best: PoseTrial) -> tuple[PoseTrial, float, float]:
         """The mean pose around the best one, weighted by how well each explains the picture, and its spread."""
         pose = best.pose
         ticks = (-0.003, -0.0015, 0.0, 0.0015, 0.003)
         turns = (0.0,) if pose.yaw is None else (-0.12, -0.06, 0.0, 0.06, 0.12)
         offsets = np.array(list(itertools.product(ticks, ticks, turns)))
-        scores = np.array([self._try(piece, _moved(pose, *offset)).score for offset in offsets.tolist()])
+        scores = np.array([self._try(piece, moved(pose, *offset)).score for offset in offsets.tolist()])
         weight = np.exp((scores - scores.max()) / _ALIKE)
         weight /= weight.sum()
         mean = weight @ offsets
         spread = np.sqrt(weight @ (offsets - mean) ** 2)
-        settled = self._try(piece, _moved(pose, *mean.tolist()))
+        settled = self._try(piece, moved(pose, *mean.tolist()))
         std = float(np.hypot(np.sqrt(0.5 * (spread[0] ** 2 + spread[1] ** 2)), _FLOOR[0]))
         yaw_std = 0.0 if pose.yaw is None else float(np.hypot(spread[2], _FLOOR[1]))
         return settled, std, yaw_std
@@ -343,7 +335,7 @@ class PoseSearch:
             if stats[number, cv2.CC_STAT_AREA] < _LEAST_AREA:
                 continue
             places = self._below[numbers == number].astype(float)
-            for x, y in _middles(places):
+            for x, y in middles(places):
                 if abs(x) < self._half[0] and abs(y) < self._half[1]:
                     spots.append((x, y))
         return spots
@@ -358,48 +350,3 @@ def _boxes(view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> 
         pixels = np.rint(view.project(corners) - np.array(origin, dtype=float)).astype(np.int32)
         cv2.fillConvexPoly(seen, cv2.convexHull(pixels), 1)
     return seen.astype(bool)
-
-
-def _middles(places: Array) -> list[tuple[float, float]]:
-    """Of a spot: its middle; of a long one, several along it."""
-    middle = places.mean(axis=0)
-    off = places - middle
-    long = np.linalg.svd(off[:: max(1, len(off) // 200)], full_matrices=False)[2][0]
-    along = off @ long
-    low, high = np.percentile(along, [5, 95]).tolist()
-    parts = max(1, round((high - low) / 0.045))
-    at = [low + (2 * i + 1) * (high - low) / (2 * parts) for i in range(parts)] if parts > 1 else [0.0]
-    return [(float(middle[0] + t * long[0]), float(middle[1] + t * long[1])) for t in at]
-
-
-def _apart(trials: list[_Trial], most: int) -> list[_Trial]:
-    """The best ones that differ."""
-    kept = list[_Trial]()
-    for one in sorted(trials, key=lambda one: -one.score):
-        if not any(_alike(one.pose, other.pose) for other in kept):
-            kept.append(one)
-            if len(kept) == most:
-                break
-    return kept
-
-
-def _alike(one: Pose, other: Pose) -> bool:
-    turned = 0.0 if one.yaw is None or other.yaw is None else abs(math.remainder(one.yaw - other.yaw, 2.0 * math.pi))
-    return math.dist((one.x, one.y), (other.x, other.y)) < _APART[0] and turned < _APART[1]
-
-
-def _moved(pose: Pose, dx: float, dy: float, turn: float) -> Pose:
-    return Pose(pose.x + dx, pose.y + dy, None if pose.yaw is None else pose.yaw + turn)
-
-
-def _neighbours(pose: Pose, step: float, turn: float) -> list[Pose]:
-    """Around a pose, along and across it, and turned; a lying one about its middle as well as about its base."""
-    around = [_moved(pose, a * step, b * step, 0.0) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
-    if pose.yaw is not None:
-        for sign in (-turn, turn):
-            around.append(_moved(pose, 0.0, 0.0, sign))
-            half = 0.02
-            dx = half * (math.cos(pose.yaw) - math.cos(pose.yaw + sign))
-            dy = half * (math.sin(pose.yaw) - math.sin(pose.yaw + sign))
-            around.append(_moved(pose, dx, dy, sign))
-    return around

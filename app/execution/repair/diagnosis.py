@@ -12,7 +12,7 @@ import chess
 from app.execution.repair.belief import Belief, believe
 from app.execution.repair.observed import KNOWN, BoardObservation
 from app.execution.repair.swaps import doubted
-from app.pieces.manipulation import Inventory, Transfer
+from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point, rearrange
 from hardware.table import Colour, PieceSpec, Place, square_place
 from vision.pieces.verify import TOLERANCE

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.pieces.manipulation import Inventory
+from app.pieces.inventory import Inventory
 from app.pieces.order import Point
 from hardware.table import PIECE_SHAPES, Colour, Kind, square_place
 from vision.pieces.centres import Centre

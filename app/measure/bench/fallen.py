@@ -19,7 +19,7 @@ from app.measure.bench.beds.bed import Bed, plant_of
 from app.measure.bench.report import BenchReport, Progress, row
 from app.motion import MotionSettings, Plan, Planner, PlanRefused
 from app.motion.plan import InTheWay
-from app.pieces.manipulation import Inventory, Transfer
+from app.pieces.inventory import Inventory, Transfer
 from controller.protocol import CommandCode
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece

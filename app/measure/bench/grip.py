@@ -19,7 +19,7 @@ from app.measure.bench.report import BenchReport, Progress, row
 from app.motion import PROFILES, MotionSettings, Plan, Profile
 from app.motion.path import Vector
 from app.motion.timing.reference import Bounds, join, line, to_samples
-from app.pieces.manipulation import Inventory, Stage, Transfer
+from app.pieces.inventory import Inventory, Stage, Transfer
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place

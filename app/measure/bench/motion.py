@@ -20,7 +20,7 @@ from app.motion import PROFILES, Motion, MotionSettings, Profile
 from app.motion.path import STRAIGHT, Path, Vector, blend, turns
 from app.motion.settings import Law
 from app.motion.timing.time_law import Bounds, bounds_of_pieces, time_law
-from app.pieces.manipulation import MoveKind
+from app.pieces.inventory import MoveKind
 from controller.protocol import Guard
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.table import CONTACT_PROFILES, Kind, TableSettings, square_place

@@ -17,8 +17,9 @@ from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import PROFILES, MotionSettings, Plan, Planner, Profile, contact_limits
 from app.motion.path import Vector
+from app.pieces.inventory import Inventory, Ply, Stage
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, Ply, Stage, transfers
+from app.pieces.manipulation import transfers
 from app.players.given_line import parse_line
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, TableSettings

@@ -12,8 +12,9 @@ from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import MotionSettings, Planner
 from app.motion.timing.reference import Vector
+from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, transfers
+from app.pieces.manipulation import transfers
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import TOLERANCE, newton_step
 from controller.model.reach import posture_at

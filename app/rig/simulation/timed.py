@@ -13,8 +13,8 @@ import chess
 
 from app import UserError
 from app.motion import MotionSettings
+from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory
 from app.rig.simulation.settings import SimRigSettings
 from app.rig.simulation.sim import SimRig
 from controller.loop.statistics import PULSE_FILE

@@ -15,8 +15,9 @@ from app.execution.carrier import BoardTouched, Carrier
 from app.execution.recovery_plans import Blocked, Strayed
 from app.execution.state import Clearance, Devices, Job
 from app.motion import Motion, MotionSettings, Plan
+from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, transfers
+from app.pieces.manipulation import transfers
 from app.records import GameRecord, GameSetup
 from app.rig.arm import ArmAtRest, Outcome
 from app.terminal.interface import Quiet

@@ -27,8 +27,9 @@ from app.game.person import NeedsHand, UnattendedAsker
 from app.motion import MotionSettings
 from app.motion.obstacles import Obstacle
 from app.motion.plan import InTheWay, PlanRefused
+from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, Transfer, transfers
+from app.pieces.manipulation import transfers
 from app.records import EVENTS_FILE, GameRecord, GameSetup, read_history
 from app.records.events import TroubleEvent
 from app.records.history import Unfinished

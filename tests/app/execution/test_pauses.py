@@ -16,8 +16,8 @@ from app.execution.table import Table
 from app.game import Devices, Game, Position
 from app.motion import Motion, MotionSettings, Plan
 from app.motion.obstacles import closed_position
+from app.pieces.inventory import Inventory, Stage
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, Stage
 from app.players.players import Decision, LinePlayer, Player, Players
 from app.records import GameRecord, GameSetup, PlyEvent, StepEvent, read_events
 from app.rig.arm import ArmAtRest, ArmPaused, Outcome

@@ -8,8 +8,9 @@ import pytest
 
 from app.execution.interruption import PieceLost, Progress, progress_of
 from app.motion.obstacles import closed_position
+from app.pieces.inventory import Inventory, Ply, Stage
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, Ply, Stage, transfers
+from app.pieces.manipulation import transfers
 from app.rig.arm import ArmAtRest
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, Kind, Place, TableSettings

@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 from app.execution.repair import Ask, BoardObservation, Repair, kinds_by_height, mend, repair_towards
 from app.execution.repair.observed import Chances
 from app.motion import MotionSettings, Planner
+from app.pieces.inventory import Inventory
 from app.pieces.layout import colour_of, start_layout
-from app.pieces.manipulation import Inventory, NoSpare, transfers
+from app.pieces.manipulation import NoSpare, transfers
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.pieces.centres import Centre

@@ -11,8 +11,8 @@ import pytest
 from app.execution.recovery_plans import Strayed, in_order, plan_making_way
 from app.motion import MotionSettings, Planner
 from app.motion.plan import Plan, PlanRefused
+from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, Transfer
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, Place, TableSettings
 from vision.pieces.poses import Pose

@@ -10,8 +10,8 @@ import pytest
 
 from app.measure.bench.beds.bed import LEAD, Bed
 from app.motion import MotionSettings, Plan, Planner, PlanRefused
+from app.pieces.inventory import Inventory, InventoryError, Transfer
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, InventoryError, Transfer
 from app.play.hand_moves import hand_transfers
 from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel

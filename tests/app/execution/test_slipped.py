@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from app.motion import MotionSettings, Plan, Planner
+from app.pieces.inventory import Inventory, Stage
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, Stage, transfers
+from app.pieces.manipulation import transfers
 from app.rig.arm import ControllerArm, PieceSlipped
 from controller.protocol.layout import Result
 from controller.wire.client import MotionOutcome

@@ -10,8 +10,8 @@ import pytest
 from app.execution.fallen import Fallen, unaided, with_missing
 from app.execution.recovery_plans import Strayed
 from app.execution.repair import Repair
+from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, Transfer
 from hardware.table import Place, TableSettings
 from vision.pieces.poses import Pose
 

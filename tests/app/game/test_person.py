@@ -9,8 +9,8 @@ import chess
 import pytest
 
 from app.game.person import DONE, GameLeft, PersonAsker, SettledHands, ask
+from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory
 from app.players.commands import HandVerb, MoveHand, Word
 from app.players.person import Human, PersonGone
 from hardware.interfaces import HardwareError

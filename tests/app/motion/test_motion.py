@@ -16,8 +16,9 @@ from app.motion.gains import Softness, scheduled
 from app.motion.obstacles import Crowd, Moving, Obstacle, blocking_neighbour, closed_position, needed_heights
 from app.motion.path import Vector
 from app.motion.settings import Gains
+from app.pieces.inventory import Inventory, Ply, Stage, Transfer
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, Ply, Stage, Transfer, transfers
+from app.pieces.manipulation import transfers
 from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck
 from controller.protocol import Guard

@@ -14,9 +14,10 @@ from app import UserError
 from app.execution.interruption import PieceLost, Progress, progress_of
 from app.motion import MotionSettings, Plan, Planner, PlanRefused
 from app.motion.drop import fall_time, tool_height
+from app.pieces.inventory import Inventory, InventoryError, PieceBoxed, Ply, Stage, Transfer
 from app.pieces.judging import judge
 from app.pieces.layout import BoxesTooSmall, TraysTooSmall, physical_set, start_layout
-from app.pieces.manipulation import Inventory, InventoryError, NoSpare, PieceBoxed, Ply, Stage, Transfer, transfers
+from app.pieces.manipulation import NoSpare, transfers
 from app.play.game_setup import venue_of
 from app.play.hand_moves import HandDropsNothing, hand_transfers
 from app.play.launch import run_games

@@ -9,9 +9,9 @@ import re
 import chess
 import pytest
 
+from app.pieces.inventory import Inventory
 from app.pieces.judging import judge
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory
 from hardware.referee import PiecePose, Truth
 from hardware.table import TableSettings, square_place
 

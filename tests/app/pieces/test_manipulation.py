@@ -8,19 +8,9 @@ import re
 import chess
 import pytest
 
+from app.pieces.inventory import Inventory, InventoryError, MoveKind, Ply, Transfer, expected
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import (
-    IllegalPly,
-    Inventory,
-    InventoryError,
-    MoveKind,
-    NoSpare,
-    Ply,
-    Transfer,
-    expected,
-    move_kind,
-    transfers,
-)
+from app.pieces.manipulation import IllegalPly, NoSpare, move_kind, transfers
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 
 TABLE = TableSettings()

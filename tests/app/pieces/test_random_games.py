@@ -10,8 +10,9 @@ import chess
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.pieces.inventory import Inventory, MoveKind, Ply
 from app.pieces.layout import colour_of, kind_of, start_layout
-from app.pieces.manipulation import Inventory, MoveKind, NoSpare, Ply, transfers
+from app.pieces.manipulation import NoSpare, transfers
 from hardware.table import Place, TableSettings
 
 TABLE = TableSettings()

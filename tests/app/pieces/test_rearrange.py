@@ -15,8 +15,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.motion import MotionSettings, Planner
+from app.pieces.inventory import Inventory, InventoryError, Transfer
 from app.pieces.layout import colour_of, kind_of, start_layout
-from app.pieces.manipulation import Inventory, InventoryError, NoSpare, Transfer, transfers
+from app.pieces.manipulation import NoSpare, transfers
 from app.pieces.order import NowhereAside, rearrange
 from app.pieces.position import PiecesMissing, PlacesMissing, arranged, set_up
 from hardware.parameters import load_parameters

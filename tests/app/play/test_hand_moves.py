@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import chess
 
+from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, Transfer, transfers
+from app.pieces.manipulation import transfers
 from app.play.hand_moves import hand_transfers
 from hardware.sim.hand.actions import Move
 from hardware.table import Colour, Kind, Place, TableSettings

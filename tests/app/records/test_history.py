@@ -9,8 +9,9 @@ import chess
 import chess.pgn
 import pytest
 
+from app.pieces.inventory import Inventory, Stage
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, Stage, transfers
+from app.pieces.manipulation import transfers
 from app.records import EVENTS_FILE, GameRecord, GameSetup, PlyOutcome, RecordError, read_events, read_history
 from hardware.table import TableSettings
 

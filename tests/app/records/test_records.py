@@ -19,8 +19,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from app.pieces.inventory import Inventory, Ply
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, Ply, transfers
+from app.pieces.manipulation import transfers
 from app.records import (
     EndEvent,
     GameRecord,

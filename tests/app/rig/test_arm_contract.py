@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from app.motion import Motion, MotionSettings, Plan, Planner
+from app.pieces.inventory import Inventory, Ply, Stage
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, Ply, Stage, transfers
+from app.pieces.manipulation import transfers
 from app.rig.arm import FELT, Arm
 from app.rig.board import BoardRig
 from app.rig.devices import Rig

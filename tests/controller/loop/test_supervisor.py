@@ -192,7 +192,7 @@ def test_a_motion_is_followed_tick_by_tick(rig: Rig, line: Line) -> None:
     assert (ended.result, ended.first_tick, ended.end_tick) == (Result.DONE, first, first + 900)
     assert ended.position == pytest.approx(AWAY, abs=5e-5)
     assert np.array_equal(rig.executed(), samples["position"])
-    assert 0.5 < rig.supervisor.peak_torque < 3.0
+    assert 0.5 < rig.supervisor.admission.peak_torque < 3.0
     assert rig.supervisor.clamped == 0
 
 
@@ -306,7 +306,7 @@ def test_grip_ends_the_motion_and_persists(rig: Rig, grip: Line, line: Line) -> 
     assert ended.result is Result.GRIPPED
     assert ended.finger_position == pytest.approx(0.010)
     assert ended.end_tick < ended.first_tick + 1500
-    assert rig.supervisor.peak_tactile == pytest.approx(4.0)
+    assert rig.supervisor.admission.peak_tactile == pytest.approx(4.0)
     assert rig.supervisor.command().finger_velocity == pytest.approx(-0.025)
     lift = line(HOME, AWAY, 500)
     lift["finger_velocity"] = -0.025

@@ -11,7 +11,7 @@ import numpy as np
 from app.measure.bench.beds.plies import Disorder, GameBed, positions
 from app.measure.bench.report import Progress
 from app.motion import MotionSettings
-from app.pieces.manipulation import MoveKind
+from app.pieces.inventory import MoveKind
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 

@@ -18,8 +18,9 @@ import numpy as np
 from app.measure.bench.beds.bed import Bed, plant_of
 from app.motion import MotionSettings, Plan
 from app.motion.path import Vector
+from app.pieces.inventory import Inventory, MoveKind, Ply
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, MoveKind, Ply, transfers
+from app.pieces.manipulation import transfers
 from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Triple

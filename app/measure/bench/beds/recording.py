@@ -12,8 +12,9 @@ import numpy as np
 
 from app.measure.bench.beds.bed import Bed, plant_of
 from app.motion import MotionSettings
+from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory, transfers
+from app.pieces.manipulation import transfers
 from app.players.given_line import parse_line
 from controller.law.task_space import TaskSpaceController
 from controller.model.compiled import FloatArray

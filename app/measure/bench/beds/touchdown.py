@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from app.measure.bench.beds.bed import LEAD, Bed
 from app.motion import Motion, MotionSettings, Planner
-from app.pieces.manipulation import Inventory, Stage, Transfer
+from app.pieces.inventory import Inventory, Stage, Transfer
 from controller.protocol import Guard
 from hardware.parameters import RobotParameters
 from hardware.sim.bodies.placed import StandingPiece

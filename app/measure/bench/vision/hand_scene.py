@@ -23,8 +23,8 @@ from app import UserError
 from app.guard.arm_silhouette import ArmHistory
 from app.guard.hand_guard import ArmMasks, HandGuard, Listener
 from app.motion import MotionSettings
+from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory
 from app.rig.simulation.nominal_view import nominal_view
 from app.rig.simulation.settings import SimRigSettings
 from app.rig.simulation.sim import SimRig

@@ -16,7 +16,7 @@ from app.motion import PROFILES, Profile
 from app.motion.path import blend
 from app.motion.route import timed
 from app.motion.timing.time_law import Bounds, time_law
-from app.pieces.manipulation import MoveKind
+from app.pieces.inventory import MoveKind
 from controller.protocol import Guard, Result
 from hardware.parameters import load_parameters
 from hardware.table import Kind, TableSettings

@@ -22,8 +22,8 @@ from app.motion.fallen.stand_up import room_to_stand_up
 from app.motion.obstacles import Obstacle
 from app.motion.plan import PlanRefused
 from app.motion.planner import fits_around
+from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
-from app.pieces.manipulation import Inventory
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
