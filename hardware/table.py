@@ -194,8 +194,7 @@ class Box(NamedTuple):
     half_x: float
     half_y: float
     height: float
-    wall: float
-    """How thick they are."""
+    wall: float  # how thick they are
 
     def holds(self, x: float, y: float) -> bool:
         """Whether a point lies within the walls [m]."""

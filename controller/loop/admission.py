@@ -124,7 +124,7 @@ class Admission:
         self._loose = self._loose + 1 if felt < level else 0
         return self._loose >= _LOOSE_TICKS
 
-    def end(self, result: Result, reason: Violation, measurement: Measurement, position: NDArray[np.float64]) -> None:
+    def end(self, result: Result, reason: Violation, measurement: Measurement, position: NDArray[np.float64]) -> bool:
         """The announced motion is over.
 
         Args:
@@ -132,12 +132,15 @@ class Admission:
             reason: why, where it did not succeed.
             measurement: of the tick in which it ended.
             position: of the tool then, measured, base frame (3,) [m].
+
+        Returns:
+            Whether another motion belongs to it.
         """
         motion = self.motion.announced
         assert motion is not None
         self.record(motion, result, reason, measurement, position)
         self.motion.clear()
-        self.awaiting = reason is NOTHING and motion.followed
+        return motion.followed
 
     def record(
         self,

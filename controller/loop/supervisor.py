@@ -115,7 +115,7 @@ class Supervisor:
             if tactile != measurement.tactile:
                 measurement = measurement._replace(tactile=tactile)
         self.measurement = measurement
-        trouble = trouble or self._estimate(measurement) or self._joints(measurement)
+        trouble = trouble or self._estimate(measurement)
         state = self.state
         if state is State.HOLD or state is State.TRACK or state is State.STOPPING:
             self._control(measurement, trouble or check_drives(int(measurement.status)))
@@ -128,11 +128,9 @@ class Supervisor:
     def _estimate(self, measurement: Measurement) -> Violation | None:
         self.force = self._observer.update(self.law.memory, measurement.velocity, self._acting)
         status = self.law.update(measurement.angle, measurement.velocity)
-        return None if status is Status.OK else Violation(Cause.MODEL, float(status), 0.0)
-
-    def _joints(self, measurement: Measurement) -> Violation | None:
-        """Encoders, speed and range of the servomotors, against what the last tick's reference wants of them."""
-        x, y, z = self.reference.position.tolist()
+        if status is not Status.OK:
+            return Violation(Cause.MODEL, float(status), 0.0)
+        x, y, z = self.reference.position.tolist()  # as the last tick wanted it
         return self._protection.joints(measurement, (x, y, z), self.law.state.jacobian_inverse)
 
     def _control(self, measurement: Measurement, trouble: Violation | None) -> None:
@@ -385,11 +383,11 @@ class Supervisor:
     def _succeed(self, result: Result) -> None:
         """The motion reached its end or its guard: the reference rests there, gains and fingers stay."""
         self.reference.rest()
-        self._end(result, NOTHING)
+        self.admission.awaiting = self._end(result, NOTHING)
         self._enter(Event.ENDED)
 
-    def _end(self, result: Result, reason: Violation) -> None:
-        self.admission.end(result, reason, self.measurement, self.law.state.position)
+    def _end(self, result: Result, reason: Violation) -> bool:
+        return self.admission.end(result, reason, self.measurement, self.law.state.position)
 
     def _enter(self, event: Event) -> None:
         before = self.state
