@@ -562,15 +562,20 @@ def test_an_exception_in_the_loop_still_brakes(launch: Launch, line: Line, monke
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_has_the_effect_of_a_shutdown(
-    fake_bus: FakeBusFactory, tmp_path: Path, number: signal.Signals
+    fake_bus: FakeBusFactory, tmp_path: Path, until: Until, number: signal.Signals
 ) -> None:
     create_key(tmp_path / KEY_FILE)
     before = signal.getsignal(number)
     bus = fake_bus()
-    timer = threading.Timer(0.3, os.kill, (os.getpid(), number))
-    timer.start()
+
+    def ask() -> None:
+        until(lambda: signal.getsignal(number) is not before and (tmp_path / CONTROLLER_FILE).exists())
+        os.kill(os.getpid(), number)
+
+    asking = threading.Thread(target=ask)
+    asking.start()
     assert serve(bus, load_parameters(), ControllerSettings(), tmp_path) == 0
-    timer.join()
+    asking.join()
     assert signal.getsignal(number) is before
     assert (bus.last.brake, bus.closed) == (True, True)
 
