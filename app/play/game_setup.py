@@ -112,6 +112,8 @@ class Venue:
         """
         if self.section.name == BOARD:
             return BoardRig(self.motion.home, self.parameters)
+        # what plans takes seconds to load, or to compile the first time: later, that would hold heartbeats up
+        import app.motion.planner  # noqa: F401
         from app.rig.factory import open_rig  # devices take seconds to load
 
         return open_rig(self.file, self.run_dir(folder), world, progress, listener)

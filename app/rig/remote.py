@@ -71,6 +71,7 @@ class RemoteRig:
         self.camera: Camera | None = None
         self.referee: SimReferee | None = None
         self._world = rig.run_dir if rig.simulated else None
+        self._left = False
         try:
             attach(self._client, progress, forgive=False)
             self.arm = ControllerArm(self._client, progress)
@@ -103,7 +104,9 @@ class RemoteRig:
         return Watched(lambda _: SteadyFrames(camera), self._client)
 
     def failure(self) -> str | None:
-        """A sentence on a controller that does not answer any more, or on a world that has ended."""
+        """A sentence on a controller that does not answer any more or a world that has ended; none once it is left."""
+        if self._left:
+            return None
         if self._world is not None and world_pid(self._world) is None:
             return f"the simulated world has ended: start the controller of {self._world} again"
         try:
@@ -117,6 +120,7 @@ class RemoteRig:
         try:
             self._client.stop()
             telemetry = self._client.wait_standing()
+            self._left = True
         except ControllerError:
             return None
         finally:

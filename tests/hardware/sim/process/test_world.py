@@ -635,7 +635,8 @@ def test_in_pace_real_the_watchdog_trips_on_missing_commands(real: WorldProcess)
         if held.status == DriveStatus.ENABLED:
             break
     assert held.status == DriveStatus.ENABLED
-    time.sleep(1.5 * PARAMETERS.drive.watchdog_ticks * TICK)
+    with closing(SimClock(real.run_dir)) as clock:
+        clock.sleep(1.5 * PARAMETERS.drive.watchdog_ticks * TICK)
     late = bus.exchange(FREE)
     assert late.tick > held.tick + PARAMETERS.drive.watchdog_ticks
     assert late.status == DriveStatus.BRAKED | WATCHDOG
