@@ -1,10 +1,10 @@
 """From transfers of pieces to timed references with gains: ways, paths, time laws, plans.
 
-``planner`` decides where to go (with ``obstacles``), ``route`` says it as data, ``path`` draws it, ``time_law`` (with
-``refine``) times it, ``torque`` asks whether the drives can, ``reference`` and ``gains`` sample it.
+A `Planner` decides where to go (with ``obstacles``), ``route`` says it as data, ``path`` draws it, ``timing`` times and
+samples it and asks whether the drives can, ``gains`` says how firmly. Each motion of a plan carries its
+``continuation``: how it goes where a touch ended the one before it.
 
-Names are loaded when they are first asked for: what plans takes seconds to load, and who only needs settings, or has
-not planned anything yet, need not wait for it.
+Names are loaded when they are first asked for, as what plans takes seconds to load.
 """
 
 from __future__ import annotations
