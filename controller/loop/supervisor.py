@@ -104,8 +104,6 @@ class Supervisor:
         energised = self.brakes.energised or not braked
         return Command(self.torque, self.reference.finger_velocity, braked, energised, self.busy)
 
-    # one tick
-
     def advance(self, measurement: Measurement) -> None:
         """Take a new tick's measurement in: estimate, protect, refer, law, limit."""
         self.brakes.begin(measurement.tick)
