@@ -2,6 +2,7 @@
 # make test    all tests, on all processors; ARGS go to pytest
 # make nightly property tests with fresh examples, TIMES (20) rounds; the first failure ends it and says how to repeat it
 # make check   format, lint, strict types
+# make coverage   line and branch coverage of the controller
 # make clean   back to a fresh clone; records in games/ stay
 # make constraints   pin the newest versions that the ranges in pyproject.toml admit
 #
@@ -10,7 +11,7 @@
 ARGS ?=
 TIMES ?= 20
 
-.PHONY: demo test nightly check clean constraints
+.PHONY: demo test nightly check clean constraints coverage
 
 demo:
 	@bash .ci/setup demo
@@ -45,3 +46,10 @@ constraints:
 	echo '# Made by "make constraints": all packages of a new environment with the dev extras, as pip freeze lists them.' > constraints.txt
 	bash .ci/setup dev
 	.venv/bin/python -m pip freeze --all --exclude pip --exclude-editable >> constraints.txt
+
+# line and branch coverage of the controller; what is compiled is run once more without, so that its lines count
+coverage:
+	@bash .ci/setup dev
+	@.venv/bin/python -m pytest --cov=controller --cov-branch --cov-report= tests/controller $(ARGS)
+	@NUMBA_DISABLE_JIT=1 .venv/bin/python -m pytest --cov=controller --cov-branch --cov-append \
+		--cov-report=term-missing:skip-covered tests/controller/protection tests/controller/law/test_force.py $(ARGS)

@@ -119,6 +119,8 @@ def direct(function: Callable[P, R]) -> Callable[P, R]:
     which is the caller's to see to. Numbers and tuples are converted and checked as before.
     """
     dispatcher: Any = function
+    if _numba.config.DISABLE_JIT:  # nothing is compiled, as for the coverage of its lines
+        return function
     (version,) = dispatcher.overloads.values()
     return cast("Callable[P, R]", version.entry_point)
 

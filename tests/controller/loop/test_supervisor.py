@@ -898,3 +898,14 @@ def test_an_arm_whose_fingers_lose_what_they_carry_stops_and_may_go_on(
     rig.begin(line(reference, HOME, 400))  # type: ignore[arg-type]
     rig.run(300)
     assert rig.state is State.TRACK
+
+
+def test_what_the_sensors_say_of_free_fingers_is_taken_off_what_they_say_of_held_ones(rig: Rig) -> None:
+    """A sensor that reads 0.3 N when nothing touches it says nothing, once the fingers were free for a while."""
+    rig.doctor = lambda m: m._replace(tactile=(m.tactile[0] + 0.3, m.tactile[1]))
+    rig.boot()
+    for tick in range(4, 600):
+        measurement = rig.supervisor.measurement._replace(tick=tick, tactile=(0.3, 0.0))
+        rig.supervisor.advance(measurement)
+    assert rig.supervisor.measurement.tactile == (pytest.approx(0.0, abs=1e-9), 0.0)
+    assert rig.state is State.HOLD
