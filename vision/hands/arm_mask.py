@@ -100,19 +100,21 @@ def draw_mask(view: BoardView, capsules: Capsules, margin: float = 0.0, grow: in
     Returns:
         Shape (height, width).
     """
-    size = view.intrinsics.height, view.intrinsics.width
-    mask = np.zeros(size, dtype=np.uint8)
+    height, width = view.intrinsics.height, view.intrinsics.width
+    mask = np.zeros(
+        (height + 2 * grow, width + 2 * grow), dtype=np.uint8
+    )  # what lies just outside grows into the picture
     rotation, shift = view.camera_from_board[:3, :3], view.camera_from_board[:3, 3]
     ends, radii, _ = clip(capsules.ends @ rotation.T + shift, capsules.radii + margin)
     corners = _outlines(ends, radii)
     pixels = corners[..., :2] / corners[..., 2:] * (view.intrinsics.fx, view.intrinsics.fy)
-    pixels = (pixels + np.array([view.intrinsics.cx, view.intrinsics.cy])).clip(-_FAR, _FAR)
+    pixels = (pixels + np.array([view.intrinsics.cx + grow, view.intrinsics.cy + grow])).clip(-_FAR, _FAR)
     fixed = np.rint(pixels * (1 << _SHIFT)).astype(np.int32)
     for outline in fixed:
         cv2.fillConvexPoly(mask, cv2.convexHull(outline), 1, shift=_SHIFT)
     if grow > 0:
         mask = np.asarray(cv2.dilate(mask, np.ones((2 * grow + 1, 2 * grow + 1), np.uint8)), dtype=np.uint8)
-    return mask.astype(np.bool_)
+    return mask[grow : grow + height, grow : grow + width].astype(np.bool_)
 
 
 def clip(ends: Array, radii: Array) -> tuple[Array, Array, NDArray[np.intp]]:

@@ -86,10 +86,15 @@ def _remarkable(places: Survey) -> dict[str, int]:
     return {
         "centre (e4)": names.index("e4"),
         "corner (a1)": names.index("a1"),
-        "worst condition": int(places.condition.max(axis=1).argmax()),
-        "least torque margin": int(places.torque_margin.min(axis=1).argmin()),
-        "least acceleration": int(places.acceleration.min(axis=1).argmin()),
+        "worst condition": int(_told(places.condition.max(axis=1)).argmax()),
+        "least torque margin": int(_told(places.torque_margin.min(axis=1)).argmin()),
+        "least acceleration": int(_told(places.acceleration.min(axis=1)).argmin()),
     }
+
+
+def _told(values: Vector) -> Vector:
+    """Values of which no rounding decides which is the least: places left and right are alike, and the first counts."""
+    return values.round(6)
 
 
 def _at(places: Survey, index: int) -> dict[str, JsonValue]:
