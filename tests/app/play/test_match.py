@@ -212,9 +212,15 @@ def test_sides_that_were_changed_stay_so_after_a_resume(tmp_path: Path) -> None:
 
 
 def test_a_person_who_pauses_may_leave(tmp_path: Path) -> None:
-    left = play(tmp_path / "game", "pause\nNf3\nquit\n", white__player="human", engine__nodes=50)
+    left = play(tmp_path / "game", "pause\nquit\n", white__player="human", engine__nodes=50)
     assert left.resumable
     assert (left.report.exit_reason, left.report.plies) == ("left by the person at the board", 0)
+
+
+def test_a_move_ends_a_pause(tmp_path: Path) -> None:
+    left = play(tmp_path / "game", "pause\nNf3\nquit\n", white__player="human", engine__nodes=50)
+    assert moves_of(tmp_path / "game")[0] == "Nf3"
+    assert left.report.plies == 2
 
 
 def test_a_take_back_brings_captured_and_promoted_pieces_back(tmp_path: Path) -> None:

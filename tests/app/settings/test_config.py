@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from shutil import copy
 from typing import get_args
 
 import chess
@@ -40,6 +41,7 @@ def test_the_least_that_a_rig_file_says(tmp_path: Path) -> None:
 
 
 def test_everything_that_a_rig_file_can_say(tmp_path: Path) -> None:
+    copy(DEFAULT_FILE, tmp_path / "robot.toml")
     rig = load_rig(
         write(
             tmp_path,
@@ -117,6 +119,7 @@ def test_a_rig_is_sim_or_a_file(tmp_path: Path) -> None:
 def test_the_file_on_the_page_is_a_rig(tmp_path: Path) -> None:
     page = (Path(__file__).parents[3] / "docs" / "rigs.md").read_text(encoding="utf-8")
     block = page.split("## The file")[1].split("```toml\n")[1].split("```")[0]
+    copy(DEFAULT_FILE, tmp_path / "robot.toml")
     rig = load_rig(write(tmp_path, block))
     assert chess.Board(rig.world_section.fen).is_valid()
     assert rig.table == TableSettings(), "the page shows the usual table"
