@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from ipaddress import IPv4Address
+from typing import Annotated, Final
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 CONTROLLER_FILE = "controller.json"
 """Written by the controller into the run directory when clients are welcome: host, port, pid, protocol version."""
+
+ANY_PORT: Final = 0
+"""A port that is free; clients find it through ``CONTROLLER_FILE``."""
+LINGER: Final = 30.0
+"""How long an arm without a client is held [s, wall]: long enough to start a program again, short enough for motors."""
+
+
+def _ipv4(host: str) -> str:
+    try:
+        return str(IPv4Address(host))
+    except ValueError as error:
+        raise ValueError("it must be an IPv4 address such as 192.168.7.2") from error
 
 
 class ControllerSettings(BaseModel):
@@ -15,16 +28,16 @@ class ControllerSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    host: str = "127.0.0.1"
-    """IPv4 address to listen at."""
-    port: NonNegativeInt = 0
+    host: Annotated[str, AfterValidator(_ipv4)] = "127.0.0.1"
+    """IPv4 address to listen at, and where clients find it."""
+    port: Annotated[int, Field(ge=0, le=65535)] = ANY_PORT
     """UDP port; 0 takes a free one, which is written to ``controller.json``."""
     lease: PositiveFloat = 1.0
     """Wall time of silence after which the client counts as lost [s]."""
-    linger: PositiveFloat = 30.0
+    linger: PositiveFloat = LINGER
     """Wall time without a client after which the arm goes on its brakes [s]; ``inf`` never."""
-    stays: bool = False
-    """What comes then: True, the process waits for another client to enable the drives; False, it ends."""
+    stays: bool = True
+    """What comes after ``linger`` without a client: True, brakes, and it waits for the next one; False, it ends."""
     hold_stiffness: PositiveFloat = 4900.0
     """k_p of each axis until the first motion sets its own: ω = 70 rad/s [1/s²]."""
     hold_damping: PositiveFloat = 140.0

@@ -24,11 +24,11 @@ from app.motion import MotionSettings
 from app.records.files import GAMES
 from app.rig.devices import Rig
 from app.rig.factory import choose_rig, open_rig
-from app.rig.rig_file import RigFile
-from app.rig.simulation.settings import SimRigSettings, settings_to_calibrate
+from app.rig.rig_file import WorldSection
+from app.rig.simulation.settings import NO_PIECES, own_rig
 from app.settings.calibration import CalibratedBoard, Calibration, Pinhole, as_rows, residuals, write_calibration
 from controller.wire.errors import ControllerError
-from hardware.interfaces import Frame, HardwareError
+from hardware.interfaces import Frame, HardwareError, Pace
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings, square_place
 from vision.board.find import find_board
@@ -148,11 +148,12 @@ def run_calibrate(name: str, out: Path | None, progress: Progress) -> CalibrateR
     rig = choose_rig(name)
     path = out or (rig.calibration if rig is not None else GAMES / FILE)
     with ExitStack() as stack:
-        setup, settings = _setup(rig)
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="touchmove-")))
+        used = rig or own_rig(folder / "run", WorldSection(pace=Pace.FAST, fen=NO_PIECES))
+        setup = Setup(used.table, load_parameters(used.parameters), MotionSettings().at(used.table))
         try:
             setup.marker  # noqa: B018  # asked for before anything starts
-            devices = stack.enter_context(open_rig(rig, folder / "run", settings, progress))
+            devices = stack.enter_context(open_rig(used, progress, own=rig is None))
             found = calibrate_rig(devices, setup, progress, datetime.now(UTC), corners_near)
         except CalibrationFailed as error:
             return CalibrateReport(rig=name, holds=False, failure=str(error), file=None, calibration=None, shown=())
@@ -176,12 +177,3 @@ def shown_points(found: Found) -> tuple[ShownPoint, ...]:
         shown.append(ShownPoint(point=(x, y, z), seen=True, counted=counted, residual=residual))
         index += 1
     return tuple(shown)
-
-
-def _setup(rig: RigFile | None) -> tuple[Setup, SimRigSettings | None]:
-    """What is known of a rig; and the world of a simulation of our own, with an empty board."""
-    if rig is not None:
-        return Setup(rig.table, load_parameters(rig.parameters), MotionSettings().at(rig.table)), None
-    table = TableSettings()
-    motion = MotionSettings().at(table)
-    return Setup(table, load_parameters(), motion), settings_to_calibrate(motion, table)

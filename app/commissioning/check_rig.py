@@ -16,16 +16,16 @@ from app.commissioning.check_cameras import check_camera
 from app.commissioning.check_drives import check_drives
 from app.commissioning.check_report import CheckReport, Finding, Judge
 from app.commissioning.operate import STATUS, operate
-from app.rig.rig_file import ControllerSection, RigFile, WorldSection, load_rig
-from app.rig.simulation.cameras import board_camera
+from app.rig.remote import open_board_camera
+from app.rig.rig_file import RigFile, WorldSection, load_rig
 from app.rig.simulation.processes import drives_of, require_world
+from app.rig.simulation.settings import own_rig
 from app.settings.tree import SIMULATED
 from controller.model.constants import DeltaModel
 from controller.model.workspace import BoardDoesNotFit, require_fit
 from engine.errors import EngineProblem
 from engine.stockfish import Engine, EngineSettings
-from hardware.camera.factory import open_camera
-from hardware.interfaces import HardwareError, Pace
+from hardware.interfaces import HardwareError
 from hardware.parameters import ParametersError, RobotParameters, load_parameters
 from hardware.table import PIECE_SHAPES
 
@@ -58,9 +58,7 @@ def check_rig(name: str, progress: Callable[[str], None]) -> CheckReport:
     if name != SIMULATED:
         return CheckReport.of(name, _check(name, load_rig(Path(name)), progress))
     with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
-        section = ControllerSection.model_construct(key=Path(folder) / "touchmove.key", port=0)
-        rig = RigFile(controller=section, run_dir=Path(folder) / "run", world=WorldSection(pace=Pace.REAL))
-        return CheckReport.of(name, _check(name, rig, progress))
+        return CheckReport.of(name, _check(name, own_rig(Path(folder) / "run", WorldSection()), progress))
 
 
 def _check(name: str, rig: RigFile, progress: Callable[[str], None]) -> list[Finding]:
@@ -117,16 +115,16 @@ def _check_drives(
         except UserError as error:
             judge.left_out("controller", f"none holds them: {error}")
         else:
-            held = f"a controller at {rig.controller.host}:{rig.controller.port} holds them: {telemetry.state.name}"
+            host, port, _key = rig.address()
+            held = f"a controller at {host}:{port} holds them: {telemetry.state.name}"
             judge.left_out("all", f"{held}; end it to try them alone")
             return judge.findings
     try:
         with drives_of(rig, progress) as open_bus:
             seen: list[Finding] = []
-            if rig.simulated and rig.world_section.cameras:  # first: the world ends when its drives are given up
+            if rig.simulated and rig.sees:  # first: the world ends when its drives are given up
                 require_world(rig, progress)
-                with closing(board_camera(rig.run_dir)) as camera:
-                    seen = check_camera(camera)
+                seen = _check_camera(rig)
             return judge.findings + check_drives(open_bus, parameters, rig.table) + seen
     except (UserError, HardwareError) as error:
         judge.wrong("connection", str(error), "mend what it says, then check again")
@@ -136,7 +134,7 @@ def _check_drives(
 def _check_camera(rig: RigFile) -> list[Finding]:
     judge = Judge("camera")
     try:
-        camera = open_camera(rig.lab_camera, WallClock())
+        camera = open_board_camera(rig, WallClock())
     except HardwareError as error:
         judge.wrong("connection", str(error), "mend what it says, then check again")
         return judge.findings

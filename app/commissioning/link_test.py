@@ -5,11 +5,9 @@ The arm holds all the time. Each check has its number, its limit and, where it f
 
 from __future__ import annotations
 
-import json
 import socket
 from collections.abc import Callable
 from ipaddress import ip_address
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -19,11 +17,10 @@ from rich.text import Text
 from app import UserError
 from app.commissioning.processor import ProcessorTime, stolen_share
 from app.rig.factory import choose_rig
-from app.rig.rig_file import ControllerSection
+from app.rig.rig_file import RigFile
 from app.rig.simulation.timed import GrantedRealTime, timed_rig
 from app.terminal.report_table import judged, rows_table
-from controller.protocol.key import KEY_FILE, KeyFileError, load_key
-from controller.settings import CONTROLLER_FILE
+from controller.protocol.key import KeyFileError
 from controller.wire.errors import ControllerError
 from controller.wire.probe import PATIENCE, Probe, ProbeFigures
 from hardware.frozen import Frozen
@@ -109,48 +106,35 @@ def link_test(rig: str, duration: float, progress: Callable[[str], None]) -> Lin
         UserError: there is no such rig, or it did not start or answer.
     """
     chosen = choose_rig(rig)
-    if chosen is not None:
-        return _link_test_of(rig, chosen.controller, duration, progress)
-    with timed_rig(SEED, progress) as timed:
-        timed.rig.free_lease()
-        progress(f"measuring for {duration:g} s")
-        before = ProcessorTime.now()
-        found = json.loads((timed.run_dir / CONTROLLER_FILE).read_text(encoding="utf-8"))
-        figures = probe_controller(found["host"], found["port"], timed.run_dir / KEY_FILE, duration)
-        stolen = stolen_share(before, ProcessorTime.now())
-        progress("the arm goes to its brakes")
-        end = timed.finish()
-    checks = link_checks(figures, stolen, receive_buffer(), local=True) | real_time_check(end.pulse.realtime)
-    return LinkReport(
-        rig=rig, duration=duration, holds=all(check.holds for check in checks.values()), checks=checks,
-        notes=end.pulse.realtime.notes,
-    )  # fmt: skip
-
-
-def _link_test_of(
-    name: str, section: ControllerSection, duration: float, progress: Callable[[str], None]
-) -> LinkReport:
-    """Of a controller that runs already; what real time it got it has said when it started."""
-    progress(f"measuring the way to {section.host}:{section.port} for {duration:g} s")
-    before = ProcessorTime.now()
-    figures = probe_controller(section.host, section.port, section.key, duration)
-    stolen = stolen_share(before, ProcessorTime.now())
-    local = ip_address(section.host).is_loopback
-    checks = link_checks(figures, stolen, receive_buffer(), local=local)
+    notes: tuple[str, ...] = ()
+    if chosen is not None:  # what real time its controller got that has said when it started
+        checks = _checks_of(chosen, duration, progress)
+    else:
+        with timed_rig(SEED, progress) as timed:
+            timed.rig.client.close()  # another client comes; from here this one only waits for the end
+            checks = _checks_of(timed.file, duration, progress)
+            progress("the arm goes to its brakes")
+            granted = timed.finish().pulse.realtime
+        checks, notes = checks | real_time_check(granted), granted.notes
     holds = all(check.holds for check in checks.values())
-    return LinkReport(rig=name, duration=duration, holds=holds, checks=checks, notes=())
+    return LinkReport(rig=rig, duration=duration, holds=holds, checks=checks, notes=notes)
 
 
-def probe_controller(host: str, port: int, key_file: Path, duration: float) -> ProbeFigures:
-    """Probe a controller for so long [s, wall].
+def _checks_of(rig: RigFile, duration: float, progress: Callable[[str], None]) -> dict[str, LinkCheck]:
+    """Of a controller that runs.
 
     Raises:
         UserError: it did not answer, or the key cannot be read.
     """
     try:
-        with Probe(host, port, load_key(key_file)) as probe:
+        host, port, key = rig.address()
+        progress(f"measuring the way to {host}:{port} for {duration:g} s")
+        before = ProcessorTime.now()
+        with Probe(host, port, key) as probe:
             probe.greet()
-            return probe.measure(duration)
+            figures = probe.measure(duration)
+        stolen = stolen_share(before, ProcessorTime.now())
+        return link_checks(figures, stolen, receive_buffer(), local=ip_address(host).is_loopback)
     except (ControllerError, KeyFileError) as error:
         raise UserError(str(error)) from error
 

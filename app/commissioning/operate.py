@@ -12,7 +12,7 @@ from rich.table import Table
 from app import UserError
 from app.rig.rig_file import load_rig
 from app.settings.tree import SIMULATED
-from controller.protocol.key import KeyFileError, load_key
+from controller.protocol.key import KeyFileError
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import BRAKED
 from controller.wire.client import ControllerClient
@@ -47,13 +47,13 @@ def operate(action: str, rig: str) -> Telemetry:
         raise UserError(f"a controller cannot '{action}': choose run, {', '.join(ACTIONS)}")
     if rig == SIMULATED:
         raise UserError("which controller? Give --rig the file that the controller named when it started")
-    section = load_rig(Path(rig)).controller
+    file = load_rig(Path(rig))
     try:
-        key = load_key(section.key)
+        address = file.address()
         if action == STATUS:
-            with TelemetryWatch(section.host, section.port, key) as watch:
+            with TelemetryWatch(*address) as watch:
                 return watch.telemetry
-        with ControllerClient(section.host, section.port, key, name=f"touchmove controller {action}") as client:
+        with ControllerClient(*address, name=f"touchmove controller {action}") as client:
             telemetry = client.telemetry
             _ORDERS[action](client)
             return telemetry if action == "shutdown" else client.telemetry

@@ -10,8 +10,7 @@ from pathlib import Path
 import av
 
 from app.records import RecordError, recording
-from app.rig.simulation.cameras import film_stream
-from hardware.interfaces import Pace
+from app.rig.devices import FilmSource
 
 TIME_BASE = Fraction(1, 1000)
 NICE = 10
@@ -21,19 +20,18 @@ NICE = 10
 class Film:
     """Takes frames from a stream in a thread of its own and encodes them, up to a length."""
 
-    def __init__(self, run_dir: Path, path: Path, longest: float, pace: Pace, tick: float) -> None:
+    def __init__(self, source: FilmSource, path: Path, longest: float, tick: float) -> None:
         """Start filming.
 
         Args:
-            run_dir: of the running world.
+            source: of the pictures; closed at the end.
             path: the file to write.
             longest: the film ends after this much plant time [s].
-            pace: of the world.
-            tick: its length [s].
+            tick: length of a tick [s].
         """
         self._path = path
         self._longest, self._tick = longest, tick
-        self._stream = film_stream(run_dir, pace)
+        self._stream = source
         self._error: RecordError | None = None
         self._thread = threading.Thread(target=self._film, name="film", daemon=True)
         self._thread.start()

@@ -11,14 +11,12 @@ import chess
 
 from app import UserError
 from app.motion import PROFILES, MotionSettings, contact_limits
-from app.pieces.inventory import Inventory
 from app.rig.board import BoardRig
 from app.rig.devices import Rig
 from app.rig.rig_file import RigFile, load_rig
-from app.rig.simulation.settings import SimRigSettings, settings_for_game
+from app.rig.simulation.settings import rig_for_game
 from app.settings.tree import BOARD, SIMULATED, PadKind, RigSection
 from controller.wire.link import Listener
-from hardware.camera.settings import NoCameraSettings
 from hardware.interfaces import Pace
 from hardware.parameters import DEFAULT_FILE, FLAT_PADS_FILE, RobotParameters, load_parameters
 from hardware.table import PIECE_SHAPES, Captured, Colour, TableSettings
@@ -35,7 +33,7 @@ class Venue:
 
     Attributes:
         section: the settings it follows from.
-        file: the rig file; None for a simulation of our own and for the rig ``board``.
+        file: the rig file; that of a simulation of our own is finished by ``rig``; None for the rig ``board``.
         table: board and trays, where they were found.
         parameters: of the robot.
         motion: how the arm moves there.
@@ -61,18 +59,12 @@ class Venue:
     @property
     def simulated(self) -> bool:
         """Whether a simulated world, whosever, is behind it."""
-        return self.own or (self.file is not None and self.file.simulated)
+        return self.file is not None and self.file.simulated
 
     @property
     def sees(self) -> bool:
         """Whether it has a camera."""
-        if self.file is None:
-            return self.own and self.section.cameras
-        return (
-            self.file.world_section.cameras
-            if self.file.simulated
-            else not isinstance(self.file.lab_camera, NoCameraSettings)
-        )
+        return self.file is not None and self.file.sees
 
     @property
     def fen(self) -> str | None:
@@ -81,42 +73,44 @@ class Venue:
 
     def run_dir(self, folder: Path) -> Path:
         """Run directory of the world and the controller, for a game in this folder."""
-        return folder / "run" if self.file is None else self.file.run_dir
+        return folder / "run" if self.file is None or self.own else self.file.run_dir
 
-    def world(self, inventory: Inventory, person: Colour | None) -> SimRigSettings:
-        """Settings of a simulation of our own.
+    def rig(self, folder: Path, board: chess.Board | None = None, person: Colour | None = None) -> RigFile | None:
+        """The rig file for a game in a folder; None for the rig ``board``.
 
         Args:
-            inventory: what stands where.
+            folder: of the game.
+            board: what a simulation of our own sets up; None: the pieces stand there already.
             person: whose simulated hand plays; None: nobody sits there.
 
         Raises:
             UserError: the file of ``randomise`` is wrong.
         """
-        robot = _ROBOTS[self.section.pads]
-        return settings_for_game(self.section, inventory, self.motion, self.meant, self.pace, robot, person)
+        if self.file is None or not self.own:
+            return self.file
+        return rig_for_game(self.section, self.run_dir(folder), board, self.meant, self.file.parameters, person)
 
     def open(
-        self, folder: Path, world: SimRigSettings | None, progress: Callable[[str], None], listener: Listener | None
+        self, rig: RigFile | None, progress: Callable[[str], None], listener: Listener | None, *, new: bool
     ) -> Rig:
         """Open the rig; returns when the arm holds.
 
         Args:
-            folder: of the game.
-            world: of a simulation of our own; None takes over what runs, or was left, in the folder's run directory.
+            rig: its file, for this game.
             progress: told what is being waited for.
             listener: called with each telemetry of the controller, in a thread of its own.
+            new: False takes over what runs, or was left, of a simulation of our own.
 
         Raises:
             RigFailed: something did not start or answer.
         """
-        if self.section.name == BOARD:
+        if rig is None:
             return BoardRig(self.motion.home, self.parameters)
         # what plans takes seconds to load, or to compile the first time: later, that would hold heartbeats up
         import app.motion.planner  # noqa: F401
         from app.rig.factory import open_rig  # devices take seconds to load
 
-        return open_rig(self.file, self.run_dir(folder), world, progress, listener)
+        return open_rig(rig, progress, listener, own=self.own, new=new)
 
 
 def venue_of(section: RigSection, calibration_file: Path | None = None) -> Venue:
@@ -130,14 +124,14 @@ def venue_of(section: RigSection, calibration_file: Path | None = None) -> Venue
         UserError: there is no such rig, something in its file or its calibration is wrong, it contradicts the other
             settings, or the arm does not reach a board of such squares anywhere.
     """
-    if section.name in (SIMULATED, BOARD):
-        file = None
-        meant, parameters = _own_table(section), load_parameters(_ROBOTS[section.pads])
-        pace = section.pace or (Pace.FAST if section.name == BOARD else Pace.REAL)
+    robot, own = _ROBOTS[section.pads], section.name == SIMULATED
+    file: RigFile | None = None
+    if section.name == BOARD:
+        meant, pace = _own_table(section), section.pace or Pace.FAST
     else:
-        file = _rig_file(section)
-        meant, parameters, pace = file.table, load_parameters(file.parameters), file.pace
-        if calibration_file is None and file.calibration.exists():
+        file = rig_for_game(section, Path("run"), None, _own_table(section), robot) if own else _rig_file(section)
+        meant, robot, pace = file.table, file.parameters, file.pace
+        if calibration_file is None and not own and file.calibration.exists():
             calibration_file = file.calibration
     calibration, table = None, meant
     if calibration_file is not None:
@@ -146,7 +140,8 @@ def venue_of(section: RigSection, calibration_file: Path | None = None) -> Venue
         calibration = load_calibration(calibration_file)
         table = calibration.table(meant)
     # home stays where it is meant to be: a simulation of our own begins there
-    return Venue(section, file, table, parameters, PROFILES[section.profile].at(meant), pace, calibration, meant)
+    motion = PROFILES[section.profile].at(meant)
+    return Venue(section, file, table, load_parameters(robot), motion, pace, calibration, meant)
 
 
 def _rig_file(section: RigSection) -> RigFile:

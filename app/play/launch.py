@@ -59,12 +59,12 @@ def run_games(settings: Settings, face: Face, typed: TextIO | None = None) -> Se
         games = _Games(settings, venue, face, _human(settings, venue, folder, typed, stack, face))
         match = stack.enter_context(_match(settings, venue, games, folder, face))
         standing = None if settings.game.standing is None else start_board(settings.game.standing, option="--standing")
-        inventory = match.start(lambda board: Inventory.of(start_layout(board, venue.table), venue.table), standing)
+        board = match.start(lambda board: Inventory.of(start_layout(board, venue.table), venue.table), standing)
         keep_settings(folder, settings)
-        world = venue.world(inventory, _person(settings) or settings.rig.person) if venue.own else None
+        rig = venue.rig(folder, board, _person(settings) or settings.rig.person)
         return run_session(
             folder,
-            lambda listener: venue.open(folder, world, face.phase, listener),
+            lambda listener: venue.open(rig, face.phase, listener, new=True),
             match, venue.parameters.drive.tick, _filming(venue, folder), face,
             _sight(settings, venue, games.human, face),
         )  # fmt: skip
@@ -101,7 +101,7 @@ def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> Sessi
             require_present(venue.run_dir(folder), history.events[-1].plant_time, venue.parameters.drive.tick)
         return run_session(
             folder,
-            lambda listener: venue.open(folder, None, face.phase, listener),
+            lambda listener: venue.open(venue.rig(folder), face.phase, listener, new=False),
             match, venue.parameters.drive.tick, None, face, _sight(settings, venue, human, face),
         )  # fmt: skip
 
@@ -263,7 +263,7 @@ def _completed(settings: Settings, venue: Venue) -> Settings:
     settings = settings.with_changes(
         {name: str(Path(path).absolute()) for name, path in engines.items() if path is not None and "/" in path}
     )
-    if venue.file is not None:
+    if venue.file is not None and not venue.own:
         settings = settings.with_changes({"rig.name": str(Path(settings.rig.name).absolute())})
     return settings
 
@@ -295,4 +295,4 @@ def _filming(venue: Venue, folder: Path) -> Filming | None:
     section = venue.section
     if not (section.video and section.cameras and venue.simulated):
         return None
-    return Filming(venue.run_dir(folder), folder / "game.webm", section.video_length, venue.pace)
+    return Filming(folder / "game.webm", section.video_length)

@@ -112,8 +112,8 @@ class Match:
         self._players.close()
         self._records.close()
 
-    def start(self, layout: Callable[[chess.Board], Inventory], standing: chess.Board | None) -> Inventory:
-        """Open the first game's players and record, before any device; what stands where at its beginning.
+    def start(self, layout: Callable[[chess.Board], Inventory], standing: chess.Board | None) -> chess.Board:
+        """Open the first game's players and record, before any device; what stands on the board at its beginning.
 
         Args:
             layout: what stands where in a position.
@@ -129,7 +129,7 @@ class Match:
         sets_up = standing is not None
         name = "set-up-1" if sets_up and fixture.plies else ""
         self._start = Start(1, sets_up, self._record(name, board, stands, 0.0), Position(board.copy(), stands))
-        return stands
+        return board
 
     def go_on(self, start: Start) -> None:
         """Begin with what another program has left."""

@@ -20,7 +20,7 @@ from controller.protocol.messages import Telemetry
 from controller.wire.errors import ControllerError
 from controller.wire.link import Listener
 from engine.errors import EngineProblem
-from hardware.interfaces import Camera, HardwareError, Pace
+from hardware.interfaces import Camera, HardwareError
 
 if TYPE_CHECKING:
     from app.guard.game_guard import GameGuard, Guarding
@@ -30,12 +30,10 @@ FAILED = GameEnd("*", "failed", complete=False)
 
 @dataclass(frozen=True, slots=True)
 class Filming:
-    """The film of a simulated world: run directory of the world, the file, its longest duration [s], pace."""
+    """The film of a simulated world: the file, its longest duration [s]."""
 
-    run_dir: Path
     path: Path
     longest: float
-    pace: Pace
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +147,7 @@ def run_session(
 
     with telemetry, open_rig(listen) as rig:
         try:
-            with _filming(filming, tick), ExitStack() as stack:
+            with _filming(filming, rig, tick), ExitStack() as stack:
                 guard = None if guarding is None else guarding.open(rig)
                 if guard is not None:
                     stack.enter_context(guard)
@@ -241,13 +239,14 @@ def _take_stock(rig: Rig, course: _RoundProgress) -> None:
 
 
 @contextmanager
-def _filming(filming: Filming | None, tick: float) -> Iterator[None]:
-    if filming is None:
+def _filming(filming: Filming | None, rig: Rig, tick: float) -> Iterator[None]:
+    source = None if filming is None else rig.film()
+    if filming is None or source is None:
         yield
         return
     from app.play.film import Film  # loads an encoder: not where nothing is filmed
 
-    film = Film(filming.run_dir, filming.path, filming.longest, filming.pace, tick)
+    film = Film(source, filming.path, filming.longest, tick)
     try:
         yield
     finally:

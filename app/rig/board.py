@@ -109,6 +109,9 @@ class BoardRig:
         """See ``Rig.watched``."""
         return None
 
+    def film(self) -> None:
+        """See ``Rig.film``."""
+
     def failure(self) -> str | None:
         """Never."""
         return None

@@ -6,6 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, Self
 
+import numpy as np
+from numpy.typing import NDArray
+
 from app import UserError
 from app.rig.arm import Arm
 from hardware.interfaces import Camera, Clock, DepthFrame, Frame
@@ -38,6 +41,19 @@ class WatchedFrames(Protocol):
 
     def release(self) -> None:
         """The last frame is done with."""
+
+
+class FilmSource(Protocol):
+    """Pictures of the whole scene at a steady rate of plant time, for a film."""
+
+    def next(self) -> tuple[NDArray[np.uint8], int] | None:
+        """The next picture, RGB (h, w, 3), and its tick; None when there are no more."""
+
+    def cancel(self) -> None:
+        """Let ``next`` return None, from another thread."""
+
+    def close(self) -> None:
+        """Take no more."""
 
 
 class Holder(Protocol):
@@ -85,6 +101,9 @@ class Rig(Protocol):
 
     def watched(self) -> Watched | None:
         """For a guard against hands; None where nothing can be watched."""
+
+    def film(self) -> FilmSource | None:
+        """For a film of the whole scene, from now on; None where nobody can take one."""
 
     def failure(self) -> str | None:
         """A sentence on what has ended unexpectedly, None while all runs."""

@@ -8,7 +8,6 @@ from pathlib import Path
 from app.rig.devices import Rig, RigFailed
 from app.rig.remote import RemoteRig
 from app.rig.rig_file import RigFile, load_rig
-from app.rig.simulation.settings import SimRigSettings
 from app.rig.simulation.sim import SimRig
 from app.settings.tree import BOARD, SIMULATED
 from controller.wire.link import Listener
@@ -28,24 +27,23 @@ def choose_rig(name: str) -> RigFile | None:
 
 
 def open_rig(
-    rig: RigFile | None,
-    run_dir: Path,
-    settings: SimRigSettings | None,
+    rig: RigFile,
     progress: Callable[[str], None],
     listener: Listener | None = None,
+    *,
+    own: bool = False,
+    new: bool = True,
 ) -> Rig:
     """Open a rig; returns when the arm holds.
 
     Args:
-        rig: as chosen; None: a simulation of our own.
-        run_dir: of our own simulation.
-        settings: of our own simulation; None takes over what runs in the run directory.
+        rig: its file.
         progress: told what is being waited for.
         listener: called with each telemetry of the controller, in a thread of its own.
+        own: whether it is a simulation of our own, whose processes start and end with it.
+        new: of such a one; False takes over what runs, or was left, in its run directory.
 
     Raises:
         RigFailed: something did not start or answer.
     """
-    if rig is None:
-        return SimRig(run_dir, settings, progress, listener)
-    return RemoteRig(rig, progress, listener)
+    return SimRig(rig, progress, listener, new=new) if own else RemoteRig(rig, progress, listener)

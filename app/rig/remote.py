@@ -8,27 +8,32 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import ExitStack, closing
 from typing import Final, Self
 
 from app.rig.arm import Arm, ControllerArm
 from app.rig.attach import attach
-from app.rig.devices import EndState, RigFailed, Watched
+from app.rig.devices import EndState, FilmSource, RigFailed, Watched
 from app.rig.rig_file import RigFile
 from app.rig.steady_frames import SteadyFrames
-from controller.protocol.key import KeyFileError, load_key
+from controller.protocol.key import KeyFileError
 from controller.protocol.states import State
 from controller.wire.client import ControllerClient
 from controller.wire.errors import ControllerError
 from controller.wire.link import Listener
 from hardware.camera.factory import open_camera
-from hardware.interfaces import Camera, Clock, HardwareError
-from hardware.sim.clients.camera import SimCamera, SimClock
+from hardware.interfaces import Camera, Clock, HardwareError, Pace
+from hardware.referee import Referee
+from hardware.sim.clients.camera import FrameStream, SimCamera, SimClock
 from hardware.sim.clients.referee import SimReferee
 from hardware.sim.clients.video_stream import SimWatchCamera
 from hardware.sim.clients.wire import world_pid
 
 RESTING: Final = 0.005
 """A tool slower than this is at rest [m/s]: the noise of the encoders makes less than a tenth of it."""
+
+FILM_TICKS: Final = {Pace.FAST: 45, Pace.REAL: 135}
+"""A frame of a film each so many ticks of 0.88 ms: 25 a second; in pace real 8, to leave the cores to the plant."""
 
 
 class RemoteClock:
@@ -47,7 +52,18 @@ class RemoteClock:
 
 
 class RemoteRig:
-    """Devices behind a controller that runs already. Use as a context manager."""
+    """Devices behind a controller that runs already. Use as a context manager.
+
+    Attributes:
+        client: of the controller, for whoever has to stop the arm.
+        arm, clock, camera, referee: see ``Rig``.
+    """
+
+    client: ControllerClient
+    arm: Arm
+    clock: Clock
+    camera: Camera | None
+    referee: Referee | None
 
     def __init__(self, rig: RigFile, progress: Callable[[str], None], listener: Listener | None = None) -> None:
         """Connect; returns when the arm holds.
@@ -60,32 +76,37 @@ class RemoteRig:
         Raises:
             RigFailed: the key cannot be read, the controller does not answer or stands on its brakes after a fault.
         """
-        section = rig.controller
+        self._rig, self._left = rig, False
         try:
-            key = load_key(section.key)
-        except KeyFileError as error:
+            self._connect(progress, listener, forgive=False)
+        except (ControllerError, KeyFileError, HardwareError) as error:
             raise RigFailed(str(error)) from error
-        self._client = ControllerClient(section.host, section.port, key, name="touchmove game", listener=listener)
-        self.arm: Arm
-        self.clock: Clock = RemoteClock(self._client)
-        self.camera: Camera | None = None
-        self.referee: SimReferee | None = None
-        self._world = rig.run_dir if rig.simulated else None
-        self._left = False
-        try:
-            attach(self._client, progress, forgive=False)
-            self.arm = ControllerArm(self._client, progress)
+
+    def _connect(self, progress: Callable[[str], None], listener: Listener | None, *, forgive: bool) -> None:
+        """Take the arm over, and open what else there is; nothing is left open where that fails.
+
+        Args:
+            progress: see ``__init__``.
+            listener: see ``__init__``.
+            forgive: see ``attach``.
+        """
+        rig = self._rig
+        with ExitStack() as devices:
+            self.client = ControllerClient(*rig.address(), name="touchmove game", listener=listener)
+            failing = devices.enter_context(ExitStack())
+            failing.callback(self.client.close)
+            attach(self.client, progress, forgive=forgive)
+            self.arm = ControllerArm(self.client, progress)
             if rig.simulated:
-                self.clock, self.referee = SimClock(rig.run_dir), SimReferee(rig.run_dir)
-                self.camera = SimCamera(rig.run_dir) if rig.world_section.cameras else None
+                self.clock = devices.enter_context(closing(SimClock(rig.run_dir)))
+                self.referee = devices.enter_context(closing(SimReferee(rig.run_dir)))
             else:
-                self.camera = open_camera(rig.lab_camera, self.clock)
-        except (ControllerError, HardwareError) as error:
-            self.close()
-            raise RigFailed(str(error)) from error
-        except BaseException:
-            self.close()
-            raise
+                self.clock, self.referee = RemoteClock(self.client), None
+            self.camera = open_board_camera(rig, self.clock)
+            if self.camera is not None:
+                devices.callback(self.camera.close)
+            failing.pop_all()
+            self._devices = devices.pop_all()
 
     def __enter__(self) -> Self:
         return self
@@ -95,22 +116,27 @@ class RemoteRig:
 
     def watched(self) -> Watched | None:
         """See ``Rig.watched``."""
-        camera = self.camera
+        camera, world = self.camera, self._rig.run_dir
         if camera is None:
             return None
-        if self._world is not None:
-            world = self._world
-            return Watched(lambda interval: SimWatchCamera(world, interval, colour_asleep=False), self._client)
-        return Watched(lambda _: SteadyFrames(camera), self._client)
+        if self._rig.simulated:
+            return Watched(lambda interval: SimWatchCamera(world, interval, colour_asleep=False), self.client)
+        return Watched(lambda _: SteadyFrames(camera), self.client)
+
+    def film(self) -> FilmSource | None:
+        """See ``Rig.film``."""
+        if not (self._rig.simulated and self._rig.sees):
+            return None
+        return FrameStream(self._rig.run_dir, "film", FILM_TICKS[self._rig.pace])
 
     def failure(self) -> str | None:
         """A sentence on a controller that does not answer any more or a world that has ended; none once it is left."""
         if self._left:
             return None
-        if self._world is not None and world_pid(self._world) is None:
-            return f"the simulated world has ended: start the controller of {self._world} again"
+        if self._rig.simulated and world_pid(self._rig.run_dir) is None:
+            return f"the simulated world has ended: start the controller of {self._rig.run_dir} again"
         try:
-            self._client.telemetry  # noqa: B018  # asked for its error alone
+            self.client.telemetry  # noqa: B018  # asked for its error alone
         except ControllerError as error:
             return str(error)
         return None
@@ -118,17 +144,28 @@ class RemoteRig:
     def close(self) -> EndState | None:
         """Stop the arm, which the controller goes on holding, and leave; a second call finds nobody to ask."""
         try:
-            self._client.stop()
-            telemetry = self._client.wait_standing()
+            self.client.stop()
+            telemetry = self.client.wait_standing()
             self._left = True
         except ControllerError:
             return None
         finally:
-            self._client.close()
-            if self.camera is not None:
-                self.camera.close()
-            for device in (self.referee, self.clock):
-                if isinstance(device, (SimClock, SimReferee)):
-                    device.close()
+            self.client.close()
+            self._devices.close()
         speed = math.hypot(*telemetry.velocity)
         return EndState(telemetry.state is not State.STOPPING and speed < RESTING, speed)
+
+
+def open_board_camera(rig: RigFile, clock: Clock) -> Camera | None:
+    """The camera that looks at a rig's board, alone; None where there is none.
+
+    Args:
+        rig: a simulated one has to run.
+        clock: of a lab's camera.
+
+    Raises:
+        HardwareError: it is not there or does not work.
+    """
+    if not rig.simulated:
+        return open_camera(rig.lab_camera, clock)
+    return SimCamera(rig.run_dir) if rig.sees else None

@@ -20,42 +20,35 @@ runs the game may read the same file, or copies of it. Its paths count from the 
 
 from __future__ import annotations
 
-from ipaddress import IPv4Address
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Final, Self
 
-from pydantic import AfterValidator, Field, NonNegativeInt, model_validator
+from pydantic import Field, model_validator
 
-from app.settings.toml import ConfigError, load_toml
+from app.settings.toml import ConfigError, load_toml, toml_value
 from app.settings.tree import SIMULATED
-from controller.settings import ControllerSettings
+from controller.protocol.key import load_key
+from controller.settings import ANY_PORT, ControllerSettings
+from controller.wire.address import ControllerAddress, find_controller
 from hardware.camera.settings import FolderSettings, LabCamera, NoCameraSettings, RecordingSettings, WebcamSettings
 from hardware.frozen import Frozen
 from hardware.interfaces import Pace
 from hardware.parameters import DEFAULT_FILE, ParametersError, load_parameters
 from hardware.sim.process.randomisation import Randomisation
-from hardware.sim.render.appearance import CameraSettings, LightSettings
+from hardware.sim.process.settings import WorldOptions
 from hardware.table import Colour, TableSettings
 
-
-def _ipv4(host: str) -> str:
-    try:
-        return str(IPv4Address(host))
-    except ValueError as error:
-        raise ValueError("it must be an IPv4 address such as 192.168.7.2") from error
+RIG_FILE: Final = "rig.toml"
+"""In the run directory of a simulation of our own."""
 
 
 class ControllerSection(ControllerSettings):
     """``[controller]``: where it listens, and everything in ``ControllerSettings``."""
 
-    host: Annotated[str, AfterValidator(_ipv4)] = "127.0.0.1"
-    """IPv4 address to listen at, and where clients find it."""
-    port: Annotated[int, Field(ge=1, le=65535)]  # whoever is not told of it must know it
-    """UDP port."""
+    port: Annotated[int, Field(ge=0, le=65535)]
+    """UDP port, which clients have to know; 0: any that is free, which they find in the run directory."""
     key: Path = Path("touchmove.key")
     """File with the secret that controller and clients share; the controller makes it at its first start."""
-    stays: bool = True
-    """What comes after ``linger`` without a client: True, brakes, and it waits for the next one; False, it ends."""
 
 
 class DrivesSection(Frozen):
@@ -65,24 +58,20 @@ class DrivesSection(Frozen):
     """``sim``, a simulated world; or the name of a lab's driver, an entry point of the group ``touchmove.drives``."""
 
 
-class WorldSection(Frozen):
+class WorldSection(WorldOptions):
     """``[world]``: the simulated world behind ``bus = "sim"``."""
 
-    pace: Pace = Pace.REAL
-    seed: NonNegativeInt = 1
-    """Decides how the pieces stand."""
     fen: str | None = None
-    """The position that is set up; the usual one if not given."""
+    """The position that is set up; the usual one if not given. An empty board: not even pieces beside it."""
     person: Colour | None = None
     """The side at which a simulated person sits; nobody if left out. Their hand does what a program of its own has it
     do: a game knows as little of that as in a lab."""
-    cameras: bool = True
-    camera: CameraSettings = CameraSettings()
-    """Size of its pictures, noise, exposure, and how the camera hangs off its nominal pose."""
-    light: LightSettings = LightSettings()
-    """Lamp, fill and ambient light over the table."""
-    randomisation: Randomisation = Randomisation()
-    """How it differs from what the game believes of it."""
+
+    @model_validator(mode="after")
+    def _one_person(self) -> Self:
+        if self.person is not None and (self.journal or self.hand is not None):
+            raise ValueError("a person has one hand, and a world with one keeps no journal: leave person out")
+        return self
 
 
 class RigFile(Frozen):
@@ -129,6 +118,23 @@ class RigFile(Frozen):
         """Of a lab: real."""
         return self.world_section.pace if self.simulated else Pace.REAL
 
+    @property
+    def sees(self) -> bool:
+        """Whether there is a camera."""
+        return self.world_section.cameras if self.simulated else not isinstance(self.lab_camera, NoCameraSettings)
+
+    def address(self) -> ControllerAddress:
+        """Where clients reach the controller.
+
+        Raises:
+            KeyFileError: the key cannot be read.
+            ControllerUnavailable: it has any free port, and none runs in the run directory.
+        """
+        section = self.controller
+        if section.port == ANY_PORT:
+            return find_controller(self.run_dir, section.key)
+        return ControllerAddress(section.host, section.port, load_key(section.key))
+
 
 def load_rig(path: Path) -> RigFile:
     """Read a rig file.
@@ -146,6 +152,26 @@ def load_rig(path: Path) -> RigFile:
     except ParametersError as error:
         raise ConfigError(f"rig file {path}: {error}: mend that file") from error
     return rig.model_copy(update={"controller": key, "camera": _placed(rig.camera, folder), **paths})
+
+
+def save_rig(rig: RigFile, path: Path) -> None:
+    """Write a rig file that ``load_rig`` reads as the same rig, also where its folder has been moved to.
+
+    What is as usual is left out.
+    """
+    content = _counted_from(path.absolute().parent, rig.model_dump(exclude_defaults=True))
+    sections = {name: value for name, value in content.items() if isinstance(value, dict)}
+    lines = [f"{name} = {toml_value(value)}" for name, value in content.items() if name not in sections]
+    for name, section in sections.items():
+        lines += ["", f"[{name}]", *(f"{key} = {toml_value(value)}" for key, value in section.items())]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _counted_from(folder: Path, content: dict[str, Any]) -> dict[str, Any]:
+    """The same with what lies in a folder counted from there."""
+    paths = {name: value for name, value in content.items() if isinstance(value, Path) and value.is_relative_to(folder)}
+    below = {name: _counted_from(folder, value) for name, value in content.items() if isinstance(value, dict)}
+    return {**content, **{name: value.relative_to(folder) for name, value in paths.items()}, **below}
 
 
 def load_randomisation(path: Path) -> Randomisation:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import json
 import textwrap
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 from app import UserError
 from app.records.files import write_atomically
 from app.settings.options import option_of
-from app.settings.toml import ConfigError, load_toml
+from app.settings.toml import ConfigError, load_toml, toml_value
 from app.settings.tree import Settings
 
 SETTINGS_FILE: Final = "settings.json"
@@ -70,18 +69,8 @@ def _fields(section: BaseModel) -> list[str]:
             continue
         comment = " ".join((field.description or "").split())
         lines += [f"# {line}" for line in textwrap.wrap(comment, 110)]
-        lines.append(f"# {name} =" if value is None else f"{name} = {_value(value)}")
+        lines.append(f"# {name} =" if value is None else f"{name} = {toml_value(value)}")
     return lines
-
-
-def _value(value: object) -> str:
-    """As TOML has it; strings, numbers, truth and tables of them are written as in JSON, but for tables."""
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{_value(key)} = {_value(one)}" for key, one in value.items()) + " }"
-    if isinstance(value, Path):
-        value = str(value)
-    # JSON's strings are TOML's, but for this one character
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def keep_settings(folder: Path, settings: Settings) -> None:

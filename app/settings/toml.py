@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import json
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -41,6 +43,18 @@ def load_toml(path: Path, model: type[_M], what: str, instead: str) -> _M:
         return model.model_validate(content)
     except ValidationError as error:
         raise ConfigError(f"{what} file {path}: {_explain(error, model)}") from error
+
+
+def toml_value(value: object) -> str:
+    """A value as TOML has it; tables stand in one line, without what is None."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{toml_value(k)} = {toml_value(v)}" for k, v in value.items() if v is not None) + " }"
+    if isinstance(value, (tuple, list)):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    if isinstance(value, float):
+        return repr(value)
+    # JSON's strings are TOML's, but for this one character
+    return json.dumps(str(value) if isinstance(value, Path) else value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _explain(problem: ValidationError, model: type[BaseModel]) -> str:

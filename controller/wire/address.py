@@ -21,8 +21,12 @@ class ControllerAddress(NamedTuple):
     key: bytes
 
 
-def find_controller(directory: Path) -> ControllerAddress:
+def find_controller(directory: Path, key_file: Path | None = None) -> ControllerAddress:
     """The controller that runs in this directory.
+
+    Args:
+        directory: its run directory.
+        key_file: holds the shared secret; None: the file ``key`` there.
 
     Raises:
         ControllerUnavailable: there is no ``controller.json``, or it names another version of the protocol.
@@ -39,7 +43,7 @@ def find_controller(directory: Path) -> ControllerAddress:
             f"the controller speaks protocol {version:08x}, this program {VERSION:08x}: "
             "start both from the same version"
         )
-    return ControllerAddress(host, port, load_key(directory / KEY_FILE))
+    return ControllerAddress(host, port, load_key(key_file or directory / KEY_FILE))
 
 
 def open_socket(host: str, port: int, timeout: float) -> socket.socket:

@@ -194,7 +194,9 @@ def launch(tmp_path: Path) -> Iterator[Launch]:
             Running(
                 bus or FakeBus(load_parameters()),
                 directory,
-                ControllerSettings(**{"realtime": False, **settings}),  # this process is not the controller's own
+                ControllerSettings(
+                    **{"realtime": False, "stays": False, **settings}
+                ),  # this process is not the controller's own
                 limits,
             ),
         )

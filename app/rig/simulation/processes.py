@@ -15,21 +15,17 @@ from typing import Final
 
 from app import UserError
 from app.records.files import GAMES
-from app.rig.rig_file import ControllerSection, RigFile, load_rig
+from app.rig.rig_file import RIG_FILE, RigFile, WorldSection, load_rig, save_rig
 from app.settings.toml import ConfigError
 from app.settings.tree import SIMULATED
-from controller.protocol.key import KEY_FILE, KeyFileError, create_key
-from controller.settings import ControllerSettings
+from controller.protocol.key import KeyFileError, create_key
 from hardware.interfaces import ServoBus
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.clients.wire import world_pid
-from hardware.sim.hand.actions import HandSettings
 from hardware.sim.plant.live_state import LIVE_FILE
 from hardware.sim.plant.snapshot import STATE_FILE
-from hardware.sim.process.settings import FILE_NAME, WorldSettings, load_settings
+from hardware.sim.process.settings import keep_settings
 
-CONTROLLER_SETTINGS_FILE = "controller_settings.json"
-RIG_FILE: Final = "rig.toml"
 DRIVERS: Final = "touchmove.drives"
 """Group of entry points under which a lab's package names its driver: a function of the robot's parameters that opens
 the drives and returns a ``ServoBus``."""
@@ -93,12 +89,7 @@ def view_world(game: Path | None, progress: Callable[[str], None]) -> int:
 
 def run_controller(run_dir: Path) -> int:
     """The controller of a run directory until it is shut down; exit status."""
-    settings = ControllerSettings.model_validate_json((run_dir / CONTROLLER_SETTINGS_FILE).read_text(encoding="utf-8"))
-    world = load_settings(run_dir)
-    rig = RigFile(
-        controller=ControllerSection.model_construct(**settings.model_dump(), key=run_dir / KEY_FILE),
-        run_dir=run_dir, parameters=world.parameters_file, table=world.table,
-    )  # fmt: skip
+    rig = load_rig(run_dir / RIG_FILE)
     return _serve(rig, lambda _parameters: _simulated_bus(run_dir), lambda _host, _port: None)
 
 
@@ -117,6 +108,8 @@ def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
         HardwareError: the drives do not answer.
     """
     with _rig(name) as (rig, file):
+        with contextlib.suppress(FileExistsError):
+            rig.run_dir.mkdir(mode=0o700, parents=True)
         key = rig.controller.key
         try:
             if not key.exists():
@@ -124,12 +117,8 @@ def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
                 progress(f"made the key {key}: copy it to every computer that has to reach this controller")
         except KeyFileError as error:
             raise UserError(str(error)) from error
-        with contextlib.suppress(FileExistsError):
-            rig.run_dir.mkdir(mode=0o700, parents=True)
 
         def ready(host: str, port: int) -> None:
-            if name == SIMULATED:
-                file.write_text(_as_toml(host, port), encoding="utf-8")
             progress(f"ready: clients find it at {host}:{port}, with --rig {file}; Ctrl-C brakes and ends")
 
         status = _serve(rig, _bus(rig, progress), ready)
@@ -171,12 +160,11 @@ def _rig(name: str) -> Iterator[tuple[RigFile, Path]]:
         yield load_rig(Path(name)), Path(name)
         return
     with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
-        section = ControllerSection.model_construct(key=Path(folder) / "touchmove.key", port=0)
-        yield RigFile(controller=section, run_dir=Path(folder) / "run"), Path(folder) / RIG_FILE
+        from app.rig.simulation.settings import own_rig
 
-
-def _as_toml(host: str, port: int) -> str:
-    return f'[controller]\nhost = "{host}"\nport = {port}\n'
+        rig = own_rig(Path(folder) / "run", WorldSection(), {"stays": True})
+        save_rig(rig, Path(folder) / RIG_FILE)
+        yield rig, Path(folder) / RIG_FILE
 
 
 def _bus(rig: RigFile, progress: Callable[[str], None]) -> Callable[[RobotParameters], ServoBus]:
@@ -241,25 +229,12 @@ def _driver(name: str) -> Callable[[RobotParameters], ServoBus]:
 
 def _start_world(rig: RigFile) -> None:
     """Start a simulated world that ends with its controller, and wait until it answers; the pieces are set up anew."""
-    import chess
+    from app.rig.simulation.settings import world_settings
 
-    from app.motion import MotionSettings
-    from app.pieces.layout import start_layout
-
-    world = rig.world_section
-    try:
-        board = chess.Board(world.fen) if world.fen is not None else chess.Board()
-    except ValueError as error:
-        raise ConfigError(f"world.fen is no position: {error}") from error
-    settings = WorldSettings(
-        pieces=start_layout(board, rig.table), home=MotionSettings().at(rig.table).home, table=rig.table,
-        pace=world.pace, parameters_file=rig.parameters, seed=world.seed, first_controller=_ALONE,
-        cameras=world.cameras, randomisation=world.randomisation, camera=world.camera, light=world.light,
-        hand=None if world.person is None else HandSettings(side=world.person),
-    )  # fmt: skip
+    settings = world_settings(rig, first_controller=_ALONE)
     for left in (STATE_FILE, LIVE_FILE):  # of a world before: nobody resumes a game from it here
         (rig.run_dir / left).unlink(missing_ok=True)
-    (rig.run_dir / FILE_NAME).write_text(settings.model_dump_json(), encoding="utf-8")
+    keep_settings(settings, rig.run_dir)
     process = spawn("world", rig.run_dir)
     threading.Thread(target=process.wait, daemon=True).start()  # it ends by itself: nothing of it is left then
     deadline = time.monotonic() + WORLD_TIMEOUT

@@ -1,64 +1,96 @@
-"""What a simulated rig is started with."""
+"""Rig files of simulations of our own: what a lab would write, with a free port, and ended with the game."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import chess
 
 from app.motion import MotionSettings
-from app.rig.rig_file import load_randomisation
+from app.pieces.layout import start_layout
+from app.rig.rig_file import ControllerSection, RigFile, WorldSection, load_randomisation
+from app.settings.toml import ConfigError
 from app.settings.tree import RigSection
-from controller.settings import ControllerSettings
-from hardware.frozen import Frozen
-from hardware.interfaces import Pace
+from controller.protocol.key import KEY_FILE
+from controller.settings import ANY_PORT
 from hardware.sim.hand.actions import HandSettings
-from hardware.sim.process.randomisation import Randomisation
-from hardware.sim.process.settings import WorldSettings
-from hardware.table import Colour, PieceSpec, TableSettings
+from hardware.sim.process.settings import WorldOptions, WorldSettings
+from hardware.table import Colour, TableSettings
+
+NO_PIECES = f"{chess.Board.empty().board_fen()} w - -"
+"""A position for which nothing stands on the table, nor beside the board."""
 
 
-class SimRigSettings(Frozen):
-    """A simulated rig: its world and its controller."""
+def own_rig(
+    run_dir: Path, world: WorldSection, controller: Mapping[str, Any] = MappingProxyType({}), **rig: Any
+) -> RigFile:
+    """A simulation that lies in its run directory with all that belongs to it.
 
-    world: WorldSettings
-    controller: ControllerSettings = ControllerSettings()
+    Args:
+        run_dir: processes are known by it, however it was spelled.
+        world: as it shall be.
+        controller: fields of ``ControllerSection`` that shall be other than usual.
+        rig: fields of ``RigFile`` that shall be so.
+    """
+    run_dir = run_dir.resolve()
+    usual = {"port": ANY_PORT, "key": run_dir / KEY_FILE, "stays": False}
+    return RigFile(controller=ControllerSection(**{**usual, **controller}), world=world, run_dir=run_dir, **rig)
 
 
-def settings_for_game(
+def rig_for_game(
     section: RigSection,
-    pieces: Iterable[PieceSpec],
-    motion: MotionSettings,
+    run_dir: Path,
+    board: chess.Board | None,
     table: TableSettings,
-    pace: Pace,
-    parameters_file: Path,
-    person: Colour | None,
-) -> SimRigSettings:
+    parameters: Path,
+    person: Colour | None = None,
+) -> RigFile:
     """A simulation of our own to play on.
 
     Args:
         section: of the settings.
-        pieces: what stands where.
-        motion: how the arm moves there; it begins at home.
+        run_dir: of world and controller.
+        board: what is set up; None: the pieces stand there already, as another program has left them.
         table: board and trays, where they are meant to stand.
-        pace: how plant time goes.
-        parameters_file: of the robot.
+        parameters: file with those of the robot.
         person: whose simulated hand plays; None: nobody sits there.
 
     Raises:
         UserError: the file of ``randomise`` is wrong.
     """
-    randomisation = Randomisation() if section.randomise is None else load_randomisation(section.randomise)
-    return SimRigSettings(
-        world=WorldSettings(
-            pieces=tuple(pieces), home=motion.home, table=table, pace=pace, seed=section.seed,
-            randomisation=randomisation, parameters_file=parameters_file, linger=section.linger,
-            journal=section.journal, cameras=section.cameras,
-            hand=None if person is None else HandSettings(side=person),
-        ),
-        controller=ControllerSettings(linger=max(section.linger, 1e-3), port=section.port),
+    chosen: dict[str, Any] = {} if section.pace is None else {"pace": section.pace}
+    if board is not None and section.randomise is not None:
+        chosen["randomisation"] = load_randomisation(section.randomise)
+    world = WorldSection(
+        **chosen, seed=section.seed, fen=None if board is None else f"{board.board_fen()} w - -", person=person,
+        cameras=section.cameras, linger=section.linger, journal=section.journal,
     )  # fmt: skip
+    controller = {"linger": max(section.linger, 1e-3), "port": section.port}
+    return own_rig(run_dir, world, controller, table=table, parameters=parameters)
 
 
-def settings_to_calibrate(motion: MotionSettings, table: TableSettings) -> SimRigSettings:
-    """A simulation of our own with an empty board, as fast as the machine can."""
-    return SimRigSettings(world=WorldSettings(pieces=(), home=motion.home, table=table, pace=Pace.FAST))
+def world_settings(rig: RigFile, **also: Any) -> WorldSettings:
+    """The world of a simulated rig, with its pieces set up.
+
+    Args:
+        rig: its file.
+        also: further fields of the settings.
+
+    Raises:
+        UserError: the position is none, or the set cannot show it.
+    """
+    world = rig.world_section
+    try:
+        board = chess.Board(world.fen) if world.fen is not None else chess.Board()
+    except ValueError as error:
+        raise ConfigError(f"world.fen is no position: {error}") from error
+    chosen: dict[str, Any] = {name: getattr(world, name) for name in WorldOptions.model_fields}
+    if world.person is not None:
+        chosen["hand"] = HandSettings(side=world.person)
+    return WorldSettings(
+        **chosen, pieces=start_layout(board, rig.table) if board.occupied else (), table=rig.table,
+        home=MotionSettings().at(rig.table).home, parameters_file=rig.parameters, **also,
+    )  # fmt: skip

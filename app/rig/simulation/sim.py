@@ -1,7 +1,7 @@
-"""A simulated rig: world and controller as processes of their own.
+"""A simulated rig: a rig file of our own, world and controller as processes, and then a rig as any other.
 
-``SimRig`` starts them, or takes over those of a program that was killed, connects to them through the run directory,
-and sees to it that nothing is left running and the arm is at rest, however the game ends.
+``SimRig`` starts the processes, or takes over those of a program that was killed, and sees to it that nothing is left
+running and the arm is at rest, however the game ends.
 """
 
 from __future__ import annotations
@@ -17,28 +17,24 @@ from pathlib import Path
 
 from app.records import recording
 from app.records.files import full_disk
-from app.rig.arm import ControllerArm
-from app.rig.attach import attach
-from app.rig.devices import EndState, RigFailed, Watched
+from app.rig.devices import EndState, RigFailed
+from app.rig.remote import RemoteRig
+from app.rig.rig_file import RIG_FILE, RigFile, save_rig
 from app.rig.simulation.adopted import Adopted, Process, adopt
-from app.rig.simulation.processes import CONTROLLER_SETTINGS_FILE, last_words, log_of, spawn
-from app.rig.simulation.settings import SimRigSettings
+from app.rig.simulation.processes import last_words, log_of, spawn
+from app.rig.simulation.settings import world_settings
 from controller.model.constants import DeltaModel
 from controller.model.workspace import BoardDoesNotFit, require_fit
 from controller.protocol.key import KEY_FILE, KeyFileError, create_key
 from controller.settings import CONTROLLER_FILE
-from controller.wire.client import ControllerClient
 from controller.wire.errors import ControllerError
 from controller.wire.link import Listener
 from hardware.interfaces import HardwareError
 from hardware.parameters import load_parameters
-from hardware.sim.clients.camera import SimCamera, SimClock
-from hardware.sim.clients.referee import SimReferee
-from hardware.sim.clients.video_stream import SimWatchCamera
 from hardware.sim.clients.wire import world_pid
 from hardware.sim.plant.live_state import LIVE_FILE, load_live_state
 from hardware.sim.plant.snapshot import STATE_FILE, load_snapshot
-from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings, load_settings
+from hardware.sim.process.settings import END_FILE, keep_settings
 from hardware.table import PIECE_SHAPES
 
 _AHEAD = 10
@@ -53,45 +49,39 @@ END_TIMEOUT = 8.0
 """For each process to end by itself; then it is killed, and the drives' watchdog brakes [s, wall]."""
 
 
-class SimRig:
-    """Simulated devices in processes of their own. Use as a context manager."""
+class SimRig(RemoteRig):
+    """A rig whose world and controller are processes of its own. Use as a context manager."""
 
     def __init__(
-        self,
-        run_dir: Path,
-        settings: SimRigSettings | None,
-        progress: Callable[[str], None],
-        listener: Listener | None = None,
+        self, rig: RigFile, progress: Callable[[str], None], listener: Listener | None = None, *, new: bool = True
     ) -> None:
-        """Start everything; returns when the arm holds.
+        """Start everything, and connect as to any rig; returns when the arm holds.
 
         Args:
-            run_dir: made here; key, sockets, logs and the world's snapshot lie in it.
-            settings: of world and controller. None takes over what a program that was killed has left running in the
-                run directory, and starts a controller where that is gone, too.
+            rig: of ``own_rig``; in its run directory lie key, sockets, logs and the world's snapshot.
             progress: told what is being waited for.
             listener: called with each telemetry of the controller, in a thread of its own.
+            new: False takes over what a program that was killed has left running in the run directory, and starts a
+                controller where that is gone, too.
 
         Raises:
             RigFailed: the board does not fit the arm, or a process ended or did not answer in time; or there is no
                 world to take over.
             RecordError: the run directory cannot be written.
         """
-        self._run_dir = run_dir.resolve()  # processes are known by it, however the folder was spelled
+        self._rig, self._run_dir = rig, rig.run_dir
         self._processes: dict[str, Process] = {}
-        self._client: ControllerClient | None = None
-        self._open = True
+        self._connected, self._open = False, True
         self._cause: str | None = None
         """Why a process has ended, found when the rig was closed."""
         try:
-            cameras = self._take_over(progress) if settings is None else self._start(settings, progress)
+            if new:
+                self._start(progress)
+            else:
+                self._take_over(progress)
             self._await_controller()
-            self._client = ControllerClient.from_run_directory(self._run_dir, name="touchmove game", listener=listener)
-            attach(self._client, progress, forgive=settings is None)
-            self.arm = ControllerArm(self._client, progress)
-            self.clock = SimClock(self._run_dir)
-            self.camera = SimCamera(self._run_dir) if cameras else None
-            self.referee = SimReferee(self._run_dir)
+            self._connect(progress, listener, forgive=not new)
+            self._connected = True
         except (ControllerError, KeyFileError, HardwareError) as error:
             cause = self.failure() or full_disk(self._run_dir) or str(error)
             self._give_up()
@@ -100,17 +90,6 @@ class SimRig:
             self._give_up()
             raise
 
-    @property
-    def client(self) -> ControllerClient:
-        """Of the controller, for whoever has to stop the arm.
-
-        Raises:
-            RigFailed: the rig is not open.
-        """
-        if self._client is None:
-            raise RigFailed("this rig is not open: open it again")
-        return self._client
-
     def _give_up(self) -> None:
         """Of what could not be opened as a whole; processes that others have started go on as they did."""
         spawned = [name for name, process in self._processes.items() if not isinstance(process, Adopted)]
@@ -118,23 +97,19 @@ class SimRig:
             self.close()
             return
         self._open = False
-        self._close_devices()
-        if self._client is not None:
-            self._client.close()
         for name in spawned:
             self._end(name, orderly=False)
 
-    def _start(self, settings: SimRigSettings, progress: Callable[[str], None]) -> bool:
-        """Start world and controller; whether there are cameras."""
-        _require_fit(settings.world)
-        self._prepare(settings)
+    def _start(self, progress: Callable[[str], None]) -> None:
+        """Start world and controller."""
+        _require_fit(self._rig)
+        self._prepare()
         progress("starting the simulated world")
         self._spawn("world")
         self._start_controller(progress)
-        return settings.world.cameras
 
-    def _take_over(self, progress: Callable[[str], None]) -> bool:
-        """Adopt the world, and the controller where there still is one; whether there are cameras."""
+    def _take_over(self, progress: Callable[[str], None]) -> None:
+        """Adopt the world, and the controller where there still is one."""
         pid = world_pid(self._run_dir)
         if pid is not None and (world := adopt(pid, str(self._run_dir))) is not None:
             self._processes["world"] = world
@@ -152,8 +127,9 @@ class SimRig:
             for left in (CONTROLLER_FILE, KEY_FILE):
                 (self._run_dir / left).unlink(missing_ok=True)
             create_key(self._run_dir / KEY_FILE)
+            if not (self._run_dir / RIG_FILE).exists():
+                save_rig(self._rig, self._run_dir / RIG_FILE)
             self._start_controller(progress)
-        return load_settings(self._run_dir).cameras
 
     def _old_controller(self) -> Process | None:
         try:
@@ -166,12 +142,12 @@ class SimRig:
         progress("starting the controller (the first start on a machine compiles its law, about 10 s)")
         self._spawn("controller")
 
-    def _prepare(self, settings: SimRigSettings) -> None:
+    def _prepare(self) -> None:
+        world = world_settings(self._rig)
         with recording(self._run_dir):
             self._run_dir.mkdir(parents=True, mode=0o700)
-            (self._run_dir / FILE_NAME).write_text(settings.world.model_dump_json(), encoding="utf-8")
-            controller = settings.controller.model_dump_json()
-            (self._run_dir / CONTROLLER_SETTINGS_FILE).write_text(controller, encoding="utf-8")
+            save_rig(self._rig, self._run_dir / RIG_FILE)
+            keep_settings(world, self._run_dir)
             create_key(self._run_dir / KEY_FILE)
         if full := full_disk(self._run_dir):
             raise RigFailed(full)
@@ -215,29 +191,11 @@ class SimRig:
             why = full_disk(self._run_dir) or last_words(log_of(name, self._run_dir)) or f"exit status {status}"
         return f"{_NAMES[name]} {what}: {why}"
 
-    def __enter__(self) -> SimRig:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def watched(self) -> Watched | None:
-        """See ``Rig.watched``."""
-        return None if self.camera is None else Watched(self._watching, self.client)
-
-    def _watching(self, interval: float) -> SimWatchCamera:
-        return SimWatchCamera(self._run_dir, interval, colour_asleep=False)
-
     def failure(self) -> str | None:
         """A sentence on a process that has ended unexpectedly, also while the rig was closed; None: none has."""
         if self._open and self._cause is None and (culprit := self._culprit()):
             self._cause = self._sentence(culprit, "has ended")
         return self._cause
-
-    def free_lease(self) -> None:
-        """Leave the controller, which holds the arm, to another client; from here this rig only waits for ``close``."""
-        if self._client is not None:
-            self._client.close()
 
     def close(self) -> EndState | None:
         """Stop the arm, brake, end every process; nothing is left running. A second call does nothing.
@@ -249,8 +207,7 @@ class SimRig:
             return None
         with _uninterrupted():
             self.failure()
-            self._close_devices()
-            orderly = self._shut_down()
+            orderly = self._connected and self._shut_down()
             if not orderly:  # somebody has ended meanwhile, and could not be asked
                 self.failure()
             self._open = False
@@ -260,19 +217,13 @@ class SimRig:
             (self._run_dir / KEY_FILE).unlink(missing_ok=True)
         return self._end_state()
 
-    def _close_devices(self) -> None:
-        for device in ("camera", "clock", "referee"):
-            if getattr(self, device, None) is not None:
-                getattr(self, device).close()
-
     def _shut_down(self) -> bool:
         """Ask the controller to brake and end; the world follows it. False where nobody can be asked."""
-        if self._client is None:
-            return False
+        self._devices.close()
         try:
-            self._client.shutdown()
+            self.client.shutdown()
         except ControllerError:
-            self._client.close()  # it is gone or deaf: signals and watchdogs do the rest
+            self.client.close()  # it is gone or deaf: signals and watchdogs do the rest
             return False
         return True
 
@@ -305,11 +256,11 @@ class SimRig:
         return EndState(bool(summary["at_rest"] and summary["braked"]), float(summary["arm_speed"]))
 
 
-def _require_fit(world: WorldSettings) -> None:
+def _require_fit(rig: RigFile) -> None:
     """Refuse a board on which the arm cannot play with the heaviest piece, before anything starts."""
     heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
     try:
-        require_fit(DeltaModel(load_parameters(world.parameters_file), heaviest), world.table)
+        require_fit(DeltaModel(load_parameters(rig.parameters), heaviest), rig.table)
     except BoardDoesNotFit as error:
         raise RigFailed(str(error)) from error
 

@@ -9,20 +9,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import chess
-
 from app import UserError
 from app.motion import MotionSettings
-from app.pieces.inventory import Inventory
-from app.pieces.layout import start_layout
-from app.rig.simulation.settings import SimRigSettings
+from app.rig.rig_file import WorldSection
+from app.rig.simulation.settings import own_rig
 from app.rig.simulation.sim import SimRig
 from controller.loop.statistics import PULSE_FILE
-from controller.settings import ControllerSettings
 from hardware.frozen import Frozen
-from hardware.interfaces import Pace
-from hardware.sim.process.settings import WorldSettings
-from hardware.table import TableSettings
 
 
 class Statistics(Frozen):
@@ -84,22 +77,17 @@ class TimedRig:
 
     Attributes:
         rig: the devices.
-        run_dir: their run directory.
+        file: their rig file.
         motion: how the arm moves on it.
     """
 
     def __init__(self, run_dir: Path, seed: int, progress: Callable[[str], None]) -> None:
-        table, self.motion = TableSettings(), MotionSettings()
-        inventory = Inventory.of(start_layout(chess.Board(), table), table)
-        world = WorldSettings(
-            pieces=tuple(inventory), home=self.motion.home, table=table, pace=Pace.REAL, seed=seed, cameras=False,
-            realtime=True, linger=1.0,
-        )  # fmt: skip
-        self.run_dir = run_dir
+        self.motion = MotionSettings()
         self._started = False
-        settings = SimRigSettings(world=world, controller=ControllerSettings(linger=5.0))
+        world = WorldSection(seed=seed, cameras=False, realtime=True, linger=1.0)
+        self.file = own_rig(run_dir, world, {"linger": 5.0})
         # not what each of hundreds of motions does
-        self.rig = SimRig(run_dir, settings, lambda step: None if self._started else progress(step))
+        self.rig = SimRig(self.file, lambda step: None if self._started else progress(step))
         self._started = True
 
     def finish(self) -> RunEnd:
@@ -109,7 +97,7 @@ class TimedRig:
             NoStatistics: the controller was killed.
         """
         last = self.rig.close()
-        return RunEnd(read_pulse(self.run_dir), last is not None and last.at_rest)
+        return RunEnd(read_pulse(self.file.run_dir), last is not None and last.at_rest)
 
 
 @contextmanager

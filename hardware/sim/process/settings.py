@@ -27,32 +27,27 @@ END_FILE = "world_end.json"
 """How a world ended."""
 
 
-class WorldSettings(Frozen):
-    """Settings of one simulated world."""
+class WorldOptions(Frozen):
+    """What somebody may choose about a simulated world: ``[world]`` of a rig file, and the world's own settings."""
 
-    pieces: tuple[PieceSpec, ...]
-    home: tuple[float, float, float]
-    """Tool point at the start, base frame [m]."""
-    table: TableSettings = TableSettings()
-    parameters_file: Path = DEFAULT_FILE
     pace: Pace = Pace.REAL
-    seed: NonNegativeInt = 0
-    first_controller: NonNegativeFloat = 90.0
-    """A world that no controller has used yet ends after this; compiling a controller's law takes some [s, wall]."""
-    linger: NonNegativeFloat = 30.0
-    """After the controller is lost, wait this long for another one [s, wall]."""
-    randomisation: Randomisation = Randomisation()
-    """How the world differs from what the app believes; drawn by the seed."""
-    camera_latency: PositiveFloat = 0.060
-    """From exposure to delivery of a frame, plant time [s]."""
+    """How plant time goes."""
+    seed: NonNegativeInt = 1
+    """Decides how the pieces stand, and everything else that is drawn at random."""
     cameras: bool = True
     """False: no renderer, and no OpenGL needed."""
     camera: CameraSettings = CameraSettings()
-    """Of the board: its pictures, and how it hangs and exposes at the start."""
+    """Of the board: size of its pictures, noise, exposure, and how it hangs off its nominal pose."""
     light: LightSettings = LightSettings()
-    """Over the table at the start; ``Stage`` changes it while the world runs."""
+    """Lamp, fill and ambient light over the table at the start; scene control changes it while the world runs."""
+    randomisation: Randomisation = Randomisation()
+    """How the world differs from what the app believes; drawn by the seed."""
     hand: HandSettings | None = None
     """The hand of a person who plays; None: nobody sits at the board, and nothing is different for it."""
+    linger: NonNegativeFloat = 30.0
+    """After the controller is lost, wait this long for another one [s, wall]."""
+    camera_latency: PositiveFloat = 0.060
+    """From exposure to delivery of a frame, plant time [s]."""
     journal: bool = False
     """Keep every command in the run directory, so that the run can be done again; see
     ``hardware.sim.process.journal``."""
@@ -65,6 +60,23 @@ class WorldSettings(Frozen):
         if self.journal and self.hand is not None:
             raise ValueError("a journal holds the drives' commands alone, so a world with a hand cannot keep one")
         return self
+
+
+class WorldSettings(WorldOptions):
+    """Settings of one simulated world: what was chosen, and what follows from the rig and the position."""
+
+    pieces: tuple[PieceSpec, ...]
+    home: tuple[float, float, float]
+    """Tool point at the start, base frame [m]."""
+    table: TableSettings = TableSettings()
+    parameters_file: Path = DEFAULT_FILE
+    first_controller: NonNegativeFloat = 90.0
+    """A world that no controller has used yet ends after this; compiling a controller's law takes some [s, wall]."""
+
+
+def keep_settings(settings: WorldSettings, run_dir: Path) -> None:
+    """Leave a world's settings in its run directory."""
+    (run_dir / FILE_NAME).write_text(settings.model_dump_json(), encoding="utf-8")
 
 
 def load_settings(run_dir: Path) -> WorldSettings:

@@ -16,7 +16,8 @@ from app.commissioning.calibrate import calibrate_rig, corners_near
 from app.commissioning.marker_survey import Setup
 from app.measure.bench.vision.calibration import square_errors
 from app.motion import MotionSettings
-from app.rig.simulation.settings import SimRigSettings
+from app.rig.rig_file import WorldSection
+from app.rig.simulation.settings import NO_PIECES, own_rig
 from app.rig.simulation.sim import SimRig
 from app.settings.calibration import (
     CalibratedBoard,
@@ -30,7 +31,6 @@ from app.settings.calibration import (
 from hardware.interfaces import Intrinsics, Pace
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.process.settings import WorldSettings
 from hardware.sim.process.table_studio import true_camera
 from hardware.sim.render.appearance import CameraSettings, MountSettings
 from hardware.table import TableSettings
@@ -124,12 +124,10 @@ def test_a_camera_that_hangs_off_is_calibrated() -> None:
     mount = MountSettings(shift=(0.02, -0.03, 0.025), turn=(0.04, 0.03, -0.05))
     setup = Setup(TABLE, load_parameters(), MotionSettings())
     home = np.array(setup.motion.home)
-    world = WorldSettings(
-        pieces=(), home=setup.motion.home, table=TABLE, pace=Pace.FAST, camera=CameraSettings(mount=mount), seed=3
-    )
+    world = WorldSection(pace=Pace.FAST, camera=CameraSettings(mount=mount), seed=3, fen=NO_PIECES)
     with (
         tempfile.TemporaryDirectory(prefix="touchmove-") as folder,  # sockets want short paths
-        SimRig(Path(folder) / "run", SimRigSettings(world=world), lambda _step: None) as rig,
+        SimRig(own_rig(Path(folder) / "run", world), lambda _step: None) as rig,
     ):
         found = calibrate_rig(rig, setup, lambda _step: None, datetime.now(UTC), corners_near)
         np.testing.assert_allclose(rig.arm.state().reference, home, atol=1e-6)

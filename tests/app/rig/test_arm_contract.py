@@ -15,11 +15,11 @@ from app.pieces.manipulation import transfers
 from app.rig.arm import FELT, Arm
 from app.rig.board import BoardRig
 from app.rig.devices import Rig
-from app.rig.simulation.settings import SimRigSettings
+from app.rig.rig_file import WorldSection
+from app.rig.simulation.settings import own_rig
 from app.rig.simulation.sim import SimRig
 from hardware.interfaces import Pace
 from hardware.parameters import load_parameters
-from hardware.sim.process.settings import WorldSettings
 from hardware.table import TableSettings
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()
@@ -33,10 +33,8 @@ def rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
         with BoardRig(MOTION.home, PARAMETERS) as board:
             yield board
         return
-    world = WorldSettings(
-        pieces=tuple(INVENTORY), home=MOTION.home, pace=Pace.FAST, cameras=False, linger=2.0
-    )  # fmt: skip
-    with SimRig(tmp_path_factory.mktemp("arm") / "run", SimRigSettings(world=world), lambda _: None) as sim:
+    world = WorldSection(pace=Pace.FAST, cameras=False, linger=2.0)
+    with SimRig(own_rig(tmp_path_factory.mktemp("arm") / "run", world), lambda _: None) as sim:
         yield sim
 
 

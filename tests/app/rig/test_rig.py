@@ -8,20 +8,20 @@ import mujoco
 import pytest
 
 from app.rig.devices import RigFailed
-from app.rig.simulation.settings import SimRigSettings
+from app.rig.rig_file import WorldSection
+from app.rig.simulation.settings import own_rig
 from app.rig.simulation.sim import SimRig, require_present
 from hardware.sim.plant.live_state import LIVE_FILE, LiveState
-from hardware.sim.process.settings import WorldSettings
 from hardware.table import TableSettings
 
 
 def test_a_board_out_of_reach_is_refused_with_its_squares_before_anything_starts(tmp_path: Path) -> None:
-    world = WorldSettings(pieces=(), home=(0.0, 0.0, 0.4), table=TableSettings(centre_in_base=(0.25, 0.0, 0.47)))
+    table = TableSettings(centre_in_base=(0.25, 0.0, 0.47))
     said: list[str] = []
     with pytest.raises(
         RigFailed, match=r"does not fit: \d+ of 64 squares \(.*h1.*\) and .* tray places .* out of reach"
     ):
-        SimRig(tmp_path / "run", SimRigSettings(world=world), said.append)
+        SimRig(own_rig(tmp_path / "run", WorldSection(), table=table), said.append)
     assert said == []
     assert not (tmp_path / "run").exists()
 

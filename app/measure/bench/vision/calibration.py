@@ -22,13 +22,13 @@ from app.commissioning.marker_survey import Setup
 from app.measure.bench.report import Progress, Row, row
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
-from app.rig.simulation.settings import SimRigSettings
+from app.rig.rig_file import WorldSection
+from app.rig.simulation.settings import NO_PIECES, own_rig
 from app.rig.simulation.sim import SimRig
 from hardware.interfaces import Frame, Pace
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.process.scene_control import SceneControl
-from hardware.sim.process.settings import WorldSettings
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio, true_camera
 from hardware.sim.render.appearance import ExposureSettings, LightSettings, Looks, MountSettings
 from hardware.table import PieceSpec, TableSettings, square_place
@@ -152,12 +152,12 @@ def calibration_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """
     table, motion, rng = TableSettings(), MotionSettings(), np.random.default_rng(12)
     setup = Setup(table, load_parameters(), motion)
-    world = WorldSettings(pieces=(), home=motion.home, table=table, pace=Pace.FAST, seed=12)
+    world = WorldSection(pace=Pace.FAST, seed=12, fen=NO_PIECES)
     model = build_model(setup.parameters, table, (), np.array(motion.home))
     errors, residuals, heights, places, times = [], [], [], [], []
     with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
         run_dir = Path(folder) / "run"
-        with SimRig(run_dir, SimRigSettings(world=world), lambda _step: None) as rig:
+        with SimRig(own_rig(run_dir, world), lambda _step: None) as rig:
             stage = SceneControl(run_dir)
             for number in range(_MOUNTS[quick]):
                 progress(f"calibration: camera {number + 1} of {_MOUNTS[quick]}")

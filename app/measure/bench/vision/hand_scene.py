@@ -25,19 +25,20 @@ from app.guard.hand_guard import ArmMasks, HandGuard, Listener
 from app.motion import MotionSettings
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
+from app.rig.rig_file import WorldSection
 from app.rig.simulation.nominal_view import nominal_view
-from app.rig.simulation.settings import SimRigSettings
+from app.rig.simulation.settings import own_rig
 from app.rig.simulation.sim import SimRig
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import State
 from hardware.interfaces import Intrinsics, Pace
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.hand import seen_from_above
+from hardware.sim.clients.camera import SimCamera
 from hardware.sim.clients.referee import SimReferee
 from hardware.sim.clients.video_stream import SimWatchCamera
 from hardware.sim.hand.actions import HandSettings
 from hardware.sim.process.randomisation import Randomisation
-from hardware.sim.process.settings import WorldSettings
 from hardware.table import TableSettings
 from vision.hands.stillness import Watch
 
@@ -71,17 +72,14 @@ class HandScene:
     def __init__(self, run_dir: Path, seed: int, person: HandSettings | None) -> None:
         self.table, self.motion, self.parameters = TableSettings(), MotionSettings(), load_parameters()
         self.inventory = Inventory.of(start_layout(chess.Board(), self.table), self.table)
-        world = WorldSettings(
-            pieces=tuple(self.inventory), home=self.motion.home, table=self.table, pace=Pace.FAST, seed=seed,
-            hand=person, randomisation=LOOKS, linger=1.0,
-        )  # fmt: skip
+        world = WorldSection(pace=Pace.FAST, seed=seed, hand=person, randomisation=LOOKS, linger=1.0)
         self.run_dir, self.telemetry = run_dir, list[Telemetry]()
         self.history = ArmHistory(self.parameters.drive.tick)
-        self.rig = SimRig(run_dir, SimRigSettings(world=world), lambda _: None, self._listen)
+        self.rig = SimRig(own_rig(run_dir, world), lambda _: None, self._listen)
         self.view = nominal_view(self._intrinsics(), self.table)
 
     def _intrinsics(self) -> Intrinsics:
-        if self.rig.camera is None:
+        if not isinstance(self.rig.camera, SimCamera):
             raise UserError("this bench needs a world with cameras: 'apt-get install libegl1 libgl1-mesa-dri'")
         return self.rig.camera.intrinsics
 
