@@ -7,13 +7,15 @@ from typing import Annotated, Final
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, NonNegativeInt, PositiveFloat, PositiveInt
 
+from hardware.interfaces import LINGER
+
 CONTROLLER_FILE = "controller.json"
 """Written by the controller into the run directory when clients are welcome: host, port, pid, protocol version."""
 
 ANY_PORT: Final = 0
 """A port that is free; clients find it through ``CONTROLLER_FILE``."""
-LINGER: Final = 30.0
-"""How long an arm without a client is held [s, wall]: long enough to start a program again, short enough for motors."""
+HELD_FORCE: Final = 0.5
+"""Pads that feel this hold a piece [N]: the noise of their sensors stays far below, the lightest grasp far above."""
 
 
 def _ipv4(host: str) -> str:
@@ -47,7 +49,7 @@ class ControllerSettings(BaseModel):
     hard [1/s²]."""
     stop_damping: PositiveFloat = 40.0
     """Least k_v of each axis during and after a controlled stop [1/s]."""
-    held_force: PositiveFloat = 0.5
+    held_force: PositiveFloat = HELD_FORCE
     """A controller that starts with both pads feeling this has a piece in its fingers [N] …"""
     holding_speed: PositiveFloat = 0.025
     """… and goes on pressing with this velocity of each finger [m/s]: 4 N in stall, what a grasp presses with."""

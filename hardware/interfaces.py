@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntFlag, StrEnum
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,13 @@ class Pace(StrEnum):
     """By the wall clock."""
     FAST = "fast"
     """As fast as the processes can, standing still while all rests."""
+
+
+SEED: Final = 1
+"""Everything that is drawn at random is drawn from this where nobody chooses another seed."""
+LINGER: Final = 30.0
+"""How long an arm or a world that has lost its program waits for another one [s, wall]: long enough to start a program
+again, short enough for motors."""
 
 
 class HardwareError(Exception):

@@ -277,6 +277,25 @@ def test_a_class_name_stands_for_one_thing() -> None:
     assert not {name: modules for name, modules in where.items() if len(modules) > 1}
 
 
+CHOICES = ("settings", "tree", "rig_file", "randomisation", "appearance")
+"""Modules of what somebody may choose, in a file or on the command line."""
+
+
+def test_a_default_stands_in_one_place() -> None:
+    """A number or word that is written down twice is one day changed in one of the places, and nothing happens."""
+    where: dict[tuple[str, object], list[str]] = {}
+    for module, tree in sources().items():
+        if module.split(".")[-1] not in CHOICES:
+            continue
+        bodies = [node.body for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+        for field in (one for body in bodies for one in body if isinstance(one, ast.AnnAssign)):
+            if isinstance(field.value, ast.Constant) and not isinstance(field.value.value, bool | None):
+                where.setdefault((ast.unparse(field.target), field.value.value), []).append(module)
+    assert len(where) > 100
+    twice = {f"{name} = {value}": modules for (name, value), modules in where.items() if len(modules) > 1 and value}
+    assert not twice
+
+
 LOAD_LATE = {
     "app.cli": "the help must be quick",
     "app.execution": "planning and seeing take seconds to load, and are not needed before something moves",

@@ -8,6 +8,7 @@ from typing import Final, Self
 
 from pydantic import NonNegativeFloat, PositiveFloat
 
+from controller.settings import HELD_FORCE
 from hardware.frozen import Frozen
 from hardware.table import CONTACT_PROFILES, ContactLimits, TableSettings
 
@@ -68,7 +69,7 @@ class Grip(Frozen):
     """[m/s]"""
     guard_force: PositiveFloat = 3.0
     """Both pads must feel this before a piece counts as gripped [N]."""
-    held_force: PositiveFloat = 0.5
+    held_force: PositiveFloat = HELD_FORCE
     """A pad that feels less on the way has lost the piece, and the arm stops: fingers that open by themselves, or what
     has fallen, may be in its way [N]."""
     patience: PositiveFloat = 0.40

@@ -15,8 +15,9 @@ from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegative
 
 from app.motion import Profile
 from app.settings.time_control import ArmTime
+from controller.settings import ANY_PORT
 from engine.settings import HASH_MB, THREADS, OptionValue
-from hardware.interfaces import Pace
+from hardware.interfaces import LINGER, SEED, Pace
 from hardware.table import Captured, Colour
 
 SIMULATED: Final = "sim"
@@ -55,7 +56,7 @@ class RigSection(_Section):
     says its own."""
     profile: Profile = Profile.DEFAULT
     """How the arm moves: default, fast, gentle (children in reach) or minimum-jerk."""
-    seed: Annotated[int, Field(ge=0, lt=1 << 63)] = 1
+    seed: Annotated[int, Field(ge=0, lt=1 << 63)] = SEED
     """Chooses the opening of two engines, and all randomness of a simulation."""
     square: PositiveFloat | None = None
     """Side of a square of a simulation of our own [mm]; the default board if left out. A larger board stands nearer to
@@ -70,9 +71,9 @@ class RigSection(_Section):
     person: Colour | None = None
     """A simulated person sits at this side of a simulation of our own, though nobody plays by hand: their hand does
     what a program of its own has it do."""
-    linger: NonNegativeFloat = 30.0
+    linger: NonNegativeFloat = LINGER
     """If the game's program is killed: how long the arm waits for another one, before it is put on its brakes [s]."""
-    port: Annotated[int, Field(ge=0, le=65535)] = 0
+    port: Annotated[int, Field(ge=0, le=65535)] = ANY_PORT
     """UDP port of our own controller; 0: any that is free."""
     journal: bool = False
     """A simulation of our own keeps every command, so that its ticks can be done again."""

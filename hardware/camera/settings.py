@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 
 from hardware.frozen import FrozenFinite
+
+FRAME_RATE: Final = 30
+"""What USB cameras give at the sizes used here [1/s]."""
 
 
 class NoCameraSettings(FrozenFinite):
@@ -31,7 +34,7 @@ class RealSenseSettings(FrozenFinite):
     """Of depth pictures before they are aligned [px]; a D435 measures best at 848×480."""
     depth_height: PositiveInt = 480
     """Of depth pictures before they are aligned [px]."""
-    fps: PositiveInt = 30
+    fps: PositiveInt = FRAME_RATE
     """Pictures a second, of both."""
     exposure: PositiveFloat | None = None
     """Exposure time of the colour sensor [s]; left out: the camera adjusts it by itself."""
@@ -60,7 +63,7 @@ class WebcamSettings(FrozenFinite):
     """Asked for [px]; some cameras deliver another size."""
     height: PositiveInt = 720
     """Asked for [px]."""
-    fps: PositiveInt = 30
+    fps: PositiveInt = FRAME_RATE
     focal: PositiveFloat | None = None
     """Focal length at this size [px]."""
     field_of_view_deg: Annotated[float, Field(gt=5.0, lt=150.0)] | None = None

@@ -14,7 +14,7 @@ from pydantic import (
 )
 
 from hardware.frozen import Frozen
-from hardware.interfaces import HardwareError, Pace
+from hardware.interfaces import LINGER, SEED, HardwareError, Pace
 from hardware.parameters import DEFAULT_FILE
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.hand.actions import HandSettings
@@ -32,7 +32,7 @@ class WorldOptions(Frozen):
 
     pace: Pace = Pace.REAL
     """How plant time goes."""
-    seed: NonNegativeInt = 1
+    seed: NonNegativeInt = SEED
     """Decides how the pieces stand, and everything else that is drawn at random."""
     cameras: bool = True
     """False: no renderer, and no OpenGL needed."""
@@ -44,7 +44,7 @@ class WorldOptions(Frozen):
     """How the world differs from what the app believes; drawn by the seed."""
     hand: HandSettings | None = None
     """The hand of a person who plays; None: nobody sits at the board, and nothing is different for it."""
-    linger: NonNegativeFloat = 30.0
+    linger: NonNegativeFloat = LINGER
     """After the controller is lost, wait this long for another one [s, wall]."""
     camera_latency: PositiveFloat = 0.060
     """From exposure to delivery of a frame, plant time [s]."""

@@ -71,7 +71,7 @@ def test_everything_that_a_rig_file_can_say(tmp_path: Path) -> None:
         (CONTROLLER + "[world]\nsede = 3\n", r"no setting world\.sede: did you mean seed\?"),
         (
             CONTROLLER + "[world]\nzzz = 3\n",
-            r"no setting world\.zzz: choose camera, cameras, fen, light, pace, person, randomisation, seed",
+            r"no setting world\.zzz: choose camera, camera_latency, cameras, fen, hand, journal",
         ),
         ('[controller]\nport = "x"\n', r"controller\.port: .*integer.*, not 'x'"),
         (CONTROLLER.replace("192.168.7.2", "localhost"), r"controller\.host: .*IPv4.*'localhost'"),
