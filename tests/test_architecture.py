@@ -63,7 +63,6 @@ KNOW_THE_TRUTH = {
     "app.pieces.judging": "compares truth and game",
     "app.rig.devices": "hands the referee on to whoever may ask it",
     "app.rig.remote": "opens it",
-    "app.rig.simulation.sim": "opens it",
     "hardware.sim.clients.referee": "is it",
     "hardware.sim.clients.viewer": "is a window for people",
     "hardware.sim.plant.plant": "says what is so",

@@ -130,7 +130,7 @@ def test_a_whole_game_with_all_that_a_person_may_do_at_the_board(tmp_path: Path)
     options = ("--pace", "fast", "--engine", str(engine), "--out", str(tmp_path / "game"), "--json")
     done = subprocess.run([*TOUCHMOVE, "play", *options], input=script, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
-    assert "the white pawn stands on d2: tell the hand to move that first" in done.stderr
+    assert "another piece stands at d2: take it away first" in done.stderr
     assert "no piece stands within 20 mm of e5" in done.stderr
     report = json.loads(done.stdout)
     assert report["physical_ok"] is True

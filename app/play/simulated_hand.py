@@ -27,13 +27,10 @@ class SimHands:
     def do(self, command: MoveHand, inventory: Inventory) -> None:
         """See ``Hands.do``."""
         table = inventory.table
-        points = [table.xy(place) for place in command.places]
-        there = inventory.at(command.places[-1])
-        if command.verb is HandVerb.MOVE and there is not None:
-            raise HandRefused(
-                f"the {there.colour} {there.kind} stands on {there.place}: tell the hand to move that first, or name "
-                "an empty place"
-            )
+        try:
+            points = [table.xy(place) for place in command.places]
+        except ValueError as error:  # no such place on this table
+            raise HandRefused(str(error)) from error
         actions: dict[HandVerb, type[Knock] | type[Hover] | type[Rest]] = {
             HandVerb.KNOCK: Knock, HandVerb.HOVER: Hover, HandVerb.REST: Rest,
         }  # fmt: skip

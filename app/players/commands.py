@@ -139,12 +139,17 @@ def parse_hand(words: list[str]) -> MoveHand:
         raise CommandError(f"what shall the hand do? {usage}")
     verb = HandVerb(words[0].lower())
     try:
-        places = tuple(Place.parse(word) for word in words[1:])
+        places = tuple(_place(word) for word in words[1:])
     except ValueError as error:
         raise CommandError(f"{error}; {usage}") from error
     if len(places) != (2 if verb is HandVerb.MOVE else 1):
         raise CommandError(f"'hand {verb}' wants {2 if verb is HandVerb.MOVE else 1} place(s): {usage}")
     return MoveHand(verb, places)
+
+
+def _place(word: str) -> Place:
+    """A place in any case: people type E4 and l3."""
+    return Place.parse(word.lower() if len(word) == 2 and word[0] in "abcdefghABCDEFGH" else word.upper())
 
 
 def help_text() -> str:

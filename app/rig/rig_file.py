@@ -20,6 +20,7 @@ runs the game may read the same file, or copies of it. Its paths count from the 
 
 from __future__ import annotations
 
+from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
@@ -46,9 +47,16 @@ class ControllerSection(ControllerSettings):
     """``[controller]``: where it listens, and everything in ``ControllerSettings``."""
 
     port: Annotated[int, Field(ge=0, le=65535)]
-    """UDP port, which clients have to know; 0: any that is free, which they find in the run directory."""
+    """UDP port, which clients have to know; 0: any that is free, which those on this computer find in the run
+    directory."""
     key: Path = Path("touchmove.key")
     """File with the secret that controller and clients share; the controller makes it at its first start."""
+
+    @model_validator(mode="after")
+    def _findable(self) -> Self:
+        if self.port == ANY_PORT and not IPv4Address(self.host).is_loopback:
+            raise ValueError("clients on other computers cannot find a free port: give port a number")
+        return self
 
 
 class DrivesSection(Frozen):

@@ -6,7 +6,6 @@ import os
 import socket
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -25,7 +24,6 @@ from controller.protocol.layout import (
 )
 from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
 from controller.protocol.states import State
-from controller.wire.address import find_controller
 from controller.wire.errors import CommandFailed, ControllerLost, MotionRefused, MotionStopped
 from controller.wire.link import REPEAT, Link, Listener
 from hardware.interfaces import Triple
@@ -105,23 +103,6 @@ class ControllerClient:
         self._link: Link | None = None
         self._welcome = Welcome(0.0, 0, False, 0)
         self._motion = 0
-
-    @classmethod
-    def from_run_directory(
-        cls,
-        directory: Path,
-        *,
-        name: str | None = None,
-        lead: int | None = None,
-        listener: Listener | None = None,
-    ) -> Self:
-        """A client of the controller that runs in this directory (not connected yet).
-
-        Raises:
-            ControllerUnavailable: there is no ``controller.json``, or it names another version of the protocol.
-            KeyFileError: the key cannot be read.
-        """
-        return cls(*find_controller(directory), name=name, lead=lead, listener=listener)
 
     def __enter__(self) -> Self:
         self.connect()

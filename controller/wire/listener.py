@@ -6,13 +6,12 @@ import secrets
 import socket
 import threading
 import time
-from pathlib import Path
 from typing import Self
 
 from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, WATCH, DatagramKind
 from controller.protocol.messages import Telemetry
-from controller.wire.address import find_controller, open_socket
+from controller.wire.address import open_socket
 from controller.wire.errors import ControllerLost, ControllerUnavailable
 from controller.wire.link import HEARTBEAT_INTERVAL, REPEAT, SILENCE, Listener
 
@@ -37,16 +36,6 @@ class TelemetryWatch:
         self._open = False
         self._heard = time.monotonic()
         self._begin()
-
-    @classmethod
-    def from_run_directory(cls, directory: Path, listener: Listener | None = None) -> Self:
-        """A listener of the controller that runs in this directory (not connected yet).
-
-        Raises:
-            ControllerUnavailable: there is no ``controller.json``, or it names another version of the protocol.
-            KeyFileError: the key cannot be read.
-        """
-        return cls(*find_controller(directory), listener=listener)
 
     def __enter__(self) -> Self:
         self.connect()

@@ -26,6 +26,7 @@ from controller.protection.limits import Limits
 from controller.protocol import SAMPLE, Guard
 from controller.protocol.key import KEY_FILE, create_key
 from controller.settings import CONTROLLER_FILE, ControllerSettings
+from controller.wire.address import find_controller
 from controller.wire.client import ControllerClient
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters, load_parameters
@@ -149,7 +150,7 @@ class Running:
 
     def client(self, **options: Any) -> ControllerClient:
         """A client of it, not connected; closed with the controller."""
-        self._clients.append(ControllerClient.from_run_directory(self.directory, **options))
+        self._clients.append(ControllerClient(*find_controller(self.directory), **options))
         return self._clients[-1]
 
     def client_through(self, link: LossyLink, **options: Any) -> ControllerClient:

@@ -37,7 +37,9 @@ def own_rig(
     """
     run_dir = run_dir.resolve()
     usual = {"port": ANY_PORT, "key": run_dir / KEY_FILE, "stays": False}
-    return RigFile(controller=ControllerSection(**{**usual, **controller}), world=world, run_dir=run_dir, **rig)
+    calibration = run_dir / RigFile.model_fields["calibration"].default
+    section = ControllerSection(**{**usual, **controller})
+    return RigFile(controller=section, world=world, run_dir=run_dir, calibration=calibration, **rig)
 
 
 def rig_for_game(

@@ -108,6 +108,7 @@ class Routines:
             case Put():
                 yield from self._put(action.at)
             case Move():
+                self._check_free(self._view.look(), self._standing_piece(action.start), action.to)
                 yield from self._take(action.start)
                 yield from self._put(action.to)
             case Slide():
@@ -192,20 +193,20 @@ class Routines:
         dx, dy = self._rng.normal(0.0, self._settings.placement_sigma, 2).clip(-limit, limit).tolist()
         return dx, dy
 
-    def _check_free(self, sight: TableSight, held: Held, at: Point) -> None:
+    def _check_free(self, sight: TableSight, piece: Held | SeenPiece, at: Point) -> None:
         x, y = at
         wide, deep = deck_half_size(self._table)
-        if abs(x) > wide - held.shape.foot_radius or abs(y) > deep - held.shape.foot_radius:
+        if abs(x) > wide - piece.shape.foot_radius or abs(y) > deep - piece.shape.foot_radius:
             raise HandFailed(
                 f"({x:.3f}, {y:.3f}) m is not on the board or its trays, which end at ±{wide:.3f} m and ±{deep:.3f} m"
             )
-        if not self._is_free(sight, held, at):
+        if not self._is_free(sight, piece, at):
             raise HandFailed(f"another piece stands at ({x:.3f}, {y:.3f}) m: take it away first")
 
     @staticmethod
-    def _is_free(sight: TableSight, held: Held, at: Point) -> bool:
-        others = sight.without(held.name).pieces
-        return all(p.distance(*at) > p.shape.foot_radius + held.shape.foot_radius for p in others)
+    def _is_free(sight: TableSight, piece: Held | SeenPiece, at: Point) -> bool:
+        others = sight.without(piece.name).pieces
+        return all(p.distance(*at) > p.shape.foot_radius + piece.shape.foot_radius for p in others)
 
     def _slide(self, action: Slide) -> Iterator[Program]:
         yield from self._grasp(action.start)

@@ -26,6 +26,7 @@ from controller.protocol.layout import CHALLENGE, COMMAND, HEARTBEAT
 from controller.protocol.messages import Hello, Telemetry
 from controller.protocol.states import State
 from controller.settings import CONTROLLER_FILE, ControllerSettings
+from controller.wire.address import find_controller
 from controller.wire.client import ControllerClient
 from controller.wire.errors import (
     CommandFailed,
@@ -351,7 +352,7 @@ def test_a_file_left_by_a_killed_controller_is_replaced(launch: Launch, fake_bus
 
 def test_a_connection_that_is_not_there(launch: Launch, tmp_path: Path) -> None:
     with pytest.raises(ControllerUnavailable, match=r"controller.json cannot be used .*: is the controller running?"):
-        ControllerClient.from_run_directory(tmp_path)
+        ControllerClient(*find_controller(tmp_path))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]

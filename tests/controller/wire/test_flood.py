@@ -20,7 +20,6 @@ from app.terminal.interface import Quiet
 from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.layout import CHALLENGE, COMMAND, HEARTBEAT, SAMPLE, WATCH, CommandCode, DatagramKind
 from controller.protocol.messages import Announce, Busy, Hello, MotionFlag, Samples, Welcome
-from controller.wire.address import find_controller
 from controller.wire.client import ControllerClient
 from controller.wire.endpoint import Door
 from controller.wire.sockets import PortInUse, listening_socket
@@ -401,16 +400,15 @@ def test_a_game_in_real_time_goes_on_beside_a_flood(tmp_path: Path, monkeypatch:
     """Some 5,000 datagrams a second at most, three times what can be read where each takes the turn of a tick."""
     floods = list[subprocess.Popen[str]]()
 
-    def beside_a_flood(run_dir: Path, **options: Any) -> ControllerClient:
-        found = find_controller(run_dir)
-        example = Envelope(found.key).seal(DatagramKind.COMMAND, 1, 1, COMMAND.struct.pack(CommandCode.SHUTDOWN))
-        command = [sys.executable, "-ISc", FLOOD, str(found.port), example.hex()]
+    def beside_a_flood(host: str, port: int, key: bytes, **options: Any) -> ControllerClient:
+        example = Envelope(key).seal(DatagramKind.COMMAND, 1, 1, COMMAND.struct.pack(CommandCode.SHUTDOWN))
+        command = [sys.executable, "-ISc", FLOOD, str(port), example.hex()]
         floods.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
         assert floods[-1].stdout is not None
         assert floods[-1].stdout.readline() == "on\n"
-        return ControllerClient(*found, **options)
+        return ControllerClient(host, port, key, **options)
 
-    monkeypatch.setattr("app.rig.simulation.sim.ControllerClient.from_run_directory", beside_a_flood)
+    monkeypatch.setattr("app.rig.remote.ControllerClient", beside_a_flood)
     settings = settings_of(
         {
             "rig.pace": Pace.REAL, "rig.seed": 3, "rig.video": False, "rig.cameras": False, "rig.linger": 5.0,

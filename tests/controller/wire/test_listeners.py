@@ -17,6 +17,7 @@ from controller.protocol.envelope import Drop, Envelope, Opened
 from controller.protocol.layout import ANNOUNCE, CHALLENGE, COMMAND, HEARTBEAT, PAYLOADS, WATCH
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import State
+from controller.wire.address import find_controller
 from controller.wire.errors import ControllerLost, ControllerUnavailable
 from controller.wire.listener import TelemetryWatch
 from controller.wire.subscribers import MAX_LISTENERS, SILENCE, Audience
@@ -239,7 +240,7 @@ def ear() -> Iterator[Callable[..., Ear]]:
 
 def test_a_watch_hears_what_the_client_hears(launch: Launch, line: Line, until: Until) -> None:
     running, own, heard = launch(), list[Telemetry](), list[Telemetry]()
-    with TelemetryWatch.from_run_directory(running.directory, heard.append) as watch:
+    with TelemetryWatch(*find_controller(running.directory), heard.append) as watch:
         assert watch.telemetry.state is State.HOLD
         with running.client(listener=own.append) as client:
             outcome = client.execute(line(HOME, AWAY, 640))
@@ -342,7 +343,7 @@ def test_a_flood_of_watches_changes_nothing_of_the_motion(launch: Launch, line: 
 
 def test_many_watches_at_once_and_one_too_many(launch: Launch) -> None:
     running = launch()
-    watches = [TelemetryWatch.from_run_directory(running.directory) for _ in range(MAX_LISTENERS + 1)]
+    watches = [TelemetryWatch(*find_controller(running.directory)) for _ in range(MAX_LISTENERS + 1)]
     for watch in watches[:-1]:
         watch.connect()
     with pytest.raises(ControllerUnavailable, match=r"127.0.0.1:\d+ answers but admits no more listeners: end another"):
@@ -381,7 +382,7 @@ def _lost(watch: TelemetryWatch) -> bool:
 
 def test_what_keeps_a_watch_from_listening_is_said(tmp_path: Any) -> None:
     with pytest.raises(ControllerUnavailable, match=r"controller.json cannot be used .*: is the controller running\?"):
-        TelemetryWatch.from_run_directory(tmp_path)
+        TelemetryWatch(*find_controller(tmp_path))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         watch = TelemetryWatch("127.0.0.1", taken.getsockname()[1], bytes(32))

@@ -11,7 +11,6 @@ import pytest
 from app.play.launch import run_games
 from app.settings.files import settings_of
 from app.terminal.interface import Quiet
-from controller.wire.address import find_controller
 from controller.wire.client import ControllerClient
 from hardware.interfaces import Pace
 
@@ -38,12 +37,11 @@ def test_a_line_over_a_bad_link_moves_every_piece_in_the_same_way(
     good = play(tmp_path / "good")
     links = []
 
-    def through_a_bad_link(run_dir: Path, **options: Any) -> ControllerClient:
-        found = find_controller(run_dir)
-        links.append(lossy_link(found.port, loss=0.3, repeats=0.1, delay=0.02))
-        return ControllerClient("127.0.0.1", links[-1].port, found.key, **options)
+    def through_a_bad_link(host: str, port: int, key: bytes, **options: Any) -> ControllerClient:
+        links.append(lossy_link(port, loss=0.3, repeats=0.1, delay=0.02))
+        return ControllerClient(host, links[-1].port, key, **options)
 
-    monkeypatch.setattr("app.rig.simulation.sim.ControllerClient.from_run_directory", through_a_bad_link)
+    monkeypatch.setattr("app.rig.remote.ControllerClient", through_a_bad_link)
     bad = play(tmp_path / "bad")
     assert len(links) == 1
     assert len(links[0].seen) > 300

@@ -1,0 +1,64 @@
+"""At every prompt a person may quit, resign or go away; each ends in a record that 'resume' takes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+TOUCHMOVE = (sys.executable, "-P", "-m", "app.cli")
+BOARD = ("--rig", "board", "--nodes", "500")
+SIMULATED = ("--pace", "fast", "--nodes", "500")
+
+
+def run(folder: Path, lines: tuple[str, ...], *command: str) -> tuple[int, dict[str, Any], str]:
+    """Exit status, report and everything said of a game in which these lines are typed; then the input ends."""
+    typed = "".join(f"{line}\n" for line in lines)
+    done = subprocess.run([*TOUCHMOVE, *command, "--json"], input=typed, capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr, done.stderr
+    report = folder / "report.json"
+    return done.returncode, json.loads(report.read_text()) if report.exists() else {}, done.stderr
+
+
+@pytest.mark.parametrize("before", [(), ("e4",), ("pause",), ("e4", "pause")], ids=["start", "move", "pause", "both"])
+@pytest.mark.parametrize("leave", ["quit", "resign", None])
+def test_a_game_without_devices_is_left_and_taken_up(
+    tmp_path: Path, before: tuple[str, ...], leave: str | None
+) -> None:
+    game = tmp_path / "game"
+    lines = before if leave is None else (*before, leave)
+    status, report, said = run(game, lines, "play", *BOARD, "--out", str(game))
+    plies = 2 * before.count("e4")
+    assert report["plies"] == plies
+    if leave == "resign":
+        assert (status, report["result"]) == (0, "0-1")
+        status, _, said = run(game, (), "resume", str(game))
+        assert status == 2
+        assert f"is over, after {plies} plies: start a new one" in said
+        return
+    assert f"'touchmove resume {game}' goes on with it" in said
+    assert status == (0 if leave == "quit" else 1)
+    status, report, _ = run(game, ("d4" if not plies else "Nf3", "resign"), "resume", str(game))
+    assert (status, report["result"], report["plies"]) == (0, "0-1", plies + 2)
+
+
+@pytest.mark.slow
+def test_a_game_that_waits_for_a_piece_is_left_and_taken_up(tmp_path: Path) -> None:
+    """The knight lies in a tray where nobody looks for it: the person is asked, and leaves in every way there is."""
+    game = tmp_path / "game"
+    asked = "put the white knight on b1"
+    status, report, said = run(game, ("hand move b1 L3", "fix"), "play", *SIMULATED, "--out", str(game))
+    assert (status, report["result"]) == (1, "*")
+    assert asked in said
+    status, report, said = run(game, ("nonsense", "quit"), "resume", str(game))
+    assert (status, report["result"]) == (0, "*")
+    assert asked in said
+    assert "'nonsense' is no answer" in said
+    back = ("hand move L3 b1", "done", "e4", "hand move b1 L3", "fix", "resign")
+    status, report, said = run(game, back, "resume", str(game))
+    assert (status, report["result"], report["plies"]) == (0, "0-1", 2), said[-2000:]
+    assert run(game, (), "resume", str(game))[0] == 2
