@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from app.motion.path import Vector
+from app.motion.timing.reference import eased
 from hardware.frozen import FrozenFinite
 from hardware.parameters import Pads
 from hardware.table import PieceShape
@@ -151,12 +152,3 @@ def _pressed(share: Vector, how: Heeling, end: float, stiffness: float) -> Vecto
     value = a * q**2 * (1.0 - q) + b * q**2
     slope, bend = a * (2.0 * q - 3.0 * q**2) + 2.0 * b * q, a * (2.0 - 6.0 * q) + 2.0 * b
     return np.stack([pressed + value, slope * rate, bend * rate**2 + slope * change], axis=1)
-
-
-def eased(ticks: int, tick: float) -> Vector:
-    """From 0 to 1 with rest at both ends, by a quintic: value, rate and its change at 1, 2, … ticks, (ticks, 3)."""
-    t, duration = np.arange(1.0, ticks + 1.0) / ticks, ticks * tick
-    return np.stack([
-        t**3 * (10.0 - 15.0 * t + 6.0 * t**2), 30.0 * t**2 * (1.0 - t) ** 2 / duration,
-        60.0 * t * (1.0 - t) * (1.0 - 2.0 * t) / duration**2,
-    ], axis=1)  # fmt: skip

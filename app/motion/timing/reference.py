@@ -14,7 +14,7 @@ from app.motion.path import Path, Vector, blend
 from app.motion.timing.time_law import Bounds, TimeLaw, line_law, time_law
 from controller.protocol import SAMPLE
 
-__all__ = ["Bounds", "Segment", "Vector", "along", "dwell", "glide", "join", "line", "to_samples"]
+__all__ = ["Bounds", "Segment", "Vector", "along", "dwell", "eased", "glide", "join", "line", "to_samples"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +100,15 @@ def dwell(point: Vector, ticks: int) -> Segment:
 def join(segments: list[Segment]) -> Segment:
     """Segments one after the other; each must start where the one before ends."""
     return Segment(np.concatenate([segment.table for segment in segments]))
+
+
+def eased(ticks: int, tick: float) -> Vector:
+    """From 0 to 1 with rest at both ends, by a quintic: value, rate and its change at 1, 2, … ticks, (ticks, 3)."""
+    t, duration = np.arange(1.0, ticks + 1.0) / ticks, ticks * tick
+    return np.stack([
+        t**3 * (10.0 - 15.0 * t + 6.0 * t**2), 30.0 * t**2 * (1.0 - t) ** 2 / duration,
+        60.0 * t * (1.0 - t) * (1.0 - 2.0 * t) / duration**2,
+    ], axis=1)  # fmt: skip
 
 
 _FIELDS = cast("Mapping[str, Any]", SAMPLE.fields)
