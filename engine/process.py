@@ -30,7 +30,6 @@ LOGGER = logging.getLogger(__name__)
 
 KILL_DEADLINE = 2.0
 """Longest wait for a killed process to be gone [s]; only the kernel can be slow here."""
-
 PR_SET_PDEATHSIG = 1
 
 _HINTS = {

@@ -15,8 +15,7 @@ import chess
 import chess.engine
 
 from engine import budget
-from engine.alone import searched_alone
-from engine.answers import Candidate, EngineMove, engine_move
+from engine.answers import Candidate, EngineMove, engine_move, searched_alone
 from engine.errors import EngineMissing, EngineRefused, Misbehaved
 from engine.options import at_full_strength
 from engine.process import UciProcess
@@ -28,8 +27,6 @@ __all__ = ["Candidate", "Engine", "EngineMove", "EngineSettings", "find_engine"]
 
 DEBIAN_PATH = "/usr/games/stockfish"
 """Where Debian installs Stockfish; not on the PATH of every account."""
-
-
 ALONE = 0.25
 """A move that is searched alone is given this at most [s]: an engine that heeds no number of nodes is stopped then."""
 

@@ -16,7 +16,6 @@ T = TypeVar("T")
 
 PAUSES: Final = (0.0, 0.2, 1.0)
 """Before each further attempt at one question [s]: what is wrong with the machine may pass."""
-
 MOST_HANGS: Final = 2
 """Attempts at one question that may end by a deadline: each costs its whole time."""
 

@@ -34,15 +34,10 @@ if TYPE_CHECKING:
 
 MOST_PAUSES = 20
 """Within one job; a computer that is late so often will not get better by itself."""
-
 GIVES = 0.0005
 """Fingers around a piece may be closed by so much more than its stem says [m]."""
-
-
 HELD_UP = 0.001
 """A tool that rests by so much above its reference lies on something: its reference comes there first [m]."""
-
-
 AT_HOME = 0.002
 """A reference that is no further from home is there [m]."""
 

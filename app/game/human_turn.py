@@ -17,9 +17,8 @@ from app import UserError
 from app.execution.outcome import Remark
 from app.execution.state import LEFT, WRONG, GameEnd
 from app.execution.table import Table
-from app.game.person import GameLeft, NeedsHand, ask
+from app.game.person import GameLeft, HandNotice, NeedsHand, ask
 from app.game.timing import Timing
-from app.guard.hand_notice import HandNotice
 from app.pieces.manipulation import transfers
 from app.players.commands import Command, CommandError, MoveHand, PlayMove, Word, help_text, parse_command
 from app.players.person import Human, PersonGone

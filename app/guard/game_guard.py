@@ -79,11 +79,6 @@ class GameGuard:
         self._guard = HandGuard(frames, view, masks, self._holder, progress=self._progress, holding=holding)
         self._guard.start()
 
-    @property
-    def watching(self) -> bool:
-        """Whether it is known where the board is."""
-        return self._guard is not None
-
     def clear(self) -> None:
         """Wait until no hand is over the board, then admit motions; see ``HandGuard.clear``.
 

@@ -20,7 +20,6 @@ from hardware.table import PieceSpec, Place, square_place
 
 Point = tuple[float, float]
 """On the board (x, y) [m]."""
-
 NOWHERE_ELSE: Final[Mapping[str, Point]] = MappingProxyType({})
 
 

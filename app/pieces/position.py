@@ -26,7 +26,6 @@ from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square
 Array = NDArray[np.float64]
 Ways = dict[str, tuple[Place, Place]]
 """Source and target of each piece that moves, by name."""
-
 _MOVED: Final = 10.0
 """What a transfer counts, whatever its way: more than all ways of a plan [m]."""
 _INNER: Final = 2.0

@@ -245,16 +245,11 @@ def transfer_records(transfers: Iterable[Transfer]) -> tuple[TransferRecord, ...
     """Transfers in the order of execution."""
     return tuple(
         TransferRecord(
-            piece=t.name,
-            kind=t.kind,
-            colour=t.colour,
-            source=str(t.source),
-            target=str(t.target),
-            seen=t.seen,
+            piece=t.name, kind=t.kind, colour=t.colour, source=str(t.source), target=str(t.target), seen=t.seen,
             raised=t.raised,
         )
         for t in transfers
-    )
+    )  # fmt: skip
 
 
 def unsaid(_sentence: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import Protocol, Self
+from typing import Self
 
 import chess
 from rich.console import Console, Group
@@ -15,8 +15,8 @@ from rich.text import Text
 from app.records import PlyEvent
 
 
-class Face(Protocol):
-    """Told what happens; shows it or not."""
+class Face:
+    """Told what happens; shows what its subclass shows, and by itself nothing."""
 
     def phase(self, text: str) -> None:
         """What is being done now."""
@@ -37,29 +37,11 @@ class Face(Protocol):
         """Somebody has."""
 
 
-class Quiet:
+class Quiet(Face):
     """Shows nothing."""
 
-    def phase(self, text: str) -> None:
-        """Nothing."""
 
-    def position(self, board: chess.Board) -> None:
-        """Nothing."""
-
-    def ply(self, event: PlyEvent, board: chess.Board) -> None:
-        """Nothing."""
-
-    def say(self, sentence: str) -> None:
-        """Nothing."""
-
-    def prompt(self, sentence: str) -> None:
-        """Nothing."""
-
-    def heard(self, line: str) -> None:
-        """Nothing."""
-
-
-class Terminal:
+class Terminal(Face):
     """Board, present phase and the last plies on a terminal; plain lines where the output is none."""
 
     def __init__(self, console: Console) -> None:
@@ -110,9 +92,6 @@ class Terminal:
         """See ``Face.prompt``."""
         self.say(sentence)
 
-    def heard(self, line: str) -> None:
-        """Nothing: nobody types here."""
-
     def _show(self) -> None:
         if self._live is not None:
             self._live.update(self._picture())
@@ -125,7 +104,7 @@ class Terminal:
         return Group(table, Text(f"{self._phase}   ({wall:.0f} s)", style="cyan"))
 
 
-class Conversation:
+class Conversation(Face):
     """A game with a person at the keyboard: line by line, so that what they type stays in order.
 
     Args:

@@ -21,7 +21,6 @@ Picture = NDArray[np.float32]
 
 Look = Callable[[Array], Array]
 """Gives lightness at points (..., 2) [px], shape (...), light less dark squares about 1; not a number outside."""
-
 ALONG: Final = np.array([0.12, 0.24, 0.37, 0.5, 0.63, 0.76, 0.88])
 """Where along a side [sides of a square]."""
 ACROSS: Final = 0.13

@@ -18,7 +18,6 @@ States = NDArray[np.intp]
 
 EMPTY, WHITE, BLACK = 0, 1, 2
 """States of a square."""
-
 MEMORY: Final = 0.9
 """Share of what was known that one more position leaves: light changes within ten plies."""
 DIAGONAL: Final = 0.3
@@ -30,7 +29,6 @@ TEMPERATURE: Final = 12.0
 with it, states given 95 % are right at least as often."""
 BOUND: Final = 6.0
 """No square's look counts for more than this, in natural logarithms: anything may look odd once."""
-
 _LIGHT_SQUARES: Final = np.array([(square % 8 + square // 8) % 2 == 1 for square in range(64)])
 
 

@@ -20,7 +20,6 @@ from vision.reading.change import BOUND
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
 """Pieces by square: 0 empty, 1 to 6 white pawn to king, -1 to -6 black; shape (..., 64)."""
-
 NUDGE: Final = -4.0
 """Nothing that looks changed counts for more than this against the same piece, or none, still being there: people brush
 past pieces, and shadows wander."""

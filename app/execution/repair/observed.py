@@ -21,7 +21,6 @@ from vision.reading.piece_kinds import SPREAD
 
 Chances = Mapping[Kind, float]
 """How likely each kind is; they add up to 1."""
-
 FLUKE: Final = 1e-3
 """No kind is less likely than this, whatever its height: depth pictures have spots that are wrong."""
 KNOWN: Final = 0.9
