@@ -47,7 +47,8 @@ def engine_move(played: chess.engine.PlayResult, wall: float, lost: float, troub
     assert played.move is not None, "checked to be legal"
     pv = tuple(played.info.get("pv", ()))
     pv = pv if pv[:1] == (played.move,) else (played.move,)  # a weakened engine plays other moves than its best
-    score, depth, nodes = (played.info.get(name) for name in ("score", "depth", "nodes"))
+    said = played.info
+    score, depth, nodes = said.get("score"), said.get("depth"), said.get("nodes")
     return EngineMove(played.move, played.ponder, score, depth, nodes, wall, pv, lost, troubles)
 
 

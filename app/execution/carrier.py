@@ -29,8 +29,9 @@ from hardware.parameters import RobotParameters
 from hardware.table import Kind
 
 if TYPE_CHECKING:
-    from app.execution.recovery_plans import Blocked, Strayed
+    from app.execution.recovery_plans import Blocked
     from app.motion import Motion, MotionSettings, Plan, Planner
+    from vision.pieces.pose_search import Stray
 
 MOST_PAUSES = 20
 """Within one job; a computer that is late so often will not get better by itself."""
@@ -176,9 +177,7 @@ class Carrier:
             state = self._devices.arm.settle()
             resumed = resumed or self._step is not None
 
-    def stand_up(
-        self, one: Strayed, strays: Sequence[Strayed], stands: Inventory, seen: Clearance | None
-    ) -> float | None:
+    def stand_up(self, one: Stray, strays: Sequence[Stray], stands: Inventory, seen: Clearance | None) -> float | None:
         """Stand a piece up where it lies; home at its end.
 
         Args:
@@ -207,7 +206,7 @@ class Carrier:
             return None
 
     def push_for(
-        self, blocked: Sequence[Blocked], strays: Sequence[Strayed], stands: Inventory, seen: Clearance | None
+        self, blocked: Sequence[Blocked], strays: Sequence[Stray], stands: Inventory, seen: Clearance | None
     ) -> PlannedPush:
         """How one of two pieces that are in each other's way can be pushed aside, with nothing in the arm's way now.
 
@@ -254,7 +253,7 @@ class Carrier:
         if math.dist(state.reference, self._motion.home) > AT_HOME:
             self._go_home(inventory, None)
 
-    def way_for(self, blocks: str, strays: Sequence[Strayed], stands: Inventory) -> Transfer:
+    def way_for(self, blocks: str, strays: Sequence[Stray], stands: Inventory) -> Transfer:
         """Where a piece may go that is in the way of the fingers.
 
         Args:

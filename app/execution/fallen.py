@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.execution.recovery_plans import Strayed
 from app.execution.repair import Repair
 from app.pieces.inventory import Inventory, Transfer
 from hardware.table import Place, TableSettings
+from vision.pieces.pose_search import Stray
 from vision.pieces.verify import TOLERANCE
 
 
@@ -19,14 +19,14 @@ from vision.pieces.verify import TOLERANCE
 class Fallen:
     """Pieces lie on the board; with all that are out of place."""
 
-    strays: tuple[Strayed, ...]
+    strays: tuple[Stray, ...]
 
 
 def unaided(
     missing: Set[Place],
     stands: Inventory,
     wanted: Inventory,
-    strays: Callable[[], list[Strayed]],
+    strays: Callable[[], list[Stray]],
     handled: Set[str],
     *,
     people: bool,
@@ -87,18 +87,18 @@ def with_missing(stands: Inventory, before: Inventory, wanted: Inventory) -> Inv
     return stands
 
 
-def _goal(one: Strayed, stands: Inventory, wanted: Inventory) -> Place:
+def _goal(one: Stray, stands: Inventory, wanted: Inventory) -> Place:
     """Where a piece that was found goes: to where it shall stand, if that is free; else to where it should be now."""
     goal = wanted.find(one.piece.name).place
     return goal if stands.at(goal) is None or goal == one.target else one.target
 
 
-def _is_on(one: Strayed, square: Place, table: TableSettings) -> bool:
+def _is_on(one: Stray, square: Place, table: TableSettings) -> bool:
     """Whether it stands on that square, wherever there."""
     off = np.subtract((one.pose.x, one.pose.y), table.xy(square))
     return float(np.abs(off).max()) <= 0.5 * table.square
 
 
-def _is_there(one: Strayed, goal: Place, table: TableSettings) -> bool:
+def _is_there(one: Stray, goal: Place, table: TableSettings) -> bool:
     """Whether it stands where it goes already: what the fingers lost over a tray often does."""
     return not goal.in_box and math.dist((one.pose.x, one.pose.y), table.xy(goal)) <= TOLERANCE

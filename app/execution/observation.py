@@ -15,7 +15,6 @@ import chess
 import numpy as np
 from numpy.typing import NDArray
 
-from app.execution.recovery_plans import Strayed
 from app.execution.repair import BoardObservation, kinds_by_height
 from app.execution.repair.observed import HEIGHTS, Chances
 from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
@@ -31,6 +30,7 @@ from vision.board.orientation import orient
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.pieces.centres import piece_centres
 from vision.pieces.fallen import find_strays
+from vision.pieces.pose_search import Stray
 from vision.pieces.swapped import KnownPicture, looked_closer
 from vision.pieces.verify import Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, EMPTY, WHITE
@@ -224,7 +224,7 @@ class Eyes:
         centres = piece_centres(self.last, self.view, on_board(believed))
         return {square: (one.x, one.y) for square, one in centres.items() if one.upright}
 
-    def strays(self, stands: Inventory) -> list[Strayed]:
+    def strays(self, stands: Inventory) -> list[Stray]:
         """Pieces that lie, or stand elsewhere, in the newest frame; on the board and beside it.
 
         Args:
@@ -235,8 +235,7 @@ class Eyes:
         expected = {piece.place: piece for piece in rows if not piece.place.in_box}
         doubted = {square_place(square) for square in self._doubted}
         before = {place: self._strayed[piece.name] for place, piece in expected.items() if piece.name in self._strayed}
-        found = find_strays(self.last, self.view, expected, doubted=doubted, trays=True, before=before)
-        strays = [Strayed.of(one, one.place) for one in found]
+        strays = [*find_strays(self.last, self.view, expected, doubted=doubted, trays=True, before=before)]
         self._strayed |= {one.piece.name: (one.pose.x, one.pose.y) for one in strays}
         return strays
 

@@ -21,7 +21,7 @@ from app.execution.asking import Asker, Mended
 from app.execution.carrier import BoardTouched, Carrier, CarryFailed
 from app.execution.fallen import Fallen, unaided, with_missing
 from app.execution.observation import Eyes
-from app.execution.recovery_plans import Blocked, Strayed, in_order, leant_on
+from app.execution.recovery_plans import Blocked, in_order, leant_on
 from app.execution.repair import Ask, Repair, mend
 from app.execution.repair.diagnosis import SEEN_WITHIN, repair_towards
 from app.execution.state import AwaitedReply, Job, changed, moved_all
@@ -33,6 +33,7 @@ from app.records.events import Purpose
 from app.terminal.interface import Face
 from hardware.interfaces import Clock
 from hardware.table import square_place
+from vision.pieces.pose_search import Stray
 from vision.pieces.verify import Fault, FaultKind
 
 MOST_ROUNDS: Final = 40
@@ -74,7 +75,7 @@ class Mender:
         """Pieces that the arm has stood up or pushed since the mending began."""
         self._pushed = Counter[str]()
         """How often a piece was."""
-        self._strewn: tuple[Strayed, ...] = ()
+        self._strewn: tuple[Stray, ...] = ()
         """What the arm has to keep clear of in what it does next."""
         self._lost: set[str] = set()
         """Pieces that the arm has lost, or not got, since the board was last right."""
@@ -166,7 +167,7 @@ class Mender:
         return found.faults, step
 
     def _places(
-        self, stands: Inventory, believed: Inventory, strays: Callable[[], list[Strayed]]
+        self, stands: Inventory, believed: Inventory, strays: Callable[[], list[Stray]]
     ) -> dict[int, tuple[float, float]]:
         """Where pieces stand, board frame (x, y) [m], by the square where they are believed to; also of those that are
         far from the centre of any.
@@ -217,7 +218,7 @@ class Mender:
             return stands, took, None
         return stands, 0.0, self._make_way(refusals, step, stands, faults)
 
-    def _take_prop(self, one: Strayed, strays: Sequence[Strayed], stands: Inventory) -> Repair | None:
+    def _take_prop(self, one: Stray, strays: Sequence[Stray], stands: Inventory) -> Repair | None:
         """What a piece leans on, so that it could not be stood up, goes to its place, or out of the way for now."""
         name = leant_on(one, strays, stands)
         stray = next((each for each in strays if each.piece.name == name and not each.lies), None)
@@ -254,7 +255,7 @@ class Mender:
             return None
         return self._make_room(pairs, step.strays, stands) or Ask(sentence, squares_of(faults))
 
-    def _make_room(self, pairs: Sequence[Blocked], strays: Sequence[Strayed], stands: Inventory) -> Repair | None:
+    def _make_room(self, pairs: Sequence[Blocked], strays: Sequence[Stray], stands: Inventory) -> Repair | None:
         """The nearest of the pieces around two that are in each other's way goes aside: then there may be a push."""
         table, astray = stands.table, {one.piece.name: (one.pose.x, one.pose.y) for one in strays}
         stuck = {name for pair in pairs for name in (pair.name, pair.by)}
@@ -275,7 +276,7 @@ class Mender:
             return Repair(stands, (transfer,), f"the {transfer.kind} of {transfer.source} makes room")
         return None
 
-    def _push(self, pairs: Sequence[Blocked], strays: Sequence[Strayed], stands: Inventory) -> bool:
+    def _push(self, pairs: Sequence[Blocked], strays: Sequence[Stray], stands: Inventory) -> bool:
         """Whether one of two pieces that are in each other's way was pushed aside, or the board wants another look."""
         pairs = [pair for pair in pairs if max(self._pushed[pair.name], self._pushed[pair.by]) < MOST_PUSHES]
         if not pairs:

@@ -21,9 +21,8 @@ from app.motion.plan import Plan, PlanRefused
 from app.motion.planner import Planner, fits_around
 from app.pieces.inventory import Inventory, Transfer
 from hardware.parameters import RobotParameters
-from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, square_place
+from hardware.table import PIECE_SHAPES, Kind, square_place
 from vision.pieces.pose_search import Stray
-from vision.pieces.poses import Pose
 
 _CLEAR: Final = 0.11
 """What makes way goes so far from where pieces lie [m]: they are up to 60 mm long, and the fingers need as much."""
@@ -34,37 +33,6 @@ _ON_THE_PIECE: Final = 0.001
 """… one at which the pads end so far below the top of the piece [m]."""
 LEANS: Final = 0.005
 """A piece no further from another may lean on it [m]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Strayed:
-    """A piece that is not where it should stand.
-
-    Attributes:
-        piece: which; its ``place`` is that in the inventory.
-        target: where it has to stand.
-        pose: how it is there.
-    """
-
-    piece: PieceSpec
-    target: Place
-    pose: Pose
-
-    @classmethod
-    def of(cls, stray: Stray, target: Place) -> Strayed:
-        """What the camera found, of pieces that were given to it as ``PieceSpec``.
-
-        Raises:
-            TypeError: they were given as something else.
-        """
-        if not isinstance(stray.piece, PieceSpec):
-            raise TypeError(f"the stray is a {type(stray.piece).__name__}: look for pieces given as PieceSpec")
-        return cls(stray.piece, target, stray.pose)
-
-    @property
-    def lies(self) -> bool:
-        """Whether it has fallen."""
-        return self.pose.yaw is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,12 +50,12 @@ class Blocked:
     around: Obstacle | None = None
 
 
-def in_order(strays: Sequence[Strayed]) -> list[Strayed]:
+def in_order(strays: Sequence[Stray]) -> list[Stray]:
     """As they are to be righted: those that lie before those that stand."""
     return sorted(strays, key=lambda one: not one.lies)
 
 
-def strewn_of(strays: Sequence[Strayed]) -> Strewn:
+def strewn_of(strays: Sequence[Stray]) -> Strewn:
     """For whoever plans around them."""
     return Strewn(
         tuple(
@@ -99,7 +67,7 @@ def strewn_of(strays: Sequence[Strayed]) -> Strewn:
     )
 
 
-def leant_on(one: Strayed, strays: Sequence[Strayed], stands: Inventory) -> str | None:
+def leant_on(one: Stray, strays: Sequence[Stray], stands: Inventory) -> str | None:
     """The piece that is nearest to one which does not lie flat, as the arm has felt; None: nothing is so near."""
     shape, yaw = PIECE_SHAPES[one.piece.kind], one.pose.yaw or 0.0
     along = np.linspace(0.0, shape.height, 12)
@@ -117,7 +85,7 @@ def leant_on(one: Strayed, strays: Sequence[Strayed], stands: Inventory) -> str 
     return found
 
 
-def plan_righting(planner: Planner, one: Strayed, others: Sequence[Strayed], inventory: Inventory) -> Plan:
+def plan_righting(planner: Planner, one: Stray, others: Sequence[Stray], inventory: Inventory) -> Plan:
     """Stand a piece up where it lies, or carry it from where it stands to its place; then home.
 
     Args:
@@ -144,7 +112,7 @@ def plan_righting(planner: Planner, one: Strayed, others: Sequence[Strayed], inv
 
 
 def plan_making_way(
-    planner: Planner, blocks: str, strays: Sequence[Strayed], inventory: Inventory
+    planner: Planner, blocks: str, strays: Sequence[Stray], inventory: Inventory
 ) -> tuple[Transfer, Plan]:
     """Carry a piece that stands in the way to a free place; once all is right it has to be carried back.
 
@@ -193,7 +161,7 @@ def plan_making_way(
 
 
 def plan_pushing(
-    planner: Planner, blocked: Sequence[Blocked], strays: Sequence[Strayed], inventory: Inventory
+    planner: Planner, blocked: Sequence[Blocked], strays: Sequence[Stray], inventory: Inventory
 ) -> tuple[Nudge, Plan]:
     """Push one of two pieces aside that are in each other's way, so that one of them can be taken or stood up.
 
@@ -250,10 +218,10 @@ def _raised(kind: Kind, parameters: RobotParameters) -> Iterator[float]:
         yield max(0.0, most) * part / _RAISES
 
 
-def _clear_of(point: tuple[float, float], strays: Sequence[Strayed]) -> bool:
+def _clear_of(point: tuple[float, float], strays: Sequence[Stray]) -> bool:
     return all(math.dist(point, (stray.pose.x, stray.pose.y)) > _CLEAR for stray in strays)
 
 
-def _lying(stray: Strayed) -> Lying:
+def _lying(stray: Stray) -> Lying:
     assert stray.pose.yaw is not None
     return Lying(stray.piece.kind, (stray.pose.x, stray.pose.y), stray.pose.yaw, stray.piece.name)

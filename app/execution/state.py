@@ -20,8 +20,8 @@ from hardware.referee import Referee
 from hardware.table import Place
 
 if TYPE_CHECKING:
-    from app.execution.recovery_plans import Strayed
     from app.guard.game_guard import GameGuard
+    from vision.pieces.pose_search import Stray
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ class Job:
     label: str
     transfers: tuple[Transfer, ...]
     uci: str | None = None
-    strays: tuple[Strayed, ...] = ()
+    strays: tuple[Stray, ...] = ()
 
 
 class CannotSee(UserError):

@@ -31,8 +31,8 @@ from hardware.table import Place
 if TYPE_CHECKING:
     from app.execution.observation import Eyes
     from app.execution.recovery import Mender
-    from app.execution.recovery_plans import Strayed
     from app.guard.game_guard import GameGuard
+    from vision.pieces.pose_search import Stray
     from vision.reading.diagnosis import Diagnosis
 
 
@@ -162,7 +162,7 @@ class Table:
         outcome = PlyOutcome(real=mended.duration)
         return self._conclude_task(mended.inventory, outcome, self.board, answered=mended.answered)
 
-    def fallen(self) -> list[Strayed]:
+    def fallen(self) -> list[Stray]:
         """Pieces that lie on the board, in the newest frame, as far as depth shows them."""
         if self.eyes is None or self.eyes.last.depth is None:
             return []

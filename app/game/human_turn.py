@@ -34,7 +34,7 @@ from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 
 if TYPE_CHECKING:
     from app.execution.observation import Reading
-    from app.execution.recovery_plans import Strayed
+    from vision.pieces.pose_search import Stray
     from vision.reading.diagnosis import Diagnosis
 
 POLL: Final = 0.2
@@ -363,7 +363,7 @@ def _name(colour: chess.Color) -> str:
     return "White" if colour else "Black"
 
 
-def _lies(one: Strayed) -> str:
+def _lies(one: Stray) -> str:
     return f"the {one.piece.colour} {one.piece.kind} of {one.target} has fallen over"
 
 

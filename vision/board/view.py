@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hardware.interfaces import Intrinsics
+from hardware.interfaces import DepthFrame, Frame, Intrinsics
 from hardware.table import TableSettings, square_place
 
 Array = NDArray[np.float64]
@@ -94,6 +94,15 @@ class BoardView:
                 f"corner {CORNER_NAMES[worst]} is {errors[worst]:.1f} px from where a square board would have it, "
                 f"at most {CORNER_TOLERANCE:.0f} px are accepted: point at the corners again, or check the intrinsics"
             )
+
+    def require_camera(self, frame: Frame | DepthFrame) -> None:
+        """Make sure that a frame is by the camera of this view.
+
+        Raises:
+            ValueError: it is not.
+        """
+        if frame.intrinsics != self.intrinsics:
+            raise ValueError(f"the frame is by a camera with {frame.intrinsics}, this view is of {self.intrinsics}")
 
     @property
     def camera_position(self) -> Array:

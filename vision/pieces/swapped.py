@@ -13,9 +13,9 @@ from typing import Final, NamedTuple
 import chess
 
 from hardware.interfaces import Frame
+from hardware.table import PieceSpec
 from vision.board.view import BoardView
 from vision.pieces.centres import piece_centres
-from vision.pieces.fit import PieceLike
 from vision.reading.diagnosis import Diagnosis, States, explain
 from vision.reading.outcome import Situation
 
@@ -38,7 +38,7 @@ def looked_closer(
     board: chess.Board,
     before: KnownPicture,
     now: KnownPicture,
-    expected: Mapping[int, PieceLike],
+    expected: Mapping[int, PieceSpec],
 ) -> Diagnosis:
     """Where all that is known is that one piece is missing: it may stand in the place of one of its own side.
 
@@ -56,7 +56,7 @@ def looked_closer(
     return explain(seen, board, squares) if squares else finding
 
 
-def replaced(before: KnownPicture, now: KnownPicture, expected: Mapping[int, PieceLike], gone: int) -> tuple[int, ...]:
+def replaced(before: KnownPicture, now: KnownPicture, expected: Mapping[int, PieceSpec], gone: int) -> tuple[int, ...]:
     """Squares on which another piece of the gone one's side may stand, the likeliest first.
 
     Measured over rendered positions, 979 looks at pieces that nobody had touched: of a thousand one shifts by 1.5 mm or

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
-from hardware.table import square_place
+from hardware.table import PieceSpec, square_place
 from vision.board.view import BoardView
-from vision.pieces.centres import Centre, centres_of, on_squares, require_camera
-from vision.pieces.fit import Fit, PieceLike
+from vision.pieces.centres import Centre, centres_of, on_squares
+from vision.pieces.fit import Fit
 from vision.pieces.surface import surface
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ class Examination:
 
 
 def verify_board(
-    frame: Frame, view: BoardView, expected: Mapping[int, PieceLike], tolerance: float = TOLERANCE
+    frame: Frame, view: BoardView, expected: Mapping[int, PieceSpec], tolerance: float = TOLERANCE
 ) -> tuple[Fault, ...]:
     """The faults of ``examine_board``, with nothing to hold them against."""
     return examine_board(frame, view, expected, tolerance=tolerance).faults
@@ -96,7 +96,7 @@ def verify_board(
 def examine_board(
     frame: Frame,
     view: BoardView,
-    expected: Mapping[int, PieceLike],
+    expected: Mapping[int, PieceSpec],
     before: Mapping[int, float] = MappingProxyType({}),
     *,
     tolerance: float = TOLERANCE,
@@ -116,7 +116,7 @@ def examine_board(
     Raises:
         ValueError: the frame is by another camera, or the board is not in the picture.
     """
-    require_camera(frame, view)
+    view.require_camera(frame)
     fit = Fit(frame, view, on_squares(expected), use_depth=True)
     centres = {place.index: centre for place, centre in centres_of(fit).items()} if expected else {}
     spots = _spots(fit, centres, view)
@@ -140,7 +140,7 @@ def examine_board(
     return Examination(tuple(sorted(faults, key=lambda fault: fault.square)), likeness)
 
 
-def _changed(square: int, piece: PieceLike, drop: float) -> Fault | None:
+def _changed(square: int, piece: PieceSpec, drop: float) -> Fault | None:
     if drop < _DROP:
         return None
     sentence = f"the {piece.colour} {piece.kind} on {square_place(square)} does not look as it did"
@@ -148,7 +148,7 @@ def _changed(square: int, piece: PieceLike, drop: float) -> Fault | None:
 
 
 def _judge(
-    square: int, piece: PieceLike, centre: Centre, spots: Mapping[int, tuple[float, float]], view: BoardView,
+    square: int, piece: PieceSpec, centre: Centre, spots: Mapping[int, tuple[float, float]], view: BoardView,
     tolerance: float,
 ) -> Fault | None:  # fmt: skip
     name, where = f"{piece.colour} {piece.kind}", square_place(square)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.reading.appearance import BLACK, EMPTY, WHITE
-from vision.reading.change import BOUND
+from vision.reading.features import BOUND
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]

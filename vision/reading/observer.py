@@ -11,15 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.reading.appearance import Appearance
-from vision.reading.change import change_odds
 from vision.reading.evidence import Codes, Cover, Evidence, codes_of, states_of
-from vision.reading.features import Light, describe, exposure_step, light_of
+from vision.reading.features import Light, change_odds, describe, exposure_step, light_of
 from vision.reading.moves import MoveReading, decide
-from vision.reading.occlusion import cover
 from vision.reading.occupancy import DepthOccupancy
 from vision.reading.piece_kinds import KindClassifier
 from vision.reading.rectified_view import SQUARE_PX, RectifiedView
 from vision.reading.solids import Solids
+from vision.reading.visibility import cover
 
 _STEP: Final = SQUARE_PX // 10
 SHIFTS: Final = tuple((x, y) for x in (-_STEP, 0, _STEP) for y in (-_STEP, 0, _STEP))

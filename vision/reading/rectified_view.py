@@ -76,8 +76,7 @@ def sight_of_frame(frame: Frame, view: BoardView) -> RectifiedView:
     Raises:
         ValueError: the frame is of another camera.
     """
-    if frame.intrinsics != view.intrinsics:
-        raise ValueError(f"the frame is by a camera with {frame.intrinsics}, this view is of {view.intrinsics}")
+    view.require_camera(frame)
     corners = view.project(playing_area(view.table))
     camera = view.camera_position / view.table.square + np.array([4.0, 4.0, 0.0])
     solids = None if frame.depth is None else solids_of(frame, view)

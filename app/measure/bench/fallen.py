@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from app.execution.recovery_plans import Strayed, in_order, plan_making_way, plan_righting
+from app.execution.recovery_plans import in_order, plan_making_way, plan_righting
 from app.measure.bench.beds.bed import Bed, plant_of
 from app.measure.bench.report import BenchReport, Progress, row
 from app.motion import MotionSettings, Plan, Planner, PlanRefused
@@ -30,6 +30,7 @@ from hardware.sim.render.appearance import Looks
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.board.view import BoardView
 from vision.pieces.fallen import find_strays
+from vision.pieces.pose_search import Stray
 
 SEED: Final = 11
 TRIALS: Final = {True: 4, False: 60}
@@ -156,7 +157,7 @@ class FallTrial:
         """With the victim where it had to go."""
         return Inventory.of((replace(spec, place=self._place(spec)) for spec in self._inventory), self._table)
 
-    def _make_way(self, name: str, strays: Sequence[Strayed]) -> str | None:
+    def _make_way(self, name: str, strays: Sequence[Stray]) -> str | None:
         """Carry a piece away that is where the fingers have to go; a sentence if that is impossible."""
         if name not in {spec.name for spec in self._inventory}:
             return f"the {name} lies in the way"
@@ -196,14 +197,14 @@ class FallTrial:
                 spec.name, x, y, z, math.atan2(axis[0], -axis[1]), math.acos(max(-1.0, min(1.0, axis[2])))
             )
 
-    def _strays(self) -> list[Strayed]:
+    def _strays(self) -> list[Stray]:
         """What the camera finds out of place; the victim first."""
         self._number += 1000
         frame = self._studio.frame(self._poses(), self._looks, self._number)
         view = BoardView(frame.intrinsics, self._view, self._table)
         expected = {self._place(spec): spec for spec in self._inventory}
         found = find_strays(frame, view, expected, tolerance=PLACED)
-        return [Strayed.of(stray, self._place(expected[stray.place])) for stray in found]
+        return [replace(stray, target=self._place(expected[stray.target])) for stray in found]
 
     def _place(self, spec: PieceSpec) -> Place:
         return self._target if spec.name == self._victim.name else spec.place

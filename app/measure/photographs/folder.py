@@ -16,7 +16,7 @@ from app.measure.photographs.labels import Labels, load_labels
 from app.measure.photographs.pictures import VIDEOS, Picture, picture_files, read_picture, read_video
 from app.measure.photographs.report import VisionReport
 from vision.board.view import BoardNotFound
-from vision.hands.video_gate import VideoGate
+from vision.hands.stillness import VideoGate
 
 LOOKED_THROUGH: Final = 200
 """Frames at the beginning of a video in which the board is looked for: hands may be over it at first."""

@@ -19,7 +19,6 @@ from app import UserError
 from app.execution.carrier import BoardTouched, Carried, CarryFailed, Loss
 from app.execution.observation import Verification
 from app.execution.recovery import MOST_ROUNDS, Mender
-from app.execution.recovery_plans import Strayed
 from app.execution.repair import BoardObservation
 from app.execution.state import AwaitedReply, Devices, Job, Position
 from app.execution.table import Table
@@ -38,6 +37,7 @@ from app.rig.board import BoardRig
 from app.terminal.interface import Quiet
 from hardware.parameters import load_parameters
 from hardware.table import PieceSpec, Place, TableSettings, square_place
+from vision.pieces.pose_search import Stray
 from vision.pieces.poses import Pose
 from vision.pieces.verify import Fault, FaultKind
 from vision.reading.appearance import BLACK, EMPTY, WHITE
@@ -120,7 +120,7 @@ class Paper:
             self.put(*self.visits.pop(0))
             raise BoardTouched
 
-    def stand_up(self, one: Strayed, strays: Any, stands: Inventory, seen: Any) -> float | None:
+    def stand_up(self, one: Stray, strays: Any, stands: Inventory, seen: Any) -> float | None:
         self.visit()
         if self.in_the_way is not None and self.truth.find(self.in_the_way).place == stands.find(self.in_the_way).place:
             name, self.in_the_way = self.in_the_way, None
@@ -157,18 +157,18 @@ class Paper:
 
     # eyes
 
-    def strays(self, stands: Inventory) -> list[Strayed]:
+    def strays(self, stands: Inventory) -> list[Stray]:
         beside = [
-            Strayed(stands.find(piece.name), stands.find(piece.name).place, Pose(*self.at(piece.place)))
+            Stray(stands.find(piece.name), stands.find(piece.name).place, Pose(*self.at(piece.place)))
             for piece in self.truth
             if piece.place.in_tray and stands.find(piece.name).place != piece.place
         ]
         if self.prop is not None:
             leant_on = stands.find(self.prop)
             x, y = TABLE.xy(leant_on.place)
-            beside.append(Strayed(leant_on, leant_on.place, Pose(x + 0.009, y - self.prop_off)))
+            beside.append(Stray(leant_on, leant_on.place, Pose(x + 0.009, y - self.prop_off)))
         return beside + [
-            Strayed(stands.find(name), stands.find(name).place, Pose(*TABLE.xy(place), yaw=1.0))
+            Stray(stands.find(name), stands.find(name).place, Pose(*TABLE.xy(place), yaw=1.0))
             for name, (_, place) in self.lying.items()
         ]
 

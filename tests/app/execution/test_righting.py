@@ -8,28 +8,29 @@ import chess
 import numpy as np
 import pytest
 
-from app.execution.recovery_plans import Strayed, in_order, plan_making_way
+from app.execution.recovery_plans import in_order, plan_making_way
 from app.motion import MotionSettings, Planner
 from app.motion.plan import Plan, PlanRefused
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, Place, TableSettings
+from vision.pieces.pose_search import Stray
 from vision.pieces.poses import Pose
 
 TABLE = TableSettings()
 INVENTORY = Inventory.of(start_layout(chess.Board("4k3/8/8/8/3P4/4N3/8/4K3 w - - 0 1"), TABLE), TABLE)
 
 
-def stray(square: str, at: str, yaw: float | None, off: tuple[float, float] = (0.0, 0.0)) -> Strayed:
+def stray(square: str, at: str, yaw: float | None, off: tuple[float, float] = (0.0, 0.0)) -> Stray:
     """The piece of a square, seen elsewhere."""
     piece = INVENTORY.at(Place.parse(square))
     assert piece is not None
     x, y = TABLE.xy(Place.parse(at))
-    return Strayed(piece, piece.place, Pose(x + off[0], y + off[1], yaw))
+    return Stray(piece, piece.place, Pose(x + off[0], y + off[1], yaw))
 
 
-def way(blocks: str, *strays: Strayed) -> tuple[Transfer, Plan]:
+def way(blocks: str, *strays: Stray) -> tuple[Transfer, Plan]:
     home = np.array(MotionSettings().home)
     return plan_making_way(
         Planner.of(MotionSettings(), load_parameters(), INVENTORY.table, home, 0.02), blocks, strays, INVENTORY
@@ -80,7 +81,7 @@ def test_over_something_that_lies_beside_it_a_piece_is_taken_higher() -> None:
     assert king is not None
     assert bishop is not None
     x, y = TABLE.xy(bishop.place)
-    lies = Strayed(king, king.place, Pose(x + 0.022, y, 0.0))
+    lies = Stray(king, king.place, Pose(x + 0.022, y, 0.0))
     home = np.array(MotionSettings().home)
     transfer, plan = plan_making_way(
         Planner.of(MotionSettings(), load_parameters(), inventory.table, home, 0.02), bishop.name, [lies], inventory

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from app.execution.recovery_plans import Blocked, Strayed, plan_pushing
+from app.execution.recovery_plans import Blocked, plan_pushing
 from app.measure.bench.beds.bed import Bed
 from app.motion import MotionSettings, Planner
 from app.motion.arcs import Workcell
@@ -29,6 +29,7 @@ from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.plant import Plant
 from hardware.table import PIECE_SHAPES, Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from vision.pieces.pose_search import Stray
 from vision.pieces.poses import Pose
 
 PARAMETERS, TABLE, SETTINGS = load_parameters(), TableSettings(), MotionSettings()
@@ -141,7 +142,7 @@ def test_a_piece_that_lies_between_others_is_stood_up_after_a_push() -> None:
     inventory = Inventory.of(start_layout(board, TABLE), TABLE)
     bishop = inventory.at(Place.parse("c1"))
     assert bishop is not None
-    strays = [Strayed(bishop, bishop.place, Pose(-0.0739, -0.1167, 3.133))]
+    strays = [Stray(bishop, bishop.place, Pose(-0.0739, -0.1167, 3.133))]
     blocked = [Blocked(bishop.name, "white-pawn-c")]
     nudge, plan = plan_pushing(
         Planner.of(SETTINGS, PARAMETERS, inventory.table, HOME, 0.01), blocked, strays, inventory
@@ -158,7 +159,7 @@ def test_where_no_push_helps_it_says_which_pieces_to_move() -> None:
     row = [inventory.find(name) for name in names] + [inventory.find(f"black-pawn-{file}") for file in "abcdef"]
     x, y = TABLE.xy(Place.parse("d5"))
     strays = [
-        Strayed(piece, piece.place, Pose(x + 0.0203 * (i % 4 - 1.5), y + 0.0203 * (i // 4 - 1)))
+        Stray(piece, piece.place, Pose(x + 0.0203 * (i % 4 - 1.5), y + 0.0203 * (i // 4 - 1)))
         for i, piece in enumerate(row)
     ]
     middle, beside = row[5], row[6]
@@ -178,7 +179,7 @@ def test_a_place_that_is_kept_for_a_piece_counts_where_it_is() -> None:
     assert a2 is not None
     assert h2 is not None
     goal = Obstacle.at(h2.name, Place.parse("d4"), h2.kind, TABLE)
-    strays = [Strayed(a2, a2.place, Pose(goal.x + 0.0205, goal.y))]
+    strays = [Stray(a2, a2.place, Pose(goal.x + 0.0205, goal.y))]
     nudge, _ = plan_pushing(
         Planner.of(SETTINGS, PARAMETERS, inventory.table, HOME, 0.01),
         [Blocked(h2.name, a2.name, goal)],
