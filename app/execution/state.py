@@ -20,7 +20,7 @@ from hardware.referee import Referee
 from hardware.table import Place
 
 if TYPE_CHECKING:
-    from app.execution.recovery_plans import Strayed
+    from app.execution.recovery_plans import MisplacedPiece
     from app.guard.game_guard import GameGuard
 
 
@@ -117,13 +117,13 @@ class Job:
         label: what it is, for people.
         transfers: in order of execution.
         uci: the move, where it is one; None for a task.
-        strays: pieces that lie or stand elsewhere than the inventory says, and that the arm has to keep clear of.
+        misplaced: pieces that lie or stand elsewhere than the inventory says, and that the arm has to keep clear of.
     """
 
     label: str
     transfers: tuple[Transfer, ...]
     uci: str | None = None
-    strays: tuple[Strayed, ...] = ()
+    misplaced: tuple[MisplacedPiece, ...] = ()
 
 
 class CannotSee(UserError):

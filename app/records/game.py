@@ -15,9 +15,9 @@ from app.records.events import (
     AnyEvent,
     EndEvent,
     FoundEvent,
-    Mender,
     PlyEvent,
     Purpose,
+    RepairedBy,
     Result,
     ResumeEvent,
     SideEvent,
@@ -224,7 +224,7 @@ class GameRecord:
         )  # fmt: skip
 
     def trouble(
-        self, kind: str, squares: Sequence[str], sentence: str, mended_by: Mender | None, plant_time: float
+        self, kind: str, squares: Sequence[str], sentence: str, mended_by: RepairedBy | None, plant_time: float
     ) -> None:
         """Record something that went wrong at the board, and who has put it right."""
         self._append(

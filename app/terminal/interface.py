@@ -15,7 +15,7 @@ from rich.text import Text
 from app.records import PlyEvent
 
 
-class Face(Protocol):
+class UserInterface(Protocol):
     """Told what happens; shows it or not."""
 
     def phase(self, text: str) -> None:
@@ -81,7 +81,7 @@ class Terminal:
             self._live.stop()
 
     def phase(self, text: str) -> None:
-        """See ``Face.phase``."""
+        """See ``UserInterface.phase``."""
         self._phase = text
         if self._live is not None:
             self._show()
@@ -90,12 +90,12 @@ class Terminal:
             self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def position(self, board: chess.Board) -> None:
-        """See ``Face.position``."""
+        """See ``UserInterface.position``."""
         self._board = board.copy(stack=False)
         self._show()
 
     def ply(self, event: PlyEvent, board: chess.Board) -> None:
-        """See ``Face.ply``."""
+        """See ``UserInterface.ply``."""
         self._rows.append(event)
         self._board = board.copy(stack=False)
         if self._live is None:
@@ -103,11 +103,11 @@ class Terminal:
         self._show()
 
     def say(self, sentence: str) -> None:
-        """See ``Face.say``."""
+        """See ``UserInterface.say``."""
         self._console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
     def prompt(self, sentence: str) -> None:
-        """See ``Face.prompt``."""
+        """See ``UserInterface.prompt``."""
         self.say(sentence)
 
     def heard(self, line: str) -> None:
@@ -146,31 +146,31 @@ class Conversation:
         """Nothing has to be undone."""
 
     def phase(self, text: str) -> None:
-        """See ``Face.phase``."""
+        """See ``UserInterface.phase``."""
         if text != self._said:
             self._said = text
             self._leave_prompt()
             self._console.print(f"  … {text}", style="cyan", highlight=False, markup=False, soft_wrap=True)
 
     def position(self, board: chess.Board) -> None:
-        """See ``Face.position``."""
+        """See ``UserInterface.position``."""
         self._leave_prompt()
         self._console.print(board_text(board, plain=self._plain))
 
     def ply(self, event: PlyEvent, board: chess.Board) -> None:
-        """See ``Face.ply``."""
+        """See ``UserInterface.ply``."""
         self._leave_prompt()
         self._console.print(board_text(board, chess.Move.from_uci(event.uci), plain=self._plain))
         who = "you played" if event.by == "hand" else "I played"
         self._console.print(f"{_number(event)} {event.san}  ({who})", style="bold", highlight=False)
 
     def say(self, sentence: str) -> None:
-        """See ``Face.say``."""
+        """See ``UserInterface.say``."""
         self._leave_prompt()
         self._console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
     def prompt(self, sentence: str) -> None:
-        """See ``Face.prompt``."""
+        """See ``UserInterface.prompt``."""
         self._leave_prompt()
         self._console.print(f"{sentence} > ", style="bold", end="", highlight=False, markup=False, soft_wrap=True)
         self._prompted = True

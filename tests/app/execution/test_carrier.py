@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.execution.carrier import BoardTouched, Carrier
-from app.execution.recovery_plans import Blocked, Strayed
+from app.execution.recovery_plans import Blocked, MisplacedPiece
 from app.execution.state import Clearance, Devices, Job
 from app.motion import Motion, MotionSettings, Plan
 from app.pieces.inventory import Inventory
@@ -73,7 +73,7 @@ def carrier_of(arm: Arm, guard: Guard | None, folder: Path) -> tuple[Carrier, Ga
 
 BISHOP = STANDS.at(Place.parse("c1"))
 assert BISHOP is not None
-LYING = Strayed(BISHOP, BISHOP.place, Pose(-0.0739, -0.1167, 3.133))
+LYING = MisplacedPiece(BISHOP, BISHOP.place, Pose(-0.0739, -0.1167, 3.133))
 
 
 @pytest.mark.parametrize("what", ["carry", "push", "stand up"])
@@ -81,7 +81,7 @@ LYING = Strayed(BISHOP, BISHOP.place, Pose(-0.0739, -0.1167, 3.133))
 def test_nothing_is_done_that_was_planned_before_a_hand_came(tmp_path: Path, what: str, came: bool) -> None:
     arm, guard = Arm(), Guard()
     carrier, record = carrier_of(arm, guard, tmp_path)
-    free = Strayed(LYING.piece, LYING.target, Pose(0.02, 0.01, 0.3))
+    free = MisplacedPiece(LYING.piece, LYING.target, Pose(0.02, 0.01, 0.3))
     pushed: list[str] = []
 
     seen = Clearance(arrivals=0 if came else 1)  # the guard counts one when the arm asks it for clearance

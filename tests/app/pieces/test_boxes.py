@@ -18,7 +18,7 @@ from app.pieces.inventory import Inventory, InventoryError, PieceBoxed, Ply, Sta
 from app.pieces.judging import judge
 from app.pieces.layout import BoxesTooSmall, TraysTooSmall, physical_set, start_layout
 from app.pieces.manipulation import NoSpare, transfers
-from app.play.game_setup import venue_of
+from app.play.game_setup import rig_setup_of
 from app.play.hand_moves import HandDropsNothing, hand_transfers
 from app.play.launch import run_games
 from app.rig.arm import FELT, ArmAtRest
@@ -278,9 +278,9 @@ def test_the_simulated_hand_says_that_it_drops_nothing() -> None:
 
 def test_the_options_of_a_game_keep_where_captured_pieces_go() -> None:
     kept = Settings.model_validate_json(settings_of({"rig.captured": Captured.BOX}).model_dump_json())
-    assert venue_of(kept.rig).table.captured is Captured.BOX
-    assert venue_of(Settings().rig).table.captured is Captured.TRAY
-    assert venue_of(kept.with_changes({"rig.square": 50.0}).rig).table.boxes()
+    assert rig_setup_of(kept.rig).table.captured is Captured.BOX
+    assert rig_setup_of(Settings().rig).table.captured is Captured.TRAY
+    assert rig_setup_of(kept.with_changes({"rig.square": 50.0}).rig).table.boxes()
 
 
 def test_a_rig_file_says_where_captured_pieces_go_and_an_option_cannot_say_otherwise(tmp_path: Path) -> None:

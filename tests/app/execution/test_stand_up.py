@@ -8,7 +8,7 @@ import chess
 import numpy as np
 import pytest
 
-from app.execution.recovery_plans import Strayed, in_order, plan_making_way
+from app.execution.recovery_plans import MisplacedPiece, in_order, plan_making_way
 from app.motion import MotionSettings, Planner
 from app.motion.plan import Plan, PlanRefused
 from app.pieces.inventory import Inventory, Transfer
@@ -21,18 +21,18 @@ TABLE = TableSettings()
 INVENTORY = Inventory.of(start_layout(chess.Board("4k3/8/8/8/3P4/4N3/8/4K3 w - - 0 1"), TABLE), TABLE)
 
 
-def stray(square: str, at: str, yaw: float | None, off: tuple[float, float] = (0.0, 0.0)) -> Strayed:
+def stray(square: str, at: str, yaw: float | None, off: tuple[float, float] = (0.0, 0.0)) -> MisplacedPiece:
     """The piece of a square, seen elsewhere."""
     piece = INVENTORY.at(Place.parse(square))
     assert piece is not None
     x, y = TABLE.xy(Place.parse(at))
-    return Strayed(piece, piece.place, Pose(x + off[0], y + off[1], yaw))
+    return MisplacedPiece(piece, piece.place, Pose(x + off[0], y + off[1], yaw))
 
 
-def way(blocks: str, *strays: Strayed) -> tuple[Transfer, Plan]:
+def way(blocks: str, *misplaced: MisplacedPiece) -> tuple[Transfer, Plan]:
     home = np.array(MotionSettings().home)
     return plan_making_way(
-        Planner.of(MotionSettings(), load_parameters(), INVENTORY.table, home, 0.02), blocks, strays, INVENTORY
+        Planner.of(MotionSettings(), load_parameters(), INVENTORY.table, home, 0.02), blocks, misplaced, INVENTORY
     )
 
 
@@ -80,7 +80,7 @@ def test_over_something_that_lies_beside_it_a_piece_is_taken_higher() -> None:
     assert king is not None
     assert bishop is not None
     x, y = TABLE.xy(bishop.place)
-    lies = Strayed(king, king.place, Pose(x + 0.022, y, 0.0))
+    lies = MisplacedPiece(king, king.place, Pose(x + 0.022, y, 0.0))
     home = np.array(MotionSettings().home)
     transfer, plan = plan_making_way(
         Planner.of(MotionSettings(), load_parameters(), inventory.table, home, 0.02), bishop.name, [lies], inventory
