@@ -233,7 +233,7 @@ def _show_game(
     if not headless:
         report = result.report
         ended = f"{report.exit_reason}, result {report.result}, {report.plies} plies; record in {result.folder}"
-        console.print(ended, markup=False)
+        console.print(ended, highlight=False, markup=False, soft_wrap=True)
     for failure in result.report.failures:
         console.print(Text.assemble(("failed:", "red"), f" {failure.reason}"), soft_wrap=True)
     if result.resumable:
