@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import Protocol, Self
+from typing import Self
 
 import chess
 from rich.console import Console, Group
@@ -15,8 +15,8 @@ from rich.text import Text
 from app.records import PlyEvent
 
 
-class UserInterface(Protocol):
-    """Told what happens; shows it or not."""
+class UserInterface:
+    """Told what happens; this one shows nothing."""
 
     def phase(self, text: str) -> None:
         """What is being done now."""
@@ -37,29 +37,7 @@ class UserInterface(Protocol):
         """Somebody has."""
 
 
-class Quiet:
-    """Shows nothing."""
-
-    def phase(self, text: str) -> None:
-        """Nothing."""
-
-    def position(self, board: chess.Board) -> None:
-        """Nothing."""
-
-    def ply(self, event: PlyEvent, board: chess.Board) -> None:
-        """Nothing."""
-
-    def say(self, sentence: str) -> None:
-        """Nothing."""
-
-    def prompt(self, sentence: str) -> None:
-        """Nothing."""
-
-    def heard(self, line: str) -> None:
-        """Nothing."""
-
-
-class Terminal:
+class Terminal(UserInterface):
     """Board, present phase and the last plies on a terminal; plain lines where the output is none."""
 
     def __init__(self, console: Console) -> None:
@@ -125,7 +103,7 @@ class Terminal:
         return Group(table, Text(f"{self._phase}   ({wall:.0f} s)", style="cyan"))
 
 
-class Conversation:
+class Conversation(UserInterface):
     """A game with a person at the keyboard: line by line, so that what they type stays in order.
 
     Args:

@@ -20,7 +20,7 @@ from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.records import GameRecord, GameSetup
 from app.rig.arm import ArmAtRest, Outcome
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import Place, TableSettings
 from vision.pieces.poses import Pose
@@ -68,7 +68,7 @@ def carrier_of(arm: Arm, guard: Guard | None, folder: Path) -> tuple[Carrier, Ga
     clock: Any = SimpleNamespace(now=lambda: 0.0)
     record = GameRecord.begin(folder / "game", GameSetup("a", "b", 1, "fast"), chess.Board(), STANDS, 0.0)
     devices: Any = Devices(arm, clock, None, None, guard)  # type: ignore[arg-type]
-    return Carrier(devices, record, Quiet(), MOTION, PARAMETERS), record
+    return Carrier(devices, record, UserInterface(), MOTION, PARAMETERS), record
 
 
 BISHOP = STANDS.at(Place.parse("c1"))

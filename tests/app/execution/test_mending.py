@@ -35,7 +35,7 @@ from app.records.events import TroubleEvent
 from app.records.history import Unfinished
 from app.rig.arm import Outcome
 from app.rig.board import BoardRig
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import PieceSpec, Place, TableSettings, square_place
 from vision.pieces.poses import Pose
@@ -233,10 +233,10 @@ def table_of(
     paper: Any = Paper(inventory)
     record = GameRecord.begin(folder, GameSetup("a", "b", 1, "fast"), board, inventory, 0.0)
     rig = BoardRig(MotionSettings().home, load_parameters())
-    recovery = Recovery(paper, paper, Unattended(paper), record, Quiet(), rig.clock)
+    recovery = Recovery(paper, paper, Unattended(paper), record, UserInterface(), rig.clock)
     devices = Devices(rig.arm, rig.clock, None, None)
     return (
-        Table(Position(board, inventory, begun, unfinished), devices, paper, recovery, record, Quiet()),
+        Table(Position(board, inventory, begun, unfinished), devices, paper, recovery, record, UserInterface()),
         paper,
         record,
     )

@@ -25,7 +25,7 @@ from app.rig.arm import FELT, ArmAtRest
 from app.rig.rig_file import load_rig
 from app.settings.files import settings_of
 from app.settings.tree import Settings
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck
 from hardware.parameters import load_parameters
@@ -288,7 +288,7 @@ def test_a_rig_file_says_where_captured_pieces_go_and_an_option_cannot_say_other
     file.write_text('[controller]\nport = 47100\n[table]\ncaptured = "box"\n', encoding="utf-8")
     assert load_rig(file).table.boxes()
     with pytest.raises(UserError, match=r"captured pieces go to a box: leave --captured out, or change its file$"):
-        run_games(settings_of({"rig.name": str(file), "rig.captured": Captured.TRAY}), Quiet())
+        run_games(settings_of({"rig.name": str(file), "rig.captured": Captured.TRAY}), UserInterface())
     file.write_text('[controller]\nport = 47100\n[table]\ncaptured = "bag"\n', encoding="utf-8")
     with pytest.raises(UserError, match=r"table\.captured: Input should be 'tray' or 'box', not 'bag'$"):
         load_rig(file)
