@@ -17,7 +17,7 @@ MATE = 100_000
 """Score of a mate [centipawns]."""
 
 
-class Manners(BaseModel):
+class DrawResignPolicy(BaseModel):
     """The rules; scores are from the engine's own side [centipawns]."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")

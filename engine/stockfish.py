@@ -21,7 +21,7 @@ from engine.options import at_full_strength
 from engine.process import UciProcess
 from engine.protocol import PULSE_DEADLINE, TOLD, Uci
 from engine.settings import EngineSettings
-from engine.supervised import Keeper
+from engine.supervised import EngineSupervisor
 
 __all__ = ["Candidate", "Engine", "EngineMove", "EngineSettings", "find_engine"]
 
@@ -63,7 +63,7 @@ class Engine:
 
     def __init__(self, settings: EngineSettings) -> None:
         self.settings = settings
-        self._keeper = Keeper(settings)
+        self._supervised = EngineSupervisor(settings)
         self._game = object()
         self._ahead: _Ahead | None = None
         self._searching = False
@@ -76,12 +76,12 @@ class Engine:
             EngineRefused: the engine does not offer a setting, or not that value.
             EngineFailed: it could not be started, several times.
         """
-        self._keeper.open(find_engine(self.settings.path))
+        self._supervised.open(find_engine(self.settings.path))
         return self
 
     def close(self) -> None:
         """End the process at once, also while another thread asks. Harmless when already done."""
-        self._keeper.close()
+        self._supervised.close()
 
     def __enter__(self) -> Self:
         return self.open()
@@ -92,13 +92,13 @@ class Engine:
     @property
     def pid(self) -> int | None:
         """Process id of the running engine; None while there is none."""
-        process = self._keeper.process
+        process = self._supervised.process
         return process.pid if process else None
 
     @property
     def ranks(self) -> bool:
         """Whether it names several moves of one search (MultiPV); known once it is open."""
-        process = self._keeper.process
+        process = self._supervised.process
         return process is not None and "MultiPV" in process.uci.options
 
     def new_game(self) -> None:
@@ -129,7 +129,7 @@ class Engine:
             lost = time.monotonic() - began
             return self._play(process, board, budget.less(limit, board.turn, lost)), lost
 
-        (played, lost), troubles = self._keeper.ask("choosing a move", ask)
+        (played, lost), troubles = self._supervised.ask("choosing a move", ask)
         return engine_move(played, time.monotonic() - began, lost if troubles else 0.0, troubles)
 
     def ponder(self, board: chess.Board, limit: chess.engine.Limit | None = None) -> bool:
@@ -150,13 +150,13 @@ class Engine:
             return True
         said, ahead = budget.told(limit, board.turn), board.copy()
         try:
-            process = self._keeper.running()
+            process = self._supervised.running()
             if "Ponder" not in process.uci.options:
                 return False
             self._settle(process)
             process.call(lambda uci: uci.begin_ponder(ahead, said, self._game), self._patience)
         except Misbehaved:
-            self._keeper.drop()
+            self._supervised.drop()
             return False
         self._ahead = _Ahead(ahead, limit)
         return True
@@ -175,14 +175,14 @@ class Engine:
         limit = chess.engine.Limit(time=seconds) if nodes is None else chess.engine.Limit(nodes=nodes)
         self._check_question(board, limit)
         began = time.monotonic()
-        played, troubles = self._keeper.ask(
+        played, troubles = self._supervised.ask(
             "looking for a hint", lambda process: self._play(process, board, limit, at_full_strength(process.uci))
         )
         return engine_move(played, time.monotonic() - began, 0.0, troubles)
 
     def move_now(self) -> None:
         """End the search for a move, so that ``choose`` answers with what is known; from any thread."""
-        process = self._keeper.process
+        process = self._supervised.process
         if self._searching and process is not None:
             process.tell("stop")
 
@@ -221,7 +221,7 @@ class Engine:
                 raise Misbehaved(f"it named no move and score for {board.fen()}")
             return found
 
-        return self._keeper.ask("analysing a position", named)[0]
+        return self._supervised.ask("analysing a position", named)[0]
 
     def _ranked_alone(self, process: UciProcess, board: chess.Board, lines: int, nodes: int) -> tuple[Candidate, ...]:
         game = object()

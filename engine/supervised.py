@@ -20,7 +20,7 @@ MOST_HANGS: Final = 2
 """Attempts at one question that may end by a deadline: each costs its whole time."""
 
 
-class Keeper:
+class EngineSupervisor:
     """One engine, closed at first. One thread at a time may ask, any thread, and any may close it."""
 
     def __init__(self, settings: EngineSettings) -> None:

@@ -19,7 +19,7 @@ from app.cli import app
 from app.measure.photographs.labels import load_labels
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
-from app.play.game_setup import start_board, venue_of
+from app.play.game_setup import rig_setup_of, start_board
 from app.play.replay import recorded_games
 from app.players.given_line import parse_line
 from app.records import GameRecord, GameSetup, read_events, read_history, summarise
@@ -101,7 +101,7 @@ def _calibration_of(path: Path) -> None:
 
 
 def _rig_of(path: Path) -> None:
-    venue_of(Settings().with_changes({"rig.name": str(path)}).rig)
+    rig_setup_of(Settings().with_changes({"rig.name": str(path)}).rig)
 
 
 def _parameters_of(path: Path) -> None:

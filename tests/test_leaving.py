@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
+import pty
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.waiting import PATIENCE, until
 
 TOUCHMOVE = (sys.executable, "-P", "-m", "app.cli")
 BOARD = ("--rig", "board", "--nodes", "500")
@@ -44,6 +48,34 @@ def test_a_game_without_devices_is_left_and_taken_up(
     assert status == (0 if leave == "quit" else 1)
     status, report, _ = run(game, ("d4" if not plies else "Nf3", "resign"), "resume", str(game))
     assert (status, report["result"], report["plies"]) == (0, "0-1", plies + 2)
+
+
+@pytest.mark.parametrize("closed", [False, True], ids=["ctrl-d", "window closed"])
+def test_a_terminal_that_ends_is_told_in_two_sentences(tmp_path: Path, closed: bool) -> None:
+    game, said = tmp_path / "game", tmp_path / "said"
+    ours, theirs = pty.openpty()
+    with said.open("wb") as out:
+        command = [*TOUCHMOVE, "play", *BOARD, "--out", str(game)]
+        process = subprocess.Popen(command, stdin=theirs, stdout=out, stderr=out, start_new_session=True)
+    os.close(theirs)
+    until(lambda: b"your move" in said.read_bytes())
+    if closed:
+        os.close(ours)
+    else:
+        os.write(ours, b"\x04")
+    assert process.wait(PATIENCE) == 1
+    if not closed:
+        os.close(ours)
+    after = [line.strip() for line in said.read_text().split("your move >")[1].split("\n") if line.strip()]
+    assert after[-2:] == ["failed: nobody is at the keyboard any more", f"'touchmove resume {game}' goes on with it"]
+    assert len(after) == 4, "and besides that the arm goes to rest, and what came of the game"
+
+
+def test_what_is_no_text_is_answered_like_other_nonsense(tmp_path: Path) -> None:
+    command = [*TOUCHMOVE, "play", *BOARD, "--out", str(tmp_path / "game"), "--json"]
+    done = subprocess.run(command, input=b"\xff\xfe\nquit\n", capture_output=True, check=False)
+    assert done.returncode == 0
+    assert "is neither SAN nor UCI" in done.stderr.decode()
 
 
 @pytest.mark.slow

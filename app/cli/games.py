@@ -19,7 +19,7 @@ from app.cli.ending import fail, interrupt, say
 
 if TYPE_CHECKING:
     from app.play.session import SessionResult
-    from app.terminal.interface import Face
+    from app.terminal.interface import UserInterface
 
 
 def demo(
@@ -66,7 +66,7 @@ def demo(
     from app.play.launch import run_games
 
     settings = options.settings_of_command(context, config)
-    _show_game(lambda face: run_games(settings, face), headless=headless, as_json=as_json)
+    _show_game(lambda ui: run_games(settings, ui), headless=headless, as_json=as_json)
 
 
 def play(
@@ -103,7 +103,7 @@ def play(
     other = "black" if color == "white" else "white"
     also |= {f"{color}.player": "human", f"{other}.player": "engine", f"{other}.elo": elo}
     settings = options.settings_of_command(context, config, also)
-    _show_game(lambda face: run_games(settings, face, sys.stdin), headless=False, as_json=as_json, talks=True)
+    _show_game(lambda ui: run_games(settings, ui, sys.stdin), headless=False, as_json=as_json, talks=True)
 
 
 def replay(
@@ -127,7 +127,7 @@ def replay(
     from app.play.launch import run_games
 
     settings = options.settings_of_command(context, config, {"rig.video": False})
-    _show_game(lambda face: run_games(settings, face), headless=headless, as_json=as_json)
+    _show_game(lambda ui: run_games(settings, ui), headless=headless, as_json=as_json)
 
 
 def setup(
@@ -156,7 +156,7 @@ def setup(
         if config is None or options.given(context, name)
     }
     settings = options.settings_of_command(context, config, {**position, "game.plies": 0, "rig.video": False})
-    _show_game(lambda face: run_games(settings, face), headless=headless, as_json=as_json)
+    _show_game(lambda ui: run_games(settings, ui), headless=headless, as_json=as_json)
 
 
 def resume(
@@ -167,7 +167,7 @@ def resume(
     """Go on with a game that was interrupted, or whose program or controller died: first with the ply under way."""
     from app.play.launch import resume_games
 
-    _show_game(lambda face: resume_games(folder, face, sys.stdin), headless=headless, as_json=as_json, talks=True)
+    _show_game(lambda ui: resume_games(folder, ui, sys.stdin), headless=headless, as_json=as_json, talks=True)
 
 
 def report(
@@ -202,14 +202,14 @@ def show_config(
 
 
 def _show_game(
-    play: Callable[[Face], SessionResult], *, headless: bool, as_json: bool, talks: bool = False
+    play: Callable[[UserInterface], SessionResult], *, headless: bool, as_json: bool, talks: bool = False
 ) -> NoReturn:
     """Play a game before a face; ends the program."""
     from rich.console import Console
     from rich.text import Text
 
     from app import UserError
-    from app.terminal.interface import Conversation, Quiet, Terminal
+    from app.terminal.interface import Conversation, Terminal, UserInterface
     from engine.errors import EngineProblem
 
     console = Console(stderr=True)
@@ -217,7 +217,7 @@ def _show_game(
         signal.signal(number, interrupt)
     try:
         if headless:
-            result = play(Quiet())
+            result = play(UserInterface())
         else:
             with Conversation(console, echoes=sys.stdin.isatty()) if talks else Terminal(console) as terminal:
                 result = play(terminal)
@@ -233,7 +233,7 @@ def _show_game(
     if not headless:
         report = result.report
         ended = f"{report.exit_reason}, result {report.result}, {report.plies} plies; record in {result.folder}"
-        console.print(ended, markup=False)
+        console.print(ended, highlight=False, markup=False, soft_wrap=True)
     for failure in result.report.failures:
         console.print(Text.assemble(("failed:", "red"), f" {failure.reason}"), soft_wrap=True)
     if result.resumable:

@@ -114,7 +114,7 @@ def link_test(rig: str, duration: float, progress: Callable[[str], None]) -> Lin
             timed.rig.client.close()  # another client comes; from here this one only waits for the end
             checks = _checks_of(timed.file, duration, progress)
             progress("the arm goes to its brakes")
-            granted = timed.finish().pulse.realtime
+            granted = timed.finish().statistics.realtime
         checks, notes = checks | real_time_check(granted), granted.notes
     holds = all(check.holds for check in checks.values())
     return LinkReport(rig=rig, duration=duration, holds=holds, checks=checks, notes=notes)

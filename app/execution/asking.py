@@ -25,7 +25,7 @@ class Asker(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Mended:
+class RecoveryResult:
     """What mending came to.
 
     Attributes:

@@ -24,14 +24,14 @@ from app.rig.arm import (
     PieceSlipped,
     TouchedElsewhere,
 )
-from app.terminal.interface import Face
+from app.terminal.interface import UserInterface
 from hardware.parameters import RobotParameters
 from hardware.table import Kind
 
 if TYPE_CHECKING:
     from app.execution.recovery_plans import Blocked
     from app.motion import Motion, MotionSettings, Plan, Planner
-    from vision.pieces.pose_search import Stray
+    from vision.pieces.pose_search import MisplacedPiece
 
 MOST_PAUSES = 20
 """Within one job; a computer that is late so often will not get better by itself."""
@@ -111,11 +111,11 @@ class Carrier:
         self,
         devices: Devices,
         record: GameRecord,
-        face: Face,
+        ui: UserInterface,
         motion: MotionSettings,
         parameters: RobotParameters,
     ) -> None:
-        self._devices, self._record, self._face = devices, record, face
+        self._devices, self._record, self._ui = devices, record, ui
         self._motion, self._parameters = motion, parameters
         self._step: Begun | None = None
         self._listeners: list[Callable[[str], None]] = []
@@ -160,7 +160,7 @@ class Carrier:
             try:
                 if self._step is not None:
                     progress = self._progress(job, state, inventory)
-                    self._face.phase(_explain(job, progress))
+                    self._ui.phase(_explain(job, progress))
                 self._interlock(seen if self._step is None else None)
                 planned, done = self._rest(job, state, inventory, progress)
                 return Carried(planned, done, resumed)
@@ -168,21 +168,23 @@ class Carrier:
                 raise self._failed(job, inventory, failure) from failure
             except ArmHeld as held:
                 self._require_own_hold(held)
-                self._face.phase(f"waiting for the board to be clear: {held}")
+                self._ui.phase(f"waiting for the board to be clear: {held}")
             except ArmPaused as pause:
                 pauses += 1
                 if pauses > MOST_PAUSES or self._step is None:
                     raise
-                self._face.phase(f"going on after a pause: {pause}")
+                self._ui.phase(f"going on after a pause: {pause}")
             state = self._devices.arm.settle()
             resumed = resumed or self._step is not None
 
-    def stand_up(self, one: Stray, strays: Sequence[Stray], stands: Inventory, seen: Clearance | None) -> float | None:
+    def stand_up(
+        self, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory, seen: Clearance | None
+    ) -> float | None:
         """Stand a piece up where it lies; home at its end.
 
         Args:
             one: the piece.
-            strays: all that lie or stand elsewhere.
+            misplaced: all that lie or stand elsewhere.
             stands: what should stand where.
             seen: up to which hand the board was looked at.
 
@@ -193,26 +195,26 @@ class Carrier:
             BoardTouched: one was.
             PlanRefused: something is in the way; ``InTheWay`` says which piece.
         """
-        from app.execution.recovery_plans import plan_righting
+        from app.execution.recovery_plans import plan_stand_up
 
-        plan = plan_righting(self._planner(stands), one, strays, stands)
+        plan = plan_stand_up(self._planner(stands), one, misplaced, stands)
         self._step = None
         try:
             self._interlock(seen)
             return self._devices.arm.execute(plan).duration
         except (ArmPaused, GraspFailed, NothingTouched, TouchedElsewhere) as stop:
-            self._face.phase(str(stop))
+            self._ui.phase(str(stop))
             self._go_home(stands, None, touching=isinstance(stop, TouchedElsewhere))
             return None
 
     def push_for(
-        self, blocked: Sequence[Blocked], strays: Sequence[Stray], stands: Inventory, seen: Clearance | None
+        self, blocked: Sequence[Blocked], misplaced: Sequence[MisplacedPiece], stands: Inventory, seen: Clearance | None
     ) -> PlannedPush:
         """How one of two pieces that are in each other's way can be pushed aside, with nothing in the arm's way now.
 
         Args:
             blocked: which the arm cannot take or stand up, and because of which.
-            strays: all that lie or stand elsewhere.
+            misplaced: all that lie or stand elsewhere.
             stands: what should stand where.
             seen: up to which hand the board was looked at.
 
@@ -222,7 +224,7 @@ class Carrier:
         """
         from app.execution.recovery_plans import plan_pushing
 
-        nudge, plan = plan_pushing(self._planner(stands), blocked, strays, stands)
+        nudge, plan = plan_pushing(self._planner(stands), blocked, misplaced, stands)
         self._step = None
         self._interlock(seen)
         return PlannedPush(nudge.name, plan)
@@ -237,7 +239,7 @@ class Carrier:
         try:
             self._devices.arm.execute(push.plan)
         except ArmPaused as stop:
-            self._face.phase(str(stop))
+            self._ui.phase(str(stop))
             self._go_home(stands, None)
 
     def bring_home(self, inventory: Inventory) -> None:
@@ -253,12 +255,12 @@ class Carrier:
         if math.dist(state.reference, self._motion.home) > AT_HOME:
             self._go_home(inventory, None)
 
-    def way_for(self, blocks: str, strays: Sequence[Stray], stands: Inventory) -> Transfer:
+    def way_for(self, blocks: str, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> Transfer:
         """Where a piece may go that is in the way of the fingers.
 
         Args:
             blocks: its name.
-            strays: all that lie or stand elsewhere.
+            misplaced: all that lie or stand elsewhere.
             stands: what should stand where.
 
         Raises:
@@ -266,7 +268,7 @@ class Carrier:
         """
         from app.execution.recovery_plans import plan_making_way
 
-        transfer, _ = plan_making_way(self._planner(stands), blocks, strays, stands)
+        transfer, _ = plan_making_way(self._planner(stands), blocks, misplaced, stands)
         return transfer
 
     def _planner(self, inventory: Inventory, state: ArmAtRest | None = None) -> Planner:
@@ -286,18 +288,18 @@ class Carrier:
         inventory: Inventory,
         progress: Progress | None,
     ) -> tuple[float, Outcome]:
-        from app.execution.recovery_plans import strewn_of
+        from app.execution.recovery_plans import loose_pieces
 
         done = 0 if progress is None else progress.done
         now = _after(inventory, job, done)
         if rest := job.transfers[done:]:
             # what was carried already is no longer where it was seen
-            strays = [one for one in job.strays if one.piece.name not in {each.name for each in job.transfers}]
-            strayed = {one.piece.name for one in strays}
+            misplaced = [one for one in job.misplaced if one.piece.name not in {each.name for each in job.transfers}]
+            strayed = {one.piece.name for one in misplaced}
             now = Inventory.of((piece for piece in now if piece.name not in strayed), now.table)
             plan = self._planner(now, state).ply(
                 job.label, rest, now, holding=progress is not None and progress.holding, low=progress is not None,
-                strewn=strewn_of(strays),
+                loose=loose_pieces(misplaced),
             )  # fmt: skip
         else:
             plan = self._planner(now, state).home(job.transfers[-1].kind)
@@ -355,7 +357,7 @@ class Carrier:
                 return
             except ArmPaused as pause:
                 self._require_own_hold(pause)
-                self._face.phase(f"going on after a pause: {pause}")
+                self._ui.phase(f"going on after a pause: {pause}")
         raise UserError("the arm could not go home: this computer is late again and again; see 'touchmove link-test'")
 
     def _require_own_hold(self, pause: ArmPaused) -> None:
@@ -372,7 +374,7 @@ class Carrier:
         if self._devices.guard is not None:
             self._devices.guard.clear()
         if seen is not None and not seen.holds(self._devices.guard):
-            self._face.phase("a hand was over the board: looking again")
+            self._ui.phase("a hand was over the board: looking again")
             raise BoardTouched
 
 

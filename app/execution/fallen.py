@@ -11,7 +11,7 @@ import numpy as np
 from app.execution.repair import Repair
 from app.pieces.inventory import Inventory, Transfer
 from hardware.table import Place, TableSettings
-from vision.pieces.pose_search import Stray
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.verify import TOLERANCE
 
 
@@ -19,14 +19,14 @@ from vision.pieces.verify import TOLERANCE
 class Fallen:
     """Pieces lie on the board; with all that are out of place."""
 
-    strays: tuple[Stray, ...]
+    misplaced: tuple[MisplacedPiece, ...]
 
 
 def unaided(
     missing: Set[Place],
     stands: Inventory,
     wanted: Inventory,
-    strays: Callable[[], list[Stray]],
+    misplaced: Callable[[], list[MisplacedPiece]],
     handled: Set[str],
     *,
     people: bool,
@@ -37,7 +37,7 @@ def unaided(
         missing: where pieces should stand and do not, or may not.
         stands: what should stand where.
         wanted: what shall stand where.
-        strays: searches for what lies or stands elsewhere; called only where something is missing.
+        misplaced: searches for what lies or stands elsewhere; called only where something is missing.
         handled: names of pieces that the arm has stood up or pushed.
         people: somebody may have moved pieces; then only ones that lie, that are still on their square or that the arm
             has handled, are known to be what they look like.
@@ -46,7 +46,7 @@ def unaided(
         return None
     # where exactly a piece stands in a tray matters once the arm has failed to take it
     found = [
-        one for one in strays()
+        one for one in misplaced()
         if one.lies or one.target.on_board or one.target in missing or one.piece.name in handled
     ]  # fmt: skip
     if any(one.lies for one in found):
@@ -87,18 +87,18 @@ def with_missing(stands: Inventory, before: Inventory, wanted: Inventory) -> Inv
     return stands
 
 
-def _goal(one: Stray, stands: Inventory, wanted: Inventory) -> Place:
+def _goal(one: MisplacedPiece, stands: Inventory, wanted: Inventory) -> Place:
     """Where a piece that was found goes: to where it shall stand, if that is free; else to where it should be now."""
     goal = wanted.find(one.piece.name).place
     return goal if stands.at(goal) is None or goal == one.target else one.target
 
 
-def _is_on(one: Stray, square: Place, table: TableSettings) -> bool:
+def _is_on(one: MisplacedPiece, square: Place, table: TableSettings) -> bool:
     """Whether it stands on that square, wherever there."""
     off = np.subtract((one.pose.x, one.pose.y), table.xy(square))
     return float(np.abs(off).max()) <= 0.5 * table.square
 
 
-def _is_there(one: Stray, goal: Place, table: TableSettings) -> bool:
+def _is_there(one: MisplacedPiece, goal: Place, table: TableSettings) -> bool:
     """Whether it stands where it goes already: what the fingers lost over a tray often does."""
     return not goal.in_box and math.dist((one.pose.x, one.pose.y), table.xy(goal)) <= TOLERANCE

@@ -29,8 +29,8 @@ from vision.board.find import find_board
 from vision.board.orientation import orient
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.pieces.centres import piece_centres
-from vision.pieces.fallen import find_strays
-from vision.pieces.pose_search import Stray
+from vision.pieces.fallen import find_misplaced
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.swapped import KnownPicture, looked_closer
 from vision.pieces.verify import Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, EMPTY, WHITE
@@ -75,14 +75,14 @@ class Verification:
 
     Attributes:
         faults: what is not.
-        sighting: what is seen, for mending it.
+        observation: what is seen, for mending it.
     """
 
     faults: tuple[Fault, ...]
-    sighting: BoardObservation
+    observation: BoardObservation
 
 
-class Eyes:
+class GameObserver:
     """Follows one game by one camera, from ``begin`` on.
 
     Args:
@@ -203,8 +203,8 @@ class Eyes:
         for square in examined.likeness.keys() - wrong:  # the outline of a piece says more than its square's colours
             states[square] = WHITE if expected[square].colour is Colour.WHITE else BLACK
         top = None if look.solids is None else look.solids.top
-        sighting = BoardObservation.of(stands, states, faults, kinds=_kinds(stands, states, top, self._heights()))
-        return Verification(faults, sighting)
+        observation = BoardObservation.of(stands, states, faults, kinds=_kinds(stands, states, top, self._heights()))
+        return Verification(faults, observation)
 
     def _heights(self) -> dict[Kind, float]:
         """Of the kinds as this camera sees them [m]; as the settings say, where it has not."""
@@ -224,7 +224,7 @@ class Eyes:
         centres = piece_centres(self.last, self.view, on_board(believed))
         return {square: (one.x, one.y) for square, one in centres.items() if one.upright}
 
-    def strays(self, stands: Inventory) -> list[Stray]:
+    def misplaced(self, stands: Inventory) -> list[MisplacedPiece]:
         """Pieces that lie, or stand elsewhere, in the newest frame; on the board and beside it.
 
         Args:
@@ -235,9 +235,9 @@ class Eyes:
         expected = {piece.place: piece for piece in rows if not piece.place.in_box}
         doubted = {square_place(square) for square in self._doubted}
         before = {place: self._strayed[piece.name] for place, piece in expected.items() if piece.name in self._strayed}
-        strays = [*find_strays(self.last, self.view, expected, doubted=doubted, trays=True, before=before)]
-        self._strayed |= {one.piece.name: (one.pose.x, one.pose.y) for one in strays}
-        return strays
+        misplaced = [*find_misplaced(self.last, self.view, expected, doubted=doubted, trays=True, before=before)]
+        self._strayed |= {one.piece.name: (one.pose.x, one.pose.y) for one in misplaced}
+        return misplaced
 
     def read(self) -> Reading:
         """What was played since the known position, in a new frame.

@@ -17,10 +17,10 @@ import chess
 import numpy as np
 
 from app import UserError
-from app.execution.asking import Asker, Mended
+from app.execution.asking import Asker, RecoveryResult
 from app.execution.carrier import BoardTouched, Carrier, CarryFailed
 from app.execution.fallen import Fallen, unaided, with_missing
-from app.execution.observation import Eyes
+from app.execution.observation import GameObserver
 from app.execution.recovery_plans import Blocked, in_order, leant_on
 from app.execution.repair import Ask, Repair, mend
 from app.execution.repair.diagnosis import SEEN_WITHIN, repair_towards
@@ -30,10 +30,10 @@ from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import rearrange
 from app.records import GameRecord
 from app.records.events import Purpose
-from app.terminal.interface import Face
+from app.terminal.interface import UserInterface
 from hardware.interfaces import Clock
 from hardware.table import square_place
-from vision.pieces.pose_search import Stray
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.verify import Fault, FaultKind
 
 MOST_ROUNDS: Final = 40
@@ -51,31 +51,37 @@ FRESH: Final = 0.5
 """The arm relies for so long on what the camera has seen [s]."""
 
 
-class Mender:
+class Recovery:
     """Looks, and puts right.
 
     Args:
-        eyes: look.
+        observer: look.
         carrier: carries.
         asker: asks a person.
         record: of the game.
-        face: shown what happens.
+        ui: shown what happens.
         clock: of the plant.
     """
 
     def __init__(
-        self, eyes: Eyes, carrier: Carrier, asker: Asker, record: GameRecord, face: Face, clock: Clock
+        self,
+        observer: GameObserver,
+        carrier: Carrier,
+        asker: Asker,
+        record: GameRecord,
+        ui: UserInterface,
+        clock: Clock,
     ) -> None:
-        self.eyes = eyes
+        self.observer = observer
         self._carrier, self._asker = carrier, asker
-        self._record, self._face, self._clock = record, face, clock
+        self._record, self._ui, self._clock = record, ui, clock
         self._tried = Counter[str]()
         """How often a piece could not be stood up."""
         self._handled: set[str] = set()
         """Pieces that the arm has stood up or pushed since the mending began."""
         self._pushed = Counter[str]()
         """How often a piece was."""
-        self._strewn: tuple[Stray, ...] = ()
+        self._loose: tuple[MisplacedPiece, ...] = ()
         """What the arm has to keep clear of in what it does next."""
         self._lost: set[str] = set()
         """Pieces that the arm has lost, or not got, since the board was last right."""
@@ -83,12 +89,12 @@ class Mender:
     @property
     def stale(self) -> bool:
         """Whether the board was looked at too long ago for the arm to rely on it: somebody may have touched it."""
-        return self._clock.now() - self.eyes.looked_at > FRESH
+        return self._clock.now() - self.observer.looked_at > FRESH
 
     def note_loss(self, failure: CarryFailed) -> None:
         """The arm has lost a piece, or not got it: that is in the record, whatever comes of it."""
         self._lost.add(failure.transfer.name)
-        self._face.phase(str(failure))
+        self._ui.phase(str(failure))
         squares = (str(failure.transfer.source), str(failure.transfer.target))
         self._record.trouble(failure.loss.value, squares, str(failure), None, self._clock.now())
 
@@ -98,7 +104,7 @@ class Mender:
         wanted: Inventory,
         board: chess.Board | None = None,
         reply: AwaitedReply | None = None,
-    ) -> Mended:
+    ) -> RecoveryResult:
         """Until the board shows what is wanted.
 
         Args:
@@ -117,11 +123,11 @@ class Mender:
         self._tried.clear()
         while True:
             faults, step = self._decide(stands, wanted, board)
-            if faults and not changed(stands, wanted) and reply is not None and self.eyes.answered(reply):
-                return Mended(stands, rounds, duration, answered=True)
+            if faults and not changed(stands, wanted) and reply is not None and self.observer.answered(reply):
+                return RecoveryResult(stands, rounds, duration, answered=True)
             if step is None:
                 self._lost.clear()
-                return Mended(stands, rounds, duration)
+                return RecoveryResult(stands, rounds, duration)
             if isinstance(step, Fallen):
                 stands, took, step = self._stand_up(step, stands, faults)
                 duration += took
@@ -142,41 +148,43 @@ class Mender:
         self, stands: Inventory, wanted: Inventory, board: chess.Board | None
     ) -> tuple[tuple[Fault, ...], Repair | Ask | Fallen | None]:
         """What is wrong, and what to do about it; None: nothing, the board shows what is wanted."""
-        found = self.eyes.verify(stands)
+        found = self.observer.verify(stands)
         if found.faults:  # one frame may be wrong
-            found = self.eyes.verify(stands)
-        strays = cache(lambda: self.eyes.strays(stands))  # a second's search: once a look, and only where it is needed
+            found = self.observer.verify(stands)
+        misplaced = cache(
+            lambda: self.observer.misplaced(stands)
+        )  # a second's search: once a look, and only where it is needed
         missing = {square_place(fault.square) for fault in found.faults if fault.kind in _GONE}
         missing |= {place for name in self._lost | self._handled if (place := stands.find(name).place).in_tray}
-        alone = unaided(missing, stands, wanted, strays, self._handled, people=board is not None)
-        self._strewn = alone.strays if isinstance(alone, Fallen) else () if alone is None else tuple(strays())
+        alone = unaided(missing, stands, wanted, misplaced, self._handled, people=board is not None)
+        self._loose = alone.misplaced if isinstance(alone, Fallen) else () if alone is None else tuple(misplaced())
         if not found.faults:
             rest = rearrange(stands, wanted)
             return (), alone or (Repair(stands, rest, "the arm goes on") if rest else None)
-        step = mend(stands, found.sighting, board)
+        step = mend(stands, found.observation, board)
         if isinstance(alone, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
             return found.faults, alone or step
-        self._strewn = ()
-        places = {**found.sighting.places, **self._places(stands, step.believed, strays)}
+        self._loose = ()
+        places = {**found.observation.places, **self._places(stands, step.believed, misplaced)}
         lost = [name for name, place in changed(stands, step.believed).items() if place.index not in places]
         if lost:  # the fingers would run into it
             return found.faults, Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
-        step = repair_towards(step.believed, wanted, replace(found.sighting, places=places))
+        step = repair_towards(step.believed, wanted, replace(found.observation, places=places))
         if isinstance(step, Repair) and not step.transfers and step.rest is None and not changed(stands, step.believed):
             return found.faults, Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
         return found.faults, step
 
     def _places(
-        self, stands: Inventory, believed: Inventory, strays: Callable[[], list[Stray]]
+        self, stands: Inventory, believed: Inventory, misplaced: Callable[[], list[MisplacedPiece]]
     ) -> dict[int, tuple[float, float]]:
         """Where pieces stand, board frame (x, y) [m], by the square where they are believed to; also of those that are
         far from the centre of any.
         """
-        places = self.eyes.places(believed)
+        places = self.observer.places(believed)
         moved = {name: place for name, place in changed(stands, believed).items() if place.index not in places}
         if moved:
             most = SEEN_WITHIN * stands.table.square
-            for one in strays():
+            for one in misplaced():
                 place = moved.get(one.piece.name)
                 if place is None or one.lies:
                     continue
@@ -192,19 +200,19 @@ class Mender:
         look, making way, or to ask.
         """
         now, refusals = self._clock.now(), list[tuple[str, str, PlanRefused]]()
-        for one in (stray for stray in in_order(step.strays) if stray.lies):
+        for one in (stray for stray in in_order(step.misplaced) if stray.lies):
             sentence = f"the {one.piece.colour} {one.piece.kind} of {one.target} lies on the board"
             if self._tried[one.piece.name] >= MOST_TRIES:
                 unable = PlanRefused(f"it could not be stood up in {MOST_TRIES} attempts")
                 refusals.append((one.piece.name, f"{sentence}, and {unable}: stand it on {one.target}", unable))
                 continue
-            if self._tried[one.piece.name] and (away := self._take_prop(one, step.strays, stands)) is not None:
+            if self._tried[one.piece.name] and (away := self._take_prop(one, step.misplaced, stands)) is not None:
                 return stands, 0.0, away
-            self._face.say(f"{sentence}: the arm stands it up")
+            self._ui.say(f"{sentence}: the arm stands it up")
             self._record.found(stands, sentence, now)
-            self.eyes.forget_likeness()
+            self.observer.forget_likeness()
             try:
-                took = self._carrier.stand_up(one, step.strays, stands, self.eyes.seen)
+                took = self._carrier.stand_up(one, step.misplaced, stands, self.observer.seen)
             except BoardTouched:
                 return stands, 0.0, None
             except PlanRefused as refused:
@@ -218,15 +226,15 @@ class Mender:
             return stands, took, None
         return stands, 0.0, self._make_way(refusals, step, stands, faults)
 
-    def _take_prop(self, one: Stray, strays: Sequence[Stray], stands: Inventory) -> Repair | None:
+    def _take_prop(self, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> Repair | None:
         """What a piece leans on, so that it could not be stood up, goes to its place, or out of the way for now."""
-        name = leant_on(one, strays, stands)
-        stray = next((each for each in strays if each.piece.name == name and not each.lies), None)
+        name = leant_on(one, misplaced, stands)
+        stray = next((each for each in misplaced if each.piece.name == name and not each.lies), None)
         if name is None:
             return None
         try:
             transfer = (
-                self._carrier.way_for(name, strays, stands)
+                self._carrier.way_for(name, misplaced, stands)
                 if stray is None
                 else Transfer.of(stray.piece, stray.target, (stray.pose.x, stray.pose.y))
             )
@@ -245,19 +253,21 @@ class Mender:
             if not isinstance(blocked, InTheWay):
                 continue
             try:
-                transfer = self._carrier.way_for(blocked.piece.name, step.strays, stands)
+                transfer = self._carrier.way_for(blocked.piece.name, step.misplaced, stands)
             except PlanRefused as refused:
                 sentence = f"{blocked}; {refused}"
                 pairs.append(Blocked(name, blocked.piece.name))
                 continue
             return Repair(stands, (transfer,), f"the {transfer.kind} of {transfer.source} makes way")
-        if self._push(pairs, step.strays, stands):
+        if self._push(pairs, step.misplaced, stands):
             return None
-        return self._make_room(pairs, step.strays, stands) or Ask(sentence, squares_of(faults))
+        return self._make_room(pairs, step.misplaced, stands) or Ask(sentence, squares_of(faults))
 
-    def _make_room(self, pairs: Sequence[Blocked], strays: Sequence[Stray], stands: Inventory) -> Repair | None:
+    def _make_room(
+        self, pairs: Sequence[Blocked], misplaced: Sequence[MisplacedPiece], stands: Inventory
+    ) -> Repair | None:
         """The nearest of the pieces around two that are in each other's way goes aside: then there may be a push."""
-        table, astray = stands.table, {one.piece.name: (one.pose.x, one.pose.y) for one in strays}
+        table, astray = stands.table, {one.piece.name: (one.pose.x, one.pose.y) for one in misplaced}
         stuck = {name for pair in pairs for name in (pair.name, pair.by)}
         spots = [astray.get(name, table.xy(stands.find(name).place)) for name in stuck]
         near = list[tuple[float, str]]()
@@ -270,29 +280,29 @@ class Mender:
                 near.append((distance, piece.name))
         for _, name in sorted(near):
             try:
-                transfer = self._carrier.way_for(name, strays, stands)
+                transfer = self._carrier.way_for(name, misplaced, stands)
             except PlanRefused:
                 continue
             return Repair(stands, (transfer,), f"the {transfer.kind} of {transfer.source} makes room")
         return None
 
-    def _push(self, pairs: Sequence[Blocked], strays: Sequence[Stray], stands: Inventory) -> bool:
+    def _push(self, pairs: Sequence[Blocked], misplaced: Sequence[MisplacedPiece], stands: Inventory) -> bool:
         """Whether one of two pieces that are in each other's way was pushed aside, or the board wants another look."""
         pairs = [pair for pair in pairs if max(self._pushed[pair.name], self._pushed[pair.by]) < MOST_PUSHES]
         if not pairs:
             return False
-        self.eyes.forget_likeness()
+        self.observer.forget_likeness()
         try:
-            push = self._carrier.push_for(pairs, strays, stands, self.eyes.seen)
+            push = self._carrier.push_for(pairs, misplaced, stands, self.observer.seen)
         except PlanRefused as refused:
-            self._face.phase(str(refused))
+            self._ui.phase(str(refused))
             return False
         except BoardTouched:
             return True  # what to do about it, the next look tells
         pair = next(pair for pair in pairs if push.name in (pair.name, pair.by))
         one, other = (_called(stands, each) for each in (pair.by, pair.name))
         sentence = f"{one} and {other} are in each other's way: the arm pushes {_called(stands, push.name)} aside"
-        self._face.say(sentence)
+        self._ui.say(sentence)
         self._record.found(stands, sentence, self._clock.now())
         self._handled.add(push.name)
         self._pushed[push.name] += 1
@@ -306,13 +316,13 @@ class Mender:
         label, now = "put the board right", self._clock.now()
         for fault in faults:
             self._record.trouble(fault.kind.value, (str(square_place(fault.square)),), fault.sentence, "arm", now)
-        self._face.say(f"{_sentence(faults)}: {step.sentence}" if faults else step.sentence)
+        self._ui.say(f"{_sentence(faults)}: {step.sentence}" if faults else step.sentence)
         self._record.found(step.believed, _sentence(faults) or "not all is carried yet", now)
         self._record.task(Purpose.REPAIR, label, step.transfers, now)
-        self.eyes.forget_likeness()
+        self.observer.forget_likeness()
         try:
-            job = Job(label, step.transfers, strays=self._strewn)
-            carried = self._carrier.carry(job, step.believed, seen=self.eyes.seen)
+            job = Job(label, step.transfers, misplaced=self._loose)
+            carried = self._carrier.carry(job, step.believed, seen=self.observer.seen)
         except BoardTouched:
             return step.believed, 0.0, None
         except CarryFailed as failure:
@@ -334,22 +344,22 @@ class Mender:
         own = next((one for one in step.transfers if one.name == refused.piece.name), None)
         if own is not None and len(step.transfers) > 1 and _is_free(own, step.believed):
             return Repair(step.believed, (own,), f"the {own.kind} of {own.source} goes first")
-        self._strewn = strays = tuple(self.eyes.strays(step.believed))
+        self._loose = misplaced = tuple(self.observer.misplaced(step.believed))
         try:
-            transfer = self._carrier.way_for(refused.piece.name, strays, step.believed)
+            transfer = self._carrier.way_for(refused.piece.name, misplaced, step.believed)
         except PlanRefused:
             if refused.around is None:
                 return asked
             pair = Blocked(refused.around.name, refused.piece.name, refused.around)
-            if self._push([pair], strays, step.believed):
+            if self._push([pair], misplaced, step.believed):
                 return None
-            return self._make_room([pair], strays, step.believed) or asked
+            return self._make_room([pair], misplaced, step.believed) or asked
         return Repair(step.believed, (transfer,), f"the {transfer.kind} of {transfer.source} makes way")
 
     def _ask(self, step: Ask, faults: Sequence[Fault], stands: Inventory) -> None:
         squares = tuple(str(square_place(square)) for square in step.squares)
         self._asker.mend(step.sentence, squares, stands)
-        self.eyes.forget_likeness()
+        self.observer.forget_likeness()
         self._tried.clear()
         for fault in faults:
             place = (str(square_place(fault.square)),)

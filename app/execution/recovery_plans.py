@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from app.motion.fallen.lying import Lying, Strewn, crowd_of
+from app.motion.fallen.lying import LoosePieces, Lying, crowd_of
 from app.motion.fallen.push import Nudge, find_nudge, plan_nudge
 from app.motion.fallen.stand_up import plan_upright, room_to_stand_up
 from app.motion.obstacles import Obstacle
@@ -22,7 +22,7 @@ from app.motion.planner import Planner, fits_around
 from app.pieces.inventory import Inventory, Transfer
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, Kind, square_place
-from vision.pieces.pose_search import Stray
+from vision.pieces.pose_search import MisplacedPiece
 
 _CLEAR: Final = 0.11
 """What makes way goes so far from where pieces lie [m]: they are up to 60 mm long, and the fingers need as much."""
@@ -50,30 +50,30 @@ class Blocked:
     around: Obstacle | None = None
 
 
-def in_order(strays: Sequence[Stray]) -> list[Stray]:
+def in_order(misplaced: Sequence[MisplacedPiece]) -> list[MisplacedPiece]:
     """As they are to be righted: those that lie before those that stand."""
-    return sorted(strays, key=lambda one: not one.lies)
+    return sorted(misplaced, key=lambda one: not one.lies)
 
 
-def strewn_of(strays: Sequence[Stray]) -> Strewn:
+def loose_pieces(misplaced: Sequence[MisplacedPiece]) -> LoosePieces:
     """For whoever plans around them."""
-    return Strewn(
+    return LoosePieces(
         tuple(
             Obstacle(one.piece.name, one.target, one.pose.x, one.pose.y, one.piece.kind)
-            for one in strays
+            for one in misplaced
             if not one.lies
         ),
-        tuple(_lying(one) for one in strays if one.lies),
+        tuple(_lying(one) for one in misplaced if one.lies),
     )
 
 
-def leant_on(one: Stray, strays: Sequence[Stray], stands: Inventory) -> str | None:
+def leant_on(one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> str | None:
     """The piece that is nearest to one which does not lie flat, as the arm has felt; None: nothing is so near."""
     shape, yaw = PIECE_SHAPES[one.piece.kind], one.pose.yaw or 0.0
     along = np.linspace(0.0, shape.height, 12)
     axis = np.array([one.pose.x, one.pose.y]) + along[:, None] * np.array([math.cos(yaw), math.sin(yaw)])
     radius = np.where(along <= shape.foot_height, shape.foot_radius, shape.stem_radius)
-    table, astray = stands.table, {each.piece.name: (each.pose.x, each.pose.y) for each in strays}
+    table, astray = stands.table, {each.piece.name: (each.pose.x, each.pose.y) for each in misplaced}
     nearest, found = LEANS, None
     for piece in stands:
         if piece.name == one.piece.name or piece.place.in_box:
@@ -85,14 +85,16 @@ def leant_on(one: Stray, strays: Sequence[Stray], stands: Inventory) -> str | No
     return found
 
 
-def plan_righting(planner: Planner, one: Stray, others: Sequence[Stray], inventory: Inventory) -> Plan:
+def plan_stand_up(
+    planner: Planner, one: MisplacedPiece, others: Sequence[MisplacedPiece], inventory: Inventory
+) -> Plan:
     """Stand a piece up where it lies, or carry it from where it stands to its place; then home.
 
     Args:
         planner: of the arm.
         one: the piece.
-        others: all other strays.
-        inventory: what should stand where, with all strays at some place.
+        others: all other misplaced pieces.
+        inventory: what should stand where, with all misplaced pieces at some place.
 
     Raises:
         PlanRefused: something is in the way; of a piece that lies, ``InTheWay`` says which piece.
@@ -104,15 +106,15 @@ def plan_righting(planner: Planner, one: Stray, others: Sequence[Stray], invento
         label = f"{one.piece.name} to {one.target}"
         return planner.ply(label, [carried], Inventory.of(rest, inventory.table))
     table = inventory.table
-    strewn = strewn_of([stray for stray in others if stray.piece.name in gone])
+    loose = loose_pieces([stray for stray in others if stray.piece.name in gone])
     near = [Obstacle.at(piece.name, piece.place, piece.kind, table) for piece in rest
             if piece.name != one.piece.name and not piece.place.in_box]  # fmt: skip
-    near += strewn.standing
-    return plan_upright(planner, _lying(one), near, strewn.lying).plan
+    near += loose.standing
+    return plan_upright(planner, _lying(one), near, loose.lying).plan
 
 
 def plan_making_way(
-    planner: Planner, blocks: str, strays: Sequence[Stray], inventory: Inventory
+    planner: Planner, blocks: str, misplaced: Sequence[MisplacedPiece], inventory: Inventory
 ) -> tuple[Transfer, Plan]:
     """Carry a piece that stands in the way to a free place; once all is right it has to be carried back.
 
@@ -121,8 +123,8 @@ def plan_making_way(
     Args:
         planner: of the arm.
         blocks: name of the piece, as ``InTheWay`` has it.
-        strays: all strays; the piece goes where it is clear of them.
-        inventory: what should stand where, with all strays at some place.
+        misplaced: all misplaced pieces; the piece goes where it is clear of them.
+        inventory: what should stand where, with all misplaced pieces at some place.
 
     Returns:
         Where it goes, for the inventory, and the plan.
@@ -131,22 +133,22 @@ def plan_making_way(
         PlanRefused: it lies, the fingers cannot take it either, or no place is free.
     """
     table, piece = inventory.table, inventory.find(blocks)
-    itself = next((stray for stray in strays if stray.piece.name == blocks), None)
+    itself = next((stray for stray in misplaced if stray.piece.name == blocks), None)
     if itself is not None and itself.lies:
         raise PlanRefused(f"{blocks}, which is in the way, lies itself: take it off the board")
     seen = None if itself is None else (itself.pose.x, itself.pose.y)
-    strays = [stray for stray in strays if stray is not itself]
-    gone = {stray.piece.name for stray in strays}
-    targets = {stray.target for stray in strays}
+    misplaced = [stray for stray in misplaced if stray is not itself]
+    gone = {stray.piece.name for stray in misplaced}
+    targets = {stray.target for stray in misplaced}
     rest = Inventory.of([one for one in inventory if one.name not in gone], table)
     places = (*map(square_place, range(64)), *table.tray_places())
     free = [
         place for place in places
-        if inventory.at(place) is None and place not in targets and _clear_of(table.xy(place), strays)
+        if inventory.at(place) is None and place not in targets and _clear_of(table.xy(place), misplaced)
     ]  # fmt: skip
     # squares first: the camera sees whether it has come there
     free.sort(key=lambda place: (not place.on_board, inventory.travel(piece.place, place), place))
-    if itself is not None and itself.target not in targets and _clear_of(table.xy(itself.target), strays):
+    if itself is not None and itself.target not in targets and _clear_of(table.xy(itself.target), misplaced):
         free.insert(0, itself.target)
     refused: PlanRefused | None = None
     for raised in _raised(piece.kind, planner.cell.parameters):
@@ -154,22 +156,22 @@ def plan_making_way(
             transfer = Transfer.of(piece, place, seen, raised)
             try:
                 label = f"{piece.name} out of the way to {place}"
-                return transfer, planner.ply(label, [transfer], rest, strewn=strewn_of(strays))
+                return transfer, planner.ply(label, [transfer], rest, loose=loose_pieces(misplaced))
             except PlanRefused as error:
                 refused = refused or error
     raise refused or PlanRefused(f"no place is free for {blocks}, which is in the way: take a piece off the board")
 
 
 def plan_pushing(
-    planner: Planner, blocked: Sequence[Blocked], strays: Sequence[Stray], inventory: Inventory
+    planner: Planner, blocked: Sequence[Blocked], misplaced: Sequence[MisplacedPiece], inventory: Inventory
 ) -> tuple[Nudge, Plan]:
     """Push one of two pieces aside that are in each other's way, so that one of them can be taken or stood up.
 
     Args:
         planner: of the arm.
         blocked: which cannot be, and by what.
-        strays: all strays.
-        inventory: what should stand where, with all strays at some place.
+        misplaced: all misplaced pieces.
+        inventory: what should stand where, with all misplaced pieces at some place.
 
     Returns:
         The push, and the plan; where the piece comes to rest, a look must tell.
@@ -178,16 +180,16 @@ def plan_pushing(
         PlanRefused: no push helps, or it leads out of the workspace.
     """
     table, cell = inventory.table, planner.cell
-    gone = {stray.piece.name for stray in strays}
-    strewn = strewn_of(strays)
+    gone = {stray.piece.name for stray in misplaced}
+    loose = loose_pieces(misplaced)
     kept = tuple(
         Obstacle.at(piece.name, piece.place, piece.kind, table)
         for piece in inventory
         if piece.name not in gone and not piece.place.in_box
     )
-    scene = Strewn((*kept, *strewn.standing), strewn.lying)
+    scene = LoosePieces((*kept, *loose.standing), loose.lying)
 
-    def free(one: Blocked, scene: Strewn) -> bool:
+    def free(one: Blocked, scene: LoosePieces) -> bool:
         others = crowd_of(scene, table, without=one.name)
         if (lying := next((piece for piece in scene.lying if piece.name == one.name), None)) is not None:
             return room_to_stand_up(lying, others, cell)
@@ -218,10 +220,10 @@ def _raised(kind: Kind, parameters: RobotParameters) -> Iterator[float]:
         yield max(0.0, most) * part / _RAISES
 
 
-def _clear_of(point: tuple[float, float], strays: Sequence[Stray]) -> bool:
-    return all(math.dist(point, (stray.pose.x, stray.pose.y)) > _CLEAR for stray in strays)
+def _clear_of(point: tuple[float, float], misplaced: Sequence[MisplacedPiece]) -> bool:
+    return all(math.dist(point, (stray.pose.x, stray.pose.y)) > _CLEAR for stray in misplaced)
 
 
-def _lying(stray: Stray) -> Lying:
+def _lying(stray: MisplacedPiece) -> Lying:
     assert stray.pose.yaw is not None
     return Lying(stray.piece.kind, (stray.pose.x, stray.pose.y), stray.pose.yaw, stray.piece.name)

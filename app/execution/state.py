@@ -21,7 +21,7 @@ from hardware.table import Place
 
 if TYPE_CHECKING:
     from app.guard.game_guard import GameGuard
-    from vision.pieces.pose_search import Stray
+    from vision.pieces.pose_search import MisplacedPiece
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,13 +117,13 @@ class Job:
         label: what it is, for people.
         transfers: in order of execution.
         uci: the move, where it is one; None for a task.
-        strays: pieces that lie or stand elsewhere than the inventory says, and that the arm has to keep clear of.
+        misplaced: pieces that lie or stand elsewhere than the inventory says, and that the arm has to keep clear of.
     """
 
     label: str
     transfers: tuple[Transfer, ...]
     uci: str | None = None
-    strays: tuple[Stray, ...] = ()
+    misplaced: tuple[MisplacedPiece, ...] = ()
 
 
 class CannotSee(UserError):

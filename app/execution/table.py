@@ -24,15 +24,15 @@ from app.pieces.manipulation import move_kind, transfers
 from app.records import GameRecord, PlyOutcome
 from app.records.events import Purpose
 from app.records.history import Unfinished, transfer_of
-from app.terminal.interface import Face
+from app.terminal.interface import UserInterface
 from hardware.interfaces import Frame
 from hardware.table import Place
 
 if TYPE_CHECKING:
-    from app.execution.observation import Eyes
-    from app.execution.recovery import Mender
+    from app.execution.observation import GameObserver
+    from app.execution.recovery import Recovery
     from app.guard.game_guard import GameGuard
-    from vision.pieces.pose_search import Stray
+    from vision.pieces.pose_search import MisplacedPiece
     from vision.reading.diagnosis import Diagnosis
 
 
@@ -43,9 +43,9 @@ class Table:
         position: where it stands.
         devices: of the rig.
         carrier: carries pieces.
-        mender: looks, and puts right what is not as it should be; None: nobody looks, and what fails ends the game.
+        recovery: looks, and puts right what is not as it should be; None: nobody looks, and what fails ends the game.
         record: of the game.
-        face: shown what happens.
+        ui: shown what happens.
 
     Attributes:
         board: the position, with its moves.
@@ -57,9 +57,9 @@ class Table:
         position: Position,
         devices: Devices,
         carrier: Carrier,
-        mender: Mender | None,
+        recovery: Recovery | None,
         record: GameRecord,
-        face: Face,
+        ui: UserInterface,
     ) -> None:
         self.board, self.inventory = position.board, position.inventory
         self._unfinished, self._begun = position.unfinished, position.begun
@@ -67,13 +67,13 @@ class Table:
         """A person plays these colours, and may have moved while nobody looked."""
         self.replied = False
         """The person at the board has made the next move already, while nobody looked."""
-        self._devices, self._carrier, self._mender = devices, carrier, mender
-        self._record, self._face = record, face
+        self._devices, self._carrier, self._recovery = devices, carrier, recovery
+        self._record, self._ui = record, ui
 
     @property
-    def eyes(self) -> Eyes | None:
+    def observer(self) -> GameObserver | None:
         """That follow the game; None: nobody looks."""
-        return None if self._mender is None else self._mender.eyes
+        return None if self._recovery is None else self._recovery.observer
 
     def subscribe(self, listener: Callable[[str], None]) -> None:
         """As of ``Carrier.subscribe``."""
@@ -151,26 +151,26 @@ class Table:
         """The board is looked at, and put right where it is not as the game says; False as of ``arm_ply``.
 
         Args:
-            reply: as of ``Mender.mend``.
+            reply: as of ``Recovery.mend``.
         """
-        if self._mender is None:
+        if self._recovery is None:
             return True
-        mended = self._mender.mend(self.inventory, self.inventory, self.board, reply)
+        mended = self._recovery.mend(self.inventory, self.inventory, self.board, reply)
         self.replied = mended.answered
         if not mended.jobs:
             return True
         outcome = PlyOutcome(real=mended.duration)
         return self._conclude_task(mended.inventory, outcome, self.board, answered=mended.answered)
 
-    def fallen(self) -> list[Stray]:
+    def fallen(self) -> list[MisplacedPiece]:
         """Pieces that lie on the board, in the newest frame, as far as depth shows them."""
-        if self.eyes is None or self.eyes.last.depth is None:
+        if self.observer is None or self.observer.last.depth is None:
             return []
-        return [one for one in self.eyes.strays(self.inventory) if one.lies]
+        return [one for one in self.observer.misplaced(self.inventory) if one.lies]
 
     def _look_again(self) -> bool:
         """Before the arm moves, if the last look was long ago; False as of ``arm_ply``."""
-        return self._mender is None or not self._mender.stale or self.repair()
+        return self._recovery is None or not self._recovery.stale or self.repair()
 
     def note(self, finding: Diagnosis) -> None:
         """Something that is no legal move was seen: that is in the record, whatever comes of it."""
@@ -189,14 +189,14 @@ class Table:
             by_hand: colours that a person plays by hand, who may have moved while nobody looked.
         """
         if not self._begun:
-            if self.eyes is not None:
-                self.eyes.begin(self.board)
+            if self.observer is not None:
+                self.observer.begin(self.board)
             return True
         self._unwatched = by_hand
         well = self._finish() and self.repair(self._left_with(self.board))
         self._unwatched = frozenset()
-        if self.eyes is not None and not self.replied:
-            self.eyes.confirm(self.board)
+        if self.observer is not None and not self.replied:
+            self.observer.confirm(self.board)
         return well
 
     def _left_with(self, position: chess.Board) -> AwaitedReply | None:
@@ -259,7 +259,7 @@ class Table:
         assert unfinished.repair is not None
         goal = self._goal(unfinished)
         # one that was not begun is thought over: what it was planned around, or refused for, only a look can tell
-        repair = unfinished.repair if begun is not None or self._mender is None else ()
+        repair = unfinished.repair if begun is not None or self._recovery is None else ()
         wanted = moved_all(self.inventory, repair)
         reply = self._left_with(goal) if not _arranged(wanted, goal) else None
         carried = self._carry(Job("put the board right", repair), wanted, begun, reply)
@@ -297,18 +297,18 @@ class Table:
         outcome, stands = PlyOutcome(real=0.0), wanted
         if job.transfers:
             try:
-                seen = None if self.eyes is None else self.eyes.seen
+                seen = None if self.observer is None else self.observer.seen
                 outcome = outcome_of(self._carrier.carry(job, self.inventory, begun, seen))
             except BoardTouched:
                 stands = self.inventory  # as far as is known: the mender looks first, then carries
             except CarryFailed as failure:
-                if self._mender is None:
+                if self._recovery is None:
                     raise UserError(str(failure)) from failure
                 stands, outcome = failure.inventory, replace(outcome, resumed=True)
-                self._mender.note_loss(failure)
-        if self._mender is None:
+                self._recovery.note_loss(failure)
+        if self._recovery is None:
             return JobDone(wanted, outcome)
-        mended = self._mender.mend(stands, wanted, reply=reply)
+        mended = self._recovery.mend(stands, wanted, reply=reply)
         if mended.jobs:
             outcome = replace(outcome, real=(outcome.real or 0.0) + mended.duration, resumed=True)
         return JobDone(mended.inventory, outcome, mended.answered)
@@ -325,7 +325,7 @@ class Table:
         outcome, verdict = (outcome, None) if answered else self._judged(outcome, places)
         outcome = replace(outcome, frame=self._keep(frame))
         event = self._record.ply(ply, outcome, self.now(), inventory)
-        self._face.ply(event, self.board)
+        self._ui.ply(event, self.board)
         return verdict is None or verdict.ok
 
     def _conclude_task(
@@ -338,15 +338,15 @@ class Table:
         self._look(learns=not answered)
         outcome, verdict = (outcome, None) if answered else self._judged(outcome, places)
         self._record.task_done(inventory, outcome, self.now())
-        self._face.position(self.board)
+        self._ui.position(self.board)
         return verdict is None or verdict.ok
 
     def _look(self, *, learns: bool = True) -> Frame | None:
         """The picture of the position; eyes that follow the game have looked already, and learn from it."""
-        if self.eyes is not None:
+        if self.observer is not None:
             if learns:
-                self.eyes.confirm(self.board)
-            return self.eyes.last
+                self.observer.confirm(self.board)
+            return self.observer.last
         if self._devices.camera is None:
             return None
         self._devices.arm.state()  # in pace fast: once plant time stands, so that the exposure's tick is decided

@@ -17,7 +17,7 @@ from app.players.person import Human
 from app.players.players import Decision, Players
 from app.records.events import Result
 from app.rig.arm import FELT
-from app.terminal.interface import Face
+from app.terminal.interface import UserInterface
 from engine.errors import EngineProblem
 
 
@@ -27,7 +27,7 @@ class Game:
     Args:
         table: where it is played.
         players: who choose the moves that the arm makes.
-        face: shown what happens.
+        ui: shown what happens.
         human: who plays one side by hand; None: the arm makes all moves.
         comments: recorded with each ply, from the first one of the game on.
         result: of a game that is played again; its moves are made to their end, whatever might have been claimed
@@ -39,16 +39,16 @@ class Game:
         self,
         table: Table,
         players: Players,
-        face: Face,
+        ui: UserInterface,
         human: Human | None = None,
         comments: tuple[str, ...] = (),
         result: Result | None = None,
         timing: Timing | None = None,
     ) -> None:
-        self._table, self._players, self._face = table, players, face
+        self._table, self._players, self._ui = table, players, ui
         self._timing = timing or Timing(None, table.now)
         self._comments, self._result = comments, result
-        self._human = None if human is None else HumanTurn(human, table, players, self._timing, face)
+        self._human = None if human is None else HumanTurn(human, table, players, self._timing, ui)
         self._most = 0
         self.thinking = 0.0
         """Wall time that the arm rested because a player thought [s]."""
@@ -66,7 +66,7 @@ class Game:
 
     def _play(self, plies: int) -> GameEnd:
         board = self._table.board
-        self._face.position(board)
+        self._ui.position(board)
         self._most = plies
         by_hand = frozenset() if self._human is None else frozenset(filter(self._human.plays, chess.COLORS))
         if not self._table.begin(by_hand):
@@ -120,13 +120,13 @@ class Game:
         if not well:
             return WRONG
         if decision.offers_draw and self._human is not None:
-            self._face.say("I offer a draw: say 'draw' if you agree")
+            self._ui.say("I offer a draw: say 'draw' if you agree")
         return None
 
     def _choose(self) -> Decision:
         """What the player to move decides; where its engine fails for good and a person is there, the game waits."""
         board = self._table.board
-        self._face.phase(f"{_side(board.turn)} thinks ({self._players.name(board.turn)})")
+        self._ui.phase(f"{_side(board.turn)} thinks ({self._players.name(board.turn)})")
         since = time.perf_counter()
         while True:
             self._timing.start(board.turn)
@@ -139,7 +139,7 @@ class Game:
                     raise
                 self._human.wait(f"{problem}; say 'go' when I may ask again")
         for trouble in decision.troubles:
-            self._face.phase(f"the engine was started again: {trouble}")
+            self._ui.phase(f"the engine was started again: {trouble}")
         self.thinking += time.perf_counter() - since
         return decision
 

@@ -27,14 +27,14 @@ from app.records import RecordError
 from app.records.events import Result
 from app.rig.arm import ArmPaused
 from app.settings.time_control import clock_text
-from app.terminal.interface import Face
+from app.terminal.interface import UserInterface
 from engine.errors import EngineProblem
 from hardware.interfaces import HardwareError
 from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 
 if TYPE_CHECKING:
     from app.execution.observation import Reading
-    from vision.pieces.pose_search import Stray
+    from vision.pieces.pose_search import MisplacedPiece
     from vision.reading.diagnosis import Diagnosis
 
 POLL: Final = 0.2
@@ -56,8 +56,8 @@ class _Interjected(Exception):
 class HumanTurn:
     """Takes a person's turns."""
 
-    def __init__(self, human: Human, table: Table, players: Players, timing: Timing, face: Face) -> None:
-        self._human, self._table, self._players, self._face = human, table, players, face
+    def __init__(self, human: Human, table: Table, players: Players, timing: Timing, ui: UserInterface) -> None:
+        self._human, self._table, self._players, self._ui = human, table, players, ui
         self._timing = timing
         self._colour = human.colour
         # a simulated hand is only there when it was told to be, and is looked after then
@@ -126,7 +126,7 @@ class HumanTurn:
     def _tell(self, sentence: str) -> None:
         """Say what cannot be done; a camera that is lost is not told of five times a second."""
         if sentence != self._told:
-            self._face.say(sentence)
+            self._ui.say(sentence)
         self._told = sentence
 
     def wait(self, sentence: str) -> None:
@@ -135,8 +135,8 @@ class HumanTurn:
         Raises:
             GameLeft: they leave instead.
         """
-        self._face.say(sentence)
-        ask(self._human, self._face, "go on?", (Word.GO.value,), lambda _: False)
+        self._ui.say(sentence)
+        ask(self._human, self._ui, "go on?", (Word.GO.value,), lambda _: False)
 
     def left(self, word: Word) -> GameEnd:
         """How the game has ended for a person who said quit, resign or new."""
@@ -147,7 +147,7 @@ class HumanTurn:
     def _prompt(self) -> None:
         left = self._timing.left()
         clocks = "" if left is None else f" ({clock_text(left[chess.WHITE])} - {clock_text(left[chess.BLACK])})"
-        self._face.prompt(f"{_name(self._colour)} to move{clocks}: your move")
+        self._ui.prompt(f"{_name(self._colour)} to move{clocks}: your move")
 
     def _obey(self, command: Command) -> GameEnd | None:
         self._unsaid, self._told = None, ""
@@ -160,10 +160,10 @@ class HumanTurn:
             Word.FIX: lambda: None if self._table.repair() else WRONG,
             Word.TAKE_BACK: self._take_back,
             Word.HINT: self._hint,
-            Word.HELP: lambda: self._face.say(help_text()),
+            Word.HELP: lambda: self._ui.say(help_text()),
             Word.DRAW: self._draw,
             Word.PAUSE: self._pause,
-            Word.GO: lambda: self._face.say("nothing waits: it is your move"),
+            Word.GO: lambda: self._ui.say("nothing waits: it is your move"),
             Word.SIDE: self._change_sides,
             Word.RESIGN: lambda: self.left(Word.RESIGN),
             Word.NEW: lambda: self.left(Word.NEW),
@@ -173,7 +173,7 @@ class HumanTurn:
 
     def _pause(self) -> GameEnd | None:
         self._timing.pause()
-        self._face.say("the clocks stand; say 'go' to go on, or 'quit' to leave")
+        self._ui.say("the clocks stand; say 'go' to go on, or 'quit' to leave")
         self._answer("go on?", (Word.GO.value,))
         self._timing.start(self._colour)
         return None
@@ -182,7 +182,7 @@ class HumanTurn:
         self._timing.pause()
         self._colour = not self._colour
         self._table.note_sides(self._colour)
-        self._face.say(f"you play {_name(self._colour)} now")
+        self._ui.say(f"you play {_name(self._colour)} now")
 
     def _draw(self) -> GameEnd | None:
         """A draw that can be claimed, or that the robot agrees to."""
@@ -191,7 +191,7 @@ class HumanTurn:
             return GameEnd("1/2-1/2", f"{_name(self._colour)} claims a draw", True)
         if self._players.accepts_draw(board, not self._colour):
             return GameEnd("1/2-1/2", "draw agreed", True)
-        self._face.say("I would like to play on")
+        self._ui.say("I would like to play on")
         return None
 
     # moves
@@ -229,24 +229,24 @@ class HumanTurn:
         (move,) = seen.decision.moves
         if seen.decision.promotion_unsure:
             move = chess.Move(move.from_square, move.to_square, self._promotion(None))
-        self._face.say("the board was not watched for a while")
+        self._ui.say("the board was not watched for a while")
         return self._ask_move(move, None, self._timing.now(), seen, "this looks like {}: was that your move?")
 
     def _play(self, move: chess.Move) -> GameEnd | None:
         """A legal move was typed: the hand of a simulated world makes it; else the person has made it, or will."""
         if self._human.hands is not None:
             ply = transfers(self._table.board, move, self._table.inventory)
-            self._face.phase(f"your hand plays {ply.san}")
+            self._ui.phase(f"your hand plays {ply.san}")
             with self._timing.motion(of_arm=False):
                 self._human.hands.play(ply, self._table.inventory)
         done = self._timing.now()
-        if self._table.eyes is None:
+        if self._table.observer is None:
             return self._accept(move, done)
         return self._read(move, done)
 
     def _hand(self, command: MoveHand) -> GameEnd | None:
         if self._human.hands is None:
-            self._face.say("only a simulated hand can be told what to do: move the piece yourself")
+            self._ui.say("only a simulated hand can be told what to do: move the piece yourself")
             return None
         with self._timing.motion(of_arm=False):
             self._human.hands.do(command, self._table.inventory)
@@ -256,12 +256,10 @@ class HumanTurn:
         """What the camera says was played; ``said``: what the person says; ``then``: when their hand had left [s]."""
         reading = self._look()
         if reading is None:
-            self._face.say("this rig has no camera: type the move")
+            self._ui.say("this rig has no camera: type the move")
             return None
         if reading.decision.verdict is ReadingOutcome.NOTHING:
-            self._face.say(
-                "I see no change on the board" if said is None else f"I do not see {said.uci()} on the board"
-            )
+            self._ui.say("I see no change on the board" if said is None else f"I do not see {said.uci()} on the board")
             return None
         return self._judge(reading, said, then)
 
@@ -282,18 +280,18 @@ class HumanTurn:
         self._table.note(finding)
         look = "" if self._notice.watches else " and say 'look'"
         what = " and ".join(_lies(one) for one in self._table.fallen()) or finding.sentence
-        self._face.say(f"{what}. Put it right by hand{look}, or say 'fix' and the arm does it")
+        self._ui.say(f"{what}. Put it right by hand{look}, or say 'fix' and the arm does it")
 
     def _look(self) -> Reading | None:
         """Again while in doubt."""
-        eyes = self._table.eyes
-        if eyes is None:
+        observer = self._table.observer
+        if observer is None:
             return None
-        reading = eyes.read()
+        reading = observer.read()
         for _ in range(LOOKS - 1):
             if reading.decision.verdict is not ReadingOutcome.DOUBT:
                 break
-            reading = eyes.read()
+            reading = observer.read()
         return reading
 
     def _ask_move(
@@ -308,17 +306,17 @@ class HumanTurn:
             return self._accept(move, then, reading)
         if self._yes(question.format(self._table.board.san(move))):
             return self._accept(move, then, reading)
-        self._face.say("then put the pieces back as they were, or type the move that you have made")
+        self._ui.say("then put the pieces back as they were, or type the move that you have made")
         return None
 
     def _accept(self, move: chess.Move, then: float, reading: Reading | None = None) -> GameEnd | None:
         if (fallen := self._timing.fallen(self._table.board, then)) is not None:
             return GameEnd(fallen.result, fallen.reason, True)
         self._timing.press(then)
-        if self._table.eyes is not None and reading is not None:
+        if self._table.observer is not None and reading is not None:
             after = self._table.board.copy()
             after.push(move)
-            self._table.eyes.confirm(after, reading.look)
+            self._table.observer.confirm(after, reading.look)
         return None if self._table.hand_ply(move, Remark(clocks=self._timing.left)) else WRONG
 
     def _promotion(self, said: chess.Move | None) -> chess.PieceType:
@@ -331,7 +329,7 @@ class HumanTurn:
 
     def _take_back(self) -> GameEnd | None:
         if len(self._table.board.move_stack) < 2:
-            self._face.say("there is nothing of yours to take back yet")
+            self._ui.say("there is nothing of yours to take back yet")
             return None
         self._timing.pause()
         with self._timing.motion():
@@ -342,7 +340,7 @@ class HumanTurn:
     def _hint(self) -> None:
         said = self._players.hint(self._table.board)
         assert said.move is not None, "who is asked has an answer, or says why not"
-        self._face.say(f"I would play {self._table.board.san(said.move)}")
+        self._ui.say(f"I would play {self._table.board.san(said.move)}")
 
     def _yes(self, question: str) -> bool:
         return self._answer(f"{question} (yes or no)", ("yes", "no", "y", "n")).startswith("y")
@@ -356,14 +354,14 @@ class HumanTurn:
             except CommandError:
                 return False
 
-        return ask(self._human, self._face, question, valid, other)
+        return ask(self._human, self._ui, question, valid, other)
 
 
 def _name(colour: chess.Color) -> str:
     return "White" if colour else "Black"
 
 
-def _lies(one: Stray) -> str:
+def _lies(one: MisplacedPiece) -> str:
     return f"the {one.piece.colour} {one.piece.kind} of {one.target} has fallen over"
 
 

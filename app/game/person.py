@@ -15,7 +15,7 @@ from app.pieces.inventory import Inventory, Ply
 from app.players.commands import CommandError, HandVerb, MoveHand, Word, help_text, parse_hand, word_of
 from app.players.person import Hands, Human
 from app.rig.arm import Arm
-from app.terminal.interface import Face
+from app.terminal.interface import UserInterface
 from hardware.interfaces import HardwareError
 from hardware.table import Place
 
@@ -51,12 +51,12 @@ class GameLeft(UserError):
 _LEAVES: Final = (Word.QUIT, Word.RESIGN, Word.NEW)
 
 
-def ask(human: Human, face: Face, question: str, valid: Collection[str], other: Callable[[str], bool]) -> str:
+def ask(human: Human, ui: UserInterface, question: str, valid: Collection[str], other: Callable[[str], bool]) -> str:
     """Ask until the answer is one of some words.
 
     Args:
         human: who is asked.
-        face: shows the question.
+        ui: shows the question.
         question: for people.
         valid: answers, in lower case.
         other: takes any other line; False: it makes no sense here.
@@ -68,7 +68,7 @@ def ask(human: Human, face: Face, question: str, valid: Collection[str], other: 
         GameLeft: they quit, resign or want a new game.
         PersonGone: nobody types any more.
     """
-    face.prompt(question)
+    ui.prompt(question)
     while True:
         line = human.lines.next(POLL)
         if line is None:
@@ -79,10 +79,10 @@ def ask(human: Human, face: Face, question: str, valid: Collection[str], other: 
         if word in _LEAVES:
             raise GameLeft(word)
         if word is Word.HELP:
-            face.say(help_text())
+            ui.say(help_text())
         elif not other(line):
-            face.say(f"'{line.strip()}' is no answer: say {' or '.join(valid)}, or quit or resign")
-        face.prompt(question)
+            ui.say(f"'{line.strip()}' is no answer: say {' or '.join(valid)}, or quit or resign")
+        ui.prompt(question)
 
 
 class HandNotice:
@@ -152,36 +152,36 @@ class UnattendedAsker:
 class PersonAsker:
     """``Asker`` of the person who plays."""
 
-    def __init__(self, human: Human, face: Face) -> None:
-        self._human, self._face = human, face
+    def __init__(self, human: Human, ui: UserInterface) -> None:
+        self._human, self._ui = human, ui
 
     def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> None:
         """See ``Asker.mend``. A simulated hand does what it is told meanwhile: 'hand move c8 c1', or simply 'c8c1'."""
         by_hand = " yourself" if self._human.hands is None else " by 'hand move …'"
-        self._face.say(f"{sentence}. Put it right{by_hand} and say 'done'")
+        self._ui.say(f"{sentence}. Put it right{by_hand} and say 'done'")
 
         def other(line: str) -> bool:
             try:
                 command = _for_hand(line)
             except CommandError as error:
-                self._face.say(str(error))
+                self._ui.say(str(error))
                 return True
             if command is None:
                 return False
             self._move(command, stands)
             return True
 
-        ask(self._human, self._face, "done?", DONE, other)
+        ask(self._human, self._ui, "done?", DONE, other)
 
     def _move(self, command: MoveHand, stands: Inventory) -> None:
         hands = self._human.hands
         if hands is None:
-            self._face.say("only a simulated hand can be told what to do: move the piece yourself, then say 'done'")
+            self._ui.say("only a simulated hand can be told what to do: move the piece yourself, then say 'done'")
             return
         try:
             hands.do(command, stands)
         except HardwareError as error:
-            self._face.say(str(error))
+            self._ui.say(str(error))
 
 
 def _for_hand(line: str) -> MoveHand | None:

@@ -11,7 +11,7 @@ from typing import Final, Self
 from app.guard.arm_silhouette import ArmHistory
 from app.guard.hand_guard import ArmMasks, Blind, GuardStop, HandGuard
 from app.rig.depth_scale import scaled_frames
-from app.rig.devices import Holder, Rig, RigFailed, WatchedFrames
+from app.rig.devices import GuardFrames, Holder, Rig, RigFailed
 from controller.protocol.messages import Telemetry
 from controller.wire.errors import ControllerError
 from hardware.interfaces import HardwareError, Intrinsics
@@ -46,7 +46,7 @@ class GameGuard:
 
     def __init__(
         self,
-        frames: Callable[[], WatchedFrames],
+        frames: Callable[[], GuardFrames],
         holder: Holder,
         arm: tuple[RobotParameters, TableSettings, ArmHistory],
         progress: Callable[[str], None] | None = None,
@@ -170,7 +170,7 @@ class GameGuard:
         return True
 
     def wake(self, awake: bool) -> None:
-        """Whether plant time shall run for the camera while nothing moves; see ``WatchedFrames.wake``."""
+        """Whether plant time shall run for the camera while nothing moves; see ``GuardFrames.wake``."""
         if self._guard is not None:
             self._guard.wake(awake)
 
@@ -241,14 +241,14 @@ class Guarding:
             RigFailed: it cannot be read.
             UserError: the calibration is of another camera.
         """
-        watched = rig.watched()
-        if watched is None or rig.camera is None:
+        guard_feed = rig.guard_feed()
+        if guard_feed is None or rig.camera is None:
             return None
 
-        def frames() -> WatchedFrames:
-            return scaled_frames(watched.frames(self._interval), self._factor)
+        def frames() -> GuardFrames:
+            return scaled_frames(guard_feed.frames(self._interval), self._factor)
 
-        guard = GameGuard(frames, watched.holder, (self._parameters, self._table, self._history), self._progress)
+        guard = GameGuard(frames, guard_feed.holder, (self._parameters, self._table, self._history), self._progress)
         try:
             if (view := self._view(rig.camera.read(FIRST_FRAME_AGE).intrinsics)) is not None:
                 guard.look(view)

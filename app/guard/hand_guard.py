@@ -19,7 +19,7 @@ from typing import Final, Self
 
 from app import UserError
 from app.guard.arm_silhouette import ArmHistory, ArmPose, arm_capsules
-from app.rig.devices import Holder, WatchedFrames
+from app.rig.devices import GuardFrames, Holder
 from controller.wire.errors import ControllerError
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError
 from hardware.parameters import RobotParameters
@@ -96,7 +96,7 @@ class HandGuard:
 
     def __init__(
         self,
-        frames: WatchedFrames,
+        frames: GuardFrames,
         view: BoardView,
         masks: ArmMasks,
         holder: Holder,
@@ -155,7 +155,7 @@ class HandGuard:
             return None if self._newest is None else self._newest[1]
 
     def wake(self, awake: bool) -> None:
-        """Whether plant time shall run for the camera while nothing moves; see ``WatchedFrames.wake``."""
+        """Whether plant time shall run for the camera while nothing moves; see ``GuardFrames.wake``."""
         self._frames.wake(awake)
 
     @property

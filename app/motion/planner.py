@@ -14,7 +14,7 @@ from typing import Final, Self
 import numpy as np
 
 from app.motion.arcs import Hop, Workcell, homewards, over
-from app.motion.fallen.lying import NOTHING_STREWN, Strewn, standing_near
+from app.motion.fallen.lying import NO_LOOSE_PIECES, LoosePieces, standing_near
 from app.motion.gains import Softness
 from app.motion.motions import loosened, motion_of
 from app.motion.obstacles import Crowd, Obstacle, blocking_neighbour, box_in_the_way, closed_position
@@ -62,7 +62,7 @@ class Planner:
 
     def ply(
         self, label: str, transfers: Sequence[Transfer], inventory: Inventory, *, holding: bool = False,
-        low: bool = False, strewn: Strewn = NOTHING_STREWN,
+        low: bool = False, loose: LoosePieces = NO_LOOSE_PIECES,
     ) -> Plan:  # fmt: skip
         """Plan all transfers of a ply, or what is left of them, from where the arm rests to home.
 
@@ -73,7 +73,7 @@ class Planner:
             inventory: what stands where before the ply, on the cell's table.
             holding: the first transfer's piece is in the fingers already.
             low: the fingers may still be around a piece that stands: they open before the arm moves.
-            strewn: what is on the board besides.
+            loose: what is on the board besides.
 
         Raises:
             InTheWay: open fingers would touch a neighbour.
@@ -87,8 +87,8 @@ class Planner:
         motions: list[Motion] = []
         point = np.asarray(self.start, dtype=float)
         stands = Crowd.before(transfers, inventory)
-        if strewn != NOTHING_STREWN:
-            stands = standing_near([*stands.pieces, *strewn.standing], strewn.lying, table)
+        if loose != NO_LOOSE_PIECES:
+            stands = standing_near([*stands.pieces, *loose.standing], loose.lying, table)
         for index, transfer in enumerate(transfers):
             others = stands.without(transfer.name)
             if index == 0 and not holding:

@@ -28,7 +28,7 @@ _ROBOTS: Final = {PadKind.GROOVED: DEFAULT_FILE, PadKind.FLAT: FLAT_PADS_FILE}
 
 
 @dataclass(frozen=True, slots=True)
-class Venue:
+class RigSetup:
     """A rig, not open yet, and what is known of it.
 
     Attributes:
@@ -113,7 +113,7 @@ class Venue:
         return open_rig(rig, progress, listener, own=self.own, new=new)
 
 
-def venue_of(section: RigSection, calibration_file: Path | None = None) -> Venue:
+def rig_setup_of(section: RigSection, calibration_file: Path | None = None) -> RigSetup:
     """Find out what a rig is made of.
 
     Args:
@@ -141,7 +141,7 @@ def venue_of(section: RigSection, calibration_file: Path | None = None) -> Venue
         table = calibration.table(meant)
     # home stays where it is meant to be: a simulation of our own begins there
     motion = PROFILES[section.profile].at(meant)
-    return Venue(section, file, table, load_parameters(robot), motion, pace, calibration, meant)
+    return RigSetup(section, file, table, load_parameters(robot), motion, pace, calibration, meant)
 
 
 def _rig_file(section: RigSection) -> RigFile:

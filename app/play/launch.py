@@ -13,13 +13,13 @@ from app import UserError
 from app.game import GameEnd, Position
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
-from app.play.game_setup import Venue, start_board, venue_of
+from app.play.game_setup import RigSetup, rig_setup_of, start_board
 from app.play.match import Fixture, Match, Start, last_round, match_of
 from app.play.player_selection import engine_players, line_players, start_clock
 from app.play.replay import RecordedGame, recorded_games
-from app.play.session import Filming, SessionResult, Sight, run_session
+from app.play.session import Filming, SessionResult, SessionVision, run_session
 from app.play.simulated_hand import SimHands
-from app.play.table_setup import Seating
+from app.play.table_setup import TableSetup
 from app.players.given_line import parse_line
 from app.players.person import Human
 from app.players.players import Players
@@ -28,7 +28,7 @@ from app.records.events import EndEvent
 from app.records.files import GAMES
 from app.settings.files import keep_settings, kept_settings
 from app.settings.tree import BOARD, PlayerKind, Settings
-from app.terminal.interface import Face
+from app.terminal.interface import UserInterface
 from app.terminal.typed_lines import TypedLines
 from hardware.interfaces import Intrinsics
 from hardware.table import Colour
@@ -40,37 +40,37 @@ NOBODY = "-"
 """Plays where a position is only set up."""
 
 
-def run_games(settings: Settings, face: Face, typed: TextIO | None = None) -> SessionResult:
+def run_games(settings: Settings, ui: UserInterface, typed: TextIO | None = None) -> SessionResult:
     """Play as the settings say.
 
     Args:
         settings: of rig, games and players.
-        face: shown what happens.
+        ui: shown what happens.
         typed: what the person at the board types; needed where one plays.
 
     Raises:
         UserError: bad settings, something missing on this machine, or no space for the record.
         EngineProblem: Stockfish is missing or fails for good.
     """
-    venue = venue_of(settings.rig, settings.vision.calibration)
-    settings = _completed(settings, venue)
+    rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
+    settings = _completed(settings, rig_setup)
     folder = settings.out if settings.out is not None else new_folder(GAMES, utc_now())
     with ExitStack() as stack:
-        games = _Games(settings, venue, face, _human(settings, venue, folder, typed, stack, face))
-        match = stack.enter_context(_match(settings, venue, games, folder, face))
+        games = _Games(settings, rig_setup, ui, _human(settings, rig_setup, folder, typed, stack, ui))
+        match = stack.enter_context(_match(settings, rig_setup, games, folder, ui))
         standing = None if settings.game.standing is None else start_board(settings.game.standing, option="--standing")
-        board = match.start(lambda board: Inventory.of(start_layout(board, venue.table), venue.table), standing)
+        board = match.start(lambda board: Inventory.of(start_layout(board, rig_setup.table), rig_setup.table), standing)
         keep_settings(folder, settings)
-        rig = venue.rig(folder, board, _person(settings) or settings.rig.person)
+        rig = rig_setup.rig(folder, board, _person(settings) or settings.rig.person)
         return run_session(
             folder,
-            lambda listener: venue.open(rig, face.phase, listener, new=True),
-            match, venue.parameters.drive.tick, _filming(venue, folder), face,
-            _sight(settings, venue, games.human, face),
+            lambda listener: rig_setup.open(rig, ui.phase, listener, new=True),
+            match, rig_setup.parameters.drive.tick, _filming(rig_setup, folder), ui,
+            _vision(settings, rig_setup, games.human, ui),
         )  # fmt: skip
 
 
-def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> SessionResult:
+def resume_games(folder: Path, ui: UserInterface, typed: TextIO | None = None) -> SessionResult:
     """Go on with what was interrupted, or whose program or controller died: first with the ply under way.
 
     Raises:
@@ -79,9 +79,9 @@ def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> Sessi
     """
     folder = match_of(folder)
     settings = kept_settings(folder)
-    venue = venue_of(settings.rig, settings.vision.calibration)
+    rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
     path, number, sets_up = last_round(folder)
-    history = read_history(path / EVENTS_FILE, venue.table, face.say)
+    history = read_history(path / EVENTS_FILE, rig_setup.table, ui.say)
     if any(event.physical_ok is False for event in history.plies):
         raise UserError(f"a ply of the game in {path} left the board wrong, see its report: start a new one")
     sets_up = sets_up or not settings.game.plies
@@ -89,20 +89,20 @@ def resume_games(folder: Path, face: Face, typed: TextIO | None = None) -> Sessi
     if settings.rig.name == BOARD:  # nothing stands anywhere: what was under way is done over
         position = position.from_the_start()
     with ExitStack() as stack:
-        human = _human(settings, venue, folder, typed, stack, face)
-        games = _Games(settings, venue, face, human, begun=number)
+        human = _human(settings, rig_setup, folder, typed, stack, ui)
+        games = _Games(settings, rig_setup, ui, human, begun=number)
         if not sets_up and _over(history, games.most(number)) and games(number + 1, None) is None:
             raise UserError(f"the game in {path} is over, after {len(history.plies)} plies: start a new one")
-        match = stack.enter_context(_match(settings, venue, games, folder, face))
+        match = stack.enter_context(_match(settings, rig_setup, games, folder, ui))
         match.go_on(Start(number, sets_up, GameRecord.go_on(path, history), position))
-        if venue.own:
+        if rig_setup.own:
             from app.rig.simulation.sim import require_present  # devices take seconds to load
 
-            require_present(venue.run_dir(folder), history.events[-1].plant_time, venue.parameters.drive.tick)
+            require_present(rig_setup.run_dir(folder), history.events[-1].plant_time, rig_setup.parameters.drive.tick)
         return run_session(
             folder,
-            lambda listener: venue.open(venue.rig(folder), face.phase, listener, new=False),
-            match, venue.parameters.drive.tick, None, face, _sight(settings, venue, human, face),
+            lambda listener: rig_setup.open(rig_setup.rig(folder), ui.phase, listener, new=False),
+            match, rig_setup.parameters.drive.tick, None, ui, _vision(settings, rig_setup, human, ui),
         )  # fmt: skip
 
 
@@ -111,14 +111,16 @@ class _Games:
 
     Args:
         settings: of the match.
-        venue: where it is played.
-        face: shown what happens.
+        rig_setup: where it is played.
+        ui: shown what happens.
         human: who plays one side by hand; None: nobody.
         begun: number of the game that was begun last.
     """
 
-    def __init__(self, settings: Settings, venue: Venue, face: Face, human: Human | None, *, begun: int = 1) -> None:
-        self._settings, self._venue, self._face, self._begun = settings, venue, face, begun
+    def __init__(
+        self, settings: Settings, rig_setup: RigSetup, ui: UserInterface, human: Human | None, *, begun: int = 1
+    ) -> None:
+        self._settings, self._rig_setup, self._ui, self._begun = settings, rig_setup, ui, begun
         self.human = human
         game = settings.game
         self._replayed: tuple[RecordedGame, ...] = ()
@@ -126,7 +128,7 @@ class _Games:
             found = recorded_games(game.replay, game.replay_game)
             self._replayed = tuple(one.from_ply(game.from_ply) for one in found) if game.from_ply > 1 else found
             for cut in [one.cut for one in found if one.cut is not None]:
-                face.say(cut)
+                ui.say(cut)
         self._board = start_board(game.fen, chess960=game.chess960)
         self._line = None if game.moves is None else parse_line(game.moves, self._board)
 
@@ -162,7 +164,9 @@ class _Games:
             return _follow(self._board, (), (NOBODY, NOBODY))
 
         def make(stack: ExitStack) -> Players:
-            return stack.enter_context(engine_players(settings, self._board, seed, stack, self._face, self._venue.pace))
+            return stack.enter_context(
+                engine_players(settings, self._board, seed, stack, self._ui, self._rig_setup.pace)
+            )
 
         return make
 
@@ -180,75 +184,77 @@ def _over(history: History, most: int) -> bool:
     return history.ended and history.unfinished is None and (decided or len(history.plies) >= most)
 
 
-def _match(settings: Settings, venue: Venue, games: _Games, folder: Path, face: Face) -> Match:
-    looks = _looks(settings, venue, games.human)
-    seating = Seating(venue.motion, venue.parameters, looks, lambda intrinsics: _believed_view(venue, intrinsics))
-    return Match(folder, games, seating, face, settings.rig.seed, venue.pace)
+def _match(settings: Settings, rig_setup: RigSetup, games: _Games, folder: Path, ui: UserInterface) -> Match:
+    looks = _looks(settings, rig_setup, games.human)
+    table_setup = TableSetup(
+        rig_setup.motion, rig_setup.parameters, looks, lambda intrinsics: _believed_view(rig_setup, intrinsics)
+    )
+    return Match(folder, games, table_setup, ui, settings.rig.seed, rig_setup.pace)
 
 
-def _looks(settings: Settings, venue: Venue, human: Human | None) -> bool:
+def _looks(settings: Settings, rig_setup: RigSetup, human: Human | None) -> bool:
     """Whether the camera follows the games.
 
     Raises:
         UserError: it should, and there is none.
     """
-    if settings.vision.verify and not venue.sees:
+    if settings.vision.verify and not rig_setup.sees:
         raise UserError("this rig has no camera that could look after each ply: leave --verify out")
-    wanted = human is not None or not venue.simulated
-    return venue.sees and (wanted if settings.vision.verify is None else settings.vision.verify)
+    wanted = human is not None or not rig_setup.simulated
+    return rig_setup.sees and (wanted if settings.vision.verify is None else settings.vision.verify)
 
 
-def _believed_view(venue: Venue, intrinsics: Intrinsics) -> BoardView | None:
+def _believed_view(rig_setup: RigSetup, intrinsics: Intrinsics) -> BoardView | None:
     """Where the board should be in the pictures of a camera: by its calibration; in a simulation also as it is meant.
 
     Raises:
         UserError: the calibration is of another camera.
     """
-    if venue.calibration is not None:
-        venue.calibration.require_camera(intrinsics)
-        return venue.calibration.board_view(venue.table)
-    if not venue.simulated:
+    if rig_setup.calibration is not None:
+        rig_setup.calibration.require_camera(intrinsics)
+        return rig_setup.calibration.board_view(rig_setup.table)
+    if not rig_setup.simulated:
         return None
     from app.rig.simulation.nominal_view import nominal_view
 
-    return nominal_view(intrinsics, venue.table)
+    return nominal_view(intrinsics, rig_setup.table)
 
 
-def _sight(settings: Settings, venue: Venue, human: Human | None, face: Face) -> Sight:
+def _vision(settings: Settings, rig_setup: RigSetup, human: Human | None, ui: UserInterface) -> SessionVision:
     """What sees for the games: the camera, corrected by its calibration, and the guard where there is one.
 
     Raises:
         UserError: a guard is wanted where there is no camera, or where it would not know where the board is.
     """
-    factor = 1.0 if venue.calibration is None else venue.calibration.depth_factor
+    factor = 1.0 if rig_setup.calibration is None else rig_setup.calibration.depth_factor
     wanted = settings.vision.guard
-    if wanted and not venue.sees:
+    if wanted and not rig_setup.sees:
         raise UserError("this rig has no camera that could watch for hands: leave --guard out")
     guarding = None
-    if venue.sees and (not venue.simulated if wanted is None else wanted):
+    if rig_setup.sees and (not rig_setup.simulated if wanted is None else wanted):
         from app.guard.game_guard import Guarding  # what sees takes a second to load
 
-        knows = venue.calibration is not None or venue.simulated or _looks(settings, venue, human)
+        knows = rig_setup.calibration is not None or rig_setup.simulated or _looks(settings, rig_setup, human)
         if not knows:
             raise UserError(
                 "a guard against hands has to know where the board is: run 'touchmove calibrate', let the camera "
                 "follow the game with --verify, or leave it out with --no-guard"
             )
         guarding = Guarding(
-            venue.parameters, venue.table, lambda intrinsics: _believed_view(venue, intrinsics), factor,
-            1.0 / settings.vision.guard_rate, face.phase,
+            rig_setup.parameters, rig_setup.table, lambda intrinsics: _believed_view(rig_setup, intrinsics), factor,
+            1.0 / settings.vision.guard_rate, ui.phase,
         )  # fmt: skip
     if factor == 1.0:
-        return Sight(guarding=guarding)
+        return SessionVision(guarding=guarding)
     from app.rig.depth_scale import scaled_camera
 
-    return Sight(lambda camera: scaled_camera(camera, factor), guarding)
+    return SessionVision(lambda camera: scaled_camera(camera, factor), guarding)
 
 
-def _completed(settings: Settings, venue: Venue) -> Settings:
+def _completed(settings: Settings, rig_setup: RigSetup) -> Settings:
     """With what the rig says, and with paths that hold for any working directory."""
-    if settings.game.fen is None and venue.fen is not None:
-        settings = settings.with_changes({"game.fen": venue.fen})
+    if settings.game.fen is None and rig_setup.fen is not None:
+        settings = settings.with_changes({"game.fen": rig_setup.fen})
     paths = {
         "game.replay": settings.game.replay, "vision.calibration": settings.vision.calibration,
         "rig.randomise": settings.rig.randomise, "engine.book": settings.engine.book,
@@ -263,7 +269,7 @@ def _completed(settings: Settings, venue: Venue) -> Settings:
     settings = settings.with_changes(
         {name: str(Path(path).absolute()) for name, path in engines.items() if path is not None and "/" in path}
     )
-    if venue.file is not None and not venue.own:
+    if rig_setup.file is not None and not rig_setup.own:
         settings = settings.with_changes({"rig.name": str(Path(settings.rig.name).absolute())})
     return settings
 
@@ -277,7 +283,7 @@ def _person(settings: Settings) -> Colour | None:
 
 
 def _human(
-    settings: Settings, venue: Venue, folder: Path, typed: TextIO | None, stack: ExitStack, face: Face
+    settings: Settings, rig_setup: RigSetup, folder: Path, typed: TextIO | None, stack: ExitStack, ui: UserInterface
 ) -> Human | None:
     colour = _person(settings)
     if colour is None:
@@ -285,14 +291,14 @@ def _human(
     if typed is None:
         raise UserError("a person plays by 'touchmove play': say that, or let an engine play both sides")
     hands = None
-    if venue.own:
-        hands = SimHands(venue.run_dir(folder))
+    if rig_setup.own:
+        hands = SimHands(rig_setup.run_dir(folder))
         stack.callback(hands.close)
-    return Human(colour is Colour.WHITE, TypedLines(typed, face.heard), hands)
+    return Human(colour is Colour.WHITE, TypedLines(typed, ui.heard), hands)
 
 
-def _filming(venue: Venue, folder: Path) -> Filming | None:
-    section = venue.section
-    if not (section.video and section.cameras and venue.simulated):
+def _filming(rig_setup: RigSetup, folder: Path) -> Filming | None:
+    section = rig_setup.section
+    if not (section.video and section.cameras and rig_setup.simulated):
         return None
     return Filming(folder / "game.webm", section.video_length)

@@ -24,14 +24,14 @@ from app.game.person import GameLeft, SettledHands
 from app.game.timing import Timing, clock_of
 from app.pieces.inventory import Inventory
 from app.play.session import Round
-from app.play.table_setup import Seating
+from app.play.table_setup import TableSetup
 from app.players.person import Human
 from app.players.players import Players
 from app.records import EVENTS_FILE, GameRecord, GameSetup
 from app.records.events import Result
 from app.records.history import counted_plies, persons_side
 from app.settings.files import SETTINGS_FILE
-from app.terminal.interface import Face
+from app.terminal.interface import UserInterface
 from hardware.interfaces import Pace
 from hardware.table import Colour
 
@@ -82,19 +82,21 @@ class Start:
 
 
 class Match:
-    """A ``Programme`` of games. A context manager: at its end nobody thinks any more, and no record is open.
+    """A ``Schedule`` of games. A context manager: at its end nobody thinks any more, and no record is open.
 
     Args:
         folder: of the whole.
         fixtures: the games.
-        seating: puts a table together.
-        face: shown what happens.
+        table_setup: puts a table together.
+        ui: shown what happens.
         seed: for the records.
         pace: for the records.
     """
 
-    def __init__(self, folder: Path, fixtures: Fixtures, seating: Seating, face: Face, seed: int, pace: Pace) -> None:
-        self._folder, self._fixtures, self._seating, self._face = folder, fixtures, seating, face
+    def __init__(
+        self, folder: Path, fixtures: Fixtures, table_setup: TableSetup, ui: UserInterface, seed: int, pace: Pace
+    ) -> None:
+        self._folder, self._fixtures, self._table_setup, self._ui = folder, fixtures, table_setup, ui
         self._seed, self._pace = seed, pace
         self._records = ExitStack()
         self._players = ExitStack()
@@ -139,7 +141,7 @@ class Match:
         self._start = start
 
     def next(self, devices: Devices, last: GameEnd | None) -> Round | None:
-        """See ``Programme.next``."""
+        """See ``Schedule.next``."""
         if last is None:
             assert self._start is not None
             self._number, self._sets_up = self._start.number, self._start.sets_up
@@ -187,14 +189,14 @@ class Match:
             human = replace(human, colour=side is Colour.WHITE)
         if human is not None and human.hands is not None:
             human = replace(human, hands=SettledHands(human.hands, devices.arm))
-        table = self._table = self._seating.table(devices, record, position, self._face, human)
+        table = self._table = self._table_setup.table(devices, record, position, self._ui, human)
         if self._sets_up:
             goal = self._fixture.board
             return Round(record, lambda: _set_up(table, goal), dict)
         clock = clock_of(self._fixture.clock, counted_plies(record.events))
         timing = Timing(clock, devices.clock.now)
         game = Game(
-            table, self._chosen, self._face, human, self._fixture.comments, self._fixture.result, timing
+            table, self._chosen, self._ui, human, self._fixture.comments, self._fixture.result, timing
         )  # fmt: skip
         plies = self._fixture.plies
         return Round(record, lambda: game.play(plies), lambda: {"thinking_s": round(game.thinking, 3)})

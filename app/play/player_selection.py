@@ -14,10 +14,10 @@ from app.game.clock import ChessClock
 from app.players.players import EnginePlayer, LinePlayer, Player, Players
 from app.settings.time_control import TimeControl
 from app.settings.tree import PlayerKind, Settings
-from app.terminal.interface import Face
+from app.terminal.interface import UserInterface
 from engine.book import Book, BookSettings
 from engine.openings import opening_engine, varied_opening
-from engine.policy import Manners
+from engine.policy import DrawResignPolicy
 from engine.settings import EngineSettings
 from engine.stockfish import Engine
 from hardware.interfaces import Pace
@@ -44,7 +44,7 @@ def line_players(
 
 
 def engine_players(
-    settings: Settings, board: chess.Board, seed: int, stack: ExitStack, face: Face, pace: Pace
+    settings: Settings, board: chess.Board, seed: int, stack: ExitStack, ui: UserInterface, pace: Pace
 ) -> Players:
     """An engine for each side.
 
@@ -53,7 +53,7 @@ def engine_players(
         board: where it starts.
         seed: chooses the opening of two engines.
         stack: ends them.
-        face: shown that they start.
+        ui: shown that they start.
         pace: of the rig; in pace fast nobody thinks ahead.
 
     Raises:
@@ -63,11 +63,11 @@ def engine_players(
     sides = [settings.side(colour) for colour in chess.COLORS]
     if settings.engine.nodes is not None and any(side.elo is not None or side.skill is not None for side in sides):
         raise UserError("--nodes is for repeatable games at full strength: leave --white-elo and --black-elo out")
-    face.phase("starting Stockfish")
+    ui.phase("starting Stockfish")
     human = any(side.player is PlayerKind.HUMAN for side in sides)
     books = any(_book_of(settings, colour) is not None for colour in chess.COLORS)
     chosen = human or books or settings.game.fen is not None
-    opening = () if chosen else _opening(settings, board, seed, face)
+    opening = () if chosen else _opening(settings, board, seed, ui)
     players = dict[chess.Color, Player]()
     for colour in chess.COLORS:
         kept = _engine_settings(settings, colour, human=human)
@@ -76,8 +76,8 @@ def engine_players(
         book = None
         if found is not None:
             book = stack.enter_context(Book(BookSettings(path=found, max_plies=settings.engine.book_plies), seed))
-        manners = Manners(resign_below=LOST_BY) if settings.engine.resigns else Manners()
-        player = EnginePlayer(engine, _name(kept), book=book, manners=manners)
+        policy = DrawResignPolicy(resign_below=LOST_BY) if settings.engine.resigns else DrawResignPolicy()
+        player = EnginePlayer(engine, _name(kept), book=book, policy=policy)
         players[colour] = LinePlayer(board, opening, player)
     return Players(players[chess.WHITE], players[chess.BLACK], ahead=pace is Pace.REAL)
 
@@ -121,9 +121,9 @@ def _engine_settings(settings: Settings, colour: chess.Color, *, human: bool) ->
     )  # fmt: skip
 
 
-def _opening(settings: Settings, board: chess.Board, seed: int, face: Face) -> tuple[chess.Move, ...]:
+def _opening(settings: Settings, board: chess.Board, seed: int, ui: UserInterface) -> tuple[chess.Move, ...]:
     plain = EngineSettings(path=settings.engine.path)
     with opening_engine(plain) as engine:
         if not engine.ranks:
-            face.say(f"{_name(plain)} has no option MultiPV, so its opening is chosen by searching each move alone.")
+            ui.say(f"{_name(plain)} has no option MultiPV, so its opening is chosen by searching each move alone.")
         return varied_opening(engine, board, min(OPENING_PLIES, settings.game.plies), random.Random(seed))

@@ -15,7 +15,7 @@ from app.game import EXPECTED_FAILURES, Devices, GameEnd
 from app.records import GameRecord, RecordError, Report
 from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
 from app.rig.devices import EndState, Rig, RigFailed
-from app.terminal.interface import Face
+from app.terminal.interface import UserInterface
 from controller.protocol.messages import Telemetry
 from controller.wire.errors import ControllerError
 from controller.wire.link import Listener
@@ -37,7 +37,7 @@ class Filming:
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class SessionVision:
     """What sees for a session.
 
     Attributes:
@@ -64,7 +64,7 @@ class Round:
     details: Callable[[], dict[str, JsonValue]]
 
 
-class Programme(Protocol):
+class Schedule(Protocol):
     """What is played on a rig, one round after the other."""
 
     def next(self, devices: Devices, last: GameEnd | None) -> Round | None:
@@ -115,22 +115,22 @@ class _RoundProgress:
 def run_session(
     folder: Path,
     open_rig: Callable[[Listener], Rig],
-    programme: Programme,
+    schedule: Schedule,
     tick: float,
     filming: Filming | None,
-    face: Face,
-    sight: Sight = Sight(),
+    ui: UserInterface,
+    vision: SessionVision = SessionVision(),
 ) -> SessionResult:
     """Play what is to be played on a rig.
 
     Args:
         folder: of the session; the telemetry lies there.
         open_rig: given a listener of the telemetry.
-        programme: says what is played.
+        schedule: says what is played.
         tick: length of a tick [s].
         filming: None: no film.
-        face: shown what happens.
-        sight: what sees.
+        ui: shown what happens.
+        vision: what sees.
 
     Raises:
         UserError: the rig did not start, or a record cannot be written.
@@ -138,7 +138,7 @@ def run_session(
     """
     telemetry = TelemetryRecorder(_free(folder, TELEMETRY_FILE), tick)
     done: list[SessionResult] = []
-    guarding = sight.guarding
+    guarding = vision.guarding
 
     def listen(told: Telemetry) -> None:
         telemetry.take(told)
@@ -151,91 +151,91 @@ def run_session(
                 guard = None if guarding is None else guarding.open(rig)
                 if guard is not None:
                     stack.enter_context(guard)
-                course = _play_all(rig, _devices(rig, sight, guard), programme, done)
+                so_far = _play_all(rig, _devices(rig, vision, guard), schedule, done)
         except (ControllerError, HardwareError) as error:  # between two rounds
             raise RigFailed(rig.failure() or str(error)) from error
-        face.phase("the arm goes to rest")
+        ui.phase("the arm goes to rest")
         last = rig.close()
-        _note_the_end(course, rig, last)
-    result = _result(course, rested=last is not None)
-    if course.interrupted:
+        _note_the_end(so_far, rig, last)
+    result = _result(so_far, rested=last is not None)
+    if so_far.interrupted:
         raise Interrupted(folder)
     holds = result.holds and all(one.holds for one in done)
     return SessionResult(result.report, result.folder, holds, result.resumable, tuple(done))
 
 
-def _note_the_end(course: _RoundProgress, rig: Rig, last: EndState | None) -> None:
+def _note_the_end(so_far: _RoundProgress, rig: Rig, last: EndState | None) -> None:
     """How the arm was left; where a process has ended, that is the cause, and is said once."""
     cause = rig.failure()
-    if cause is not None and not course.failures:
-        course.failures.append(cause)
+    if cause is not None and not so_far.failures:
+        so_far.failures.append(cause)
     elif cause is None and (last is None or not last.at_rest):
-        course.failures.append("the arm did not come to rest")
+        so_far.failures.append("the arm did not come to rest")
 
 
-def _devices(rig: Rig, sight: Sight, guard: GameGuard | None) -> Devices:
-    camera = None if rig.camera is None else sight.camera(rig.camera)
+def _devices(rig: Rig, vision: SessionVision, guard: GameGuard | None) -> Devices:
+    camera = None if rig.camera is None else vision.camera(rig.camera)
     return Devices(rig.arm, rig.clock, camera, rig.referee, guard)
 
 
-def _play_all(rig: Rig, devices: Devices, programme: Programme, done: list[SessionResult]) -> _RoundProgress:
+def _play_all(rig: Rig, devices: Devices, schedule: Schedule, done: list[SessionResult]) -> _RoundProgress:
     """Round after round; the results of all but the last, whose report waits for the arm's rest, go to ``done``."""
-    first = programme.next(devices, None)
-    assert first is not None, "a programme has at least one round"
-    course = _RoundProgress(first)
+    first = schedule.next(devices, None)
+    assert first is not None, "a schedule has at least one round"
+    so_far = _RoundProgress(first)
     while True:
-        _play(rig, course)
-        if course.failures or course.interrupted or not course.end.complete:
-            return course
-        following = _following(programme, devices, course)
+        _play(rig, so_far)
+        if so_far.failures or so_far.interrupted or not so_far.end.complete:
+            return so_far
+        following = _following(schedule, devices, so_far)
         if following is None:
-            return course
-        done.append(_result(course, rested=True))
-        course = _RoundProgress(following)
+            return so_far
+        done.append(_result(so_far, rested=True))
+        so_far = _RoundProgress(following)
 
 
-def _following(programme: Programme, devices: Devices, course: _RoundProgress) -> Round | None:
+def _following(schedule: Schedule, devices: Devices, so_far: _RoundProgress) -> Round | None:
     """The round after one that was played; that one is ended in any case."""
     try:
-        return programme.next(devices, course.end)
+        return schedule.next(devices, so_far.end)
     except BaseException:
-        _result(course, rested=True)
+        _result(so_far, rested=True)
         raise
 
 
-def _play(rig: Rig, course: _RoundProgress) -> None:
+def _play(rig: Rig, so_far: _RoundProgress) -> None:
     try:
-        course.end = course.round.play()
-        _take_stock(rig, course)
+        so_far.end = so_far.round.play()
+        _take_stock(rig, so_far)
     except KeyboardInterrupt:
-        course.end, course.interrupted = GameEnd("*", "interrupted", complete=False), True
+        so_far.end, so_far.interrupted = GameEnd("*", "interrupted", complete=False), True
     except RecordError:
         raise
     except (*EXPECTED_FAILURES, EngineProblem) as error:
-        course.failures.append(rig.failure() or str(error))
+        so_far.failures.append(rig.failure() or str(error))
 
 
-def _result(course: _RoundProgress, *, rested: bool) -> SessionResult:
+def _result(so_far: _RoundProgress, *, rested: bool) -> SessionResult:
     """End the record of a round."""
-    record = course.round.record
-    until = course.plant_time or record.events[-1].plant_time  # a game that broke off lasted to its last event
+    record = so_far.round.record
+    until = so_far.plant_time or record.events[-1].plant_time  # a game that broke off lasted to its last event
     report = record.end(
-        course.end.result, course.end.reason, until, failures=course.failures, speed=course.speed,
-        world_state=course.world_state, details=course.round.details(),
+        so_far.end.result, so_far.end.reason, until, failures=so_far.failures, speed=so_far.speed,
+        world_state=so_far.world_state, details=so_far.round.details(),
     )  # fmt: skip
-    holds = course.end.complete and not course.failures and report.physical_ok is not False
+    holds = so_far.end.complete and not so_far.failures and report.physical_ok is not False
     # not where the board came out wrong, which wants a hand first, nor where nobody knows how the arm was left
-    resumable = (course.end is FAILED or course.end is LEFT) and rested
+    resumable = (so_far.end is FAILED or so_far.end is LEFT) and rested
     return SessionResult(report, record.folder, holds, resumable)
 
 
-def _take_stock(rig: Rig, course: _RoundProgress) -> None:
+def _take_stock(rig: Rig, so_far: _RoundProgress) -> None:
     """The last state of a world; once plant time stands, so that a repeated run ends in the same tick."""
     rig.arm.state()
-    course.plant_time = rig.clock.now()
+    so_far.plant_time = rig.clock.now()
     if rig.referee is not None:
         truth, run = rig.referee.look()
-        course.speed, course.world_state = run.ratio, truth.state_sha256
+        so_far.speed, so_far.world_state = run.ratio, truth.state_sha256
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from app.execution.table import Table
 from app.game.person import PersonAsker, UnattendedAsker
 from app.players.person import Human
 from app.records import GameRecord
-from app.terminal.interface import Face
+from app.terminal.interface import UserInterface
 from hardware.interfaces import Intrinsics
 from hardware.parameters import RobotParameters
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Seating:
+class TableSetup:
     """What all tables of a rig have in common.
 
     Attributes:
@@ -37,24 +37,26 @@ class Seating:
     looks: bool
     view: Callable[[Intrinsics], BoardView | None]
 
-    def table(self, devices: Devices, record: GameRecord, position: Position, face: Face, human: Human | None) -> Table:
+    def table(
+        self, devices: Devices, record: GameRecord, position: Position, ui: UserInterface, human: Human | None
+    ) -> Table:
         """For one game or setting up.
 
         Args:
             devices: of the rig.
             record: of it.
             position: where it stands.
-            face: shown what happens.
+            ui: shown what happens.
             human: who can be asked to put something right; None: nobody.
 
         """
-        carrier = Carrier(devices, record, face, self.motion, self.parameters)
-        mender = None
+        carrier = Carrier(devices, record, ui, self.motion, self.parameters)
+        recovery = None
         if self.looks and devices.camera is not None:
-            from app.execution.observation import Eyes  # loads what sees: not where nobody looks
-            from app.execution.recovery import Mender
+            from app.execution.observation import GameObserver  # loads what sees: not where nobody looks
+            from app.execution.recovery import Recovery
 
-            eyes = Eyes(devices, position.inventory.table, self.view)
-            asker = UnattendedAsker() if human is None else PersonAsker(human, face)
-            mender = Mender(eyes, carrier, asker, record, face, devices.clock)
-        return Table(position, devices, carrier, mender, record, face)
+            observer = GameObserver(devices, position.inventory.table, self.view)
+            asker = UnattendedAsker() if human is None else PersonAsker(human, ui)
+            recovery = Recovery(observer, carrier, asker, record, ui, devices.clock)
+        return Table(position, devices, carrier, recovery, record, ui)

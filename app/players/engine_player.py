@@ -1,4 +1,4 @@
-"""A UCI engine as a player: its book, its manners, and what it expects of the other side."""
+"""A UCI engine as a player: its book, when it resigns or takes a draw, and what it expects of the other side."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import chess.engine
 
 from app.players.decision import Decision
 from engine.book import Book
-from engine.policy import Manners
+from engine.policy import DrawResignPolicy
 from engine.stockfish import Engine, EngineMove
 
 EXPECTING: Final = 0.1
@@ -17,13 +17,15 @@ EXPECTING: Final = 0.1
 
 
 class EnginePlayer:
-    """A UCI engine, with a book of openings and its manners."""
+    """A UCI engine, with a book of openings and a policy on draws and resigning."""
 
-    def __init__(self, engine: Engine, name: str, *, book: Book | None = None, manners: Manners | None = None) -> None:
+    def __init__(
+        self, engine: Engine, name: str, *, book: Book | None = None, policy: DrawResignPolicy | None = None
+    ) -> None:
         self._engine = engine
         self._name = name
         self._book = book
-        self._manners = manners or Manners()
+        self._policy = policy or DrawResignPolicy()
         self._scores = dict[int, chess.engine.PovScore]()
         self._expected: tuple[str, chess.Move] | None = None
 
@@ -44,7 +46,7 @@ class EnginePlayer:
         answer = self._engine.choose(board, self._engine.settings.limit_by(clock))
         self._remember(board, answer)
         scores = self._own_scores(board, board.ply())
-        manners = self._manners
+        policy = self._policy
         return Decision(
             move=answer.move,
             score=answer.score,
@@ -54,9 +56,9 @@ class EnginePlayer:
             thought=answer.wall,
             lost=answer.lost,
             troubles=answer.troubles,
-            resigns=manners.resigns(scores),
-            offers_draw=manners.offers_draw(scores, board),
-            claims_draw=manners.claims_draw(scores, board),
+            resigns=policy.resigns(scores),
+            offers_draw=policy.offers_draw(scores, board),
+            claims_draw=policy.claims_draw(scores, board),
         )
 
     def ponder(self, board: chess.Board, clock: chess.engine.Limit | None, *, certain: bool) -> None:
@@ -86,7 +88,7 @@ class EnginePlayer:
 
     def accepts_draw(self, board: chess.Board) -> bool:
         """By its last scores; the engine is not asked."""
-        return self._manners.accepts_draw(self._own_scores(board, board.ply()), board)
+        return self._policy.accepts_draw(self._own_scores(board, board.ply()), board)
 
     def _remember(self, board: chess.Board, answer: EngineMove) -> None:
         for ply in [ply for ply in self._scores if ply >= board.ply()]:  # taken back since, or asked again

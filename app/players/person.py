@@ -16,7 +16,7 @@ class PersonGone(UserError):
     """Nobody types any more."""
 
     def __init__(self) -> None:
-        super().__init__("nobody is at the keyboard any more: 'touchmove resume' goes on with the game")
+        super().__init__("nobody is at the keyboard any more")
 
 
 class Lines(Protocol):

@@ -20,7 +20,7 @@ from hardware.table import Colour, Kind
 Pace = Literal["real", "fast"]
 Result = Literal["1-0", "0-1", "1/2-1/2", "*"]
 By = Literal["arm", "hand"]
-Mender = Literal["arm", "person"]
+RepairedBy = Literal["arm", "person"]
 
 
 Measured = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
@@ -154,7 +154,7 @@ class TroubleEvent(_Stamped):
     """One word: what sort."""
     squares: tuple[str, ...]
     sentence: str
-    mended_by: Mender | None
+    mended_by: RepairedBy | None
     """Who put it right; null: nobody has."""
 
 

@@ -16,9 +16,9 @@ from app.records.events import (
     AnyEvent,
     EndEvent,
     FoundEvent,
-    Mender,
     PlyEvent,
     Purpose,
+    RepairedBy,
     Result,
     ResumeEvent,
     SideEvent,
@@ -208,7 +208,7 @@ class GameRecord:
         self._add(FoundEvent, plant_time, reason=reason, inventory=self._moved(stands))
 
     def trouble(
-        self, kind: str, squares: Sequence[str], sentence: str, mended_by: Mender | None, plant_time: float
+        self, kind: str, squares: Sequence[str], sentence: str, mended_by: RepairedBy | None, plant_time: float
     ) -> None:
         """Record something that went wrong at the board, and who has put it right."""
         squares = tuple(squares)

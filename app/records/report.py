@@ -11,10 +11,10 @@ from app.pieces.inventory import MoveKind
 from app.records.events import (
     AnyEvent,
     EndEvent,
-    Mender,
     Pace,
     PlyEvent,
     Record,
+    RepairedBy,
     Result,
     StartEvent,
     TaskDoneEvent,
@@ -70,7 +70,7 @@ class Trouble(Record):
     kind: str
     squares: tuple[str, ...]
     sentence: str
-    mended_by: Mender | None
+    mended_by: RepairedBy | None
 
 
 class Report(Record):

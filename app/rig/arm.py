@@ -22,7 +22,7 @@ FELT: Final = 0.5
 """Both pads feel more than this where something is between them; what they are commanded to press with is 4 N [N]."""
 TOUCH_ERROR: Final = 0.0017
 """What the fingers come down on is so near to where it should be, in height [m]: places are known to a millimetre or
-two, and heels are pressed in by one (seen: 0.7 to 1.0 mm, and 1.9 and -3.6 where it was something else)."""
+two, and pivot edges are pressed in by one (seen: 0.7 to 1.0 mm, and 1.9 and -3.6 where it was something else)."""
 _LATE: Final = (Cause.UNDERRUN, Cause.LATE)
 _HELD: Final = (Cause.HOLD_COMMAND, Cause.NOT_ADMITTED)
 

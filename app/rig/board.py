@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from app.rig.arm import Arm, ArmAtRest, Outcome
-from app.rig.devices import EndState, Watched
+from app.rig.devices import EndState, GuardFeed
 from controller.protocol import Result
 from hardware.interfaces import Clock
 from hardware.parameters import RobotParameters
@@ -105,8 +105,8 @@ class BoardRig:
         self.camera: None = None
         self.referee: None = None
 
-    def watched(self) -> Watched | None:
-        """See ``Rig.watched``."""
+    def guard_feed(self) -> GuardFeed | None:
+        """See ``Rig.guard_feed``."""
         return None
 
     def film(self) -> None:

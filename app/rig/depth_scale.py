@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from app.rig.devices import WatchedFrames
+from app.rig.devices import GuardFrames
 from hardware.interfaces import Camera, DepthFrame, Frame
 
 _F = TypeVar("_F", bound=Frame | DepthFrame)
@@ -18,7 +18,7 @@ def scaled_camera(camera: Camera, factor: float) -> Camera:
     return camera if factor == 1.0 else _ScaledCamera(camera, factor)
 
 
-def scaled_frames(frames: WatchedFrames, factor: float) -> WatchedFrames:
+def scaled_frames(frames: GuardFrames, factor: float) -> GuardFrames:
     """The same frames with corrected depth."""
     return frames if factor == 1.0 else _ScaledFrames(frames, factor)
 
@@ -41,21 +41,21 @@ class _ScaledCamera:
 
 
 class _ScaledFrames:
-    def __init__(self, frames: WatchedFrames, factor: float) -> None:
+    def __init__(self, frames: GuardFrames, factor: float) -> None:
         self._frames, self._factor = frames, factor
 
     def read(self, max_age: float) -> Frame | DepthFrame:
-        """See ``WatchedFrames.read``."""
+        """See ``GuardFrames.read``."""
         return _scaled(self._frames.read(max_age), self._factor)
 
     def wake(self, awake: bool) -> None:
-        """See ``WatchedFrames.wake``."""
+        """See ``GuardFrames.wake``."""
         self._frames.wake(awake)
 
     def release(self) -> None:
-        """See ``WatchedFrames.release``."""
+        """See ``GuardFrames.release``."""
         self._frames.release()
 
     def close(self) -> None:
-        """See ``WatchedFrames.close``."""
+        """See ``GuardFrames.close``."""
         self._frames.close()

@@ -27,7 +27,7 @@ class EndState:
     arm_speed: float
 
 
-class WatchedFrames(Protocol):
+class GuardFrames(Protocol):
     """A camera whose frames come one after the other at a steady rate."""
 
     def read(self, max_age: float) -> Frame | DepthFrame:
@@ -67,7 +67,7 @@ class Holder(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Watched:
+class GuardFeed:
     """What a guard against hands needs of a rig.
 
     Attributes:
@@ -76,7 +76,7 @@ class Watched:
         holder: of the arm.
     """
 
-    frames: Callable[[float], WatchedFrames]
+    frames: Callable[[float], GuardFrames]
     holder: Holder
 
 
@@ -99,7 +99,7 @@ class Rig(Protocol):
     def referee(self) -> Referee | None:
         """Knows what is really so; only of a simulated world."""
 
-    def watched(self) -> Watched | None:
+    def guard_feed(self) -> GuardFeed | None:
         """For a guard against hands; None where nothing can be watched."""
 
     def film(self) -> FilmSource | None:

@@ -13,7 +13,7 @@ from typing import Final, Self
 
 from app.rig.arm import Arm, ControllerArm
 from app.rig.attach import attach
-from app.rig.devices import EndState, FilmSource, RigFailed, Watched
+from app.rig.devices import EndState, FilmSource, GuardFeed, RigFailed
 from app.rig.rig_file import RigFile
 from app.rig.steady_frames import SteadyFrames
 from controller.protocol.key import KeyFileError
@@ -114,14 +114,14 @@ class RemoteRig:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def watched(self) -> Watched | None:
-        """See ``Rig.watched``."""
+    def guard_feed(self) -> GuardFeed | None:
+        """See ``Rig.guard_feed``."""
         camera, world = self.camera, self._rig.run_dir
         if camera is None:
             return None
         if self._rig.simulated:
-            return Watched(lambda interval: SimWatchCamera(world, interval, colour_asleep=False), self.client)
-        return Watched(lambda _: SteadyFrames(camera), self.client)
+            return GuardFeed(lambda interval: SimWatchCamera(world, interval, colour_asleep=False), self.client)
+        return GuardFeed(lambda _: SteadyFrames(camera), self.client)
 
     def film(self) -> FilmSource | None:
         """See ``Rig.film``."""

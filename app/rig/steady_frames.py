@@ -13,7 +13,7 @@ _AGAIN: Final = 0.004
 
 
 class SteadyFrames:
-    """``WatchedFrames`` of a camera that also others read: each frame once, as it comes.
+    """``GuardFrames`` of a camera that also others read: each frame once, as it comes.
 
     Plant time runs by itself where there is such a camera, so that nobody has to be woken up.
 
@@ -26,7 +26,7 @@ class SteadyFrames:
         self._closed = threading.Event()
 
     def read(self, max_age: float) -> Frame:
-        """See ``WatchedFrames.read``; waits for a frame that was not read before.
+        """See ``GuardFrames.read``; waits for a frame that was not read before.
 
         Raises:
             StaleFrame: the camera has no frame that young any more.
@@ -42,10 +42,10 @@ class SteadyFrames:
         raise CameraClosed
 
     def wake(self, awake: bool) -> None:
-        """See ``WatchedFrames.wake``."""
+        """See ``GuardFrames.wake``."""
 
     def release(self) -> None:
-        """See ``WatchedFrames.release``."""
+        """See ``GuardFrames.release``."""
 
     def close(self) -> None:
         """A reader in another thread ends with ``CameraClosed``."""

@@ -15,8 +15,8 @@ from rich.text import Text
 from app.records import PlyEvent
 
 
-class Face:
-    """Told what happens; shows what its subclass shows, and by itself nothing."""
+class UserInterface:
+    """Told what happens; this one shows nothing."""
 
     def phase(self, text: str) -> None:
         """What is being done now."""
@@ -37,11 +37,7 @@ class Face:
         """Somebody has."""
 
 
-class Quiet(Face):
-    """Shows nothing."""
-
-
-class Terminal(Face):
+class Terminal(UserInterface):
     """Board, present phase and the last plies on a terminal; plain lines where the output is none."""
 
     def __init__(self, console: Console) -> None:
@@ -63,7 +59,7 @@ class Terminal(Face):
             self._live.stop()
 
     def phase(self, text: str) -> None:
-        """See ``Face.phase``."""
+        """See ``UserInterface.phase``."""
         self._phase = text
         if self._live is not None:
             self._show()
@@ -72,12 +68,12 @@ class Terminal(Face):
             self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def position(self, board: chess.Board) -> None:
-        """See ``Face.position``."""
+        """See ``UserInterface.position``."""
         self._board = board.copy(stack=False)
         self._show()
 
     def ply(self, event: PlyEvent, board: chess.Board) -> None:
-        """See ``Face.ply``."""
+        """See ``UserInterface.ply``."""
         self._rows.append(event)
         self._board = board.copy(stack=False)
         if self._live is None:
@@ -85,11 +81,11 @@ class Terminal(Face):
         self._show()
 
     def say(self, sentence: str) -> None:
-        """See ``Face.say``."""
+        """See ``UserInterface.say``."""
         self._console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
     def prompt(self, sentence: str) -> None:
-        """See ``Face.prompt``."""
+        """See ``UserInterface.prompt``."""
         self.say(sentence)
 
     def _show(self) -> None:
@@ -104,7 +100,7 @@ class Terminal(Face):
         return Group(table, Text(f"{self._phase}   ({wall:.0f} s)", style="cyan"))
 
 
-class Conversation(Face):
+class Conversation(UserInterface):
     """A game with a person at the keyboard: line by line, so that what they type stays in order.
 
     Args:
@@ -125,31 +121,31 @@ class Conversation(Face):
         """Nothing has to be undone."""
 
     def phase(self, text: str) -> None:
-        """See ``Face.phase``."""
+        """See ``UserInterface.phase``."""
         if text != self._said:
             self._said = text
             self._leave_prompt()
             self._console.print(f"  … {text}", style="cyan", highlight=False, markup=False, soft_wrap=True)
 
     def position(self, board: chess.Board) -> None:
-        """See ``Face.position``."""
+        """See ``UserInterface.position``."""
         self._leave_prompt()
         self._console.print(board_text(board, plain=self._plain))
 
     def ply(self, event: PlyEvent, board: chess.Board) -> None:
-        """See ``Face.ply``."""
+        """See ``UserInterface.ply``."""
         self._leave_prompt()
         self._console.print(board_text(board, chess.Move.from_uci(event.uci), plain=self._plain))
         who = "you played" if event.by == "hand" else "I played"
         self._console.print(f"{_number(event)} {event.san}  ({who})", style="bold", highlight=False)
 
     def say(self, sentence: str) -> None:
-        """See ``Face.say``."""
+        """See ``UserInterface.say``."""
         self._leave_prompt()
         self._console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
     def prompt(self, sentence: str) -> None:
-        """See ``Face.prompt``."""
+        """See ``UserInterface.prompt``."""
         self._leave_prompt()
         self._console.print(f"{sentence} > ", style="bold", end="", highlight=False, markup=False, soft_wrap=True)
         self._prompted = True

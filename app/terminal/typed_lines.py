@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import queue
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Final, TextIO
 
 from app.players.person import PersonGone
@@ -40,8 +42,11 @@ class TypedLines:
         return line
 
     def _read(self) -> None:
-        for raw in self._stream:
-            line = raw.split("#", 1)[0].strip()
-            if line:
-                self._lines.put(line)
+        if isinstance(self._stream, io.TextIOWrapper):
+            self._stream.reconfigure(errors="replace")  # what is no text is answered like any other nonsense
+        with suppress(OSError):  # the terminal was closed, or its computer is gone: the same as the end of input
+            for raw in self._stream:
+                line = raw.split("#", 1)[0].strip()
+                if line:
+                    self._lines.put(line)
         self._lines.put(_END)

@@ -21,7 +21,7 @@ from typing import Final
 from controller.law.task_space import TaskSpaceController
 from controller.loop.flight import FlightRecorder
 from controller.loop.realtime import set_up_real_time
-from controller.loop.statistics import LoopClock, write_pulse
+from controller.loop.statistics import LoopClock, write_statistics
 from controller.loop.supervisor import Supervisor
 from controller.loop.telemetry import report
 from controller.model.constants import DeltaModel
@@ -32,7 +32,7 @@ from controller.protocol.layout import COMMAND, HEARTBEAT, VERSION, CommandCode,
 from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
 from controller.protocol.states import State
 from controller.settings import CONTROLLER_FILE, ControllerSettings
-from controller.wire.endpoint import Door
+from controller.wire.endpoint import Endpoint
 from controller.wire.sockets import PortInUse
 from hardware.interfaces import BusLost, Command, ServoBus
 from hardware.parameters import RobotParameters
@@ -93,7 +93,7 @@ def serve(
             return _complain(f"the controller ends because the drives are lost: {error}", 1)
         finally:
             server.close()
-            write_pulse(run_directory, server.clock, {"granted": granted.granted, **granted._asdict()})
+            write_statistics(run_directory, server.clock, {"granted": granted.granted, **granted._asdict()})
     if server.supervisor.brakes.exhausted:
         return _complain(f"the controller ends on its brakes: {explain(*server.supervisor.cause[:3])}", 1)
     return 0
@@ -138,7 +138,7 @@ class Server:
         self._settings = settings
         self._file = run_directory / CONTROLLER_FILE
         self._prepared = self._file.with_suffix(".new")
-        self._door = Door(settings.host, settings.port, key, settings.lease, self._welcome)
+        self._endpoint = Endpoint(settings.host, settings.port, key, settings.lease, self._welcome)
         self._prepare_file()
         self._flight = FlightRecorder(
             self.supervisor, run_directory, period=bus.period, duration=settings.flight_time,
@@ -162,7 +162,7 @@ class Server:
         Raises:
             BusLost: the drives no longer answer.
         """
-        supervisor, bus, door, clock = self.supervisor, self._bus, self._door, self.clock
+        supervisor, bus, endpoint, clock = self.supervisor, self._bus, self._endpoint, self.clock
         most, reading = self._settings.datagrams_per_tick, self._settings.reading_time
         monotonic, piecemeal = time.monotonic, not bus.lockstep
         flight, fresh, answered = self._flight, False, 0.0
@@ -183,20 +183,20 @@ class Server:
                     clock.stood(asked)
             else:
                 clock.stood(asked)
-                door.wait(1)
+                endpoint.wait(1)
             self._echo = ping
             now = monotonic()
             if piecemeal:
                 for _ in range(pieces):  # those of ticks that went by without an exchange are made up for
-                    door.sift(now, now + reading)
+                    endpoint.sift(now, now + reading)
                     self._do_one_piece(now, tick)
                 self._live(now)
             else:
-                door.drain(now, now + reading, most, self._handle)
-                door.relay()
+                endpoint.drain(now, now + reading, most, self._handle)
+                endpoint.relay()
                 self._live(now)
                 if self._telemetry_is_due(now, tick):
-                    door.publish(self._telemetry().pack(), now)
+                    endpoint.publish(self._telemetry().pack(), now)
             if fresh:
                 flight.record(answered)
             flight.watch(now)
@@ -213,20 +213,20 @@ class Server:
             pass  # the drives' own watchdog brakes
         finally:
             self._bus.close()
-            self._door.close()
+            self._endpoint.close()
             for file in (self._file, self._prepared):
                 file.unlink(missing_ok=True)
             self._flight.close(abnormal=not self.supervisor.brakes.finished)
 
     def _live(self, now: float) -> None:
         """What happens by itself: readiness, loss of the client, the end."""
-        supervisor, door = self.supervisor, self._door
+        supervisor, endpoint = self.supervisor, self._endpoint
         if not self._booted:
             self._booted, self._alone_since = self._ready(), now
-        if door.expire(now):
+        if endpoint.expire(now):
             self._alone_since = now
-            supervisor.stop(Violation(Cause.CLIENT_LOST, door.silence(now), self._settings.lease))
-        alone = 0.0 if door.leased else now - self._alone_since
+            supervisor.stop(Violation(Cause.CLIENT_LOST, endpoint.silence(now), self._settings.lease))
+        alone = 0.0 if endpoint.leased else now - self._alone_since
         if self.ending or (alone > self._settings.linger and not self._settings.stays):
             supervisor.retire()
         elif alone > self._settings.linger:
@@ -237,13 +237,13 @@ class Server:
         if self.supervisor.state is State.BOOT:
             return False
         self._prepared.replace(self._file)
-        self._tell_ready(*self._door.address)
+        self._tell_ready(*self._endpoint.address)
         return True
 
     def _prepare_file(self) -> None:
         """Everything slow about the file, before the first tick; one left by a killed controller misleads nobody."""
         self._file.unlink(missing_ok=True)
-        host, port = self._door.address
+        host, port = self._endpoint.address
         content = {"host": host, "port": port, "pid": os.getpid(), "protocol": VERSION}
         self._prepared.write_text(json.dumps(content) + "\n", encoding="utf-8")
 
@@ -286,7 +286,7 @@ class Server:
             self.supervisor.take_samples(samples)
         elif self._packed is not None:
             packed, self._packed = self._packed, None
-            self._door.publish(packed, now)
+            self._endpoint.publish(packed, now)
         elif self._gathered is not None:
             self._packed, self._gathered = self._gathered.pack(), None
         else:
@@ -298,9 +298,9 @@ class Server:
     def _take_turn(self, turn: int, now: float, tick: int) -> bool:
         """Whether there was something to do."""
         if turn == _READ:
-            return self._door.take(self._handle_later)
+            return self._endpoint.take(self._handle_later)
         if turn == _RELAY:
-            return self._door.relay()
+            return self._endpoint.relay()
         if self._telemetry_is_due(now, tick):
             self._gathered = self._telemetry()
             return True
@@ -323,7 +323,7 @@ class Server:
             supervisor.state,
             supervisor.admission.ended,
             supervisor.may_exchange,
-            self._door.last_command,
+            self._endpoint.last_command,
             self._echo,
         )
         due = tick // settings.telemetry_ticks != self._published_tick // settings.telemetry_ticks
@@ -337,16 +337,16 @@ class Server:
             self.supervisor,
             self._bus.lockstep,
             self._echo,
-            self._door.last_command,
-            self.clock.pulse(),
-            self._door.dropped,
+            self._endpoint.last_command,
+            self.clock.statistics(),
+            self._endpoint.dropped,
         )
 
     def _say_goodbye(self) -> None:
         """Tell client and listeners that the arm rests; some copies, as one may get lost."""
         telemetry = self._telemetry().pack()
         for _ in range(5):
-            self._door.take_leave(telemetry, time.monotonic())
+            self._endpoint.take_leave(telemetry, time.monotonic())
 
 
 def _complain(sentence: str, status: int) -> int:

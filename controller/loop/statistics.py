@@ -11,7 +11,7 @@ import select
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-PULSE_FILE = "controller_pulse.json"
+STATISTICS_FILE = "controller_pulse.json"
 """Statistics of a whole run (``LoopClock.summary``), written by the controller into the run directory when it ends."""
 
 _BLOCK = 0.25
@@ -29,7 +29,7 @@ _COARSE = 4096
 _STDERR = 2
 
 
-class Pulse(NamedTuple):
+class LoopStatistics(NamedTuple):
     """Statistics of the loop, as the telemetry tells them."""
 
     skipped: int = 0
@@ -169,7 +169,7 @@ class LoopClock:
             self._running = False
             self._count_turn(asked - self._answered)
 
-    def pulse(self) -> Pulse:
+    def statistics(self) -> LoopStatistics:
         """The last second of ticks."""
         ticks, wall, latest, longest = self._ticks, self._wall, self._latest, self._longest
         for block in self._past:
@@ -177,7 +177,7 @@ class LoopClock:
             wall += block[1]
             latest = max(latest, block[2])
             longest = max(longest, block[3])
-        return Pulse(self.skipped, wall / ticks if ticks else 0.0, latest, longest)
+        return LoopStatistics(self.skipped, wall / ticks if ticks else 0.0, latest, longest)
 
     def warn(self) -> None:
         """Say on stderr what was worse than it should be; nothing when stderr could not take it at once.
@@ -243,15 +243,15 @@ class LoopClock:
         return f"{trouble}: end other programs on this PC, or see 'touchmove link-test' for what to change"
 
 
-def write_pulse(directory: Path, clock: LoopClock, realtime: dict[str, Any]) -> None:
-    """Leave the statistics of a run in ``PULSE_FILE``; said on stderr where that cannot be written.
+def write_statistics(directory: Path, clock: LoopClock, realtime: dict[str, Any]) -> None:
+    """Leave the statistics of a run in ``STATISTICS_FILE``; said on stderr where that cannot be written.
 
     Args:
         directory: of the run.
         clock: of the loop.
         realtime: what real time was granted, as JSON.
     """
-    file = directory / PULSE_FILE
+    file = directory / STATISTICS_FILE
     new = file.with_suffix(".new")
     try:
         new.write_text(json.dumps({**clock.summary(), "realtime": realtime}) + "\n", encoding="utf-8")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from controller.loop.statistics import Pulse
+from controller.loop.statistics import LoopStatistics
 from controller.loop.supervisor import Supervisor
 from controller.protocol.layout import Flag
 from controller.protocol.messages import Telemetry
@@ -14,7 +14,7 @@ _STANDING = int(DriveStatus.STANDING)
 
 
 def report(
-    supervisor: Supervisor, lockstep: bool, echo: int, command: int, pulse: Pulse, dropped: Sequence[int]
+    supervisor: Supervisor, lockstep: bool, echo: int, command: int, statistics: LoopStatistics, dropped: Sequence[int]
 ) -> Telemetry:
     """The present state of a controller.
 
@@ -23,7 +23,7 @@ def report(
         lockstep: whether plant time waits for the controller.
         echo: newest ping answered.
         command: sequence of the newest command carried out.
-        pulse: how regularly the loop ticks.
+        statistics: how regularly the loop ticks.
         dropped: datagrams dropped, by ``Drop``.
     """
     measured, motion, ended = supervisor.measurement, supervisor.admission.motion, supervisor.admission.ended
@@ -59,10 +59,10 @@ def report(
         supervisor.admission.peak_torque,
         supervisor.admission.peak_tactile,
         supervisor.clamped,
-        pulse.skipped,
-        pulse.period,
-        pulse.lateness,
-        pulse.work,
+        statistics.skipped,
+        statistics.period,
+        statistics.lateness,
+        statistics.work,
         *dropped,
     )
 

@@ -22,7 +22,7 @@ from controller.protocol.envelope import Drop, Envelope, Header, Opened, Sequenc
 from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, DatagramKind
 from controller.protocol.messages import Busy, Hello
 from controller.wire.sockets import Address, client_socket, listening_socket
-from controller.wire.subscribers import Audience
+from controller.wire.subscribers import Subscribers
 
 Handler = Callable[[int, memoryview], bool]
 """Takes kind and payload of a datagram; false where its content is impossible."""
@@ -36,7 +36,7 @@ _CATCHING_UP: Final = 0.1
 strangers must not keep a lost client's lease."""
 
 
-class Door:
+class Endpoint:
     """Admits datagrams of the one client and sends to it and to the listeners.
 
     Args:
@@ -87,7 +87,7 @@ class Door:
         self._heard = 0.0
         self._doubted: float | None = None
         self._may_answer = True
-        self._audience = Audience(self._send_to)
+        self._subscribers = Subscribers(self._send_to)
         self.dropped = [0] * len(Drop)
 
     @property
@@ -195,12 +195,12 @@ class Door:
 
     def relay(self) -> bool:
         """Send a copy of the telemetry to one listener at most that waits for it; whether one did."""
-        return self._audience.relay()
+        return self._subscribers.relay()
 
     @property
     def listeners(self) -> int:
         """How many are listening."""
-        return len(self._audience)
+        return len(self._subscribers)
 
     def publish(self, telemetry: bytes, now: float) -> None:
         """Send telemetry to the client at once; to the listeners it goes with the next calls of ``relay``.
@@ -210,12 +210,12 @@ class Door:
             now: wall time [s].
         """
         self.send(DatagramKind.TELEMETRY, telemetry)
-        self._audience.publish(telemetry, now)
+        self._subscribers.publish(telemetry, now)
 
     def take_leave(self, telemetry: bytes, now: float) -> None:
         """Send the last telemetry to the client and to every listener, before this returns; arguments as above."""
         self.publish(telemetry, now)
-        while self._audience.relay():
+        while self._subscribers.relay():
             pass
 
     def send(self, kind: DatagramKind, payload: bytes) -> None:
@@ -278,7 +278,7 @@ class Door:
 
     def _listen(self, opened: Opened, address: Address, now: float) -> Drop | None:
         """A WATCH: no more than a place among the listeners can come of it, and none under the client's session."""
-        return Drop.SESSION if opened.session == self._session else self._audience.admit(opened, address, now)
+        return Drop.SESSION if opened.session == self._session else self._subscribers.admit(opened, address, now)
 
     def _greet(self, opened: Opened, address: Address, now: float) -> Drop | None:
         """Challenge, welcome or turn away."""

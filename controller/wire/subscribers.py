@@ -35,7 +35,7 @@ class _Listener:
         self.window = SequenceWindow()
 
 
-class Audience:
+class Subscribers:
     """The listeners of one controller.
 
     Args:

@@ -41,7 +41,7 @@ _SMALL: Final = np.ones((3, 3), dtype=np.uint8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Glance:
+class ColourObservation:
     """What one picture shows.
 
     Attributes:
@@ -85,7 +85,7 @@ class Differences:
         """Whether a settled board was seen already."""
         return self._background is not None
 
-    def look(self, small: Picture, hidden: Mask | None, *, reaching: bool = True) -> Glance:
+    def look(self, small: Picture, hidden: Mask | None, *, reaching: bool = True) -> ColourObservation:
         """Take a picture in.
 
         Args:
@@ -95,12 +95,12 @@ class Differences:
         """
         moving = self._motion(small, hidden)
         if self._background is None or not reaching:
-            return Glance(moving, 0.0, frozenset())
+            return ColourObservation(moving, 0.0, frozenset())
         where = self._zone.around & self._known
         where = where if hidden is None else where & ~hidden
         area, mask = self._hand(tidy(differs(small, self._background, where)))
         over = frozenset[int]() if mask is None else self._zone.squares_in(mask, _COVERED)
-        return Glance(moving, area, over)
+        return ColourObservation(moving, area, over)
 
     def learn(self, small: Picture, hidden: Mask | None, *, moved: bool) -> None:
         """A picture of the settled board: what is seen in it is the background from now on.

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from hardware.interfaces import DepthFrame, Frame
 from vision.board.view import BoardView
 from vision.hands.arm_mask import Hidden
-from vision.hands.colour_changes import Differences, Glance
+from vision.hands.colour_changes import ColourObservation, Differences
 from vision.hands.depth_changes import Heights, Relief
 from vision.hands.watched_zone import Floats, Mask, Space, Zone, shrink
 
@@ -290,7 +290,9 @@ class _Senses:
             self._learn(small, distance, covered, still=not moving and relief is None)
         return self._tell(area, over, moving)
 
-    def _evidence(self, glance: Glance | None, relief: Relief | None) -> tuple[float, frozenset[int], frozenset[int]]:
+    def _evidence(
+        self, glance: ColourObservation | None, relief: Relief | None
+    ) -> tuple[float, frozenset[int], frozenset[int]]:
         """Area of a hand [squares], squares it is over, and those where it may touch something."""
         if relief is not None:
             return relief.area / self._square**2, relief.over, relief.low

@@ -20,7 +20,7 @@ from hardware.table import PIECE_SHAPES, PieceSpec, Place
 from vision.board.view import BoardView
 from vision.pieces.centres import Centre, centres_of
 from vision.pieces.fit import Fit
-from vision.pieces.pose_search import Field, PoseSearch, Stray
+from vision.pieces.pose_search import Field, MisplacedPiece, PoseSearch
 from vision.pieces.poses import Pose
 from vision.pieces.surface import raised
 from vision.pieces.verify import TOLERANCE
@@ -36,11 +36,11 @@ _SAME: Final = 0.008
 """A piece that stands was found twice when both places are no further apart [m]."""
 
 
-def find_strays(
+def find_misplaced(
     frame: Frame, view: BoardView, expected: Mapping[Place, PieceSpec], *,
     use_depth: bool = True, tolerance: float = TOLERANCE, doubted: Collection[Place] = (), trays: bool = False,
     before: Mapping[Place, tuple[float, float]] = MappingProxyType({}),
-) -> tuple[Stray, ...]:  # fmt: skip
+) -> tuple[MisplacedPiece, ...]:  # fmt: skip
     """Find the pieces on the board, or beside it, that do not stand where they should.
 
     Args:
@@ -48,7 +48,7 @@ def find_strays(
         view: of the board.
         expected: what should stand where.
         use_depth: False: by colour alone, also where there is depth.
-        tolerance: a piece that stands further from its place's centre is a stray [m].
+        tolerance: a piece that stands further from its place's centre is misplaced [m].
         doubted: places whose piece may lie, although it looks as if it stood.
         trays: pieces are looked for there, too; then all that should stand there is expected. What boxes hold, nobody
             can tell.
@@ -75,7 +75,7 @@ def find_strays(
     ]
     points = None if fit.rises is None else raised(fit.part, fit.rises, view)
     search = PoseSearch(fit, view, _taken(fit, points, [stands[place] for place in fit.stands]), around, points)
-    found = list[Stray]()
+    found = list[MisplacedPiece]()
     while left:
         stray = search.best(left)
         if stray is None:
@@ -89,7 +89,7 @@ def find_strays(
     return tuple(sorted(found, key=lambda one: -one.support * one.seen))
 
 
-def _sharper(stray: Stray, centres: Mapping[Place, Centre]) -> Stray:
+def _sharper(stray: MisplacedPiece, centres: Mapping[Place, Centre]) -> MisplacedPiece:
     """Where a standing piece's outline was found as well, its place is known better."""
     one = centres[stray.target]
     if stray.lies or not one.upright or math.dist((one.x, one.y), (stray.pose.x, stray.pose.y)) > _SAME:

@@ -72,7 +72,7 @@ _FLOOR: Final = 0.0005, 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Stray:
+class MisplacedPiece:
     """A piece that is not where it should stand.
 
     Attributes:
@@ -145,7 +145,7 @@ class PoseSearch:
             self._solid = self._open & (fit.rises > _RISEN) & (cv2.dilate(taken.astype(np.uint8), fat) == 0)
         self._felt: Field = np.maximum(*self._maps.values())
 
-    def best(self, missing: Sequence[tuple[Place, PieceSpec]]) -> Stray | None:
+    def best(self, missing: Sequence[tuple[Place, PieceSpec]]) -> MisplacedPiece | None:
         """The missing piece that explains the most, or None if none explains anything."""
         alike = {(piece.kind, piece.colour): (place, piece) for place, piece in reversed(missing)}
         for key, (_, piece) in alike.items():
@@ -162,14 +162,16 @@ class PoseSearch:
             lead = 1.0 - max([0.0, *others]) / best.score
             place, piece = alike[key]
             best, std, yaw_std = self._spread(piece, best)
-            return Stray(piece, place, best.pose, std, yaw_std, best.support, best.seen, lead)
+            return MisplacedPiece(piece, place, best.pose, std, yaw_std, best.support, best.seen, lead)
         return None
 
     def again(self) -> PoseSearch:
         """The same with nothing taken out."""
         return PoseSearch(*self._made_of)
 
-    def told_apart(self, found: list[Stray], before: Mapping[Place, tuple[float, float]]) -> list[Stray]:
+    def told_apart(
+        self, found: list[MisplacedPiece], before: Mapping[Place, tuple[float, float]]
+    ) -> list[MisplacedPiece]:
         """Of pieces of one side that were found one after the other, each might as well be the other: both are tried.
 
         The greedy search takes first whatever explains the most, and a larger piece explains more. Together, two pieces
@@ -205,11 +207,11 @@ class PoseSearch:
                 )  # fmt: skip
         return found
 
-    def _far(self, piece: Stray, at: Stray, before: Mapping[Place, tuple[float, float]]) -> float:
+    def _far(self, piece: MisplacedPiece, at: MisplacedPiece, before: Mapping[Place, tuple[float, float]]) -> float:
         """From where a piece was before, or should stand, to where another was found [m]."""
         return math.dist(before.get(piece.target, self._view.table.xy(piece.target)), (at.pose.x, at.pose.y))
 
-    def _likely(self, stray: Stray, pose: Pose, before: Mapping[Place, tuple[float, float]]) -> float:
+    def _likely(self, stray: MisplacedPiece, pose: Pose, before: Mapping[Place, tuple[float, float]]) -> float:
         """Evidence for a pose by where the piece was before, or where it should stand."""
         was = before.get(stray.target, self._view.table.xy(stray.target))
         away = math.dist(was, (pose.x, pose.y))
@@ -220,7 +222,7 @@ class PoseSearch:
         """The best way for a piece to be about there, lying or standing as in a pose."""
         return self._climb(piece, self._try(piece, pose), _STEPS)
 
-    def take_out(self, stray: Stray) -> None:
+    def take_out(self, stray: MisplacedPiece) -> None:
         """What this one explains is explained."""
         seen = drawn(stray.piece.kind, stray.pose, self._view, self._shape, self._origin)
         fat = cv2.dilate(seen.mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0

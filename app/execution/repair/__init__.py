@@ -1,8 +1,8 @@
 """What to do about a board that is not as it should be: put right what is sure, ask people for the rest.
 
-``sighting`` is what the camera reports, ``belief`` finds which pieces must stand there, ``twice`` doubts it where two
-moves would look the same, and ``mending`` says what the arm does and what a person has to. Pure: nothing here looks or
-moves.
+``observed`` is what the camera reports, ``belief`` finds which pieces must stand there, ``swaps`` doubts it where two
+moves would look the same, and ``diagnosis`` says what the arm does and what a person has to. Pure: nothing here looks
+or moves.
 """
 
 from app.execution.repair.diagnosis import Ask, Repair, mend, repair_towards

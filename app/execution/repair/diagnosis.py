@@ -53,7 +53,7 @@ class Repair:
 
 def mend(
     expected: Inventory,
-    sighting: BoardObservation,
+    observation: BoardObservation,
     board: chess.Board | None = None,
     *,
     tolerance: float = TOLERANCE,
@@ -66,7 +66,7 @@ def mend(
 
     Args:
         expected: what should stand where.
-        sighting: what is seen.
+        observation: what is seen.
         board: the position that should be there: two moves in a row that look like one piece carried off are told from
             it; None: they are not thought of.
         tolerance: pieces farther off the centre of their square are set right [m].
@@ -75,22 +75,22 @@ def mend(
     Raises:
         ValueError: a piece was seen outside of its square.
     """
-    beliefs = _beliefs(expected, sighting, board)
+    beliefs = _beliefs(expected, observation, board)
     gone = tuple(piece for belief in beliefs.values() for piece in belief.gone)
-    if asks := _asks(expected, sighting, beliefs):
+    if asks := _asks(expected, observation, beliefs):
         return _joined([*asks, *([_missing(gone)] if gone else [])])
     there = {name: square_place(square) for belief in beliefs.values() for name, square in belief.standing.items()}
     left = tuple(piece for piece in expected if piece not in gone)
     believed = Inventory.of(
         (PieceSpec(p.name, p.kind, p.colour, there.get(p.name, p.place)) for p in left), expected.table
     )
-    return repair_towards(believed, expected, sighting, tolerance=tolerance, rest=rest)
+    return repair_towards(believed, expected, observation, tolerance=tolerance, rest=rest)
 
 
 def repair_towards(
     believed: Inventory,
     wanted: Inventory,
-    sighting: BoardObservation,
+    observation: BoardObservation,
     *,
     tolerance: float = TOLERANCE,
     rest: Point = (0.0, 0.0),
@@ -100,7 +100,8 @@ def repair_towards(
     Args:
         believed: what stands where now, of :func:`mend`; pieces that are missing are left out.
         wanted: what shall stand where.
-        sighting: what is seen; its places may come from another look, at the pieces where they are believed to stand.
+        observation: what is seen; its places may come from another look, at the pieces where they are
+            believed to stand.
         tolerance: as of :func:`mend`.
         rest: as of :func:`mend`.
 
@@ -111,7 +112,7 @@ def repair_towards(
     there = {piece.name for piece in believed}
     gone = tuple(piece for piece in wanted if piece.name not in there)
     target = Inventory.of((piece for piece in wanted if piece.name in there), wanted.table)
-    seen = _seen(believed, target, sighting, tolerance, {piece.colour for piece in gone})
+    seen = _seen(believed, target, observation, tolerance, {piece.colour for piece in gone})
     aside = tuple(place for place in map(square_place, range(64)) if wanted.at(place) is None)
     transfers = rearrange(believed, target, seen=seen, aside=aside, rest=rest)
     missing = _missing(gone) if gone else None
@@ -120,9 +121,9 @@ def repair_towards(
     return Repair(believed, transfers, _what_is_done(believed, target, transfers), missing)
 
 
-def _beliefs(expected: Inventory, sighting: BoardObservation, board: chess.Board | None) -> dict[Colour, Belief]:
-    looks = {square: _looks(square, expected, sighting) for square in range(64)}
-    kinds = {square: chances for square, chances in sighting.kinds.items() if square not in sighting.fallen}
+def _beliefs(expected: Inventory, observation: BoardObservation, board: chess.Board | None) -> dict[Colour, Belief]:
+    looks = {square: _looks(square, expected, observation) for square in range(64)}
+    kinds = {square: chances for square, chances in observation.kinds.items() if square not in observation.fallen}
     beliefs = dict[Colour, Belief]()
     for colour in Colour:
         pieces = [p for p in expected if p.place.on_board and p.colour is colour]
@@ -145,21 +146,21 @@ def _standing(expected: Inventory, beliefs: Mapping[Colour, Belief]) -> Iterator
             yield expected.find(name), square
 
 
-def _looks(square: int, expected: Inventory, sighting: BoardObservation) -> Colour | None:
+def _looks(square: int, expected: Inventory, observation: BoardObservation) -> Colour | None:
     """What stands on a square; what lies there counts as the piece that should stand there."""
     piece = expected.at(square_place(square))
     should = None if piece is None else piece.colour
-    if square in sighting.fallen or square in sighting.unclear:
+    if square in observation.fallen or square in observation.unclear:
         return should
-    return sighting.looks.get(square, should)
+    return observation.looks.get(square, should)
 
 
 def _seen(
-    believed: Inventory, target: Inventory, sighting: BoardObservation, tolerance: float, lacking: Set[Colour]
+    believed: Inventory, target: Inventory, observation: BoardObservation, tolerance: float, lacking: Set[Colour]
 ) -> dict[str, Point]:
     """Where pieces stand that the arm takes, by name."""
     seen, most = dict[str, Point](), SEEN_WITHIN * believed.table.square
-    for square, (x, y) in sighting.places.items():
+    for square, (x, y) in observation.places.items():
         piece = believed.at(square_place(square))
         if piece is None:
             continue
@@ -171,24 +172,26 @@ def _seen(
             )
         stays = target.find(piece.name).place == piece.place
         # where a piece is missing, one that was touched may be it, having taken another of its own side
-        if stays and (math.hypot(dx, dy) <= tolerance or (piece.colour in lacking and not _is_known(piece, sighting))):
+        if stays and (
+            math.hypot(dx, dy) <= tolerance or (piece.colour in lacking and not _is_known(piece, observation))
+        ):
             continue
         seen[piece.name] = (x, y)
     return seen
 
 
-def _is_known(piece: PieceSpec, sighting: BoardObservation) -> bool:
-    chances = sighting.kinds.get(piece.place.index, {})
+def _is_known(piece: PieceSpec, observation: BoardObservation) -> bool:
+    chances = observation.kinds.get(piece.place.index, {})
     return chances.get(piece.kind, 0.0) >= KNOWN
 
 
 # sentences
 
 
-def _asks(expected: Inventory, sighting: BoardObservation, beliefs: Mapping[Colour, Belief]) -> list[Ask]:
+def _asks(expected: Inventory, observation: BoardObservation, beliefs: Mapping[Colour, Belief]) -> list[Ask]:
     """What must be done by people before the arm may move."""
-    asks = [_fallen(square, expected) for square in sorted(sighting.fallen)]
-    asks += [_unclear(square, expected) for square in sorted(sighting.unclear - sighting.fallen)]
+    asks = [_fallen(square, expected) for square in sorted(observation.fallen)]
+    asks += [_unclear(square, expected) for square in sorted(observation.unclear - observation.fallen)]
     for colour, belief in beliefs.items():
         doubtful = [square for square in belief.doubtful if square not in belief.extra]
         if doubtful:

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from app.execution.recovery_plans import in_order, plan_making_way, plan_righting
+from app.execution.recovery_plans import in_order, plan_making_way, plan_stand_up
 from app.measure.bench.beds.bed import Bed, plant_of
 from app.measure.bench.report import BenchReport, Progress, row
 from app.motion import MotionSettings, Plan, Planner, PlanRefused
@@ -26,11 +26,11 @@ from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.plant.grip_faults import GripFaults
 from hardware.sim.plant.imperfections import Flaws, Imperfections
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
-from hardware.sim.render.appearance import Looks
+from hardware.sim.render.appearance import SceneState
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.board.view import BoardView
-from vision.pieces.fallen import find_strays
-from vision.pieces.pose_search import Stray
+from vision.pieces.fallen import find_misplaced
+from vision.pieces.pose_search import MisplacedPiece
 
 SEED: Final = 11
 TRIALS: Final = {True: 4, False: 60}
@@ -46,7 +46,7 @@ UPRIGHT: Final = math.radians(5.0)
 PLACED: Final = 0.004
 """A piece further than this from its square's centre is carried there; the game's own tolerance is 5 mm [m]."""
 RIGHT: Final = 0.005
-UNMENDED_LIMIT: Final = 0.05
+UNREPAIRED_LIMIT: Final = 0.05
 _SETTLE: Final = 1.0
 """From a fall until all is at rest [s]."""
 
@@ -63,7 +63,7 @@ def fallen_bench(quick: bool, progress: Progress) -> BenchReport:
             plans.append(float(trial.plans))
             progress(f"{number + 1} of {TRIALS[quick]}: {trial.what}: {trouble or f'mended by {trial.plans} plans'}")
     rows = {
-        "unmended": row(unmended, "1", UNMENDED_LIMIT, "mean"),
+        "unmended": row(unmended, "1", UNREPAIRED_LIMIT, "mean"),
         "plans": row(plans, "1"),
     }
     return BenchReport.of("fallen", SEED, rows)
@@ -111,7 +111,7 @@ class FallTrial:
         faults = Imperfections(grip=GripFaults(holds=(1,) if lost else (), latest=0.4))
         plant = plant_of(pieces, table, self._settings, self._parameters, Flaws(faults, number))
         self._bed = Bed(plant, self._parameters, table)
-        self._looks = Looks()
+        self._looks = SceneState()
         self._view = studio.camera_from_board(self._looks.mount)
         self.what = f"{self._victim.kind} on {self._victim.place} {'lost on its way' if lost else 'knocked over'}"
         self.plans, self._ways = 0, list[Transfer]()
@@ -128,14 +128,14 @@ class FallTrial:
             self._lose()
         self._bed.wait(_SETTLE)
         for _ in range(LOOKS):
-            strays = self._strays()
-            one = next(iter(in_order(strays)), None)
+            misplaced = self._misplaced()
+            one = next(iter(in_order(misplaced)), None)
             if one is None:
                 break
             try:
-                plan = plan_righting(self._planner(), one, strays, self._inventory)
+                plan = plan_stand_up(self._planner(), one, misplaced, self._inventory)
             except InTheWay as blocked:
-                if trouble := self._make_way(blocked.piece.name, strays):
+                if trouble := self._make_way(blocked.piece.name, misplaced):
                     return trouble
                 continue
             except PlanRefused as refused:
@@ -157,12 +157,12 @@ class FallTrial:
         """With the victim where it had to go."""
         return Inventory.of((replace(spec, place=self._place(spec)) for spec in self._inventory), self._table)
 
-    def _make_way(self, name: str, strays: Sequence[Stray]) -> str | None:
+    def _make_way(self, name: str, misplaced: Sequence[MisplacedPiece]) -> str | None:
         """Carry a piece away that is where the fingers have to go; a sentence if that is impossible."""
         if name not in {spec.name for spec in self._inventory}:
             return f"the {name} lies in the way"
         try:
-            transfer, plan = plan_making_way(self._planner(), name, strays, self._inventory)
+            transfer, plan = plan_making_way(self._planner(), name, misplaced, self._inventory)
         except PlanRefused as refused:
             return str(refused)
         self._carry_out(plan)
@@ -197,13 +197,13 @@ class FallTrial:
                 spec.name, x, y, z, math.atan2(axis[0], -axis[1]), math.acos(max(-1.0, min(1.0, axis[2])))
             )
 
-    def _strays(self) -> list[Stray]:
+    def _misplaced(self) -> list[MisplacedPiece]:
         """What the camera finds out of place; the victim first."""
         self._number += 1000
         frame = self._studio.frame(self._poses(), self._looks, self._number)
         view = BoardView(frame.intrinsics, self._view, self._table)
         expected = {self._place(spec): spec for spec in self._inventory}
-        found = find_strays(frame, view, expected, tolerance=PLACED)
+        found = find_misplaced(frame, view, expected, tolerance=PLACED)
         return [replace(stray, target=self._place(expected[stray.target])) for stray in found]
 
     def _place(self, spec: PieceSpec) -> Place:

@@ -67,7 +67,7 @@ def loop_bench(quick: bool, progress: Progress) -> BenchReport:
         stopped = sweep(timed, duration)
         stolen = stolen_share(before, ProcessorTime.now())
         end = timed.finish()
-    for note in end.pulse.realtime.notes:
+    for note in end.statistics.realtime.notes:
         progress(note)
     if stolen > STOLEN:
         progress(
@@ -86,15 +86,15 @@ def loop_rows(end: RunEnd, stopped: int, stolen: float) -> dict[str, Row]:
         stopped: motions that did not end as planned.
         stolen: share of the processor's time that the host of a virtual machine took, 0 to 1.
     """
-    pulse, granted = end.pulse, end.pulse.realtime.granted
+    statistics, granted = end.statistics, end.statistics.realtime.granted
     limit = MISSED_LIMIT if granted else None
     return {
         "real_time": row([float(granted)], "granted"),
-        "missed_ticks": row([100.0 * pulse.missed], "%", limit, "max", pulse.ticks + pulse.skipped),
-        "tick_work": _row(pulse.work, WORK_LIMIT if granted else None),
-        "law": _row(pulse.law),
-        "lateness": _row(pulse.lateness),
-        "period_error": _row(pulse.period_error),
+        "missed_ticks": row([100.0 * statistics.missed], "%", limit, "max", statistics.ticks + statistics.skipped),
+        "tick_work": _row(statistics.work, WORK_LIMIT if granted else None),
+        "law": _row(statistics.law),
+        "lateness": _row(statistics.lateness),
+        "period_error": _row(statistics.period_error),
         "stolen_time": row([100.0 * stolen], "%"),
         "stopped_motions": row([stopped], "motions"),
         "arm_not_at_rest": row([float(not end.at_rest)], "arms", 0.0, "max"),

@@ -25,7 +25,7 @@ from app.play.launch import run_games
 from app.play.session import SessionResult
 from app.records import EVENTS_FILE, PlyEvent, read_events
 from app.settings.tree import Settings
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from hardware.interfaces import HardwareError
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import Action, Knock, Move, Withdraw
@@ -45,7 +45,7 @@ EVERY_PLY: Final = 4
 """After each so manieth ply a hand does something."""
 SHIFT: Final = (0.006, 0.012)
 """A shifted piece ends up so far off its middle [m]."""
-UNMENDED_LIMIT: Final = 0.05
+UNREPAIRED_LIMIT: Final = 0.05
 """Of all mishaps."""
 _MOST_HOLDS: Final = 400
 
@@ -65,7 +65,7 @@ class RecoveryTally:
     games: int = 0
 
 
-class Clumsy(Quiet):
+class Clumsy(UserInterface):
     """Sees each ply, and then has a hand do harm.
 
     Args:
@@ -83,7 +83,7 @@ class Clumsy(Quiet):
         self.mishaps = 0
 
     def ply(self, event: PlyEvent, board: chess.Board) -> None:
-        """See ``Face.ply``."""
+        """See ``UserInterface.ply``."""
         if event.ply % EVERY_PLY:
             return
         what, action = self._mishap(board)
@@ -127,7 +127,7 @@ def recovery_bench(quick: bool, progress: Progress) -> BenchReport:
         "knocked_or_shifted": row([tally.mishaps], "1"),
         "unnoticed": row([tally.wrong], "plies", 0.0, "max"),
         "history_wrong": row([tally.broken], "games", 0.0, "max"),
-        "unmended": row([tally.unmended / max(1, both)], "1", UNMENDED_LIMIT, "max"),
+        "unmended": row([tally.unmended / max(1, both)], "1", UNREPAIRED_LIMIT, "max"),
         "games": row([tally.games], "1"),
     }
     return BenchReport.of("recovery", SEED, rows)
@@ -173,12 +173,12 @@ def play_one(seed: int, plies: int, tally: RecoveryTally, progress: Progress) ->
                 "game.moves": " ".join(move.uci() for move in line), "out": folder / "game",
             }
         )  # fmt: skip
-        face = Clumsy(folder / "game" / "run", seed, progress)
-        result = run_games(settings, face)
+        ui = Clumsy(folder / "game" / "run", seed, progress)
+        result = run_games(settings, ui)
         done = [event for event in read_events(folder / "game" / EVENTS_FILE, progress) if isinstance(event, PlyEvent)]
         tally.losses += lost_grips(folder / "game" / "run")
     tally.games += 1
-    tally.mishaps += face.mishaps
+    tally.mishaps += ui.mishaps
     tally.wrong += sum(event.physical_ok is False for event in done)
     tally.broken += [event.uci for event in done] != [move.uci() for move in line[: len(done)]]
     if len(done) < len(line):

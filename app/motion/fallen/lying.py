@@ -58,14 +58,14 @@ class Lying:
         return x, y
 
 
-class Strewn(NamedTuple):
+class LoosePieces(NamedTuple):
     """Pieces that are not where an inventory has them: those that stand, and those that lie."""
 
     standing: tuple[Obstacle, ...] = ()
     lying: tuple[Lying, ...] = ()
 
 
-NOTHING_STREWN: Final = Strewn()
+NO_LOOSE_PIECES: Final = LoosePieces()
 
 
 def standing_near(crowd: Iterable[Obstacle], lying: Iterable[Lying], table: TableSettings) -> Crowd:
@@ -86,7 +86,7 @@ def standing_near(crowd: Iterable[Obstacle], lying: Iterable[Lying], table: Tabl
     return Crowd(tuple(pieces), np.concatenate(rows), stands.boxes)
 
 
-def crowd_of(scene: Strewn, table: TableSettings, without: str = "") -> Crowd:
+def crowd_of(scene: LoosePieces, table: TableSettings, without: str = "") -> Crowd:
     """All of a scene, but for one piece, as `standing_near`."""
     standing = (piece for piece in scene.standing if piece.name != without)
     return standing_near(standing, (piece for piece in scene.lying if piece.name != without), table)

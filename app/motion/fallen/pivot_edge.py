@@ -1,4 +1,4 @@
-"""The heel of a piece that lies, and the way of the closed fingers that draw it over; pure geometry.
+"""The pivot edge of a piece that lies, and the way of the closed fingers that draw it over; pure geometry.
 
 Frame ``over``: along the board outwards, away from the head, from the middle of the foot's underside as seen from
 above; and up from the board [m]. The piece rests on the inner rim of its foot and on its head, which is thinner: it
@@ -30,8 +30,8 @@ MASS_HEIGHT: Final = 0.38
 """Of a piece's centre of mass, in heights of the piece: it is weighted low."""
 
 
-class Heeling(FrozenFinite):
-    """How a lying piece is drawn over its heel. Tried in the world: see docs/fallen.md."""
+class PivotSettings(FrozenFinite):
+    """How a lying piece is drawn over its pivot edge. Tried in the world: see docs/fallen.md."""
 
     rim: PositiveFloat = 0.9
     """How far the foot's rim is from the axis where it rests, in radii of the foot: profiles are rounded there."""
@@ -61,8 +61,8 @@ class Heeling(FrozenFinite):
 
 
 @dataclass(frozen=True, slots=True)
-class Heel:
-    """Where a lying piece's heel is, frame ``over``.
+class PivotEdge:
+    """Where a lying piece's pivot edge is, frame ``over``.
 
     Attributes:
         rim: outwards to the rim on which the piece turns [m].
@@ -77,7 +77,7 @@ class Heel:
     stands: float
 
 
-def heel_of(shape: PieceShape, how: Heeling) -> Heel:
+def pivot_of(shape: PieceShape, how: PivotSettings) -> PivotEdge:
     """Of a kind of piece."""
     radius = how.rim * shape.foot_radius
     lean = math.atan2(radius - shape.stem_radius, shape.height - shape.stem_radius - shape.foot_height)
@@ -85,7 +85,7 @@ def heel_of(shape: PieceShape, how: Heeling) -> Heel:
     rim = radius * sin
     contact = -radius * sin - how.inside * cos, 2.0 * radius * cos + (shape.foot_height - how.inside) * sin
     over = math.atan2(MASS_HEIGHT * shape.height, radius)
-    return Heel(rim, contact, over + how.beyond, rim + radius - _SLIDES)
+    return PivotEdge(rim, contact, over + how.beyond, rim + radius - _SLIDES)
 
 
 def reach(pads: Pads, direction: Vector) -> float:
@@ -104,20 +104,20 @@ def reach(pads: Pads, direction: Vector) -> float:
     return float((corners @ np.abs(direction)).max())
 
 
-def sweep(heel: Heel, how: Heeling) -> list[tuple[float, float]]:
+def sweep(pivot: PivotEdge, how: PivotSettings) -> list[tuple[float, float]]:
     """Where the fingers' inner lower edge comes by, frame ``over``: outwards and up [m]."""
-    across, up = heel.contact[0] - heel.rim, heel.contact[1]
+    across, up = pivot.contact[0] - pivot.rim, pivot.contact[1]
     radius, begin = math.hypot(across, up), math.atan2(up, across)
-    angles = begin - heel.turn * np.linspace(0.0, 1.0, _SAMPLES)
-    way = [(heel.rim + radius * math.cos(a), max(how.lowest, radius * math.sin(a))) for a in angles.tolist()]
+    angles = begin - pivot.turn * np.linspace(0.0, 1.0, _SAMPLES)
+    way = [(pivot.rim + radius * math.cos(a), max(how.lowest, radius * math.sin(a))) for a in angles.tolist()]
     return [*way, (way[-1][0] + how.away, way[-1][1])]
 
 
-def circle(heel: Heel, how: Heeling, stiffness: float, ticks: int, tick: float) -> Vector:
+def circle(pivot: PivotEdge, how: PivotSettings, stiffness: float, ticks: int, tick: float) -> Vector:
     """The way round the rim, from rest to rest: the fingers' inner lower edge in frame ``over``.
 
     Args:
-        heel: of the piece.
+        pivot: of the piece.
         how: to go.
         stiffness: of the tool's height [N/m].
         ticks: that it takes.
@@ -125,22 +125,22 @@ def circle(heel: Heel, how: Heeling, stiffness: float, ticks: int, tick: float) 
 
     Returns:
         Outwards and up, each with velocity and acceleration, at 1, 2, … ticks: (ticks, 2, 3) [m, m/s, m/s²]. Heights
-        are those of the heel, lowered by what presses.
+        are those of the pivot edge, lowered by what presses.
     """
     share = eased(ticks, tick)
-    across, up = heel.contact[0] - heel.rim, heel.contact[1]
+    across, up = pivot.contact[0] - pivot.rim, pivot.contact[1]
     radius, begin = math.hypot(across, up), math.atan2(up, across)
-    angle, rate, change = begin - heel.turn * share[:, 0], -heel.turn * share[:, 1], -heel.turn * share[:, 2]
+    angle, rate, change = begin - pivot.turn * share[:, 0], -pivot.turn * share[:, 1], -pivot.turn * share[:, 2]
     sin, cos = np.sin(angle), np.cos(angle)
     way = np.empty((ticks, 2, 3))
-    way[:, 0] = np.stack([heel.rim + radius * cos, -radius * sin * rate, -radius * (cos * rate**2 + sin * change)], 1)
+    way[:, 0] = np.stack([pivot.rim + radius * cos, -radius * sin * rate, -radius * (cos * rate**2 + sin * change)], 1)
     way[:, 1] = np.stack([radius * sin, radius * cos * rate, -radius * (sin * rate**2 - cos * change)], 1)
     way[:, 1] -= _pressed(share, how, float(way[-1, 1, 0]), stiffness)
     return way
 
 
-def _pressed(share: Vector, how: Heeling, end: float, stiffness: float) -> Vector:
-    """By how much the way is lower than the heel, (n, 3) [m, m/s, m/s²]: it would end at a height ``end`` [m].
+def _pressed(share: Vector, how: PivotSettings, end: float, stiffness: float) -> Vector:
+    """By how much the way is lower than the pivot edge, (n, 3) [m, m/s, m/s²]: it would end at a height ``end`` [m].
 
     The most is at two thirds of the way, where an error of where the rim is takes the most of it; in the end as much
     as leaves the tips above the board.

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from app.motion.arcs import Hop, Way, Workcell, homewards, over, polygon
-from app.motion.fallen.lying import Strewn, Strip, crowd_of, discs_of, in_the_strip
+from app.motion.fallen.lying import LoosePieces, Strip, crowd_of, discs_of, in_the_strip
 from app.motion.fallen.pivot_edge import MASS_HEIGHT, reach
 from app.motion.motions import motion_of
 from app.motion.obstacles import Crowd
@@ -72,7 +72,7 @@ class Nudge:
 
 
 def find_nudge(
-    names: tuple[str, ...], scene: Strewn, kept: frozenset[str], helps: Callable[[Strewn], bool], pads: Pads,
+    names: tuple[str, ...], scene: LoosePieces, kept: frozenset[str], helps: Callable[[LoosePieces], bool], pads: Pads,
     table: TableSettings,
 ) -> Nudge | None:  # fmt: skip
     """The least push that helps, if there is one.
@@ -106,7 +106,7 @@ def find_nudge(
     return best
 
 
-def plan_nudge(planner: Planner, nudge: Nudge, scene: Strewn) -> Plan:
+def plan_nudge(planner: Planner, nudge: Nudge, scene: LoosePieces) -> Plan:
     """Over to the piece, the push, and home.
 
     Args:
@@ -137,7 +137,7 @@ def _motion(cell: Workcell, label: str, way: Way, finger: float) -> Motion:
     return motion_of(cell, label, Route(*way, contact=(0.0, 0.0), finger=finger, opens=0.0))[0]
 
 
-def _bodies(scene: Strewn) -> dict[str, Vector]:
+def _bodies(scene: LoosePieces) -> dict[str, Vector]:
     """Of each piece what it covers of the table: x, y and radius of discs, (n, 3) [m]."""
     bodies = {piece.name: np.array([[piece.x, piece.y, PIECE_SHAPES[piece.kind].foot_radius]])
               for piece in scene.standing}  # fmt: skip
@@ -176,13 +176,13 @@ def _apart(one: Vector, other: Vector) -> float:
     return float((away - one[:, None, 2] - other[None, :, 2]).min())
 
 
-def _at_heights(push: Nudge, scene: Strewn) -> Iterator[Nudge]:
+def _at_heights(push: Nudge, scene: LoosePieces) -> Iterator[Nudge]:
     """The same push, the lowest first; what lies is pushed at the lowest height alone."""
     lies = any(piece.name == push.name for piece in scene.lying)
     return (replace(push, tips=tips) for tips in _TIPS[: 1 if lies else None])
 
 
-def _push(scene: Strewn, body: Vector, name: str, direction: float, way: float, pads: Pads) -> Nudge:
+def _push(scene: LoosePieces, body: Vector, name: str, direction: float, way: float, pads: Pads) -> Nudge:
     """The fingers' way behind a piece, so that they push through its centre of mass, at the lowest height."""
     unit = _unit(direction)
     aside = np.array([-unit[1], unit[0]])
@@ -197,7 +197,7 @@ def _push(scene: Strewn, body: Vector, name: str, direction: float, way: float, 
     return Nudge(name, direction, way, _TIPS[0], (begin[0], begin[1]), (end[0], end[1]))
 
 
-def _centre(scene: Strewn, name: str) -> tuple[float, float]:
+def _centre(scene: LoosePieces, name: str) -> tuple[float, float]:
     """Of a piece's mass, seen from above [m]."""
     for piece in scene.lying:
         if piece.name == name:
@@ -228,7 +228,7 @@ def _meets_boxes(strip: Strip, others: Crowd) -> bool:
     return False
 
 
-def _pushed(scene: Strewn, nudge: Nudge, way: float) -> Strewn:
+def _pushed(scene: LoosePieces, nudge: Nudge, way: float) -> LoosePieces:
     """The scene after a push of some length [m]."""
     dx, dy = (way * _unit(nudge.direction)).tolist()
     standing = (one._replace(x=one.x + dx, y=one.y + dy) if one.name == nudge.name else one for one in scene.standing)
@@ -236,4 +236,4 @@ def _pushed(scene: Strewn, nudge: Nudge, way: float) -> Strewn:
         replace(one, base=(one.base[0] + dx, one.base[1] + dy)) if one.name == nudge.name else one
         for one in scene.lying
     )
-    return Strewn(tuple(standing), tuple(lying))
+    return LoosePieces(tuple(standing), tuple(lying))

@@ -1,13 +1,10 @@
-"""Standing up a piece that lies, with a tool that cannot turn: the closed fingers press on its heel and draw it over.
+"""Standing up a piece that lies, with a tool that cannot turn.
 
-A lying piece rests on the rim of its foot. The closed fingers come down on top of that rim, just inside of its edge,
-press, and go outwards, away from the head, round the rim below. Friction takes the heel along, the head rises, and
-once the centre of mass is over the rim the piece falls onto its foot by itself. All contacts push within the plane in
-which it turns, so that it may lie in any direction; no friction of the pads against turning is in the way, as it is
-when a piece hangs between them.
-
-Afterwards it stands, within some millimetres of ``Uprighted.stands``. From there ``Planner.ply`` takes it, told by
-``Transfer.seen``.
+The closed fingers press on its pivot edge and draw it over. A lying piece rests on the rim of its foot. The closed
+fingers come down on top of that rim, just inside of its edge, press, and go outwards, away from the head, round the rim
+below. Friction takes the pivot edge along, the head rises, and once the centre of mass is over the rim the piece falls
+onto its foot by itself. All contacts push within the plane in which it turns, so that it may lie in any direction; no
+friction of the pads against turning is in the way, as it is when a piece hangs between them.
 """
 
 from __future__ import annotations
@@ -21,7 +18,7 @@ import numpy as np
 
 from app.motion.arcs import Hop, Workcell, homewards, over, polygon
 from app.motion.fallen.lying import Lying, Strip, in_the_strip, standing_near
-from app.motion.fallen.pivot_edge import Heel, Heeling, circle, heel_of, reach, sweep
+from app.motion.fallen.pivot_edge import PivotEdge, PivotSettings, circle, pivot_of, reach, sweep
 from app.motion.motions import motion_of, sampled_motion
 from app.motion.obstacles import Crowd, Obstacle
 from app.motion.path import Vector
@@ -31,14 +28,14 @@ from app.motion.route import Route
 from app.motion.timing.reference import eased
 from hardware.table import PIECE_SHAPES
 
-_USUAL: Final = Heeling()
+_USUAL: Final = PivotSettings()
 _UPRIGHT: Final = 0.025
-"""So far above the heel the fingers come straight down [m] …"""
+"""So far above the pivot edge the fingers come straight down [m] …"""
 _FEELING: Final = 0.010
 """… and from here on slowly, feeling for it: what lies on the foot of another piece is as much higher [m]."""
 
 
-class Uprighted(NamedTuple):
+class StandUpPlan(NamedTuple):
     """A plan that stands a piece up, and where its foot's centre should be afterwards, board frame (x, y) [m]."""
 
     plan: Plan
@@ -47,8 +44,8 @@ class Uprighted(NamedTuple):
 
 def plan_upright(
     planner: Planner, lying: Lying, standing: Iterable[Obstacle], others_lying: Iterable[Lying],
-    how: Heeling = _USUAL,
-) -> Uprighted:  # fmt: skip
+    how: PivotSettings = _USUAL,
+) -> StandUpPlan:  # fmt: skip
     """Stand a piece up where it lies, and go home.
 
     Args:
@@ -63,25 +60,25 @@ def plan_upright(
         PlanRefused: it lies beyond the arm's workspace.
     """
     cell, shape = planner.cell, PIECE_SHAPES[lying.kind]
-    heel, others = heel_of(shape, how), standing_near(standing, others_lying, cell.table)
-    blocking = _blocking(cell, lying, heel, others, how)
+    pivot, others = pivot_of(shape, how), standing_near(standing, others_lying, cell.table)
+    blocking = _blocking(cell, lying, pivot, others, how)
     if blocking is not None:
         raise InTheWay(
             f"the {lying.called} cannot be stood up: the {blocking.kind} near {blocking.place} is where the fingers "
             "have to go; move that piece away first",
             blocking,
         )
-    begin = _tool_point(cell, lying, heel.contact)
+    begin = _tool_point(cell, lying, pivot.contact)
     route = _approach(cell, lying, begin, np.asarray(planner.start, dtype=float), planner.finger, others)
-    first, finger = motion_of(cell, f"onto the heel of the {lying.called}", route)
+    first, finger = motion_of(cell, f"onto the pivot edge of the {lying.called}", route)
     first = replace(first, touches_at=float(begin[2]))
-    second = _draw_over(cell, lying, heel, begin, how)
+    second = _draw_over(cell, lying, pivot, begin, how)
     end = second.samples["position"][-1].astype(float)
     back = Route(*homewards(cell, end), contact=(0.0, 0.0), finger=finger, opens=finger)
     third, _ = motion_of(cell, "home", back)
     plan = planner.plan(f"stand up the {lying.called}", [first, second, third])
-    x, y = (np.array(lying.base) + heel.stands * lying.outwards).tolist()
-    return Uprighted(plan, (x, y))
+    x, y = (np.array(lying.base) + pivot.stands * lying.outwards).tolist()
+    return StandUpPlan(plan, (x, y))
 
 
 def _tool_point(cell: Workcell, lying: Lying, edge: tuple[float, float]) -> Vector:
@@ -94,17 +91,17 @@ def _tool_point(cell: Workcell, lying: Lying, edge: tuple[float, float]) -> Vect
 
 def room_to_stand_up(lying: Lying, others: Crowd, cell: Workcell) -> bool:
     """Whether nothing else is where the fingers or the foot have to go."""
-    return _blocking(cell, lying, heel_of(PIECE_SHAPES[lying.kind], _USUAL), others, _USUAL) is None
+    return _blocking(cell, lying, pivot_of(PIECE_SHAPES[lying.kind], _USUAL), others, _USUAL) is None
 
 
-def _blocking(cell: Workcell, lying: Lying, heel: Heel, others: Crowd, how: Heeling) -> Obstacle | None:
+def _blocking(cell: Workcell, lying: Lying, pivot: PivotEdge, others: Crowd, how: PivotSettings) -> Obstacle | None:
     pads, out = cell.parameters.pads, lying.outwards
     block, aside = 2.0 * reach(pads, out), reach(pads, np.array([-out[1], out[0]]))
     base, foot = np.array(lying.base), PIECE_SHAPES[lying.kind].foot_radius
     strips = [
-        Strip(_xy(base + edge * out), out, block, aside, max(0.0, up - how.margin)) for edge, up in sweep(heel, how)
+        Strip(_xy(base + edge * out), out, block, aside, max(0.0, up - how.margin)) for edge, up in sweep(pivot, how)
     ]
-    strips.append(Strip(_xy(base + heel.stands * out), out, 0.0, 0.0, around=foot))
+    strips.append(Strip(_xy(base + pivot.stands * out), out, 0.0, 0.0, around=foot))
     return in_the_strip(strips, others, how.margin)
 
 
@@ -114,7 +111,7 @@ def _xy(point: Vector) -> tuple[float, float]:
 
 
 def _approach(cell: Workcell, lying: Lying, begin: Vector, start: Vector, finger: float, others: Crowd) -> Route:
-    """Over to the heel with the fingers closing, down to it, and slowly on until it is felt."""
+    """Over to the pivot edge with the fingers closing, down to it, and slowly on until it is felt."""
     x, y, height = cell.board(begin)
     low = 2.0 * PIECE_SHAPES[lying.kind].foot_radius + cell.parameters.pads.half_height + cell.settings.clearance
     above, end = (x, y, height + _UPRIGHT), (x, y, height + _FEELING)
@@ -126,16 +123,16 @@ def _approach(cell: Workcell, lying: Lying, begin: Vector, start: Vector, finger
     )  # fmt: skip
 
 
-def _draw_over(cell: Workcell, lying: Lying, heel: Heel, begin: Vector, how: Heeling) -> Motion:
+def _draw_over(cell: Workcell, lying: Lying, pivot: PivotEdge, begin: Vector, how: PivotSettings) -> Motion:
     """Press, go round the rim, on outwards, and wait until the piece stands still."""
     tick, mass = cell.tick, cell.parameters.inertia.moving_platform_mass
     stiffness = mass * how.frequency**2
     ticks = [math.ceil(time / tick) for time in (how.pressing_time, how.turning_time, how.leaving_time)]
     press = np.zeros((ticks[0], 2, 3))
-    press[:, 0, 0] = heel.contact[0]
+    press[:, 0, 0] = pivot.contact[0]
     press[:, 1] = -how.press / stiffness * eased(ticks[0], tick)
-    press[:, 1, 0] += heel.contact[1]
-    turn = circle(heel, how, stiffness, ticks[1], tick)
+    press[:, 1, 0] += pivot.contact[1]
+    turn = circle(pivot, how, stiffness, ticks[1], tick)
     share = eased(ticks[2], tick)
     leave = np.zeros((ticks[2], 2, 3))
     leave[:, 0] = how.away * share
@@ -148,12 +145,13 @@ def _draw_over(cell: Workcell, lying: Lying, heel: Heel, begin: Vector, how: Hee
     table = np.zeros((len(way), 9))
     for part in range(3):
         table[:, 3 * part : 3 * part + 3] = np.outer(outwards[:, part], away) - np.outer(upwards[:, part], down)
-    table[:, 0:3] += begin - heel.contact[0] * away + heel.contact[1] * down
+    table[:, 0:3] += begin - pivot.contact[0] * away + pivot.contact[1] * down
     upright = _frequencies(cell, ticks, 1 + len(table) + math.ceil(how.settling_time / tick), how)
-    return sampled_motion(cell, f"draw the {lying.called} over", table, begin, how.settling_time, upright)
+    label = f"draw the {lying.called} over its pivot edge"
+    return sampled_motion(cell, label, table, begin, how.settling_time, upright)
 
 
-def _frequencies(cell: Workcell, ticks: list[int], count: int, how: Heeling) -> Vector:
+def _frequencies(cell: Workcell, ticks: list[int], count: int, how: PivotSettings) -> Vector:
     """Height as soft as at a touch in the beginning, then so that forces are as planned, and stiff on the way out."""
     gains = cell.settings.gains
     knots = np.array([0.0, ticks[0], ticks[0] + ticks[1], sum(ticks)])

@@ -14,7 +14,7 @@ from app.motion import MotionSettings
 from app.rig.rig_file import WorldSection
 from app.rig.simulation.settings import own_rig
 from app.rig.simulation.sim import SimRig
-from controller.loop.statistics import PULSE_FILE
+from controller.loop.statistics import STATISTICS_FILE
 from hardware.frozen import Frozen
 
 
@@ -38,7 +38,7 @@ class GrantedRealTime(Frozen):
     notes: tuple[str, ...]
 
 
-class RunPulse(Frozen):
+class RunStatistics(Frozen):
     """A controller's statistics of its whole run, as it leaves them in the run directory."""
 
     period: float
@@ -68,7 +68,7 @@ class NoStatistics(UserError):
 class RunEnd:
     """How a run ended: the loop's statistics, and whether the arm rested on its brakes."""
 
-    pulse: RunPulse
+    statistics: RunStatistics
     at_rest: bool
 
 
@@ -97,7 +97,7 @@ class TimedRig:
             NoStatistics: the controller was killed.
         """
         last = self.rig.close()
-        return RunEnd(read_pulse(self.file.run_dir), last is not None and last.at_rest)
+        return RunEnd(read_statistics(self.file.run_dir), last is not None and last.at_rest)
 
 
 @contextmanager
@@ -117,14 +117,14 @@ def timed_rig(seed: int, progress: Callable[[str], None]) -> Iterator[TimedRig]:
             yield timed
 
 
-def read_pulse(run_dir: Path) -> RunPulse:
+def read_statistics(run_dir: Path) -> RunStatistics:
     """The statistics that a controller left in its run directory.
 
     Raises:
         NoStatistics: it left none.
     """
-    path = run_dir / PULSE_FILE
+    path = run_dir / STATISTICS_FILE
     try:
-        return RunPulse.model_validate(json.loads(path.read_text(encoding="utf-8")))
+        return RunStatistics.model_validate(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError) as error:
         raise NoStatistics(path, type(error).__name__) from error

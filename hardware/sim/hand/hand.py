@@ -17,7 +17,7 @@ from hardware.sim.bodies.hand import JOINTS, NAME, HandPose, parked, servo_const
 from hardware.sim.hand.actions import Action, HandSettings, Withdraw
 from hardware.sim.hand.motion import Program
 from hardware.sim.hand.routines import HandFailed, Routines, View
-from hardware.sim.hand.sight import SeenPiece, TableSight
+from hardware.sim.hand.sight import SeenPiece, TableView
 from hardware.sim.plant.plant import Plant
 from hardware.table import PieceSpec, TableSettings
 
@@ -172,10 +172,10 @@ class Hand:
         x, y, z, yaw = (float(data.joint(name).qpos[0]) for name in JOINTS[:4])
         return HandPose(x, y, z, yaw, float(np.mean(data.ctrl[self._first + 4 : self._first + 6])))
 
-    def _look(self) -> TableSight:
+    def _look(self) -> TableView:
         seen = []
         for name, body in self._bodies.items():
             x, y, z = body.xpos.tolist()
             i, j, k = body.xmat.reshape(3, 3)[:, 2].tolist()
             seen.append(SeenPiece(name, self._kinds[name], x, y, z, (i, j, k)))
-        return TableSight(tuple(seen), np.array(self._tool.xpos))
+        return TableView(tuple(seen), np.array(self._tool.xpos))

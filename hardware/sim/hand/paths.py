@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hardware.sim.bodies.hand import TIP_RADIUS, HandPose
 from hardware.sim.hand.motion import Program, Sketch
-from hardware.sim.hand.sight import TableSight
+from hardware.sim.hand.sight import TableView
 from hardware.table import Colour
 
 CLEARANCE: Final = 0.010
@@ -59,7 +59,7 @@ class Traveller:
 
     def go(
         self,
-        sight: TableSight,
+        sight: TableView,
         start: HandPose,
         holds: list[Hold],
         tips: Callable[[Hold], tuple[float, float]],
@@ -88,7 +88,7 @@ class Traveller:
         hold, sketch = self._first_clear(sight, start, tried, below, wide)
         return sketch, hold
 
-    def leave(self, sight: TableSight, start: HandPose, hold: Hold, end: HandPose) -> Sketch:
+    def leave(self, sight: TableView, start: HandPose, hold: Hold, end: HandPose) -> Sketch:
         """Likewise to a place in the air, with empty fingers."""
         out = (self.way_out(start),)
         low = [(near, self.way_out(near)) for near in around(start, start.yaw)]
@@ -97,7 +97,7 @@ class Traveller:
 
     def _first_clear(
         self,
-        sight: TableSight,
+        sight: TableView,
         start: HandPose,
         tried: list[tuple[Hold, HandPose, tuple[HandPose, ...]]],
         below: float,
@@ -125,7 +125,7 @@ class Traveller:
 
     def _way(
         self,
-        sight: TableSight,
+        sight: TableView,
         start: HandPose,
         between: tuple[HandPose, ...],
         end: HandPose,

@@ -12,7 +12,7 @@ from typing import Final
 from hardware.sim.bodies.hand import TIP_RADIUS, HandPose
 from hardware.sim.hand.motion import Program, Sketch
 from hardware.sim.hand.paths import CLEARANCE, EMPTY_WIDTH, ENOUGH_ARM_ROOM, LEAST_LIFT, Hold, Traveller
-from hardware.sim.hand.sight import SeenPiece, TableSight
+from hardware.sim.hand.sight import SeenPiece, TableView
 from hardware.table import Colour, PieceShape
 
 SQUEEZE: Final = 0.0035
@@ -73,7 +73,7 @@ class Person(Traveller):
 
     def holds(
         self,
-        sight: TableSight,
+        sight: TableView,
         x: float,
         y: float,
         z: float,
@@ -116,7 +116,7 @@ class Person(Traveller):
 
     # parts of actions
 
-    def reach(self, sight: TableSight, start: HandPose, piece: SeenPiece) -> tuple[Program, Hold]:
+    def reach(self, sight: TableView, start: HandPose, piece: SeenPiece) -> tuple[Program, Hold]:
         """To a standing piece, down around it and close the fingers."""
         shape, others = piece.shape, sight.without(piece.name)
         z = piece.z + grip_height(shape)
@@ -129,7 +129,7 @@ class Person(Traveller):
         sketch.to(gap=shape.stem_radius - SQUEEZE).wait(0.06)
         return sketch.done(), hold
 
-    def place(self, sight: TableSight, start: HandPose, held: Held, x: float, y: float, yaw: float) -> Program:
+    def place(self, sight: TableView, start: HandPose, held: Held, x: float, y: float, yaw: float) -> Program:
         """Carry what is held to a point, turned somewhat, and set it down; the fingers stay closed."""
         others, shape = sight.without(held.name), held.shape
         z = held.below
@@ -140,7 +140,7 @@ class Person(Traveller):
         sketch.to(z=z - _PRESS, overlap=0.15, speed=_DOWN_SPEED).wait(0.05)
         return sketch.done()
 
-    def let_go(self, sight: TableSight, start: HandPose, held: Held) -> Program:
+    def let_go(self, sight: TableView, start: HandPose, held: Held) -> Program:
         """Open the fingers about a piece that stands, and rise above it."""
         others = sight.without(held.name)
         sketch = Sketch(start, self.speed).to(gap=_opened(others, start, held.shape.stem_radius)).wait(0.03)
@@ -150,7 +150,7 @@ class Person(Traveller):
         """Straight up [m]."""
         return Sketch(start, self.speed).to(z=start.z + height, speed=_DOWN_SPEED).done()
 
-    def home(self, sight: TableSight, start: HandPose, home: HandPose) -> Program:
+    def home(self, sight: TableView, start: HandPose, home: HandPose) -> Program:
         """Up, back along the forearm, and away to where the hand is parked."""
         end = home._replace(gap=start.gap)
         sketch = self.leave(sight, start, Hold(home.yaw, start.gap), end)
@@ -158,7 +158,7 @@ class Person(Traveller):
 
     def over(
         self,
-        sight: TableSight,
+        sight: TableView,
         start: HandPose,
         x: float,
         y: float,
@@ -167,7 +167,7 @@ class Person(Traveller):
         then: tuple[float, float] | None = None,
     ) -> Sketch:
         """To a point in the air, fingertips at a height above the board [m]; nearly closed if they hold nothing."""
-        holds = self.holds(TableSight((), sight.tool), x, y, z, z, 0.0, then=then)
+        holds = self.holds(TableView((), sight.tool), x, y, z, z, 0.0, then=then)
         if held is None:
             sketch, _ = self.go(sight, start, holds, lambda _: (x, y), TIP_RADIUS, EMPTY_WIDTH)
             sketch.to(gap=_GAP_AT_EASE, overlap=1.0)
@@ -177,7 +177,7 @@ class Person(Traveller):
         return sketch.to(z=z, overlap=0.15, speed=_DOWN_SPEED)
 
 
-def _opened(sight: TableSight, tips: HandPose, radius: float) -> float:
+def _opened(sight: TableView, tips: HandPose, radius: float) -> float:
     """Gap of open fingers about a stem: less where neighbours stand near [m]."""
     room = sight.pinch_room(tips.x, tips.y, tips.yaw, tips.z, radius + OPEN + TIP_RADIUS)
     return radius + OPEN - min(0.0025, max(0.0, _ENOUGH_ROOM / 2.0 - room))

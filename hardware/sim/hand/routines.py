@@ -32,7 +32,7 @@ from hardware.sim.hand.actions import (
 from hardware.sim.hand.motion import Program, Sketch
 from hardware.sim.hand.paths import LEAST_LIFT
 from hardware.sim.hand.plan import Held, Person, held_now, tips_for
-from hardware.sim.hand.sight import SeenPiece, TableSight
+from hardware.sim.hand.sight import SeenPiece, TableView
 from hardware.table import TableSettings
 
 NEAR: Final = 0.020
@@ -59,7 +59,7 @@ class View:
         pose: where the fingertips are told to be.
     """
 
-    look: Callable[[], TableSight]
+    look: Callable[[], TableView]
     pose: Callable[[], HandPose]
 
 
@@ -174,7 +174,7 @@ class Routines:
         yield self._person.place(sight, self._view.pose(), held, x, y, yaw)
         yield from self._release()
 
-    def _still_held(self, sight: TableSight, before: Held) -> Held:
+    def _still_held(self, sight: TableView, before: Held) -> Held:
         """How it is held by now, after whatever happened on the way."""
         self.held = held_now(sight.find(before.name), self._view.pose())
         if math.hypot(*self.held.forward) > NEAR or abs(self.held.below - before.below) > NEAR:
@@ -193,7 +193,7 @@ class Routines:
         dx, dy = self._rng.normal(0.0, self._settings.placement_sigma, 2).clip(-limit, limit).tolist()
         return dx, dy
 
-    def _check_free(self, sight: TableSight, piece: Held | SeenPiece, at: Point) -> None:
+    def _check_free(self, sight: TableView, piece: Held | SeenPiece, at: Point) -> None:
         x, y = at
         wide, deep = deck_half_size(self._table)
         if abs(x) > wide - piece.shape.foot_radius or abs(y) > deep - piece.shape.foot_radius:
@@ -204,7 +204,7 @@ class Routines:
             raise HandFailed(f"another piece stands at ({x:.3f}, {y:.3f}) m: take it away first")
 
     @staticmethod
-    def _is_free(sight: TableSight, piece: Held | SeenPiece, at: Point) -> bool:
+    def _is_free(sight: TableView, piece: Held | SeenPiece, at: Point) -> bool:
         others = sight.without(piece.name).pieces
         return all(p.distance(*at) > p.shape.foot_radius + piece.shape.foot_radius for p in others)
 

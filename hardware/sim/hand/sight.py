@@ -78,7 +78,7 @@ class SeenPiece:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TableSight:
+class TableView:
     """The table at one moment.
 
     Attributes:
@@ -93,9 +93,9 @@ class TableSight:
         """The piece nearest to a point; None where there are no pieces."""
         return min(self.pieces, key=lambda piece: piece.distance(x, y), default=None)
 
-    def without(self, name: str) -> TableSight:
+    def without(self, name: str) -> TableView:
         """All but one piece."""
-        return TableSight(tuple(piece for piece in self.pieces if piece.name != name), self.tool)
+        return TableView(tuple(piece for piece in self.pieces if piece.name != name), self.tool)
 
     def find(self, name: str) -> SeenPiece:
         """The piece of that name."""

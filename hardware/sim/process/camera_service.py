@@ -20,7 +20,7 @@ from hardware.sim.plant.plant import Plant
 from hardware.sim.process.connections import Refused, Visitor
 from hardware.sim.process.scene_control import SceneControlService
 from hardware.sim.process.services import NEVER, SILENCE
-from hardware.sim.process.video_stream import PATIENCE, Watcher
+from hardware.sim.process.video_stream import PATIENCE, StreamClient
 from hardware.sim.render.appearance import CameraSettings
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.render.renderer import Renderer, RenderRequest, Sensor, frame_path, intrinsics_for, make_slot
@@ -92,7 +92,7 @@ class CameraService:
         self._seed = seed
         self._stage = stage
         self._views: dict[Visitor, _View] = {}
-        self._watchers: dict[Visitor, Watcher] = {}
+        self._stream_clients: dict[Visitor, StreamClient] = {}
         self._slots = 0
         self._absent, self._lost = "this world was started without cameras", False
 
@@ -112,9 +112,9 @@ class CameraService:
     def hear(self, visitor: Visitor, message: bytes) -> None:
         """See ``Service``."""
         request = wire.CAMERA_REQUEST.validate_json(message)
-        view, watcher = self._views[visitor], self._watchers.get(visitor)
-        if watcher is not None:
-            self._hear_watcher(watcher, request)
+        view, client = self._views[visitor], self._stream_clients.get(visitor)
+        if client is not None:
+            self._hear_watcher(client, request)
         elif isinstance(request, wire.Wake):
             visitor.tell({"error": "only who watches can wake the plant up: ask to watch first"})
         elif isinstance(request, wire.Taken):
@@ -152,7 +152,7 @@ class CameraService:
     def leave(self, visitor: Visitor) -> None:
         """See ``Service``."""
         del self._views[visitor]
-        self._watchers.pop(visitor, None)
+        self._stream_clients.pop(visitor, None)
         self._plan()
 
     def _watch(self, view: _View, request: wire.WatchWish) -> None:
@@ -163,18 +163,18 @@ class CameraService:
             view.visitor.tell({"error": str(error)})
             return
         first = self._after(self._plant.tick, request.watch_ticks)
-        self._watchers[view.visitor] = Watcher(
+        self._stream_clients[view.visitor] = StreamClient(
             view.visitor, request.camera, request.depth, request.watch_ticks, self._latency, slots, first,
             request.colour_asleep,
         )  # fmt: skip
 
-    def _hear_watcher(self, watcher: Watcher, request: wire.CameraRequest) -> None:
+    def _hear_watcher(self, client: StreamClient, request: wire.CameraRequest) -> None:
         if isinstance(request, wire.Taken):
-            watcher.take()
+            client.take()
         elif isinstance(request, wire.Wake):
-            watcher.wake = request.wake
+            client.wake = request.wake
         else:
-            watcher.visitor.tell({"error": "one frame or stream at a time: this one is under way"})
+            client.visitor.tell({"error": "one frame or stream at a time: this one is under way"})
         self._plan()
 
     # frames
@@ -187,7 +187,7 @@ class CameraService:
     @property
     def _drawing(self) -> bool:
         return any(view.drawing for view in self._views.values()) or any(
-            flight.drawing for watcher in self._watchers.values() for flight in watcher.flights
+            flight.drawing for client in self._stream_clients.values() for flight in client.flights
         )
 
     def serve(self, listen: Callable[[float], None] | None) -> bool:
@@ -206,18 +206,20 @@ class CameraService:
                 waited |= self._expose(view, listen)
             else:
                 waited |= self._deliver(view, listen)
-        for watcher in [watcher for watcher in self._watchers.values() if watcher.due <= tick]:
-            waited |= self._serve_watcher(watcher, listen)
+        for client in [client for client in self._stream_clients.values() if client.due <= tick]:
+            waited |= self._serve_watcher(client, listen)
         self._plan()
         return waited
 
-    def _serve_watcher(self, watcher: Watcher, listen: Callable[[float], None] | None) -> bool:
+    def _serve_watcher(self, client: StreamClient, listen: Callable[[float], None] | None) -> bool:
         tick = self._plant.tick
-        flight = watcher.expose(tick)
+        flight = client.expose(tick)
         if flight is not None:
-            sensed = watcher.camera == RGBD
-            self._request(flight.slot, watcher.camera, watcher.depth, sensed=sensed, colour=flight.colour)
-        return watcher.deliver(tick, listen, lambda: watcher.visitor in self._watchers and self._renderer is not None)
+            sensed = client.camera == RGBD
+            self._request(flight.slot, client.camera, client.depth, sensed=sensed, colour=flight.colour)
+        return client.deliver(
+            tick, listen, lambda: client.visitor in self._stream_clients and self._renderer is not None
+        )
 
     def close(self) -> None:
         """End the renderer and remove its frames."""
@@ -264,11 +266,11 @@ class CameraService:
         except HardwareError as error:
             self._go_blind(error)
             return False
-        for watcher in self._watchers.values():
+        for client in self._stream_clients.values():
             if slot is not None:
-                watcher.drawn(slot)
+                client.drawn(slot)
         for view in self._views.values():
-            if view.slot == slot and view.visitor not in self._watchers:
+            if view.slot == slot and view.visitor not in self._stream_clients:
                 view.drawing = False
                 if view.every:
                     view.taken = False
@@ -304,9 +306,9 @@ class CameraService:
             if view.due != NEVER:
                 view.due, view.drawing = NEVER, False
                 view.visitor.tell({"error": self._absent})
-        for visitor in self._watchers:
+        for visitor in self._stream_clients:
             visitor.tell({"error": self._absent})
-        self._watchers.clear()
+        self._stream_clients.clear()
 
     def _describe(self, view: str) -> dict[str, Any]:
         """What a client has to know about a view: pinholes, and where depth is seen from [m] in which units [m]."""
@@ -317,10 +319,10 @@ class CameraService:
         return {"colour": asdict(colour), "depth": depth}
 
     def _plan(self) -> None:
-        views, watchers = self._views.values(), self._watchers.values()
-        self.due = min([NEVER, *(view.due for view in views), *(watcher.due for watcher in watchers)])
+        views, stream_clients = self._views.values(), self._stream_clients.values()
+        self.due = min([NEVER, *(view.due for view in views), *(client.due for client in stream_clients)])
         alone = any(view.due != NEVER and not view.every for view in views)
-        self.waiting = alone or any(watcher.wake for watcher in watchers)
+        self.waiting = alone or any(client.wake for client in stream_clients)
 
     @staticmethod
     def _after(tick: int, every: int) -> int:

@@ -16,7 +16,7 @@ from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.snapshot import Snapshot
 from hardware.sim.process.randomisation import Draw, draw
 from hardware.sim.process.settings import WorldSettings
-from hardware.sim.render.appearance import CameraSettings, Looks
+from hardware.sim.render.appearance import CameraSettings, SceneState
 
 
 class Construction(NamedTuple):
@@ -47,9 +47,9 @@ class Construction(NamedTuple):
         return self.drawn.camera
 
     @property
-    def looks(self) -> Looks:
+    def looks(self) -> SceneState:
         """Light, exposure and mount at the start."""
-        return Looks(light=self.drawn.light, exposure=self.camera.exposure, mount=self.camera.mount)
+        return SceneState(light=self.drawn.light, exposure=self.camera.exposure, mount=self.camera.mount)
 
     def model(self, *, looks: bool) -> mujoco.MjModel:
         """The whole world, with or without what is only seen.

@@ -9,7 +9,7 @@ CATCH_UP = 0.020
 first sample on a real-time bus."""
 
 
-class Metronome:
+class Pacer:
     """When ticks are due in pace real. All times are ``time.monotonic`` [s].
 
     A tick is due one period after the one before was due, so that small delays do not add up. A world that is late

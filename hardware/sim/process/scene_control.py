@@ -8,7 +8,7 @@ from typing import Any
 from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
 from hardware.sim.process.connections import Visitor
-from hardware.sim.render.appearance import ExposureSettings, LightSettings, Looks, MountSettings
+from hardware.sim.render.appearance import ExposureSettings, LightSettings, MountSettings, SceneState
 
 
 class SceneControlService:
@@ -23,7 +23,7 @@ class SceneControlService:
         looks: from the next exposure on.
     """
 
-    def __init__(self, facts: dict[str, Any], plant: Plant, looks: Looks) -> None:
+    def __init__(self, facts: dict[str, Any], plant: Plant, looks: SceneState) -> None:
         self.looks = looks
         self._facts = facts
         self._plant = plant
@@ -53,7 +53,7 @@ class SceneControl:
             HardwareError: no world answers.
         """
         self._link, answer = wire.connect(run_dir, "stage")
-        self.looks = Looks.model_validate(answer["looks"])
+        self.looks = SceneState.model_validate(answer["looks"])
         """As they are, from the next exposure on."""
 
     def change(
@@ -70,7 +70,7 @@ class SceneControl:
         parts = {"light": light, "exposure": exposure, "mount": mount}
         wish = {name: part.model_dump() for name, part in parts.items() if part is not None}
         answer = wire.ask(self._link, wish)
-        self.looks = Looks.model_validate(answer["looks"])
+        self.looks = SceneState.model_validate(answer["looks"])
         return int(answer["tick"])
 
     def close(self) -> None:

@@ -33,7 +33,7 @@ from hardware.sim.process.connections import Service, Visitors
 from hardware.sim.process.construction import Construction
 from hardware.sim.process.hand_service import HandService
 from hardware.sim.process.journal import Journal
-from hardware.sim.process.pacing import Metronome, SpeedMeter
+from hardware.sim.process.pacing import Pacer, SpeedMeter
 from hardware.sim.process.scene_control import SceneControlService
 from hardware.sim.process.services import NEVER, ClockService, Drives, RefereeService
 from hardware.sim.process.settings import END_FILE, WorldSettings, load_settings
@@ -85,7 +85,7 @@ class World:
             (run_dir / left).unlink(missing_ok=True)
         self._realtime = settings.realtime and not self._fast
         self._watchdog_ticks = drive.watchdog_ticks
-        self._metronome, self._speed = Metronome(drive.tick), SpeedMeter()
+        self._pacer, self._speed = Pacer(drive.tick), SpeedMeter()
         facts = {"period": drive.tick, "lockstep": self._fast}
         self._drives = Drives(facts, settings.first_controller, settings.linger)
         self._clocks = ClockService(facts, self.plant)
@@ -214,7 +214,7 @@ class World:
 
     def _real_turn(self) -> None:
         drives, now = self._drives, time.monotonic()
-        due, latest = self._metronome.next(now)
+        due, latest = self._pacer.next(now)
         self._listen(0.0)
         if drives.controller is None and self.plant.resting and due > now:
             due += NAP  # a bunch of ticks at a time will do
@@ -222,7 +222,7 @@ class World:
             self._listen(left)
         while drives.command is None and drives.controller and (left := latest - time.monotonic()) > 0.0:
             self._listen(left)
-        self._metronome.ran(time.monotonic())
+        self._pacer.ran(time.monotonic())
         command = drives.take()
         if command is None:
             self._miss()

@@ -22,7 +22,7 @@ from hardware.parameters import load_parameters
 from hardware.sim.bodies.hand import JOINTS, HandPose, add_hand
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.render.appearance import CameraSettings, Looks, MountSettings
+from hardware.sim.render.appearance import CameraSettings, MountSettings, SceneState
 from hardware.sim.render.camera_mount import Mount
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.render.renderer import Sensor
@@ -87,7 +87,7 @@ class TableStudio:
         self._still.close()
         self._device.close()
 
-    def frame(self, poses: Iterable[PlacedPiece], looks: Looks, seed: int, hand: HandPose | None = None) -> Frame:
+    def frame(self, poses: Iterable[PlacedPiece], looks: SceneState, seed: int, hand: HandPose | None = None) -> Frame:
         """A picture of these pieces and no others; ``seed`` decides the sensors' noise.
 
         Args:

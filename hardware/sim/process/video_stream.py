@@ -38,7 +38,7 @@ class FrameInFlight:
 
 
 @dataclass(slots=True, eq=False)
-class Watcher:
+class StreamClient:
     """One who watches.
 
     Attributes:

@@ -68,7 +68,7 @@ class MountSettings(FrozenFinite):
     """Rotation vector about the camera's own axes (x right, y down, z along the view) [rad]."""
 
 
-class Looks(FrozenFinite):
+class SceneState(FrozenFinite):
     """What can change while a world runs: somebody moves the lamp, the exposure steps, the camera is knocked."""
 
     light: LightSettings = LightSettings()

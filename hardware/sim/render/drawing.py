@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.render.appearance import Looks
+from hardware.sim.render.appearance import SceneState
 from hardware.sim.render.camera_mount import Mount
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH, LEFT_IMAGER, colour_intrinsics
 from hardware.sim.render.lamps import set_lamps
@@ -66,7 +66,7 @@ def draw_rods(scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
             scene.ngeom += 1
 
 
-class Easel:
+class SceneDrawer:
     """The world as it is drawn: a model of its own, and a renderer for each size of picture.
 
     Args:
@@ -82,7 +82,7 @@ class Easel:
         self._option = mujoco.MjvOption()
         self._option.geomgroup[3] = 0
         self._mount = Mount(model, SENSOR_VIEW)
-        self._looks = Looks()  # as the scene is compiled
+        self._looks = SceneState()  # as the scene is compiled
         mujoco.mj_forward(model, self._data)
 
     def draw(self, shot: RenderRequest, positions: NDArray[np.float64], file: NDArray[np.uint8]) -> None:
@@ -183,8 +183,8 @@ def _noise(sensor: Sensor, which: int) -> np.random.Generator:
 
 
 def _serve(run_dir: Path, link: socket.socket) -> None:
-    easel = Easel(mujoco.MjModel.from_binary_path(str(run_dir / MODEL_FILE)))
-    easel.warm_up()  # the first picture is slow: shaders are compiled
+    drawer = SceneDrawer(mujoco.MjModel.from_binary_path(str(run_dir / MODEL_FILE)))
+    drawer.warm_up()  # the first picture is slow: shaders are compiled
     files: dict[int, NDArray[np.uint8]] = {}
     link.send(READY)
     while message := link.recv(1 << 16):
@@ -192,9 +192,9 @@ def _serve(run_dir: Path, link: socket.socket) -> None:
         if shot.slot not in files:
             path = frame_path(run_dir, shot.slot)
             files[shot.slot] = np.memmap(path, dtype=np.uint8, mode="r+", shape=(FRAME_BYTES,))
-        easel.draw(shot, positions, files[shot.slot])
+        drawer.draw(shot, positions, files[shot.slot])
         link.send(REPLY.pack(shot.slot))
-    easel.close()
+    drawer.close()
 
 
 def main() -> None:

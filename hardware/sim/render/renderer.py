@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from hardware.frozen import Frozen
 from hardware.interfaces import HardwareError, Intrinsics
-from hardware.sim.render.appearance import CameraSettings, Looks
+from hardware.sim.render.appearance import CameraSettings, SceneState
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
 
 MODEL_FILE = "world.mjb"
@@ -66,7 +66,7 @@ class RenderRequest(Frozen):
 
     slot: int
     view: str
-    looks: Looks | None = None
+    looks: SceneState | None = None
     """None: light as the model has it."""
     sensor: Sensor | None = None
     """None: a clean picture of 640×480 pixels, without depth."""

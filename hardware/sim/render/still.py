@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.sim.render.appearance import Looks
+from hardware.sim.render.appearance import SceneState
 from hardware.sim.render.renderer import (
     HEIGHT,
     MODEL_FILE,
@@ -59,7 +59,7 @@ class StillRenderer:
         self._folder.cleanup()
 
     def draw(
-        self, positions: NDArray[np.float64], looks: Looks | None = None, sensor: Sensor | None = None
+        self, positions: NDArray[np.float64], looks: SceneState | None = None, sensor: Sensor | None = None
     ) -> tuple[NDArray[np.uint8], NDArray[np.uint16] | None]:
         """Colour and depth at joint positions (nq,), as ``load_pictures`` has them; the rest as of ``RenderRequest``.
 

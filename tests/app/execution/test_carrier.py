@@ -20,10 +20,10 @@ from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.records import GameRecord, GameSetup
 from app.rig.arm import ArmAtRest, Outcome
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import Place, TableSettings
-from vision.pieces.pose_search import Stray
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.poses import Pose
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()
@@ -69,12 +69,12 @@ def carrier_of(arm: Arm, guard: Guard | None, folder: Path) -> tuple[Carrier, Ga
     clock: Any = SimpleNamespace(now=lambda: 0.0)
     record = GameRecord.begin(folder / "game", GameSetup("a", "b", 1, "fast"), chess.Board(), STANDS, 0.0)
     devices: Any = Devices(arm, clock, None, None, guard)  # type: ignore[arg-type]
-    return Carrier(devices, record, Quiet(), MOTION, PARAMETERS), record
+    return Carrier(devices, record, UserInterface(), MOTION, PARAMETERS), record
 
 
 BISHOP = STANDS.at(Place.parse("c1"))
 assert BISHOP is not None
-LYING = Stray(BISHOP, BISHOP.place, Pose(-0.0739, -0.1167, 3.133))
+LYING = MisplacedPiece(BISHOP, BISHOP.place, Pose(-0.0739, -0.1167, 3.133))
 
 
 @pytest.mark.parametrize("what", ["carry", "push", "stand up"])
@@ -82,7 +82,7 @@ LYING = Stray(BISHOP, BISHOP.place, Pose(-0.0739, -0.1167, 3.133))
 def test_nothing_is_done_that_was_planned_before_a_hand_came(tmp_path: Path, what: str, came: bool) -> None:
     arm, guard = Arm(), Guard()
     carrier, record = carrier_of(arm, guard, tmp_path)
-    free = Stray(LYING.piece, LYING.target, Pose(0.02, 0.01, 0.3))
+    free = MisplacedPiece(LYING.piece, LYING.target, Pose(0.02, 0.01, 0.3))
     pushed: list[str] = []
 
     seen = Clearance(arrivals=0 if came else 1)  # the guard counts one when the arm asks it for clearance

@@ -18,7 +18,7 @@ import pytest
 from app import UserError
 from app.execution.carrier import BoardTouched, Carried, CarryFailed, Loss
 from app.execution.observation import Verification
-from app.execution.recovery import MOST_ROUNDS, Mender
+from app.execution.recovery import MOST_ROUNDS, Recovery
 from app.execution.repair import BoardObservation
 from app.execution.state import AwaitedReply, Devices, Job, Position
 from app.execution.table import Table
@@ -34,10 +34,10 @@ from app.records.events import TroubleEvent
 from app.records.history import Unfinished
 from app.rig.arm import Outcome
 from app.rig.board import BoardRig
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import PieceSpec, Place, TableSettings, square_place
-from vision.pieces.pose_search import Stray
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.poses import Pose
 from vision.pieces.verify import Fault, FaultKind
 from vision.reading.appearance import BLACK, EMPTY, WHITE
@@ -120,7 +120,7 @@ class Paper:
             self.put(*self.visits.pop(0))
             raise BoardTouched
 
-    def stand_up(self, one: Stray, strays: Any, stands: Inventory, seen: Any) -> float | None:
+    def stand_up(self, one: MisplacedPiece, misplaced: Any, stands: Inventory, seen: Any) -> float | None:
         self.visit()
         if self.in_the_way is not None and self.truth.find(self.in_the_way).place == stands.find(self.in_the_way).place:
             name, self.in_the_way = self.in_the_way, None
@@ -136,7 +136,7 @@ class Paper:
         self.stood_up += 1
         return 2.0
 
-    def push_for(self, blocked: Any, strays: Any, stands: Inventory, seen: Any) -> Any:
+    def push_for(self, blocked: Any, misplaced: Any, stands: Inventory, seen: Any) -> Any:
         if self.immovable:
             raise PlanRefused("no push helps")
         self.visit()
@@ -146,7 +146,7 @@ class Paper:
         self.pushed += 1
         self.hemmed_in = None
 
-    def way_for(self, blocks: str, strays: Any, stands: Inventory) -> Transfer:
+    def way_for(self, blocks: str, misplaced: Any, stands: Inventory) -> Transfer:
         if self.hemmed_in == blocks or self.immovable:
             raise PlanRefused("the fingers would touch what lies there")
         free = next(place for place in map(square_place, range(63, -1, -1)) if stands.at(place) is None)
@@ -157,18 +157,18 @@ class Paper:
 
     # eyes
 
-    def strays(self, stands: Inventory) -> list[Stray]:
+    def misplaced(self, stands: Inventory) -> list[MisplacedPiece]:
         beside = [
-            Stray(stands.find(piece.name), stands.find(piece.name).place, Pose(*self.at(piece.place)))
+            MisplacedPiece(stands.find(piece.name), stands.find(piece.name).place, Pose(*self.at(piece.place)))
             for piece in self.truth
             if piece.place.in_tray and stands.find(piece.name).place != piece.place
         ]
         if self.prop is not None:
             leant_on = stands.find(self.prop)
             x, y = TABLE.xy(leant_on.place)
-            beside.append(Stray(leant_on, leant_on.place, Pose(x + 0.009, y - self.prop_off)))
+            beside.append(MisplacedPiece(leant_on, leant_on.place, Pose(x + 0.009, y - self.prop_off)))
         return beside + [
-            Stray(stands.find(name), stands.find(name).place, Pose(*TABLE.xy(place), yaw=1.0))
+            MisplacedPiece(stands.find(name), stands.find(name).place, Pose(*TABLE.xy(place), yaw=1.0))
             for name, (_, place) in self.lying.items()
         ]
 
@@ -233,9 +233,13 @@ def table_of(
     paper: Any = Paper(inventory)
     record = GameRecord.begin(folder, GameSetup("a", "b", 1, "fast"), board, inventory, 0.0)
     rig = BoardRig(MotionSettings().home, load_parameters())
-    mender = Mender(paper, paper, Unattended(paper), record, Quiet(), rig.clock)
+    recovery = Recovery(paper, paper, Unattended(paper), record, UserInterface(), rig.clock)
     devices = Devices(rig.arm, rig.clock, None, None)
-    return Table(Position(board, inventory, begun, unfinished), devices, paper, mender, record, Quiet()), paper, record
+    return (
+        Table(Position(board, inventory, begun, unfinished), devices, paper, recovery, record, UserInterface()),
+        paper,
+        record,
+    )
 
 
 def same(one: Inventory, other: Inventory) -> bool:

@@ -91,7 +91,7 @@ class World:
 
     # what the camera sees
 
-    def sighting(self, *, heights: bool, places: bool) -> BoardObservation:
+    def observation(self, *, heights: bool, places: bool) -> BoardObservation:
         looks = {square: self.on[square].colour if square in self.on else None for square in chess.SQUARES}
         kinds = {s: self.height(p) for s, p in self.on.items()} if heights else {}
         noise = self.draw.uniform
@@ -269,7 +269,7 @@ def test_with_kinds_known_by_height_whatever_hands_did_is_mended_or_asked_about(
 ) -> None:
     world = World(game, seed)
     SORTS[sort](world)
-    check(world, mend(world.expected, world.sighting(heights=True, places=True), world.board))
+    check(world, mend(world.expected, world.observation(heights=True, places=True), world.board))
 
 
 @pytest.mark.parametrize("sort", [sort for sort in SORTS if sort not in ("two moved", "slid")])
@@ -278,7 +278,7 @@ def test_with_kinds_known_by_height_whatever_hands_did_is_mended_or_asked_about(
 def test_by_colours_alone_as_well_wherever_they_show_that_something_is_wrong(sort: str, game: int, seed: int) -> None:
     world = World(game, seed)
     SORTS[sort](world)
-    result = mend(world.expected, world.sighting(heights=False, places=False), world.board)
+    result = mend(world.expected, world.observation(heights=False, places=False), world.board)
     if world.looks_wrong:
         check(world, result)
     elif not world.fallen:
@@ -290,7 +290,7 @@ def test_by_colours_alone_as_well_wherever_they_show_that_something_is_wrong(sor
 @settings(max_examples=12)
 def test_a_board_that_is_right_is_left_alone(game: int, seed: int, heights: bool) -> None:
     world = World(game, seed)
-    result = mend(world.expected, world.sighting(heights=heights, places=True), world.board)
+    result = mend(world.expected, world.observation(heights=heights, places=True), world.board)
     assert result == Repair(world.expected, (), "the board is as it should be")
 
 
@@ -303,7 +303,7 @@ def test_what_is_mended_by_a_person_as_asked_is_right_then(game: int, seed: int)
         if min(len(world.own(colour)) for colour in chess.COLORS) > 2:
             SORTS[world.draw.choice(list(SORTS))](world)
     for _ in range(2):
-        result = mend(world.expected, world.sighting(heights=True, places=True), world.board)
+        result = mend(world.expected, world.observation(heights=True, places=True), world.board)
         for square in result.squares if isinstance(result, Ask) else ():
             world.fallen.discard(square)
             piece = world.expected.at(square_place(square))
@@ -314,7 +314,7 @@ def test_what_is_mended_by_a_person_as_asked_is_right_then(game: int, seed: int)
                     if same.name == piece.name:
                         world.lift(other)
                 world.put(piece, square)
-    check(world, mend(world.expected, world.sighting(heights=True, places=True), world.board))
+    check(world, mend(world.expected, world.observation(heights=True, places=True), world.board))
 
 
 @given(GAMES, SEEDS)
@@ -328,11 +328,11 @@ def test_a_repair_can_lead_on_to_what_is_wanted_next(game: int, seed: int) -> No
     except (IndexError, NoSpare):
         wanted = world.expected
     _put_back_wrong(world)
-    sighting = world.sighting(heights=True, places=True)
-    step = mend(world.expected, sighting, world.board)
+    observation = world.observation(heights=True, places=True)
+    step = mend(world.expected, observation, world.board)
     if isinstance(step, Ask):
         return
-    result = repair_towards(step.believed, wanted, sighting)
+    result = repair_towards(step.believed, wanted, observation)
     assert isinstance(result, Repair)
     assert result.believed == step.believed
     stands = {p.name: p.place for p in step.believed} | {t.name: t.target for t in result.transfers}
@@ -377,7 +377,7 @@ W, B = Colour.WHITE, Colour.BLACK
 HIGH = {kind: kinds_by_height(shape.height) for kind, shape in PIECE_SHAPES.items()}
 
 
-@pytest.mark.parametrize(("sighting", "done", "sentence"), [
+@pytest.mark.parametrize(("observation", "done", "sentence"), [
     (looks(b1=None, b3=W), ["b1 b3 b1"], "the arm puts the white knight back from b3 on b1"),
     (looks(b1=None, d7=W), ["b1 d7 b1"], "the arm puts the white knight back from d7 on b1"),
     (looks(a2=None, b2=None, a3=W, b3=W), ["a2 a3 a2", "b2 b3 b2"],
@@ -385,21 +385,21 @@ HIGH = {kind: kinds_by_height(shape.height) for kind, shape in PIECE_SHAPES.item
     (looks(a2=None, a7=None, a3=B, a6=W), ["a2 a6 a2", "a7 a3 a7"],
      "the arm puts the black pawn back from a3 on a7 and puts the white pawn back from a6 on a2"),
 ])  # fmt: skip
-def test_what_is_sure_the_arm_puts_right(sighting: BoardObservation, done: list[str], sentence: str) -> None:
+def test_what_is_sure_the_arm_puts_right(observation: BoardObservation, done: list[str], sentence: str) -> None:
     expected, _ = at(START)
-    result = mend(expected, sighting, chess.Board())
+    result = mend(expected, observation, chess.Board())
     assert isinstance(result, Repair)
     homes = {piece.name: piece.place for piece in expected}
     assert sorted(f"{homes[t.name]} {t.source} {t.target}" for t in result.transfers) == done
     assert result.sentence == sentence
-    if sighting.looks.get(chess.D7) is W:
+    if observation.looks.get(chess.D7) is W:
         assert result.rest == Ask("a piece is missing: put the black pawn on d7", (chess.D7,))
         assert "black-pawn-d" not in {piece.name for piece in result.believed}
     else:
         assert result.rest is None
 
 
-@pytest.mark.parametrize(("sighting", "sentence"), [
+@pytest.mark.parametrize(("observation", "sentence"), [
     (looks(b1=None), "a piece is missing: put the white knight on b1"),
     (looks(b1=None, d7=None),
      "2 pieces are missing: put the white knight on b1 and the black pawn on d7"),
@@ -422,9 +422,9 @@ def test_what_is_sure_the_arm_puts_right(sighting: BoardObservation, done: list[
     (BoardObservation({1: None, 20: W}, fallen=frozenset({55})),
      "the black pawn on h7 has fallen, which the arm cannot set up: stand it on h7"),
 ])  # fmt: skip
-def test_what_is_not_sure_is_asked_by_name(sighting: BoardObservation, sentence: str) -> None:
+def test_what_is_not_sure_is_asked_by_name(observation: BoardObservation, sentence: str) -> None:
     expected, _ = at(START)
-    result = mend(expected, sighting, chess.Board())
+    result = mend(expected, observation, chess.Board())
     assert isinstance(result, Ask)
     assert result.sentence == sentence
 
@@ -472,8 +472,8 @@ def test_off_centre_pieces_are_set_right_beyond_the_tolerance_before_anything_is
     near = mend(expected, BoardObservation({}, off("e2", 0.004)))
     assert isinstance(near, Repair)
     assert near.transfers == ()
-    sighting = BoardObservation({chess.B1: None, chess.D3: W}, off("e2", 0.009) | off("d3", 0.003))
-    result = mend(expected, sighting)
+    observation = BoardObservation({chess.B1: None, chess.D3: W}, off("e2", 0.009) | off("d3", 0.003))
+    result = mend(expected, observation)
     assert isinstance(result, Repair)
     assert [(str(t.source), str(t.target), t.seen) for t in result.transfers] == [
         ("e2", "e2", off("e2", 0.009)[chess.E2]), ("d3", "b1", off("d3", 0.003)[chess.D3])
@@ -497,17 +497,17 @@ def test_faults_of_vision_count_for_the_piece_that_should_stand_there() -> None:
         Fault(FaultKind.FOREIGN, chess.E5, "", (0.02, 0.02), None),
     ]
     centres = {chess.G2: Centre(0.1, -0.1, 0.001, 0.9, 0.9, 0.9), chess.H2: Centre(0.2, 0.0, 0.1, -1.0, 0.0, 0.9)}
-    sighting = BoardObservation.of(expected, states, faults, centres)
-    assert sighting.looks[chess.D7] is W
-    assert (sighting.looks[chess.B1], sighting.looks[chess.H8]) == (None, B)
-    assert sighting.fallen == {chess.A1}
-    assert sighting.unclear == {chess.H8, chess.E5}
+    observation = BoardObservation.of(expected, states, faults, centres)
+    assert observation.looks[chess.D7] is W
+    assert (observation.looks[chess.B1], observation.looks[chess.H8]) == (None, B)
+    assert observation.fallen == {chess.A1}
+    assert observation.unclear == {chess.H8, chess.E5}
     taken = {chess.A1: HIGH[Kind.QUEEN], chess.H8: HIGH[Kind.KING], chess.C2: HIGH[Kind.BISHOP]}
     states[chess.A1] = 1
     known = BoardObservation.of(expected, states, faults, kinds=taken)
     assert (known.fallen, known.unclear, known.places) == (frozenset(), {chess.E5}, {})
     assert BoardObservation.of(expected, states, faults, kinds={chess.A1: kinds_by_height(0.024)}).fallen == {chess.A1}
-    assert sighting.places == {chess.C2: (-0.06, -0.092), chess.G2: (0.1, -0.1)}
+    assert observation.places == {chess.C2: (-0.06, -0.092), chess.G2: (0.1, -0.1)}
 
 
 @pytest.mark.parametrize("kind", Kind)
@@ -532,7 +532,7 @@ def test_the_arm_can_do_what_mends() -> None:
         world = World(seed, seed)
         _two_moved(world)
         _slid(world)
-        result = mend(world.expected, world.sighting(heights=True, places=True), world.board)
+        result = mend(world.expected, world.observation(heights=True, places=True), world.board)
         if isinstance(result, Repair) and result.transfers:
             plan = Planner.of(motion, parameters, result.believed.table, np.array(motion.home), 0.008, 8).ply(
                 "mend", result.transfers, result.believed

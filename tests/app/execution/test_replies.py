@@ -11,7 +11,7 @@ import pytest
 from app.execution.unseen_reply import pieces_of, reply_shown
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
-from hardware.sim.render.appearance import Looks
+from hardware.sim.render.appearance import SceneState
 from hardware.table import PieceSpec, TableSettings, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
@@ -43,8 +43,8 @@ def reply(
         shift = np.array(off) if far == PERSON and any(off) else rng.uniform(-far, far, 2)
         x, y = np.array(TABLE.xy(square_place(square))) + shift
         poses.append(PlacedPiece(name, float(x), float(y), yaw=float(rng.uniform(-3.0, 3.0))))
-    frame = studio.frame(poses, Looks(), seed)
-    view = BoardView(frame.intrinsics, studio.camera_from_board(Looks().mount), TABLE)
+    frame = studio.frame(poses, SceneState(), seed)
+    view = BoardView(frame.intrinsics, studio.camera_from_board(SceneState().mount), TABLE)
     faults = examine_board(frame, view, pieces_of(before)).faults
     wrong = {fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE}
     return reply_shown(frame, view, before, wrong)

@@ -12,7 +12,7 @@ from app.execution.repair import Repair
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
 from hardware.table import Place, TableSettings
-from vision.pieces.pose_search import Stray
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.poses import Pose
 
 TABLE = TableSettings()
@@ -26,15 +26,15 @@ def place(text: str) -> Place:
     return Place.parse(text)
 
 
-def stray(square: str, at: str, off: float = 0.0, yaw: float | None = None) -> Stray:
+def stray(square: str, at: str, off: float = 0.0, yaw: float | None = None) -> MisplacedPiece:
     piece = STANDS.at(place(square))
     assert piece is not None
     x, y = TABLE.xy(place(at))
-    return Stray(piece, piece.place, Pose(x + off, y, yaw))
+    return MisplacedPiece(piece, piece.place, Pose(x + off, y, yaw))
 
 
 def decided(
-    *found: Stray,
+    *found: MisplacedPiece,
     missing: Set[str],
     wanted: Inventory = STANDS,
     handled: Set[str] = frozenset(),
@@ -43,7 +43,7 @@ def decided(
     return unaided({place(one) for one in missing}, STANDS, wanted, lambda: list(found), handled, people=people)
 
 
-def moved(piece: Stray, to: str) -> Inventory:
+def moved(piece: MisplacedPiece, to: str) -> Inventory:
     return STANDS.moved(Transfer.of(piece.piece, place(to)))
 
 
@@ -55,7 +55,7 @@ def test_what_lies_comes_first() -> None:
     lies, stands = stray("d5", "d4", yaw=0.3), stray("e4", "f4")
     step = decided(stands, lies, missing={"d5", "e4"})
     assert isinstance(step, Fallen)
-    assert step.strays == (stands, lies)
+    assert step.misplaced == (stands, lies)
 
 
 def test_a_lost_piece_goes_straight_to_where_it_shall_stand() -> None:
@@ -87,7 +87,7 @@ def test_what_was_lost_over_its_place_in_a_tray_is_believed_there() -> None:
 def test_pieces_of_trays_are_left_alone_unless_the_arm_has_failed_there() -> None:
     spare = next(piece for piece in STANDS if piece.place.in_tray)
     x, y = TABLE.xy(spare.place)
-    off = Stray(spare, spare.place, Pose(x + 0.008, y))
+    off = MisplacedPiece(spare, spare.place, Pose(x + 0.008, y))
     assert decided(off, missing={"e4"}) is None
     step = decided(off, missing={str(spare.place)})
     assert isinstance(step, Repair)

@@ -32,7 +32,7 @@ class Script:
         return self._lines.pop(0)
 
 
-class Face:
+class UserInterface:
     def __init__(self) -> None:
         self.said: list[str] = []
         self.asked: list[str] = []
@@ -61,23 +61,23 @@ class Hands:
         self.did.append("withdraw")
 
 
-def asked(*lines: str, hands: Hands | None = None) -> Face:
-    face: Any = Face()
-    PersonAsker(Human(chess.WHITE, Script(*lines), hands), face).mend("put the white bishop on c1", ("c1",), STANDS)
-    return face
+def asked(*lines: str, hands: Hands | None = None) -> UserInterface:
+    ui: Any = UserInterface()
+    PersonAsker(Human(chess.WHITE, Script(*lines), hands), ui).mend("put the white bishop on c1", ("c1",), STANDS)
+    return ui
 
 
 def prompts() -> list[Callable[[Script, Any], None]]:
     """Each prompt that there is, as a function that asks it."""
 
-    def done(script: Script, face: Any) -> None:
-        PersonAsker(Human(chess.WHITE, script, Hands()), face).mend("put it on c1", ("c1",), STANDS)
+    def done(script: Script, ui: Any) -> None:
+        PersonAsker(Human(chess.WHITE, script, Hands()), ui).mend("put it on c1", ("c1",), STANDS)
 
-    def go_on(script: Script, face: Any) -> None:
-        ask(Human(chess.WHITE, script, None), face, "go on?", ("go",), lambda _: False)
+    def go_on(script: Script, ui: Any) -> None:
+        ask(Human(chess.WHITE, script, None), ui, "go on?", ("go",), lambda _: False)
 
-    def yes_or_no(script: Script, face: Any) -> None:
-        ask(Human(chess.WHITE, script, None), face, "was it?", ("yes", "no"), lambda _: False)
+    def yes_or_no(script: Script, ui: Any) -> None:
+        ask(Human(chess.WHITE, script, None), ui, "was it?", ("yes", "no"), lambda _: False)
 
     return [done, go_on, yes_or_no]
 
@@ -86,24 +86,24 @@ def prompts() -> list[Callable[[Script, Any], None]]:
 @pytest.mark.parametrize("word", ["quit", "exit", "Resign", " new "])
 def test_a_person_can_leave_wherever_they_are_asked(prompt: Callable[[Script, Any], None], word: str) -> None:
     with pytest.raises(GameLeft) as left:
-        prompt(Script("help", "what?", word, "done"), Face())
+        prompt(Script("help", "what?", word, "done"), UserInterface())
     assert left.value.word is (Word.QUIT if word == "exit" else Word(word.strip().lower()))
 
 
 @pytest.mark.parametrize("prompt", prompts())
 def test_the_end_of_input_ends_every_prompt(prompt: Callable[[Script, Any], None]) -> None:
     with pytest.raises(PersonGone):
-        prompt(Script("help"), Face())
+        prompt(Script("help"), UserInterface())
 
 
 @pytest.mark.parametrize("prompt", prompts())
 def test_help_is_given_and_the_question_asked_again(prompt: Callable[[Script, Any], None]) -> None:
-    face = Face()
+    ui = UserInterface()
     with pytest.raises(PersonGone):
-        prompt(Script("help"), face)
-    assert any("resign" in said and "quit" in said for said in face.said)
-    assert len(face.asked) == 2
-    assert face.asked[0] == face.asked[1]
+        prompt(Script("help"), ui)
+    assert any("resign" in said and "quit" in said for said in ui.said)
+    assert len(ui.asked) == 2
+    assert ui.asked[0] == ui.asked[1]
 
 
 @pytest.mark.parametrize("word", DONE)
@@ -123,14 +123,14 @@ def test_every_way_to_say_that_the_board_was_put_right_is_understood(word: str) 
 )
 def test_a_simulated_hand_does_what_it_is_told_while_the_board_is_put_right(line: str, command: MoveHand) -> None:
     hands = Hands()
-    face = asked(line, "done", hands=hands)
+    ui = asked(line, "done", hands=hands)
     assert hands.did == [command]
-    assert len(face.asked) == 2
+    assert len(ui.asked) == 2
 
 
 def test_a_person_with_hands_of_their_own_is_told_to_use_them() -> None:
-    face = asked("hand move d2 c1", "done")
-    assert face.said[-1] == "only a simulated hand can be told what to do: move the piece yourself, then say 'done'"
+    ui = asked("hand move d2 c1", "done")
+    assert ui.said[-1] == "only a simulated hand can be told what to do: move the piece yourself, then say 'done'"
 
 
 @pytest.mark.parametrize("line", ["hand", "hand jump e4", "hand move e4"])
@@ -139,8 +139,8 @@ def test_a_hand_that_is_told_nonsense_says_what_it_can_do(line: str) -> None:
 
 
 def test_what_the_hand_cannot_do_is_said_and_the_question_asked_again() -> None:
-    face = asked("hand move d2 e1", "done", hands=Hands(refuses=True))
-    assert "the white king stands there: move that first" in face.said
+    ui = asked("hand move d2 e1", "done", hands=Hands(refuses=True))
+    assert "the white king stands there: move that first" in ui.said
 
 
 def test_anything_else_is_answered_with_what_would_be_understood() -> None:

@@ -19,14 +19,14 @@ from app.pieces.inventory import Inventory, InventoryError, PieceBoxed, Ply, Sta
 from app.pieces.judging import judge
 from app.pieces.layout import BoxesTooSmall, TraysTooSmall, physical_set, start_layout
 from app.pieces.manipulation import NoSpare, transfers
-from app.play.game_setup import venue_of
+from app.play.game_setup import rig_setup_of
 from app.play.hand_moves import HandDropsNothing, hand_transfers
 from app.play.launch import run_games
 from app.rig.arm import FELT, ArmAtRest
 from app.rig.rig_file import load_rig
 from app.settings.files import settings_of
 from app.settings.tree import Settings
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck
 from hardware.parameters import load_parameters
@@ -281,9 +281,9 @@ def test_the_simulated_hand_says_that_it_drops_nothing() -> None:
 
 def test_the_options_of_a_game_keep_where_captured_pieces_go() -> None:
     kept = Settings.model_validate_json(settings_of({"rig.captured": Captured.BOX}).model_dump_json())
-    assert venue_of(kept.rig).table.captured is Captured.BOX
-    assert venue_of(Settings().rig).table.captured is Captured.TRAY
-    assert venue_of(kept.with_changes({"rig.square": 50.0}).rig).table.boxes()
+    assert rig_setup_of(kept.rig).table.captured is Captured.BOX
+    assert rig_setup_of(Settings().rig).table.captured is Captured.TRAY
+    assert rig_setup_of(kept.with_changes({"rig.square": 50.0}).rig).table.boxes()
 
 
 def test_a_rig_file_says_where_captured_pieces_go_and_an_option_cannot_say_otherwise(tmp_path: Path) -> None:
@@ -291,7 +291,7 @@ def test_a_rig_file_says_where_captured_pieces_go_and_an_option_cannot_say_other
     file.write_text('[controller]\nport = 47100\n[table]\ncaptured = "box"\n', encoding="utf-8")
     assert load_rig(file).table.boxes()
     with pytest.raises(UserError, match=r"captured pieces go to a box: leave --captured out, or change its file$"):
-        run_games(settings_of({"rig.name": str(file), "rig.captured": Captured.TRAY}), Quiet())
+        run_games(settings_of({"rig.name": str(file), "rig.captured": Captured.TRAY}), UserInterface())
     file.write_text('[controller]\nport = 47100\n[table]\ncaptured = "bag"\n', encoding="utf-8")
     with pytest.raises(UserError, match=r"table\.captured: Input should be 'tray' or 'box', not 'bag'$"):
         load_rig(file)

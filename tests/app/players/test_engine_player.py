@@ -14,7 +14,7 @@ from app.measure.bench.clock import play
 from app.players.engine_player import EnginePlayer
 from app.settings.time_control import TimeControl
 from engine.answers import EngineMove
-from engine.policy import Manners
+from engine.policy import DrawResignPolicy
 from engine.stockfish import DEBIAN_PATH, Engine, EngineSettings
 
 Limit = chess.engine.Limit
@@ -126,7 +126,7 @@ def test_who_may_not_ponder_is_not_asked_to() -> None:
 
 def test_it_resigns_by_scores_in_a_row_that_a_taken_back_move_forgets() -> None:
     engine, board = Scripted(-2000, -2000, -2000, -2000, -2000, -2000), chess.Board()
-    player = EnginePlayer(engine, "robot", manners=Manners(resign_below=1000, resign_for=3))
+    player = EnginePlayer(engine, "robot", policy=DrawResignPolicy(resign_below=1000, resign_for=3))
     resigned = []
     for _ in range(3):
         decision = player.choose(board)
@@ -144,7 +144,7 @@ def test_it_resigns_by_scores_in_a_row_that_a_taken_back_move_forgets() -> None:
 
 def test_scores_with_a_gap_between_are_not_in_a_row() -> None:
     engine, board = Scripted(-2000, -2000), chess.Board()
-    player = EnginePlayer(engine, "robot", manners=Manners(resign_below=1000, resign_for=2))
+    player = EnginePlayer(engine, "robot", policy=DrawResignPolicy(resign_below=1000, resign_for=2))
     assert not player.choose(board).resigns
     for _ in range(4):  # a move by somebody else between
         board.push(next(iter(board.legal_moves)))
@@ -153,7 +153,7 @@ def test_scores_with_a_gap_between_are_not_in_a_row() -> None:
 
 def test_it_accepts_a_draw_in_a_level_game() -> None:
     engine, board = Scripted(*[5] * 4), chess.Board()
-    player = EnginePlayer(engine, "robot", manners=Manners(draw_for=3, draw_from=4))
+    player = EnginePlayer(engine, "robot", policy=DrawResignPolicy(draw_for=3, draw_from=4))
     accepted = []
     rng = random.Random(1)
     for _ in range(4):

@@ -15,7 +15,7 @@ import pytest
 from app.play.player_selection import engine_players
 from app.players.players import Decision, LinePlayer, Players
 from app.settings.files import settings_of
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from engine.errors import EngineFailed, EngineRefused
 from hardware.interfaces import Pace
 from tests.waiting import PATIENCE
@@ -233,14 +233,14 @@ def test_a_line_lets_its_follower_think_once_it_ends():
 
 
 def test_after_a_failure_a_player_may_be_asked_again():
-    class Mended(Thinking):
+    class RecoveryResult(Thinking):
         def choose(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> Decision:
             if not self.asked:
                 self.asked.append(("failed",))
                 raise EngineFailed("engine", "choosing a move", ["it died"])
             return super().choose(board, clock)
 
-    with Players(Mended(), Thinking()) as players:
+    with Players(RecoveryResult(), Thinking()) as players:
         with pytest.raises(EngineFailed):
             players.choose(chess.Board(), CLOCK)
         assert players.choose(chess.Board(), CLOCK).move in chess.Board().legal_moves
@@ -261,7 +261,7 @@ for line in sys.stdin:
 """
 
 
-class Hearing(Quiet):
+class Hearing(UserInterface):
     def __init__(self) -> None:
         self.said = list[str]()
 
@@ -270,15 +270,15 @@ class Hearing(Quiet):
 
 
 def test_an_engine_without_any_option_plays_a_whole_game_with_its_opening(tmp_path: Path) -> None:
-    path, face, board = tmp_path / "plain", Hearing(), chess.Board()
+    path, ui, board = tmp_path / "plain", Hearing(), chess.Board()
     path.write_text(PLAIN_ENGINE)
     path.chmod(0o755)
     settings = settings_of({"engine.path": str(path), "engine.nodes": 10, "game.plies": 6})
     with ExitStack() as stack:
-        players = stack.enter_context(engine_players(settings, board, 2, stack, face, Pace.FAST))
+        players = stack.enter_context(engine_players(settings, board, 2, stack, ui, Pace.FAST))
         while board.ply() < 12:
             decision = players.choose(board)
             assert decision.troubles == ()
             assert decision.move is not None
             board.push(decision.move)
-    assert face.said == ["plain has no option MultiPV, so its opening is chosen by searching each move alone."]
+    assert ui.said == ["plain has no option MultiPV, so its opening is chosen by searching each move alone."]

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from app.records import PlyEvent
-from app.terminal.interface import Conversation, Quiet, Terminal, board_text
+from app.terminal.interface import Conversation, Terminal, UserInterface, board_text
 
 
 def event(**changes) -> PlyEvent:
@@ -27,15 +27,15 @@ def shown(terminal: bool, *events: PlyEvent, phases: tuple[str, ...] = ()) -> st
     out = io.StringIO()
     console = Console(file=out, force_terminal=terminal, width=100, color_system=None)
     board = chess.Board()
-    with Terminal(console) as face:
-        face.position(board)
+    with Terminal(console) as ui:
+        ui.position(board)
         for phase in phases:
-            face.phase(phase)
+            ui.phase(phase)
         board.push_san("e4")
         for one in events:
-            face.ply(one, board)
+            ui.ply(one, board)
         for phase in phases:
-            face.phase(phase)
+            ui.phase(phase)
     return out.getvalue()
 
 
@@ -64,10 +64,10 @@ def test_the_verdict_is_plain(ok, word):
 
 
 def test_quiet_shows_nothing(capsys):
-    face = Quiet()
-    face.phase("x")
-    face.position(chess.Board())
-    face.ply(event(), chess.Board())
+    ui = UserInterface()
+    ui.phase("x")
+    ui.position(chess.Board())
+    ui.ply(event(), chess.Board())
     assert capsys.readouterr() == ("", "")
 
 
@@ -81,11 +81,11 @@ def test_without_colours_white_and_black_pieces_still_differ() -> None:
 @pytest.mark.parametrize("echoes", [True, False])
 def test_what_comes_unasked_does_not_run_on_from_a_prompt(echoes: bool) -> None:
     out = io.StringIO()
-    face = Conversation(Console(file=out), echoes=echoes)
-    face.prompt("your move")
-    face.heard("e4")
-    face.phase("thinks")
-    face.prompt("your move")
-    face.say("the camera is back")
+    ui = Conversation(Console(file=out), echoes=echoes)
+    ui.prompt("your move")
+    ui.heard("e4")
+    ui.phase("thinks")
+    ui.prompt("your move")
+    ui.say("the camera is back")
     typed = "" if echoes else "e4\n"  # a terminal shows itself what is typed
     assert out.getvalue() == f"your move > {typed}  … thinks\nyour move > \nthe camera is back\n"

@@ -29,7 +29,7 @@ def triple(values: FloatArray) -> Triple:
     return a, b, c
 
 
-class Watched:
+class GuardFeed:
     """The law with an observer beside it, as in the controller: encoders, velocity by differences, a late torque.
 
     Attributes:
@@ -80,7 +80,7 @@ def watch(
     arm = ConstrainedArm(MODEL)
     row = reference(0.0)
     start = arm.at(row[:3], row[3:6])
-    watched = Watched(model, reference, start.q[[0, 3, 6]])
+    watched = GuardFeed(model, reference, start.q[[0, 3, 6]])
     arm.simulate_sampled(start, watched, ticks, lambda moment: force(moment.time))
     return np.array(watched.told)
 

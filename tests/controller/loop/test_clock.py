@@ -14,7 +14,14 @@ import numpy as np
 import pytest
 
 import controller.loop.statistics as clock_module
-from controller.loop.statistics import PULSE_FILE, Histogram, LoopClock, Pulse, say_at_once, write_pulse
+from controller.loop.statistics import (
+    STATISTICS_FILE,
+    Histogram,
+    LoopClock,
+    LoopStatistics,
+    say_at_once,
+    write_statistics,
+)
 
 PERIOD = 0.001
 LAW, WORK = 20e-6, 100e-6
@@ -61,13 +68,13 @@ def test_long_durations_are_counted_more_coarsely_and_none_is_lost() -> None:
 
 def test_a_perfect_loop_has_a_perfect_pulse() -> None:
     clock = LoopClock(PERIOD, lockstep=False)
-    assert clock.pulse() == Pulse()
+    assert clock.statistics() == LoopStatistics()
     run(clock, range(3000))
-    pulse = clock.pulse()
-    assert pulse.skipped == 0
-    assert pulse.period == pytest.approx(PERIOD)
-    assert pulse.lateness == pytest.approx(0.0, abs=1e-9)
-    assert pulse.work == pytest.approx(WORK)
+    statistics = clock.statistics()
+    assert statistics.skipped == 0
+    assert statistics.period == pytest.approx(PERIOD)
+    assert statistics.lateness == pytest.approx(0.0, abs=1e-9)
+    assert statistics.work == pytest.approx(WORK)
     assert clock.summary()["law"]["mean"] == pytest.approx(LAW)
     assert clock.summary()["ticks"] == 3000
     assert not clock.warning_due
@@ -76,9 +83,9 @@ def test_a_perfect_loop_has_a_perfect_pulse() -> None:
 def test_a_late_answer_counts_for_a_second_and_stays_in_the_statistics() -> None:
     clock = LoopClock(PERIOD, lockstep=False)
     run(clock, range(2000), lambda tick: 3e-4 if tick == 1900 else 0.0)
-    assert clock.pulse().lateness == pytest.approx(3e-4)
+    assert clock.statistics().lateness == pytest.approx(3e-4)
     run(clock, range(2000, 3500))
-    assert clock.pulse().lateness == pytest.approx(0.0, abs=1e-9)
+    assert clock.statistics().lateness == pytest.approx(0.0, abs=1e-9)
     assert clock.summary()["lateness"]["max"] == pytest.approx(3e-4)
     assert clock.summary()["period_error"]["max"] == pytest.approx(3e-4)
 
@@ -87,7 +94,7 @@ def test_two_clocks_that_drift_apart_are_not_late() -> None:
     clock = LoopClock(PERIOD, lockstep=False)
     run(clock, range(100_000), rate=1.0001)
     assert clock.lateness.largest <= 0.0001 * 0.51
-    assert clock.pulse().period == pytest.approx(PERIOD * 1.0001)
+    assert clock.statistics().period == pytest.approx(PERIOD * 1.0001)
 
 
 def test_a_plant_that_stood_still_is_on_time_again_soon() -> None:
@@ -95,21 +102,21 @@ def test_a_plant_that_stood_still_is_on_time_again_soon() -> None:
     run(clock, range(1000))
     run(clock, range(1000, 3000), lambda tick: 0.05)
     assert clock.lateness.largest == pytest.approx(0.05)
-    assert clock.pulse().lateness == pytest.approx(0.0, abs=1e-9)
+    assert clock.statistics().lateness == pytest.approx(0.0, abs=1e-9)
 
 
 def test_ticks_without_an_exchange_are_skipped_ticks() -> None:
     clock = LoopClock(PERIOD, lockstep=False)
     run(clock, [1000, 1001, 1004, 1005, 1007])
-    assert clock.pulse().skipped == 3
+    assert clock.statistics().skipped == 3
     assert clock.period_error.largest == pytest.approx(0.0, abs=1e-9)
 
 
 def test_on_a_lockstep_bus_nothing_is_late_or_skipped() -> None:
     clock = LoopClock(PERIOD, lockstep=True)
     run(clock, range(0, 9000, 3), lambda tick: tick * 1e-3, work=5e-3)
-    assert (clock.skipped, clock.pulse().lateness, clock.lateness.n) == (0, 0.0, 0)
-    assert clock.pulse().work == pytest.approx(5e-3)
+    assert (clock.skipped, clock.statistics().lateness, clock.lateness.n) == (0, 0.0, 0)
+    assert clock.statistics().work == pytest.approx(5e-3)
     assert not clock.warning_due
 
 
@@ -122,7 +129,7 @@ def test_what_passes_while_plant_time_stands_does_not_count() -> None:
     assert clock.work.n == 1
     assert clock.work.largest == pytest.approx(0.0002)
     assert clock.period_error.n == 0
-    assert clock.pulse().period == 0.0
+    assert clock.statistics().period == 0.0
 
 
 def test_counting_keeps_no_memory() -> None:
@@ -205,14 +212,14 @@ def test_nothing_is_said_to_whom_that_would_keep_waiting(monkeypatch: pytest.Mon
 def test_the_run_is_left_in_a_file(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     clock = LoopClock(PERIOD, lockstep=False)
     run(clock, range(100))
-    write_pulse(tmp_path, clock, {"granted": False})
-    found = json.loads((tmp_path / PULSE_FILE).read_text())
-    assert list(tmp_path.iterdir()) == [tmp_path / PULSE_FILE]
+    write_statistics(tmp_path, clock, {"granted": False})
+    found = json.loads((tmp_path / STATISTICS_FILE).read_text())
+    assert list(tmp_path.iterdir()) == [tmp_path / STATISTICS_FILE]
     assert found["realtime"] == {"granted": False}
     assert (found["period"], found["lockstep"], found["ticks"], found["skipped"]) == (PERIOD, False, 100, 0)
     for name in ("period_error", "lateness", "law", "work"):
         assert set(found[name]) == {"n", "mean", "p50", "p99", "max"}, name
-    write_pulse(tmp_path / "missing", clock, {})
+    write_statistics(tmp_path / "missing", clock, {})
     assert "controller_pulse.json cannot be written (No such file or directory): the loop's" in capfd.readouterr().err
 
 
@@ -230,7 +237,7 @@ def test_the_telemetry_tells_the_pulse(launch: Callable[..., Any], fake_bus: Cal
     assert telemetry.period > 0.0005
     assert telemetry.work > 0.0
     assert telemetry.lateness > 0.0
-    found = json.loads((running.directory / PULSE_FILE).read_text())
+    found = json.loads((running.directory / STATISTICS_FILE).read_text())
     assert found["ticks"] > 300
     assert found["lateness"]["n"] == found["ticks"]
     assert found["work"]["max"] >= telemetry.work

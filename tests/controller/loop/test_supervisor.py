@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from controller.law.task_space import TaskSpaceController
-from controller.loop.statistics import Pulse
+from controller.loop.statistics import LoopStatistics
 from controller.loop.supervisor import Supervisor
 from controller.loop.telemetry import report
 from controller.model.constants import DeltaModel
@@ -713,7 +713,7 @@ def test_a_torque_beyond_the_peak_is_clamped_and_counted(rig: Rig, line: Line) -
     for _ in range(2):
         rig.supervisor.advance(rig.bus.exchange(rig.supervisor.command()._replace(busy=True)))
     assert max(map(abs, rig.supervisor.torque)) == 8.4
-    assert report(rig.supervisor, True, 0, 0, Pulse(), [0] * 6).clamped == 3
+    assert report(rig.supervisor, True, 0, 0, LoopStatistics(), [0] * 6).clamped == 3
 
 
 def test_a_fault_is_cleared_and_enabled_by_two_commands(rig: Rig, line: Line) -> None:

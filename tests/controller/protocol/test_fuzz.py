@@ -14,7 +14,7 @@ import pytest
 from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.layout import COMMAND, HEARTBEAT, PAYLOADS, SAMPLE, CommandCode, DatagramKind
 from controller.protocol.messages import Announce, Hello, MotionFlag, Samples, Welcome
-from controller.wire.endpoint import Door
+from controller.wire.endpoint import Endpoint
 
 KEY, WRONG_KEY = bytes(range(32)), bytes(32)
 CLIENT, STRANGER = ("127.0.0.1", 4000), ("127.0.0.1", 4001)
@@ -34,7 +34,7 @@ class House:
 
     def __init__(self) -> None:
         self.envelope = Envelope(KEY)
-        self.door = Door("127.0.0.1", 0, KEY, 1e9, lambda: Welcome(0.00088, 8192, True, 0).pack())
+        self.door = Endpoint("127.0.0.1", 0, KEY, 1e9, lambda: Welcome(0.00088, 8192, True, 0).pack())
         self.heard: list[tuple[int, bytes]] = []
         self.sent = 0
         self.recorded = [self.seal(DatagramKind.HELLO, Hello(0, "owner").pack())]

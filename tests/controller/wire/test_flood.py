@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 
 from app.play.launch import run_games
 from app.settings.files import settings_of
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.layout import CHALLENGE, COMMAND, HEARTBEAT, SAMPLE, WATCH, CommandCode, DatagramKind
 from controller.protocol.messages import Announce, Busy, Hello, MotionFlag, Samples, Welcome
 from controller.wire.client import ControllerClient
-from controller.wire.endpoint import Door
+from controller.wire.endpoint import Endpoint
 from controller.wire.sockets import PortInUse, listening_socket
 from hardware.interfaces import Pace
 
@@ -44,7 +44,7 @@ class Steps:
 class End:
     """A socket of somebody who knows, or does not know, the key."""
 
-    def __init__(self, door: Door, session: int = SESSION, key: bytes = KEY, sequence: int = 0) -> None:
+    def __init__(self, door: Endpoint, session: int = SESSION, key: bytes = KEY, sequence: int = 0) -> None:
         self.envelope, self.session, self.sequence = Envelope(key), session, sequence
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.settimeout(5.0)
@@ -77,7 +77,7 @@ class House:
 
     def __init__(self) -> None:
         self.clock = Steps()
-        self.door = Door("127.0.0.1", 0, KEY, LEASE, lambda: Welcome(0.00088, 8192, False, 0).pack(), self.clock)
+        self.door = Endpoint("127.0.0.1", 0, KEY, LEASE, lambda: Welcome(0.00088, 8192, False, 0).pack(), self.clock)
         self.pings = list[int]()
         self.ends = list[End]()
         self.client = self.end()
@@ -328,7 +328,7 @@ def _sent_by(client: End) -> list[bytes]:
     ]
 
 
-def _state(door: Door) -> tuple[Any, ...]:
+def _state(door: Endpoint) -> tuple[Any, ...]:
     """All that a datagram could change, counters of refused ones left out."""
     window = door._window
     return (
@@ -416,7 +416,7 @@ def test_a_game_in_real_time_goes_on_beside_a_flood(tmp_path: Path, monkeypatch:
         }
     )  # fmt: skip
     try:
-        done = run_games(settings, Quiet())
+        done = run_games(settings, UserInterface())
         assert [flood.poll() for flood in floods] == [None], "the flood lasted to the end"
     finally:
         for flood in floods:

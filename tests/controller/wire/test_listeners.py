@@ -20,7 +20,7 @@ from controller.protocol.states import State
 from controller.wire.address import find_controller
 from controller.wire.errors import ControllerLost, ControllerUnavailable
 from controller.wire.listener import TelemetryWatch
-from controller.wire.subscribers import MAX_LISTENERS, SILENCE, Audience
+from controller.wire.subscribers import MAX_LISTENERS, SILENCE, Subscribers
 
 HOME, AWAY = (0.0, 0.0, 0.35), (0.10, 0.05, 0.40)
 HERE, THERE = ("127.0.0.1", 1), ("127.0.0.1", 2)
@@ -37,7 +37,7 @@ class House:
 
     def __init__(self) -> None:
         self.sent: list[tuple[Any, DatagramKind, int, bytes]] = []
-        self.audience = Audience(lambda *datagram: self.sent.append(datagram))
+        self.audience = Subscribers(lambda *datagram: self.sent.append(datagram))
 
     def watch(
         self, session: int, sequence: int, cookie: int, address: Any = HERE, now: float = 0.0, new_turn: bool = True

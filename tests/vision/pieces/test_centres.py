@@ -16,7 +16,7 @@ from app.measure.bench.vision.calibration import random_looks, random_mount, ran
 from app.pieces.layout import start_layout
 from hardware.interfaces import Frame, Intrinsics
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
-from hardware.sim.render.appearance import Looks, MountSettings
+from hardware.sim.render.appearance import MountSettings, SceneState
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, piece_profile, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
@@ -147,7 +147,7 @@ def test_what_is_wrong_is_told(studio: TableStudio) -> None:
             poses.append(PlacedPiece(names[square], x, y - 0.02, height=0.011, yaw=math.pi / 2.0, tip=math.pi / 2.0))
             continue
         poses.append(PlacedPiece(piece.name, x + dx, y + dy, yaw=0.3 * square))
-    frame = studio.frame(poses, Looks(), seed=5)
+    frame = studio.frame(poses, SceneState(), seed=5)
     view = BoardView(frame.intrinsics, studio.camera_from_board(MountSettings()), TABLE)
     faults = {fault.square: fault for fault in verify_board(frame, view, expected, 0.004)}
     assert faults[chess.E2].sentence == "e2 is empty, a white pawn should stand there"

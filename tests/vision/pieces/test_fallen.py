@@ -14,12 +14,12 @@ import pytest
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import PlacedPiece as Put
 from hardware.sim.process.table_studio import TableStudio
-from hardware.sim.render.appearance import Looks
+from hardware.sim.render.appearance import SceneState
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, TableSettings, square_place
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
-from vision.pieces.fallen import find_strays
-from vision.pieces.pose_search import Stray
+from vision.pieces.fallen import find_misplaced
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.poses import Pose, _profile, drawn, off_surface
 
 TABLE = TableSettings()
@@ -43,7 +43,7 @@ def laid(name: str, kind: Kind, x: float, y: float, yaw: float) -> Put:
 
 def look(
     studio: TableStudio, square: str, pose: Pose, *, use_depth: bool = True, seed: int = 1
-) -> tuple[PieceSpec, tuple[Stray, ...]]:
+) -> tuple[PieceSpec, tuple[MisplacedPiece, ...]]:
     """A position in which one piece does not stand on its square, but in a pose."""
     board = chess.Board()
     for san in LINE.split():
@@ -60,9 +60,9 @@ def look(
         poses[one.name] = Put(one.name, pose.x, pose.y)
     else:
         poses[one.name] = laid(one.name, one.kind, pose.x, pose.y, pose.yaw)
-    frame = studio.frame(poses.values(), Looks(), seed)
-    view = BoardView(frame.intrinsics, studio.camera_from_board(Looks().mount), TABLE)
-    return one, find_strays(frame, view, expected, use_depth=use_depth)
+    frame = studio.frame(poses.values(), SceneState(), seed)
+    view = BoardView(frame.intrinsics, studio.camera_from_board(SceneState().mount), TABLE)
+    return one, find_misplaced(frame, view, expected, use_depth=use_depth)
 
 
 @pytest.mark.slow
@@ -71,8 +71,8 @@ def look(
     [("e4", 0.022, -0.030, 2.0), ("c5", -0.052, 0.021, -2.6), ("a2", -0.150, -0.098, 0.6), ("g5", 0.092, 0.010, 2.9)],
 )
 def test_a_fallen_piece_is_found(studio: TableStudio, square: str, x: float, y: float, yaw: float) -> None:
-    one, strays = look(studio, square, Pose(x, y, yaw))
-    (stray,) = strays
+    one, misplaced = look(studio, square, Pose(x, y, yaw))
+    (stray,) = misplaced
     assert stray.piece == one
     assert stray.target == Place.parse(square)
     assert stray.lies
@@ -89,8 +89,8 @@ def test_a_fallen_piece_is_found(studio: TableStudio, square: str, x: float, y: 
 @pytest.mark.slow
 def test_a_piece_that_stands_between_squares_is_found_standing(studio: TableStudio) -> None:
     x, y = 0.003, 0.042
-    one, strays = look(studio, "e5", Pose(x, y))
-    (stray,) = strays
+    one, misplaced = look(studio, "e5", Pose(x, y))
+    (stray,) = misplaced
     assert stray.piece == one
     assert not stray.lies
     assert math.dist((stray.pose.x, stray.pose.y), (x, y)) < 0.0045
@@ -99,14 +99,14 @@ def test_a_piece_that_stands_between_squares_is_found_standing(studio: TableStud
 @pytest.mark.slow
 def test_where_all_stands_there_are_no_strays(studio: TableStudio) -> None:
     x, y = TABLE.xy(square_place(chess.E4))
-    _, strays = look(studio, "e4", Pose(x, y))
-    assert strays == ()
+    _, misplaced = look(studio, "e4", Pose(x, y))
+    assert misplaced == ()
 
 
 @pytest.mark.slow
 def test_by_colour_alone_a_fallen_piece_is_found_too(studio: TableStudio) -> None:
-    one, strays = look(studio, "c5", Pose(-0.052, 0.021, -2.6), use_depth=False)
-    found = [stray for stray in strays if stray.piece == one]
+    one, misplaced = look(studio, "c5", Pose(-0.052, 0.021, -2.6), use_depth=False)
+    found = [stray for stray in misplaced if stray.piece == one]
     assert len(found) == 1
     assert found[0].lies
     assert math.dist((found[0].pose.x, found[0].pose.y), (-0.052, 0.021)) < 0.008
@@ -114,8 +114,8 @@ def test_by_colour_alone_a_fallen_piece_is_found_too(studio: TableStudio) -> Non
 
 def test_silhouettes_are_where_the_piece_is(studio: TableStudio) -> None:
     """The drawing of a lying piece holds the picture of its axis, and grows with its kind."""
-    frame = studio.frame([], Looks(), 1)
-    view = BoardView(frame.intrinsics, studio.camera_from_board(Looks().mount), TABLE)
+    frame = studio.frame([], SceneState(), 1)
+    view = BoardView(frame.intrinsics, studio.camera_from_board(SceneState().mount), TABLE)
     areas = []
     for kind in (Kind.PAWN, Kind.ROOK, Kind.KING):
         shape, pose = PIECE_SHAPES[kind], Pose(0.01, 0.02, 0.5)
@@ -131,7 +131,7 @@ def test_silhouettes_are_where_the_piece_is(studio: TableStudio) -> None:
     assert drawn(Kind.KING, turned, view, (480, 640), (0, 0)).underside.any()  # its foot towards the camera
 
 
-def scene(studio: TableStudio, fen: str, elsewhere: dict[str, Pose], seed: int = 1) -> tuple[Stray, ...]:
+def scene(studio: TableStudio, fen: str, elsewhere: dict[str, Pose], seed: int = 1) -> tuple[MisplacedPiece, ...]:
     """What is found, also in trays, of a position in which some pieces are elsewhere; by the square of each."""
     specs = start_layout(chess.Board(fen), TABLE)
     poses = []
@@ -141,12 +141,12 @@ def scene(studio: TableStudio, fen: str, elsewhere: dict[str, Pose], seed: int =
             poses.append(Put(spec.name, pose.x, pose.y))
         else:
             poses.append(laid(spec.name, spec.kind, pose.x, pose.y, pose.yaw))
-    frame = studio.frame(poses, Looks(), seed)
-    view = BoardView(frame.intrinsics, studio.camera_from_board(Looks().mount), TABLE)
-    return find_strays(frame, view, {spec.place: spec for spec in specs}, trays=True)
+    frame = studio.frame(poses, SceneState(), seed)
+    view = BoardView(frame.intrinsics, studio.camera_from_board(SceneState().mount), TABLE)
+    return find_misplaced(frame, view, {spec.place: spec for spec in specs}, trays=True)
 
 
-def near(stray: Stray, pose: Pose) -> bool:
+def near(stray: MisplacedPiece, pose: Pose) -> bool:
     turned = 0.0 if stray.pose.yaw is None else math.remainder(stray.pose.yaw - (pose.yaw or 0.0), 2.0 * math.pi)
     same = (stray.pose.yaw is None) == (pose.yaw is None)
     return same and math.dist((stray.pose.x, stray.pose.y), (pose.x, pose.y)) < 0.005 and abs(turned) < 0.25
@@ -242,8 +242,8 @@ def test_what_stands_across_the_pictures_edge_does_not_lie(studio: TableStudio) 
     specs = start_layout(board, TABLE)
     fallen = next(spec for spec in specs if str(spec.place) == "e2")
     poses = [Put(spec.name, *TABLE.xy(spec.place)) for spec in specs if spec is not fallen]
-    frame = studio.frame([*poses, laid(fallen.name, fallen.kind, 0.02, -0.03, 1.0)], Looks(), 1)
-    whole = BoardView(frame.intrinsics, studio.camera_from_board(Looks().mount), TABLE)
+    frame = studio.frame([*poses, laid(fallen.name, fallen.kind, 0.02, -0.03, 1.0)], SceneState(), 1)
+    whole = BoardView(frame.intrinsics, studio.camera_from_board(SceneState().mount), TABLE)
     edges = whole.project([(-0.16, -0.16, 0.0), (0.16, 0.16, 0.0)])[:, 0]
     spares = [spec for spec in specs if spec.place.in_tray]
     middle = float(whole.project([(*TABLE.xy(spares[0].place), 0.0)])[0, 0])
@@ -259,8 +259,8 @@ def test_what_stands_across_the_pictures_edge_does_not_lie(studio: TableStudio) 
             intrinsics=eye,
         )
         view = BoardView(eye, whole.camera_from_board, TABLE)
-        strays = find_strays(cut, view, {spec.place: spec for spec in specs}, trays=True)
-        assert [str(stray.target) for stray in strays if stray.lies] == ["e2"]
+        misplaced = find_misplaced(cut, view, {spec.place: spec for spec in specs}, trays=True)
+        assert [str(stray.target) for stray in misplaced if stray.lies] == ["e2"]
 
 
 @pytest.mark.parametrize("kind", list(Kind))

@@ -10,7 +10,7 @@ import pytest
 
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
-from hardware.sim.render.appearance import Looks
+from hardware.sim.render.appearance import SceneState
 from hardware.table import PieceSpec, Place, TableSettings
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
@@ -40,14 +40,14 @@ def pictures(
     for square, spec in SPECS.items():
         x, y = (np.array(TABLE.xy(spec.place)) + rng.uniform(-0.002, 0.002, 2)).tolist()
         poses[square] = PlacedPiece(spec.name, x, y, yaw=float(rng.uniform(-3.0, 3.0)))
-    first = studio.frame(poses.values(), Looks(), 1)
+    first = studio.frame(poses.values(), SceneState(), 1)
     moved: PieceSpec = SPECS[start]
     del poses[start]
     if end is not None:
         x, y = TABLE.xy(Place.parse(end))
         poses[end] = PlacedPiece(moved.name, x + off[0], y + off[1], yaw=0.3)
-    second = studio.frame(poses.values(), Looks(), 2)
-    view = BoardView(first.intrinsics, studio.camera_from_board(Looks().mount), TABLE)
+    second = studio.frame(poses.values(), SceneState(), 2)
+    view = BoardView(first.intrinsics, studio.camera_from_board(SceneState().mount), TABLE)
     return KnownPicture(first, view), KnownPicture(second, view)
 
 

@@ -30,7 +30,7 @@ from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.process.scene_control import SceneControl
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio, true_camera
-from hardware.sim.render.appearance import ExposureSettings, LightSettings, Looks, MountSettings
+from hardware.sim.render.appearance import ExposureSettings, LightSettings, MountSettings, SceneState
 from hardware.table import PieceSpec, TableSettings, square_place
 from vision.board.view import BoardView
 from vision.pieces.centres import piece_centres
@@ -61,7 +61,7 @@ def random_mount(rng: np.random.Generator) -> MountSettings:
     return MountSettings(shift=(x, y, z), turn=(a, b, c))
 
 
-def random_looks(rng: np.random.Generator, mount: MountSettings) -> Looks:
+def random_looks(rng: np.random.Generator, mount: MountSettings) -> SceneState:
     """A room's light from anywhere, brighter and darker, with hard or soft shadows."""
     around, up = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.6, 2.0)
     light = LightSettings(
@@ -70,7 +70,7 @@ def random_looks(rng: np.random.Generator, mount: MountSettings) -> Looks:
     )  # fmt: skip
     red, green, blue = rng.uniform(0.9, 1.1, 3).tolist()
     exposure = ExposureSettings(time=rng.uniform(0.6, 1.1), white_balance=(red, green, blue))
-    return Looks(light=light, exposure=exposure, mount=mount)
+    return SceneState(light=light, exposure=exposure, mount=mount)
 
 
 def random_position(

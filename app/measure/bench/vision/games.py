@@ -22,7 +22,7 @@ from app.pieces.layout import start_layout
 from hardware.interfaces import Frame
 from hardware.sim.bodies.hand import HandPose
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
-from hardware.sim.render.appearance import LightSettings, Looks, MountSettings
+from hardware.sim.render.appearance import LightSettings, MountSettings, SceneState
 from hardware.table import Colour, TableSettings
 from vision.board.anchor import Anchor
 from vision.board.find import find_board
@@ -130,7 +130,7 @@ class Scene:
 
     def __init__(self, studio: TableStudio, table: TableSettings, seed: int) -> None:
         self.rng = np.random.default_rng([seed, 5])
-        self.looks: Looks = random_looks(self.rng, random_mount(self.rng))
+        self.looks: SceneState = random_looks(self.rng, random_mount(self.rng))
         self.hand: HandPose | None = None
         self.square = table.square
         self.table = RandomTable(table, OFF * table.square, seed)
@@ -295,6 +295,6 @@ def _follow(
         eye.observer.confirm(look, board)
 
 
-def replace_mount(looks: Looks, mount: MountSettings) -> Looks:
+def replace_mount(looks: SceneState, mount: MountSettings) -> SceneState:
     """Light and exposure as they were; a camera that was knocked stays where it is now."""
     return looks.model_copy(update={"mount": mount})

@@ -23,8 +23,8 @@ from app.measure.bench.loop import WAY, loop_rows, straight, sweep, thinking
 from app.motion import MotionSettings
 from app.motion.plan import Plan
 from app.rig.arm import ArmAtRest
-from app.rig.simulation.timed import GrantedRealTime, NoStatistics, RunEnd, RunPulse, Statistics, read_pulse
-from controller.loop.statistics import PULSE_FILE
+from app.rig.simulation.timed import GrantedRealTime, NoStatistics, RunEnd, RunStatistics, Statistics, read_statistics
+from controller.loop.statistics import STATISTICS_FILE
 from controller.wire.errors import ControllerError, ControllerLost
 from hardware.table import TableSettings
 
@@ -34,7 +34,7 @@ NONE = Statistics(n=0, mean=0.0, p50=0.0, p99=0.0, max=0.0)
 def an_end(granted: bool, skipped: int = 5, p99: float = 250e-6, at_rest: bool = True) -> RunEnd:
     work = Statistics(n=9_994, mean=90e-6, p50=80e-6, p99=p99, max=600e-6)
     given = GrantedRealTime(granted=granted, scheduled=granted, locked=True, pinned=True, notes=())
-    pulse = RunPulse(
+    pulse = RunStatistics(
         period=0.00088, lockstep=False, ticks=9_995, skipped=skipped, period_error=NONE, lateness=NONE, law=NONE,
         work=work, realtime=given,
     )  # fmt: skip
@@ -162,10 +162,10 @@ def test_the_bench_is_put_together(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_killed_controller_leaves_no_statistics(tmp_path: Path) -> None:
     with pytest.raises(NoStatistics, match=r"controller_pulse.json \(FileNotFoundError\): was it killed\? Run it agai"):
-        read_pulse(tmp_path)
-    (tmp_path / PULSE_FILE).write_text("{}")
+        read_statistics(tmp_path)
+    (tmp_path / STATISTICS_FILE).write_text("{}")
     with pytest.raises(NoStatistics, match=r"\(ValidationError\): was it killed\?"):
-        read_pulse(tmp_path)
+        read_statistics(tmp_path)
 
 
 def test_stolen_time() -> None:

@@ -15,7 +15,7 @@ from app.execution.recovery_plans import Blocked, plan_pushing
 from app.measure.bench.beds.bed import Bed
 from app.motion import MotionSettings, Planner
 from app.motion.arcs import Workcell
-from app.motion.fallen.lying import Lying, Strewn, crowd_of, discs_of
+from app.motion.fallen.lying import LoosePieces, Lying, crowd_of, discs_of
 from app.motion.fallen.pivot_edge import reach
 from app.motion.fallen.push import Nudge, find_nudge, plan_nudge
 from app.motion.fallen.stand_up import room_to_stand_up
@@ -29,7 +29,7 @@ from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.plant import Plant
 from hardware.table import PIECE_SHAPES, Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
-from vision.pieces.pose_search import Stray
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.poses import Pose
 
 PARAMETERS, TABLE, SETTINGS = load_parameters(), TableSettings(), MotionSettings()
@@ -41,19 +41,19 @@ def pawn(name: str, x: float, y: float) -> Obstacle:
     return Obstacle(name, square_place(27), x, y, Kind.PAWN)
 
 
-def found(scene: Strewn, *names: str, kept: frozenset[str] = frozenset()) -> Nudge | None:
+def found(scene: LoosePieces, *names: str, kept: frozenset[str] = frozenset()) -> Nudge | None:
     """The push after which the first of these pieces can be taken."""
     return find_nudge(names, scene, kept, lambda after: takeable(names[0], after), PARAMETERS.pads, TABLE)
 
 
-def takeable(name: str, scene: Strewn) -> bool:
+def takeable(name: str, scene: LoosePieces) -> bool:
     piece = next(one for one in scene.standing if one.name == name)
     return fits_around(piece, crowd_of(scene, TABLE, without=name), CELL)
 
 
-def after(scene: Strewn, nudge: Nudge) -> Strewn:
+def after(scene: LoosePieces, nudge: Nudge) -> LoosePieces:
     dx, dy = nudge.way * math.cos(nudge.direction), nudge.way * math.sin(nudge.direction)
-    return Strewn(
+    return LoosePieces(
         tuple(one._replace(x=one.x + dx, y=one.y + dy) if one.name == nudge.name else one for one in scene.standing),
         tuple(
             replace(one, base=(one.base[0] + dx, one.base[1] + dy)) if one.name == nudge.name else one
@@ -63,7 +63,7 @@ def after(scene: Strewn, nudge: Nudge) -> Strewn:
 
 
 def test_of_two_pieces_side_by_side_one_is_pushed_away_and_then_can_be_taken() -> None:
-    scene = Strewn((pawn("one", 0.0, 0.0), pawn("other", 0.0205, 0.0)))
+    scene = LoosePieces((pawn("one", 0.0, 0.0), pawn("other", 0.0205, 0.0)))
     assert not takeable("one", scene)
     nudge = found(scene, "one", "other")
     assert nudge is not None
@@ -71,7 +71,7 @@ def test_of_two_pieces_side_by_side_one_is_pushed_away_and_then_can_be_taken() -
 
 
 def test_rather_one_that_is_out_of_place_anyway_is_pushed() -> None:
-    scene = Strewn((pawn("one", 0.0, 0.0), pawn("other", 0.0205, 0.0)))
+    scene = LoosePieces((pawn("one", 0.0, 0.0), pawn("other", 0.0205, 0.0)))
     for kept, pushed in (("one", "other"), ("other", "one")):
         nudge = found(scene, "one", "other", kept=frozenset({kept}))
         assert nudge is not None
@@ -83,11 +83,11 @@ def test_a_push_beside_a_box_goes_neither_into_its_wall_nor_begins_there(outward
     table = TableSettings(captured=Captured.BOX)
     place = Place("R", 5)
     x, y = table.xy(place)
-    scene = Strewn((Obstacle("queen", place, x, y, Kind.QUEEN),))
+    scene = LoosePieces((Obstacle("queen", place, x, y, Kind.QUEEN),))
     wall = min(abs(box.x) - box.half_x - box.wall for box in table.boxes())
     for least in (0.006, 0.012, 0.020, 0.030):
 
-        def helps(after: Strewn, least: float = least) -> bool:
+        def helps(after: LoosePieces, least: float = least) -> bool:
             return (after.standing[0].x - x) * (1.0 if outwards else -1.0) >= least
 
         nudge = find_nudge(("queen",), scene, frozenset(), helps, PARAMETERS.pads, table)
@@ -113,7 +113,7 @@ def test_neither_fingers_nor_the_piece_touch_any_other(
     radius = PIECE_SHAPES[Kind.PAWN].foot_radius
     places = [(one.x, one.y) for one in pieces]
     assume(all(math.dist(a, b) > 2.0 * radius for i, a in enumerate(places) for b in places[:i]))
-    scene = Strewn(tuple(pieces))
+    scene = LoosePieces(tuple(pieces))
     nudge = found(scene, "one", "other")
     assume(nudge is not None)
     assert nudge is not None
@@ -142,10 +142,10 @@ def test_a_piece_that_lies_between_others_is_stood_up_after_a_push() -> None:
     inventory = Inventory.of(start_layout(board, TABLE), TABLE)
     bishop = inventory.at(Place.parse("c1"))
     assert bishop is not None
-    strays = [Stray(bishop, bishop.place, Pose(-0.0739, -0.1167, 3.133))]
+    misplaced = [MisplacedPiece(bishop, bishop.place, Pose(-0.0739, -0.1167, 3.133))]
     blocked = [Blocked(bishop.name, "white-pawn-c")]
     nudge, plan = plan_pushing(
-        Planner.of(SETTINGS, PARAMETERS, inventory.table, HOME, 0.01), blocked, strays, inventory
+        Planner.of(SETTINGS, PARAMETERS, inventory.table, HOME, 0.01), blocked, misplaced, inventory
     )
     assert nudge.name in {bishop.name, "white-pawn-c"}
     assert len(plan.motions) == 3
@@ -158,8 +158,8 @@ def test_where_no_push_helps_it_says_which_pieces_to_move() -> None:
     names = ["white-pawn-a", "white-pawn-b", "white-pawn-c", "white-pawn-d", "white-pawn-e", "white-pawn-f"]
     row = [inventory.find(name) for name in names] + [inventory.find(f"black-pawn-{file}") for file in "abcdef"]
     x, y = TABLE.xy(Place.parse("d5"))
-    strays = [
-        Stray(piece, piece.place, Pose(x + 0.0203 * (i % 4 - 1.5), y + 0.0203 * (i // 4 - 1)))
+    misplaced = [
+        MisplacedPiece(piece, piece.place, Pose(x + 0.0203 * (i % 4 - 1.5), y + 0.0203 * (i // 4 - 1)))
         for i, piece in enumerate(row)
     ]
     middle, beside = row[5], row[6]
@@ -167,7 +167,7 @@ def test_where_no_push_helps_it_says_which_pieces_to_move() -> None:
         plan_pushing(
             Planner.of(SETTINGS, PARAMETERS, inventory.table, HOME, 0.01),
             [Blocked(middle.name, beside.name)],
-            strays,
+            misplaced,
             inventory,
         )
 
@@ -179,11 +179,11 @@ def test_a_place_that_is_kept_for_a_piece_counts_where_it_is() -> None:
     assert a2 is not None
     assert h2 is not None
     goal = Obstacle.at(h2.name, Place.parse("d4"), h2.kind, TABLE)
-    strays = [Stray(a2, a2.place, Pose(goal.x + 0.0205, goal.y))]
+    misplaced = [MisplacedPiece(a2, a2.place, Pose(goal.x + 0.0205, goal.y))]
     nudge, _ = plan_pushing(
         Planner.of(SETTINGS, PARAMETERS, inventory.table, HOME, 0.01),
         [Blocked(h2.name, a2.name, goal)],
-        strays,
+        misplaced,
         inventory,
     )
     assert nudge.name == a2.name
@@ -227,7 +227,7 @@ def test_in_the_world_a_pushed_piece_goes_as_far_as_it_is_pushed_and_does_not_fa
     touching = centre - (back + reach(PARAMETERS.pads, unit)) * unit
     begin, end = touching - 0.005 * unit, touching + way * unit
     nudge = Nudge("piece", direction, way, tips, (begin[0], begin[1]), (end[0], end[1]))
-    plan = plan_nudge(bed.planner(SETTINGS, TABLE), nudge, Strewn(tuple(standing), tuple(lying)))
+    plan = plan_nudge(bed.planner(SETTINGS, TABLE), nudge, LoosePieces(tuple(standing), tuple(lying)))
     for motion, _ in bed.continued(plan):
         bed.carry_out(motion)
     went = (body.xpos[:2] - (x, y)) @ unit
@@ -239,5 +239,5 @@ def test_in_the_world_a_pushed_piece_goes_as_far_as_it_is_pushed_and_does_not_fa
 def test_room_to_stand_up_is_what_the_planner_asks_for() -> None:
     lying = Lying(Kind.BISHOP, (-0.0739, -0.1167), 3.133, "bishop")
     near = pawn("near", -0.06, -0.1)
-    assert room_to_stand_up(lying, crowd_of(Strewn((), (lying,)), TABLE, without="bishop"), CELL)
-    assert not room_to_stand_up(lying, crowd_of(Strewn((near,), (lying,)), TABLE, without="bishop"), CELL)
+    assert room_to_stand_up(lying, crowd_of(LoosePieces((), (lying,)), TABLE, without="bishop"), CELL)
+    assert not room_to_stand_up(lying, crowd_of(LoosePieces((near,), (lying,)), TABLE, without="bishop"), CELL)

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from app.measure.bench.beds.bed import Bed
 from app.motion import MotionSettings, Planner
 from app.motion.fallen.lying import Lying, Strip
-from app.motion.fallen.pivot_edge import Heeling, circle, heel_of, reach
-from app.motion.fallen.stand_up import Uprighted, plan_upright
+from app.motion.fallen.pivot_edge import PivotSettings, circle, pivot_of, reach
+from app.motion.fallen.stand_up import StandUpPlan, plan_upright
 from app.motion.obstacles import Obstacle
 from app.motion.plan import Continuation, InTheWay, Motion
 from app.motion.timing.reference import eased
@@ -29,19 +29,19 @@ from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, TableSettings,
 PARAMETERS, TABLE, SETTINGS = load_parameters(), TableSettings(), MotionSettings()
 TICK = PARAMETERS.drive.tick
 HOME = np.array(SETTINGS.home)
-HOW = Heeling()
+HOW = PivotSettings()
 kinds = st.sampled_from(list(Kind))
 angles = st.floats(-math.pi, math.pi)
 
 
-def planned(lying: Lying, *standing: Obstacle, others: tuple[Lying, ...] = ()) -> Uprighted:
+def planned(lying: Lying, *standing: Obstacle, others: tuple[Lying, ...] = ()) -> StandUpPlan:
     return plan_upright(Planner.of(SETTINGS, PARAMETERS, TABLE, HOME, 0.01), lying, standing, others)
 
 
 @given(kind=kinds)
 def test_the_way_round_the_rim_is_smooth_and_lowers_no_tip_onto_the_board(kind: Kind) -> None:
-    heel, stiffness = heel_of(PIECE_SHAPES[kind], HOW), 1000.0
-    way = circle(heel, HOW, stiffness, 1000, TICK)
+    pivot, stiffness = pivot_of(PIECE_SHAPES[kind], HOW), 1000.0
+    way = circle(pivot, HOW, stiffness, 1000, TICK)
     for axis in range(2):
         position, velocity, change = way[:, axis].T
         assert np.diff(position) / TICK == pytest.approx(0.5 * (velocity[1:] + velocity[:-1]), abs=1e-4)
@@ -49,8 +49,8 @@ def test_the_way_round_the_rim_is_smooth_and_lowers_no_tip_onto_the_board(kind: 
     assert way[:, 1, 0].min() >= HOW.lowest - 1e-9
     assert way[-1, :, 1] == pytest.approx([0.0, 0.0], abs=1e-9)
     # less what presses, the way keeps its distance from the rim
-    first = math.hypot(heel.contact[0] - heel.rim, heel.contact[1])
-    assert np.hypot(way[:, 0, 0] - heel.rim, way[:, 1, 0] + HOW.press / stiffness) == pytest.approx(first, abs=0.012)
+    first = math.hypot(pivot.contact[0] - pivot.rim, pivot.contact[1])
+    assert np.hypot(way[:, 0, 0] - pivot.rim, way[:, 1, 0] + HOW.press / stiffness) == pytest.approx(first, abs=0.012)
 
 
 def test_a_quintic_goes_from_rest_to_rest() -> None:

@@ -11,7 +11,7 @@ from hardware.sim.bodies.hand import HandPose
 from hardware.sim.hand.actions import REACH
 from hardware.sim.hand.motion import PEAK, Program, Sketch
 from hardware.sim.hand.plan import Person, grip_height, held_now
-from hardware.sim.hand.sight import SeenPiece, TableSight
+from hardware.sim.hand.sight import SeenPiece, TableView
 from hardware.table import PIECE_SHAPES, Colour, Kind, Place, TableSettings
 
 TABLE = TableSettings()
@@ -80,7 +80,7 @@ def test_fingertips_are_above_the_foot_and_below_the_top(kind: Kind) -> None:
 @pytest.mark.parametrize("side", list(Colour))
 @pytest.mark.parametrize("kind", [Kind.PAWN, Kind.KING])
 def test_on_a_full_board_every_piece_can_be_held_between_its_neighbours(side: Colour, kind: Kind) -> None:
-    person, everything = Person(side, 0.8), TableSight(full_board(kind), np.array([0.0, 0.0, 1.0]))
+    person, everything = Person(side, 0.8), TableView(full_board(kind), np.array([0.0, 0.0, 1.0]))
     radius, z = PIECE_SHAPES[kind].stem_radius, grip_height(PIECE_SHAPES[kind])
     for one in everything.pieces:
         others = everything.without(one.name)
@@ -93,12 +93,12 @@ def test_on_a_full_board_every_piece_can_be_held_between_its_neighbours(side: Co
 
 @pytest.mark.parametrize("side", list(Colour))
 def test_every_square_and_tray_is_reached_clear_of_the_arm_at_home(side: Colour) -> None:
-    person, sight = Person(side, 0.8), TableSight((), HOME)
+    person, sight = Person(side, 0.8), TableView((), HOME)
     places = [*(Place("board", i) for i in range(64)), *TABLE.tray_places()]
     start = START if side is Colour.WHITE else HandPose(-0.1, 0.72, 0.1, math.pi, 0.0)
     for place in places[::3]:
         x, y = TABLE.xy(place)
-        program, _ = person.reach(TableSight((piece("pawn", x, y),), HOME), start, piece("pawn", x, y))
+        program, _ = person.reach(TableView((piece("pawn", x, y),), HOME), start, piece("pawn", x, y))
         poses = [HandPose(*program.at(float(t)).position.tolist()) for t in np.arange(0.0, program.duration, 0.02)]
         assert sight.arm_room(*poses) > 0.0, place
         assert max(abs(x), abs(y)) < REACH
@@ -109,7 +109,7 @@ def test_a_piece_is_carried_above_what_is_in_its_way_and_no_higher() -> None:
     start = HandPose(0.0, 0.0, 0.03, 0.0, 0.002)
 
     def highest(*others: SeenPiece) -> float:
-        sight = TableSight((*others, piece("pawn", 0.0, 0.0)), np.array([0.0, 0.0, 1.0]))
+        sight = TableView((*others, piece("pawn", 0.0, 0.0)), np.array([0.0, 0.0, 1.0]))
         program = WHITE.place(sight, start, held, 0.0, 0.12, 0.0)
         return max(float(program.at(t).position[2]) for t in np.arange(0.0, program.duration, 0.01)) - held.below
 
@@ -120,7 +120,7 @@ def test_a_piece_is_carried_above_what_is_in_its_way_and_no_higher() -> None:
 
 
 def test_a_hand_in_the_robots_tool_is_seen_to_be() -> None:
-    sight = TableSight((), HOME)
+    sight = TableView((), HOME)
     assert sight.arm_room(HandPose(0.0, -0.075, 0.12, 0.0, 0.01)) < 0.0
     assert sight.arm_room(HandPose(0.0, -0.075, 0.02, 1.2, 0.01)) > 0.0
     assert sight.arm_room(START) > 0.05

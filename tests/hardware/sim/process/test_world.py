@@ -28,7 +28,7 @@ from hardware.sim.clients.referee import SimReferee
 from hardware.sim.plant.live_state import LIVE_FILE, load_live_state
 from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.snapshot import STATE_FILE
-from hardware.sim.process.pacing import CATCH_UP, Metronome
+from hardware.sim.process.pacing import CATCH_UP, Pacer
 from hardware.sim.process.server import serve
 from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings, load_settings, stand_pieces
 from hardware.sim.render.renderer import HEIGHT, WIDTH
@@ -672,7 +672,7 @@ def test_in_pace_real_frames_come_when_they_are_due_or_drawn(real: WorldProcess,
 
 
 def test_a_delay_is_made_up_for_tick_by_tick_and_a_long_one_is_not() -> None:
-    metronome = Metronome(0.001)
+    metronome = Pacer(0.001)
     due, latest = metronome.next(0.0)
     start = due
     assert latest == pytest.approx(due)

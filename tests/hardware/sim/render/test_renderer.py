@@ -20,7 +20,7 @@ from hardware.sim.bodies.scene import CAMERAS, build_model
 from hardware.sim.process.construction import Construction
 from hardware.sim.process.randomisation import Randomisation
 from hardware.sim.process.settings import stand_pieces
-from hardware.sim.render.appearance import CameraSettings, ExposureSettings, LightSettings, Looks, MountSettings
+from hardware.sim.render.appearance import CameraSettings, ExposureSettings, LightSettings, MountSettings, SceneState
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
 from hardware.sim.render.drawing import draw_rods
 from hardware.sim.render.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, RenderRequest, Sensor, frame_path, make_slot
@@ -62,7 +62,7 @@ class Studio:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Colour (h, w, 3) and depth (480, 848) [m]."""
         sensor = Sensor(camera=camera, seed=seed, tick=tick, depth=depth, colour=colour)
-        shot = RenderRequest(slot=0, view="camera", looks=Looks(**looks), sensor=sensor)
+        shot = RenderRequest(slot=0, view="camera", looks=SceneState(**looks), sensor=sensor)
         self.renderer.request(shot, self._positions)
         self.renderer.take(wait=True)
         shape = (camera.height, camera.width, 3)

@@ -9,7 +9,7 @@ import pytest
 
 from hardware.sim.process import video_stream as watchers
 from hardware.sim.process.connections import Visitor
-from hardware.sim.process.video_stream import Watcher
+from hardware.sim.process.video_stream import StreamClient
 
 
 class Person:
@@ -26,12 +26,16 @@ class Person:
         self.dismissed = True
 
 
-def watcher(every: int = 10, latency: int = 18, slots: int = 4) -> tuple[Watcher, Person]:
+def watcher(every: int = 10, latency: int = 18, slots: int = 4) -> tuple[StreamClient, Person]:
     person = Person()
-    return Watcher(cast("Visitor", person), "camera", True, every, latency, list(range(slots)), exposes=every), person
+    return StreamClient(
+        cast("Visitor", person), "camera", True, every, latency, list(range(slots)), exposes=every
+    ), person
 
 
-def run(one: Watcher, ticks: int, taker: Callable[[int], None], listen: Callable[[float], None] | None) -> list[int]:
+def run(
+    one: StreamClient, ticks: int, taker: Callable[[int], None], listen: Callable[[float], None] | None
+) -> list[int]:
     """Ticks at which plant time had to wait."""
     waited = []
     for tick in range(1, ticks):

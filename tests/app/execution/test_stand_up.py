@@ -15,25 +15,25 @@ from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, Place, TableSettings
-from vision.pieces.pose_search import Stray
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.poses import Pose
 
 TABLE = TableSettings()
 INVENTORY = Inventory.of(start_layout(chess.Board("4k3/8/8/8/3P4/4N3/8/4K3 w - - 0 1"), TABLE), TABLE)
 
 
-def stray(square: str, at: str, yaw: float | None, off: tuple[float, float] = (0.0, 0.0)) -> Stray:
+def stray(square: str, at: str, yaw: float | None, off: tuple[float, float] = (0.0, 0.0)) -> MisplacedPiece:
     """The piece of a square, seen elsewhere."""
     piece = INVENTORY.at(Place.parse(square))
     assert piece is not None
     x, y = TABLE.xy(Place.parse(at))
-    return Stray(piece, piece.place, Pose(x + off[0], y + off[1], yaw))
+    return MisplacedPiece(piece, piece.place, Pose(x + off[0], y + off[1], yaw))
 
 
-def way(blocks: str, *strays: Stray) -> tuple[Transfer, Plan]:
+def way(blocks: str, *misplaced: MisplacedPiece) -> tuple[Transfer, Plan]:
     home = np.array(MotionSettings().home)
     return plan_making_way(
-        Planner.of(MotionSettings(), load_parameters(), INVENTORY.table, home, 0.02), blocks, strays, INVENTORY
+        Planner.of(MotionSettings(), load_parameters(), INVENTORY.table, home, 0.02), blocks, misplaced, INVENTORY
     )
 
 
@@ -81,7 +81,7 @@ def test_over_something_that_lies_beside_it_a_piece_is_taken_higher() -> None:
     assert king is not None
     assert bishop is not None
     x, y = TABLE.xy(bishop.place)
-    lies = Stray(king, king.place, Pose(x + 0.022, y, 0.0))
+    lies = MisplacedPiece(king, king.place, Pose(x + 0.022, y, 0.0))
     home = np.array(MotionSettings().home)
     transfer, plan = plan_making_way(
         Planner.of(MotionSettings(), load_parameters(), inventory.table, home, 0.02), bishop.name, [lies], inventory
