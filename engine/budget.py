@@ -53,10 +53,7 @@ def stop_after(limit: chess.engine.Limit, turn: chess.Color) -> float | None:
 def give_up_after(limit: chess.engine.Limit, turn: chess.Color, deadline: float) -> float:
     """When a search that still runs has hung [s].
 
-    Args:
-        limit: of the search.
-        turn: of the side to move.
-        deadline: in all where the limit names no time; where it does, at most so much beyond it [s].
+    The deadline is in all where the limit names no time; where it does, at most so much beyond it [s].
     """
     stopped = stop_after(limit, turn)
     if stopped is None:

@@ -158,10 +158,7 @@ class Game:
 
 
 def require_empty_fingers(felt: float) -> None:
-    """Before a game begins.
-
-    Args:
-        felt: by both pads [N].
+    """Before a game begins: ``felt`` by both pads [N].
 
     Raises:
         UserError: something is between them.

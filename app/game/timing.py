@@ -122,12 +122,7 @@ class Timing:
 
 
 def clock_of(clock: ChessClock | None, plies: Sequence[PlyEvent]) -> ChessClock | None:
-    """The clock of a game that goes on, from what it showed after each ply.
-
-    Args:
-        clock: as it was at the beginning.
-        plies: that were played and count.
-    """
+    """The clock of a game that goes on: as it was at the beginning, with the plies that were played and count."""
     if clock is None:
         return None
     left = {Colour.WHITE: clock.white_left, Colour.BLACK: clock.black_left}

@@ -63,10 +63,7 @@ class GameGuard:
         """Each time the arm was asked to hold, until the board was looked for last."""
 
     def look(self, view: BoardView) -> None:
-        """From now on the board is there.
-
-        Args:
-            view: of the board's camera.
+        """From now on the board is where this view of its camera has it.
 
         Raises:
             HardwareError: the camera cannot be read.

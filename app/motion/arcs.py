@@ -223,13 +223,9 @@ def _crest(share: FloatArray, heights: FloatArray) -> tuple[float, float]:
 def _corner(at: Vector, needed: Vector, upright: float, height: float, slope: float, most: float) -> float:
     """How far before its point a corner may begin, between an upright line of a length and a line over the board [m].
 
-    Args:
-        at: ways over the board from the corner's point, rising, (n,) [m]; it may take half of them.
-        needed: heights the tool needs there, (n,) [m].
-        upright: length of the upright line [m].
-        height: of the corner's point [m].
-        slope: of the line over the board, upwards positive.
-        most: the answer is not larger [m].
+    ``at`` are ways over the board from the corner's point, rising, (n,) [m], of which it may take half, ``needed`` the
+    heights of the tool there; ``slope`` of the line over the board is positive upwards, and the answer is at most
+    ``most``.
     """
     along = math.hypot(1.0, slope)
     largest = min(most, upright - _VERTICAL, 0.97 * 0.5 * float(at[-1]) * along)

@@ -60,14 +60,10 @@ def sampled_motion(cell: Workcell, label: str, way: Vector, start: Vector, resti
 
 
 def loosened(cell: Workcell, start: Vector, tool: Vector) -> Motion:
-    """Up from what holds the tool up: the reference, which is below the tool, comes to it before the arm moves off.
+    """Up from what holds the tool up: the reference comes to the tool before the arm moves off, both base frame (3,)
+    [m].
 
     As soft in height as at a touch, slowly, and nowhere but up.
-
-    Args:
-        cell: what is moved.
-        start: the arm's present reference, base frame (3,) [m].
-        tool: where the tool is held, base frame (3,) [m].
     """
     share = eased(math.ceil(_LOOSENING / cell.tick), cell.tick)
     up = np.array([0.0, 0.0, min(0.0, float(tool[2] - start[2]))])  # z₃ points down

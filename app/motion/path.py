@@ -112,12 +112,10 @@ def clothoid(sharpness: Vector, way: Vector) -> tuple[Vector, Vector]:
 
 
 def blend(points: Vector, tangents: Vector) -> Path:
-    """A path along a polygon with blended corners.
+    """A path along a polygon (n, 3) [m] with blended corners; no two points that follow each other coincide.
 
-    Args:
-        points: corners of the polygon, (n, 3) [m]; no two that follow each other coincide.
-        tangents: how far before each inner point its corner begins, (n - 2,) [m]; unused where the polygon hardly
-            turns. On each line there must be room for both of its ends.
+    ``tangents`` say how far before each inner point its corner begins, (n - 2,) [m]; they are unused where the polygon
+    hardly turns. On each line there must be room for both of its ends.
 
     Raises:
         ValueError: two corners overlap, or one that turns has no room.

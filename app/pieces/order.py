@@ -78,8 +78,7 @@ def rearrange(
 def rings_of(ways: Mapping[str, tuple[Place, Place]]) -> list[list[str]]:
     """Names of pieces that wait for each other in a ring: each for the next one, the last for the first.
 
-    Args:
-        ways: source and target of each piece that moves.
+    ``ways`` are source and target of each piece that moves.
     """
     standing = {source: name for name, (source, _) in ways.items()}
     rings, met = list[list[str]](), set[str]()

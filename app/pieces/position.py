@@ -84,11 +84,7 @@ class PlacesMissing(UserError):
 
 
 def set_up(now: Inventory, board: chess.BaseBoard) -> tuple[Transfer, ...]:
-    """Plan the transfers that put a position on the board.
-
-    Args:
-        now: what stands where.
-        board: any position, also one that no game leads to.
+    """Plan the transfers that put any position on the board, also one that no game leads to.
 
     Raises:
         PiecesMissing: a piece that the position needs is neither on the board nor in a tray.

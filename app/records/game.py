@@ -99,13 +99,7 @@ class GameRecord:
 
     @classmethod
     def go_on(cls, folder: Path, history: History, *, now: Callable[[], datetime] = utc_now) -> GameRecord:
-        """Go on with a record that was broken off.
-
-        Args:
-            folder: of the record.
-            history: as read from it.
-            now: wall time, for tests.
-        """
+        """Go on with a record that was broken off, by its history; ``now`` is the wall time, for tests."""
         log = LineLog(folder / EVENTS_FILE, go_on=True)
         try:
             moves = [_pgn_move(event) for event in history.plies]
@@ -183,13 +177,7 @@ class GameRecord:
         )
 
     def task_done(self, stands: Inventory, outcome: PlyOutcome, plant_time: float) -> None:
-        """Record that the task begun last was done, or that what was found was put right.
-
-        Args:
-            stands: what stands where now.
-            outcome: what is known of it.
-            plant_time: [s].
-        """
+        """Record that the task begun last was done, or that what was found was put right; and what stands where now."""
         taken_back = self._state.taken_back
         self._add(
             TaskDoneEvent, plant_time, ply=self._plies() - taken_back, real_s=outcome.real,

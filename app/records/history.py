@@ -153,12 +153,7 @@ def persons_side(events: Iterable[AnyEvent]) -> Colour | None:
 
 
 def read_history(path: Path, table: TableSettings, said: Callable[[str], None] = unsaid) -> History:
-    """Read ``events.jsonl`` of a game that was played on this table.
-
-    Args:
-        path: of the file.
-        table: on which the game was played.
-        said: told in a sentence what was left out at the end.
+    """Read ``events.jsonl`` of a game that was played on this table; ``said`` is told what was left out at the end.
 
     Raises:
         RecordError: the file cannot be read, does not begin with a start, or contradicts itself.

@@ -61,11 +61,7 @@ class TelemetryRecorder:
     """Writes telemetry in a thread of its own. Use as a context manager, or call ``close``."""
 
     def __init__(self, path: Path, period: float) -> None:
-        """Begin a file.
-
-        Args:
-            path: of the file; it must not exist.
-            period: length of a tick [s].
+        """Begin a file, which must not exist; ``period`` is the length of a tick [s].
 
         Raises:
             RecordError: the file cannot be made, or there is one already.

@@ -44,14 +44,10 @@ class Orientation:
 
 
 def orient(colour: NDArray[np.uint8], corners: ArrayLike, placement: chess.BaseBoard | None = None) -> Orientation:
-    """Turn the corners of a board until its pieces stand where they should.
+    """Turn the outer corners of a board, counter-clockwise (4, 2) [px], until its pieces stand where they should.
 
-    All four turns are tried: people do lay boards with a light a1.
-
-    Args:
-        colour: RGB, shape (h, w, 3).
-        corners: outer corners counter-clockwise from any on, shape (4, 2) [px].
-        placement: what stands on the board; the start position if None.
+    All four turns are tried: people do lay boards with a light a1. ``placement`` is what stands on the board; None: the
+    start position.
     """
     given = np.asarray(corners, dtype=float)
     board = chess.BaseBoard() if placement is None else placement

@@ -119,13 +119,8 @@ class BoardView:
         return np.asarray(points, dtype=float) @ rotation.T + shift
 
     def project(self, points: ArrayLike) -> Array:
-        """Where points of the board frame are in the picture, also where they lie outside of it.
-
-        Args:
-            points: shape (..., 3) [m].
-
-        Returns:
-            Shape (..., 2) [px].
+        """Where points (..., 3) [m] of the board frame are in the picture, (..., 2) [px], also where they lie outside
+        of it.
 
         Raises:
             ValueError: a point lies behind the camera and has no picture.

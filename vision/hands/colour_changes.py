@@ -86,12 +86,9 @@ class Differences:
         return self._background is not None
 
     def look(self, small: Picture, hidden: Mask | None, *, reaching: bool = True) -> ColourObservation:
-        """Take a picture in.
+        """Take a picture in; ``hidden`` is where something known, such as the arm, is before the table.
 
-        Args:
-            small: the picture.
-            hidden: where something known, such as the arm, is before the table.
-            reaching: whether to look for what reaches in; else only for motion.
+        Without ``reaching`` only motion is looked for, and not what reaches in.
         """
         moving = self._motion(small, hidden)
         if self._background is None or not reaching:
@@ -103,14 +100,10 @@ class Differences:
         return ColourObservation(moving, area, over)
 
     def learn(self, small: Picture, hidden: Mask | None, *, moved: bool) -> None:
-        """A picture of the settled board: what is seen in it is the background from now on.
+        """A picture of the settled board, as looked at last: what is seen in it is the background from now on.
 
-        What touches the rim and differs is not learned: it may be the tip of a hand that comes.
-
-        Args:
-            small: the picture that was looked at last.
-            hidden: as then.
-            moved: pieces may have been moved since it was learned last; else the background changes by and by.
+        What touches the rim and differs is not learned: it may be the tip of a hand that comes. ``moved``: pieces may
+        have been moved since it was learned last; else the background changes by and by.
         """
         seen = ~self._entering if hidden is None else ~(self._entering | hidden)
         if self._background is None:
@@ -162,12 +155,8 @@ class Differences:
 
 
 def gain_between(now: Picture, before: Picture, where: Mask) -> float:
-    """By how much a picture is brighter than another as a whole: the median of the ratio, 1 where none can be told.
-
-    Args:
-        now: the picture.
-        before: the other one.
-        where: pixels that count.
+    """By how much one picture is brighter than another as a whole, over the pixels that count: the median of the ratio,
+    1 where none can be told.
     """
     few = where[::_SPARSE, ::_SPARSE]
     a = now[::_SPARSE, ::_SPARSE, 1][few].astype(np.float32)
@@ -191,13 +180,7 @@ def moved(now: Picture, before: Picture, where: Mask) -> Mask:
 
 
 def differs(now: Picture, background: Picture, where: Mask) -> Mask:
-    """Pixels that show another surface than the background, whatever light falls on it.
-
-    Args:
-        now: the picture.
-        background: the settled board.
-        where: pixels that count.
-    """
+    """Pixels, of those that count, that show another surface than the settled board, whatever light falls on it."""
     gain = gain_between(now, background, where)
     found = np.zeros(where.shape, dtype=np.bool_)
     lit = background if abs(gain - 1.0) < 0.02 else cv2.convertScaleAbs(background, alpha=gain)

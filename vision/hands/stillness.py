@@ -168,12 +168,7 @@ class ColourWatch:
         self._size: tuple[int, ...] = ()
 
     def update(self, colour: Picture, stamp: float, hidden: Mask | None = None) -> Seen:
-        """Take a frame in; see ``Watch.update``.
-
-        Args:
-            colour: RGB, shape (h, w, 3).
-            stamp: of its exposure [s].
-            hidden: where something known is before the table, shape (h, w).
+        """Take a frame in, RGB (h, w, 3), exposed at a stamp [s]; see ``Watch.update``.
 
         Raises:
             ValueError: frames come in another order or size, or the corners are no board.
@@ -221,11 +216,7 @@ class VideoGate:
         self._told = False
 
     def update(self, colour: NDArray[np.uint8], stamp: float) -> SettledView | None:
-        """Take a frame in.
-
-        Args:
-            colour: RGB, shape (h, w, 3), all of one size.
-            stamp: its time, later than those before [s].
+        """Take a frame in, RGB (h, w, 3), all of one size, with a stamp later than those before [s].
 
         Returns:
             The frame if the board is settled from here on; None otherwise, and while it stays settled.

@@ -137,10 +137,8 @@ class Fit:
     def _learn(self, seen: Silhouettes, margin: int, inner: int) -> None:
         """Colours of the two sides and of the ground, from the outlines as they are believed to lie.
 
-        Args:
-            seen: those outlines.
-            margin: so near to them nothing is learnt about the ground [px].
-            inner: so near to their edges nothing is learnt about pieces [px].
+        Nothing is learnt about the ground within ``margin`` of them, nor about pieces within ``inner`` of their edges
+        [px].
         """
         self.owner = labels(seen, self.part.ground.shape)
         taken = (self.owner > 0).astype(np.uint8)

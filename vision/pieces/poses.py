@@ -138,14 +138,8 @@ class Drawn(NamedTuple):
 
 
 def drawn(kind: Kind, pose: Pose, view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> Drawn:
-    """A piece's silhouette in a part of a picture.
-
-    Args:
-        kind: of piece.
-        pose: of it.
-        view: of the board.
-        shape: height and width of the part [px].
-        origin: column and row of the whole picture at which the part begins [px].
+    """A piece's silhouette in a part of a picture, of a height and width, that begins at a column and row of the whole
+    one [px].
     """
     start, axes = _axes(kind, pose)
     rings, round_ = _rings(kind), _CIRCLE @ axes[:2]

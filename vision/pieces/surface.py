@@ -49,11 +49,7 @@ class Surface:
 
 @lru_cache(maxsize=4)
 def surface(view: BoardView, around: tuple[float, float] = (0.0, 0.0)) -> Surface:
-    """Of a view.
-
-    Args:
-        view: of the board.
-        around: so far beyond the board things are looked at, along x and along y [m].
+    """Of a view; things are looked at so far beyond the board along x and along y [m].
 
     Raises:
         ValueError: the board is not in the picture.

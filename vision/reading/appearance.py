@@ -43,12 +43,10 @@ class Appearance:
         self._shades = (_Normal(size), _Normal(size))
 
     def learn(self, descriptions: list[Array], states: States, memory: float = MEMORY) -> None:
-        """Take in a position that is known.
+        """Take in a position whose states (64,) are known, by descriptions of one sight, each (64, n): in place, and
+        shifted.
 
-        Args:
-            descriptions: of one sight, each of shape (64, n): in place, and shifted.
-            states: of the squares, shape (64,).
-            memory: share of earlier positions that is kept.
+        ``memory`` is the share of earlier positions that is kept.
         """
         for shade, of_shade in enumerate((~_LIGHT_SQUARES, _LIGHT_SQUARES)):
             self._shades[shade].fade(memory)

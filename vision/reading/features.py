@@ -82,10 +82,7 @@ def exposure_step(light: Light, reference: Light) -> Array:
 def describe(light: Light, shift: tuple[int, int] = (0, 0)) -> Array:
     """What each square looks like: shape (64, n), row 0 is a1, row 63 is h8.
 
-    Args:
-        light: of the sight.
-        shift: columns and rows [px] by which the squares are taken off their places, to learn how it looks when a
-            piece does not stand in the middle.
+    Squares are taken off their places by columns and rows [px], to learn how it looks when a piece is off the middle.
     """
     start = MARGIN * SQUARE_PX
     rows = slice(start + shift[1], start + shift[1] + 8 * SQUARE_PX)
@@ -109,11 +106,10 @@ def by_square(picture: Field, count: int) -> Field:
 
 
 def change_measures(light: Light, reference: Light) -> Array:
-    """Change of colour and of gradients, each relative to the board's median and as it is: shape (64, 4).
+    """Change of colour and of gradients from a reference, each relative to the board's median and as it is: shape
+    (64, 4).
 
-    Args:
-        light: of the sight, as if it had the exposure of the reference.
-        reference: of the earlier one.
+    ``light`` is as if it had the exposure of the reference.
     """
     edge = round(0.5 * (1.0 - MIDDLE) * SQUARE_PX)
     colour, moved, size = changes(

@@ -105,15 +105,9 @@ class Observer:
 
 
 def likelihood_by_others(sight: RectifiedView, codes: Codes, doubted: Collection[int]) -> NDArray[np.float64]:
-    """What squares of one picture look like, by what is known to stand on the other ones.
+    """What squares of one picture look like, as ``Appearance.likelihood``, by what is known to stand on the other ones.
 
-    Args:
-        sight: the picture.
-        codes: the position; on the doubted squares it may be anything.
-        doubted: squares from which nothing is learnt.
-
-    Returns:
-        As ``Appearance.likelihood``, shape (64, 3).
+    On the doubted squares the position may be anything, and nothing is learnt from them.
     """
     light = light_of(sight.plan)
     states = states_of(codes).copy()

@@ -53,12 +53,7 @@ class RectifiedView:
 
 
 def sight_of_picture(colour: Picture, corners: ArrayLike, stamp: float = 0.0) -> RectifiedView:
-    """The board in a picture of which only its corners are known.
-
-    Args:
-        colour: RGB, shape (h, w, 3).
-        corners: outer corners of the playing area a1, h1, h8, a8, shape (4, 2) [px].
-        stamp: of exposure [s].
+    """The board in a picture, RGB (h, w, 3), of which only its outer corners a1, h1, h8, a8 are known, (4, 2) [px].
 
     Raises:
         BoardNotFound: the points are no corners of a board.

@@ -53,9 +53,7 @@ COUNTED: Final = 12
 def room_of(depth: Field, view: BoardView) -> Array:
     """How likely a piece on each square would have gone unseen, by where pieces are put: shape (64,), 0 to 1.
 
-    Args:
-        depth: of a frame, shape (height, width) [m]; 0 where nothing was measured.
-        view: of the board in it.
+    In depth, (height, width) [m], 0 is where nothing was measured.
     """
     pixels, away, usual = _trials(view)
     seen = depth.ravel().take(pixels) > away
@@ -99,10 +97,8 @@ def _points_within(kind: Kind, view: BoardView) -> Array:
 def hidden_by(label: NDArray[np.uint8], view: BoardView) -> NDArray[np.bool_]:
     """Where the picture of a square's surface shows what stands elsewhere: shape (64, CELLS²).
 
-    Args:
-        label: for each pixel of a frame, 0 where it shows the board or nothing is known, 1 to 64 where it shows what
-            stands on the square a1 to h8, more where it shows anything else; shape (height, width).
-        view: of the board in it.
+    The label of a pixel is 0 where it shows the board or nothing is known, 1 to 64 where it shows what stands on the
+    square a1 to h8, more where it shows anything else; shape (height, width).
     """
     seen = label.ravel().take(_cells(view))
     other: NDArray[np.bool_] = (seen > 0) & (seen != np.arange(1, 65)[:, None])
@@ -127,10 +123,7 @@ def _middles() -> Array:
 
 
 def cover(camera: Array) -> Array:
-    """Share of each square's middle that a piece on another one covers in the plan.
-
-    Args:
-        camera: the pinhole, plan frame, shape (3,) [squares].
+    """Share of each square's middle that a piece on another one covers in the plan, seen from a pinhole (3,) [squares].
 
     Returns:
         Shape (64, 64), read-only: row the square with the piece, column the covered square. The diagonal is 1.

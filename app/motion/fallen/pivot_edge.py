@@ -89,12 +89,7 @@ def pivot_of(shape: PieceShape, how: PivotSettings) -> PivotEdge:
 
 
 def reach(pads: Pads, direction: Vector) -> float:
-    """How far the closed fingers reach from the tool's centre towards a direction of the board [m].
-
-    Args:
-        pads: of the fingers.
-        direction: unit vector (2,).
-    """
+    """How far the closed fingers reach from the tool's centre towards a direction, unit vector (2,) of the board [m]."""
     depth = pads.half_width * math.tan(pads.groove_angle)
     face = math.hypot(depth, pads.half_width)
     behind = pads.back / face * np.array([pads.half_width, depth])
@@ -114,14 +109,9 @@ def sweep(pivot: PivotEdge, how: PivotSettings) -> list[tuple[float, float]]:
 
 
 def circle(pivot: PivotEdge, how: PivotSettings, stiffness: float, ticks: int, tick: float) -> Vector:
-    """The way round the rim, from rest to rest: the fingers' inner lower edge in frame ``over``.
+    """The way round the rim, from rest to rest in some ticks: the fingers' inner lower edge in frame ``over``.
 
-    Args:
-        pivot: of the piece.
-        how: to go.
-        stiffness: of the tool's height [N/m].
-        ticks: that it takes.
-        tick: [s].
+    ``stiffness`` is that of the tool's height [N/m].
 
     Returns:
         Outwards and up, each with velocity and acceleration, at 1, 2, … ticks: (ticks, 2, 3) [m, m/s, m/s²]. Heights

@@ -75,13 +75,13 @@ def find_nudge(
     names: tuple[str, ...], scene: LoosePieces, kept: frozenset[str], helps: Callable[[LoosePieces], bool], pads: Pads,
     table: TableSettings,
 ) -> Nudge | None:  # fmt: skip
-    """The least push that helps, if there is one.
+    """The least push of one of the named pieces that helps, if there is one.
 
     Args:
         names: of pieces that may be pushed.
         scene: all pieces on the table, where they are.
-        kept: those that stand where they should.
-        helps: whether a scene is one in which the arm can go on.
+        kept: names of those that stand where they should.
+        helps: whether the arm can go on in a scene.
         pads: of the fingers.
         table: board and trays.
     """
@@ -107,12 +107,7 @@ def find_nudge(
 
 
 def plan_nudge(planner: Planner, nudge: Nudge, scene: LoosePieces) -> Plan:
-    """Over to the piece, the push, and home.
-
-    Args:
-        planner: of the arm.
-        nudge: the push.
-        scene: all pieces on the table, where they are.
+    """Over to the piece, the push, and home; ``scene`` has all pieces on the table where they are.
 
     Raises:
         PlanRefused: it leads out of the workspace.

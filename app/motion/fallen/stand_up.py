@@ -46,14 +46,8 @@ def plan_upright(
     planner: Planner, lying: Lying, standing: Iterable[Obstacle], others_lying: Iterable[Lying],
     how: PivotSettings = _USUAL,
 ) -> StandUpPlan:  # fmt: skip
-    """Stand a piece up where it lies, and go home.
-
-    Args:
-        planner: of the arm.
-        lying: the piece.
-        standing: all pieces that stand, each where it stands.
-        others_lying: other pieces that lie.
-        how: to press and to go.
+    """Stand a piece up where it lies, and go home; all pieces that stand, and others that lie, are given where they
+    are.
 
     Raises:
         InTheWay: a piece is where the fingers or the foot have to go.

@@ -62,13 +62,7 @@ def along(path: Path, law: TimeLaw, tick: float) -> Segment:
 
 
 def line(start: Vector, end: Vector, bounds: Bounds, tick: float) -> Segment:
-    """From rest to rest along a straight line, as quickly as the bounds allow.
-
-    Args:
-        start: point (3,) [m].
-        end: point (3,) [m].
-        bounds: speed along the line, acceleration and jerk of each axis.
-        tick: sampling period [s].
+    """From rest to rest along a straight line between two points (3,) [m], as quickly as the bounds of each axis allow.
 
     Returns:
         Samples at tick, 2·tick, …; the last one is at rest exactly at ``end``. Empty when start and end coincide.
@@ -120,12 +114,8 @@ _GROUPS = np.dtype({
 
 
 def to_samples(path: Segment, gains: Vector, finger_velocity: Vector) -> NDArray[Any]:
-    """Samples for the wire.
-
-    Args:
-        path: n rows.
-        gains: k_p [1/s²] and k_v [1/s] of each axis, (n, 6).
-        finger_velocity: (n,), positive opening [m/s].
+    """Samples for the wire: of n rows, k_p [1/s²] and k_v [1/s] of each axis, (n, 6), and the fingers' velocity,
+    positive opening, (n,) [m/s].
     """
     samples = np.zeros(len(path), dtype=SAMPLE)
     groups = samples.view(_GROUPS)

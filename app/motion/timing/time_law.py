@@ -129,14 +129,8 @@ class TimeLaw:
 def time_law(path: Path, bounds: Sequence[Bounds], law: Law = Law.TIME_OPTIMAL, end_speed: float = 0.0) -> TimeLaw:
     """The law along a smooth path, from rest to rest or to a speed at which the path goes on straight.
 
-    Args:
-        path: smooth.
-        bounds: of each line of its polygon; a corner obeys those of both its lines.
-        law: which.
-        end_speed: reached without acceleration at the path's end [m/s]; not with the quintic law.
-
-    Returns:
-        A law that obeys all bounds everywhere.
+    It obeys the bounds of each line of the path's polygon everywhere; a corner obeys those of both its lines.
+    ``end_speed`` is reached without acceleration [m/s]; not with the quintic law.
     """
     table = _of_pieces(path, bounds)
     if law is Law.MINIMUM_JERK:
