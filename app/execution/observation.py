@@ -169,10 +169,7 @@ class GameObserver:
         return None if self._last is None else Clearance(self._arrivals)
 
     def verify(self, stands: Inventory) -> Verification:
-        """Whether the board is as it should be, in a new frame.
-
-        Args:
-            stands: what should stand where.
+        """Whether the board is as it should be, in a new frame; ``stands`` says what should stand where.
 
         Raises:
             CannotSee: the board is not in the picture.
@@ -218,18 +215,13 @@ class GameObserver:
     def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
         """Where pieces stand in the newest frame, board frame (x, y) [m], by square; those alone that can be seen.
 
-        Args:
-            believed: what stands where.
+        ``believed`` says what stands where.
         """
         centres = piece_centres(self.last, self.view, on_board(believed))
         return {square: (one.x, one.y) for square, one in centres.items() if one.upright}
 
     def misplaced(self, stands: Inventory) -> list[MisplacedPiece]:
-        """Pieces that lie, or stand elsewhere, in the newest frame; on the board and beside it.
-
-        Args:
-            stands: what should stand where.
-        """
+        """Pieces that lie, or stand elsewhere than they should, in the newest frame; on the board and beside it."""
         # of several alike, what is found is rather the one that is missing on the board
         rows = sorted(stands, key=lambda piece: not piece.place.on_board)
         expected = {piece.place: piece for piece in rows if not piece.place.in_box}
@@ -264,8 +256,7 @@ class GameObserver:
     def answered(self, reply: AwaitedReply) -> bool:
         """Whether the newest frame shows that somebody has made the next move already, or has begun to.
 
-        Args:
-            reply: the position that it follows is known from now on, if a hand can have made it.
+        The position that it follows is known from now on, if a hand can have made it.
         """
         if not reply.possible(self._guard):
             return False
@@ -289,11 +280,8 @@ class GameObserver:
         return True
 
     def confirm(self, board: chess.Board, look: Observation | None = None) -> None:
-        """The position is known: by the rules, a person, or since the arm has made it.
-
-        Args:
-            board: the position.
-            look: that shows it; None: the newest frame does.
+        """The position is known: by the rules, a person, or since the arm has made it; shown by a look, or the newest
+        frame.
         """
         if look is None:
             look = self._known.look(sight_of_frame(self.last, self.view))

@@ -1,7 +1,8 @@
 """Setting right what does not stand where it should: from what the camera finds to a plan of the arm; pure functions.
 
 One look, one plan: a piece that lies is stood up where it lies, one that stands elsewhere is carried to its place.
-Then look again. Pieces that lie come first, so that none is in the way of a carried one.
+Then look again. Pieces that lie come first, so that none is in the way of a carried one. The inventories say what
+should stand where, with all misplaced pieces at some place.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from app.motion.plan import Plan, PlanRefused
 from app.motion.planner import Planner, fits_around
 from app.pieces.inventory import Inventory, Transfer
 from hardware.parameters import RobotParameters
-from hardware.table import PIECE_SHAPES, Kind, square_place
+from hardware.table import PIECE_SHAPES, Kind
 from vision.pieces.pose_search import MisplacedPiece
 
 _CLEAR: Final = 0.11
@@ -90,12 +91,6 @@ def plan_stand_up(
 ) -> Plan:
     """Stand a piece up where it lies, or carry it from where it stands to its place; then home.
 
-    Args:
-        planner: of the arm.
-        one: the piece.
-        others: all other misplaced pieces.
-        inventory: what should stand where, with all misplaced pieces at some place.
-
     Raises:
         PlanRefused: something is in the way; of a piece that lies, ``InTheWay`` says which piece.
     """
@@ -118,13 +113,8 @@ def plan_making_way(
 ) -> tuple[Transfer, Plan]:
     """Carry a piece that stands in the way to a free place; once all is right it has to be carried back.
 
-    One that itself is where it should not be goes where it belongs, if that is clear of what lies about.
-
-    Args:
-        planner: of the arm.
-        blocks: name of the piece, as ``InTheWay`` has it.
-        misplaced: all misplaced pieces; the piece goes where it is clear of them.
-        inventory: what should stand where, with all misplaced pieces at some place.
+    ``blocks`` is its name, as ``InTheWay`` has it. It goes where it is clear of all misplaced pieces; one that itself
+    is where it should not be goes where it belongs, if that is clear of what lies about.
 
     Returns:
         Where it goes, for the inventory, and the plan.
@@ -141,9 +131,8 @@ def plan_making_way(
     gone = {stray.piece.name for stray in misplaced}
     targets = {stray.target for stray in misplaced}
     rest = Inventory.of([one for one in inventory if one.name not in gone], table)
-    places = (*map(square_place, range(64)), *table.tray_places())
     free = [
-        place for place in places
+        place for place in inventory.places()
         if inventory.at(place) is None and place not in targets and _clear_of(table.xy(place), misplaced)
     ]  # fmt: skip
     # squares first: the camera sees whether it has come there
@@ -166,12 +155,6 @@ def plan_pushing(
     planner: Planner, blocked: Sequence[Blocked], misplaced: Sequence[MisplacedPiece], inventory: Inventory
 ) -> tuple[Nudge, Plan]:
     """Push one of two pieces aside that are in each other's way, so that one of them can be taken or stood up.
-
-    Args:
-        planner: of the arm.
-        blocked: which cannot be, and by what.
-        misplaced: all misplaced pieces.
-        inventory: what should stand where, with all misplaced pieces at some place.
 
     Returns:
         The push, and the plan; where the piece comes to rest, a look must tell.

@@ -219,10 +219,6 @@ class ChessClock(FrozenFinite):
         """Moves that a side has made by this clock."""
         return sum(move.white == colour for move in self.moves)
 
-    def clk(self, ply: int) -> float:
-        """PGN's ``%clk`` after a ply, counted from 0: what its side had left, never below zero [s]."""
-        return max(0.0, self.moves[ply].after)
-
     # ----------------------------------------------------------------------------------------------------------- parts
 
     def _made(self) -> Self:

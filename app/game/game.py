@@ -7,8 +7,7 @@ import time
 import chess
 
 from app import UserError
-from app.execution.outcome import Remark
-from app.execution.state import WRONG, GameEnd
+from app.execution.state import WRONG, GameEnd, Remark
 from app.execution.table import Table
 from app.game.human_turn import HumanTurn
 from app.game.person import GameLeft

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
-from app.execution.outcome import Remark
-from app.execution.state import LEFT, WRONG, GameEnd
+from app.execution.state import LEFT, WRONG, GameEnd, Remark
 from app.execution.table import Table
 from app.game.person import GameLeft, HandNotice, NeedsHand, ask
 from app.game.timing import Timing

@@ -160,6 +160,5 @@ def _castled(board: chess.Board, move: chess.Move) -> tuple[Place, Place]:
 
 def _detour(inventory: Inventory, source: Place, target: Place) -> Place:
     """The free place, square or tray, with the shortest way from source to target over it."""
-    places = (*map(square_place, chess.SQUARES), *inventory.table.tray_places())
-    free = [place for place in places if inventory.at(place) is None]
+    free = [place for place in inventory.places() if inventory.at(place) is None]
     return min(free, key=lambda place: (inventory.travel(source, place) + inventory.travel(place, target), place))

@@ -130,7 +130,7 @@ def summarise(
     except ValueError as error:
         raise RecordError(f"the events contradict themselves: {error}") from error
     tasks = [event for event in events if isinstance(event, TaskDoneEvent)]
-    ended = isinstance(last, EndEvent)
+    others = [*failures, *([] if isinstance(last, EndEvent) else [UNFINISHED])]
     return Report(
         result=last.result if isinstance(last, EndEvent) else "*",
         exit_reason=last.reason if isinstance(last, EndEvent) else UNFINISHED,
@@ -144,7 +144,7 @@ def summarise(
         peak_torque_Nm=max((ply.peak_torque_Nm for ply in plies if ply.peak_torque_Nm is not None), default=None),
         peak_force_N=max((ply.peak_force_N for ply in plies if ply.peak_force_N is not None), default=None),
         physical_ok=_all_ok([*plies, *tasks]),
-        failures=(*_failures(plies), *_failures(tasks), *_other_failures(failures, ended)),
+        failures=(*_failures(plies), *_failures(tasks), *(Failure(ply=None, san=None, reason=r) for r in others)),
         troubles=tuple(
             Trouble(ply=one.ply, kind=one.kind, squares=one.squares, sentence=one.sentence, mended_by=one.mended_by)
             for one in events
@@ -186,8 +186,3 @@ def _failures(done: Sequence[PlyEvent | TaskDoneEvent]) -> list[Failure]:
         for one in done
         for reason in one.failures
     ]
-
-
-def _other_failures(failures: Sequence[str], ended: bool) -> list[Failure]:
-    reasons = [*failures, *([] if ended else [UNFINISHED])]
-    return [Failure(ply=None, san=None, reason=reason) for reason in reasons]

@@ -143,10 +143,6 @@ class Watch:
         known = hidden if isinstance(hidden, Hidden) or hidden is None else Hidden(hidden)
         return self._senses.take(colour, frame.depth, frame.stamp, known)
 
-    def forget(self) -> None:
-        """Begin anew: the camera or the board was moved."""
-        self._view = self._senses = None
-
     def pause(self) -> None:
         """Nobody looks for a while: the last frames will say nothing of the next one, but the board stays known."""
         if self._senses is not None:
@@ -279,7 +275,8 @@ class _Senses:
         self._course.free = free
         if small is not None:
             self._learn(small, distance, covered, still=not moving and relief is None)
-        return self._tell(area, over, moving)
+        course = self._course
+        return Seen(stamp, course.hand, area, over, moving, course.since, course.settled, course.touched)
 
     def _evidence(
         self, glance: ColourObservation | None, relief: Relief | None
@@ -340,7 +337,3 @@ class _Senses:
         ):
             self._differences.forget()
             self._course = _StillnessTrack()
-
-    def _tell(self, area: float, over: frozenset[int], moving: bool) -> Seen:
-        course = self._course
-        return Seen(self._stamp, course.hand, area, over, moving, course.since, course.settled, course.touched)

@@ -62,14 +62,12 @@ class Fault:
         square: 0 = a1 … 63 = h8.
         sentence: for people.
         place: of the piece or the thing, board frame [m]; None where nothing is there.
-        offset_mm: of the piece from its square's centre; None where no piece stands.
     """
 
     kind: FaultKind
     square: int
     sentence: str
     place: tuple[float, float] | None
-    offset_mm: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +128,7 @@ def examine_board(
     ]
     taken = {fault.square for fault in faults} | set(expected)
     faults += [
-        Fault(FaultKind.FOREIGN, square, f"something lies on {square_place(square)}", place, None)
+        Fault(FaultKind.FOREIGN, square, f"something lies on {square_place(square)}", place)
         for square, place in spots.items()
         if square not in taken
     ]
@@ -144,7 +142,7 @@ def _changed(square: int, piece: PieceSpec, drop: float) -> Fault | None:
     if drop < _DROP:
         return None
     sentence = f"the {piece.colour} {piece.kind} on {square_place(square)} does not look as it did"
-    return Fault(FaultKind.FALLEN, square, sentence, None, None)
+    return Fault(FaultKind.FALLEN, square, sentence, None)
 
 
 def _judge(
@@ -157,15 +155,15 @@ def _judge(
     if not centre.upright:
         if square in spots:
             sentence = f"something lies on {where}, where a {name} should stand"
-            return Fault(FaultKind.FALLEN, square, sentence, spots[square], None)
-        return Fault(FaultKind.MISSING, square, f"{where} is empty, a {name} should stand there", None, None)
+            return Fault(FaultKind.FALLEN, square, sentence, spots[square])
+        return Fault(FaultKind.MISSING, square, f"{where} is empty, a {name} should stand there", None)
     x, y = view.table.xy(where)
     dx, dy = centre.x - x, centre.y - y
     off = math.hypot(dx, dy)
     if off <= tolerance:
         return None
     sentence = f"the {name} on {where} stands {1e3 * off:.1f} mm off towards {_direction(dx, dy)}"
-    return Fault(FaultKind.OFF_CENTRE, square, sentence, (centre.x, centre.y), 1e3 * off)
+    return Fault(FaultKind.OFF_CENTRE, square, sentence, (centre.x, centre.y))
 
 
 def _direction(dx: float, dy: float) -> str:

@@ -89,7 +89,7 @@ def pivot_of(shape: PieceShape, how: PivotSettings) -> PivotEdge:
 
 
 def reach(pads: Pads, direction: Vector) -> float:
-    """How far the closed fingers reach from the tool's centre towards a direction, unit vector (2,) of the board [m]."""
+    """How far the closed fingers reach from the tool's centre towards a direction of the board, (2,) [m]."""
     depth = pads.half_width * math.tan(pads.groove_angle)
     face = math.hypot(depth, pads.half_width)
     behind = pads.back / face * np.array([pads.half_width, depth])

@@ -65,13 +65,6 @@ class Bounds:
     jerk: float
     downward: float = math.inf
 
-    def least(self, other: Bounds) -> Bounds:
-        """The tighter of each bound."""
-        return Bounds(
-            min(self.speed, other.speed), min(self.acceleration, other.acceleration), min(self.jerk, other.jerk),
-            min(self.downward, other.downward),
-        )  # fmt: skip
-
     def scaled(self, factor: float) -> Bounds:
         """Accelerations and jerks times a factor; speeds stay."""
         return Bounds(self.speed, self.acceleration * factor, self.jerk * factor, self.downward)

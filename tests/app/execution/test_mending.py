@@ -186,9 +186,9 @@ class Paper:
             if there is not None:
                 states[square] = WHITE if there.colour == "white" else BLACK
             if should is not None and there is None:
-                faults.append(Fault(FaultKind.MISSING, square, f"{square_place(square)} is empty", None, None))
+                faults.append(Fault(FaultKind.MISSING, square, f"{square_place(square)} is empty", None))
             if should is None and there is not None:
-                faults.append(Fault(FaultKind.FOREIGN, square, f"something is on {square_place(square)}", (0, 0), None))
+                faults.append(Fault(FaultKind.FOREIGN, square, f"something is on {square_place(square)}", (0, 0)))
         return Verification(tuple(faults), BoardObservation.of(stands, states, faults))
 
     def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
