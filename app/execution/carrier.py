@@ -143,11 +143,7 @@ class Carrier:
         return self._step is None
 
     def carry(
-        self,
-        job: Job,
-        inventory: Inventory,
-        begun: Begun | None = None,
-        seen: Clearance | None = None,
+        self, job: Job, inventory: Inventory, begun: Begun | None = None, seen: Clearance | None = None
     ) -> Carried:
         """Do a job, or what is left of one that was broken off, from wherever the arm is; home at its end.
 
@@ -274,11 +270,7 @@ class Carrier:
         )
 
     def _rest(
-        self,
-        job: Job,
-        state: ArmAtRest,
-        inventory: Inventory,
-        progress: Progress | None,
+        self, job: Job, state: ArmAtRest, inventory: Inventory, progress: Progress | None
     ) -> tuple[float, Outcome]:
         from app.execution.recovery_plans import loose_pieces
 

@@ -64,8 +64,7 @@ def unaided(
     goals = {one.piece.name: _goal(one, stands, wanted) for one in found}
     there = [one.piece.name for one in found if _is_there(one, goals[one.piece.name], stands.table)]
     believed = Inventory.of(
-        [replace(piece, place=goals[piece.name]) if piece.name in there else piece for piece in stands],
-        stands.table,
+        [replace(piece, place=goals[piece.name]) if piece.name in there else piece for piece in stands], stands.table
     )
     transfers = tuple(
         Transfer.of(one.piece, goals[one.piece.name], (one.pose.x, one.pose.y))

@@ -39,11 +39,7 @@ class Progress:
 
 
 def progress_of(
-    transfers: Sequence[Transfer],
-    transfer: int,
-    stage: Stage,
-    arm: ArmAtRest,
-    table: TableSettings,
+    transfers: Sequence[Transfer], transfer: int, stage: Stage, arm: ArmAtRest, table: TableSettings
 ) -> Progress:
     """What is done of a ply, or of another job, whose execution was broken off with the arm at rest.
 

@@ -98,11 +98,7 @@ class Recovery:
         self._record.trouble(failure.loss.value, squares, str(failure), None, self._clock.now())
 
     def mend(
-        self,
-        stands: Inventory,
-        wanted: Inventory,
-        board: chess.Board | None = None,
-        reply: AwaitedReply | None = None,
+        self, stands: Inventory, wanted: Inventory, board: chess.Board | None = None, reply: AwaitedReply | None = None
     ) -> RecoveryResult:
         """Until the board shows what is wanted.
 

@@ -87,12 +87,7 @@ class Table:
         """Plant time [s]."""
         return self._devices.clock.now()
 
-    def arm_ply(
-        self,
-        move: chess.Move,
-        remark: Remark = NO_REMARK,
-        answers: bool = False,
-    ) -> bool:
+    def arm_ply(self, move: chess.Move, remark: Remark = NO_REMARK, answers: bool = False) -> bool:
         """The arm makes a move, home to home; then a look at the board; and one before, if the last one was long ago.
 
         ``answers``: a person moves next, by themselves, and may do so before the arm has gone home.
@@ -216,14 +211,7 @@ class Table:
 
     # jobs
 
-    def _do_ply(
-        self,
-        ply: Ply,
-        begun: Begun | None,
-        remark: Remark,
-        *,
-        answers: bool = False,
-    ) -> bool:
+    def _do_ply(self, ply: Ply, begun: Begun | None, remark: Remark, *, answers: bool = False) -> bool:
         self._reset_peak()
         wanted, after = self.inventory.after(ply), self.board.copy()
         after.push_uci(ply.uci)

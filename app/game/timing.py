@@ -31,10 +31,7 @@ class Timing:
     """
 
     def __init__(
-        self,
-        clock: ChessClock | None,
-        plant_time: Callable[[], float],
-        wall_time: Callable[[], float] = time.monotonic,
+        self, clock: ChessClock | None, plant_time: Callable[[], float], wall_time: Callable[[], float] = time.monotonic
     ) -> None:
         self._clock, self._plant_time, self._wall_time = clock, plant_time, wall_time
         self._shift = 0.0

@@ -265,10 +265,7 @@ def _release(cell: Workcell, transfer: Transfer, following: Transfer | None, sta
     pads = cell.parameters.pads
     beside, drops = stands.without(transfer.name), transfer.target.in_box
     place = table.xy(transfer.target)
-    opening, closed = (
-        _opening(cell, transfer, transfer.target, place, beside),
-        closed_position(transfer.kind, pads),
-    )
+    opening, closed = (_opening(cell, transfer, transfer.target, place, beside), closed_position(transfer.kind, pads))
     wait = settings.release_wait + settings.grip.freed / settings.grip.opening_speed
     wait += cell.parameters.gripper.reflected_mass / cell.parameters.gripper.velocity_gain
     wait += fall_time(transfer.kind, pads) if drops else 0.0

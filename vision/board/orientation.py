@@ -92,10 +92,7 @@ def _fit(relief: Array, lightness: Array, expected: Array) -> float:
     """How well occupied squares stand out and white is lighter than black [standard errors]."""
     occupied = expected != 0.0
     result = 0.0
-    for one, other, values in (
-        (occupied, ~occupied, np.sqrt(relief)),
-        (expected > 0.0, expected < 0.0, lightness),
-    ):
+    for one, other, values in ((occupied, ~occupied, np.sqrt(relief)), (expected > 0.0, expected < 0.0, lightness)):
         if one.sum() >= 2 and other.sum() >= 2:
             a, b = values[one], values[other]
             spread = np.sqrt(a.var(ddof=1) / len(a) + b.var(ddof=1) / len(b))
