@@ -72,8 +72,7 @@ class Path:
     @property
     def ends(self) -> Vector:
         """Way from the start to the end of each piece, (n,) [m]."""
-        ends: Vector = self.begins + self.length
-        return ends
+        return self.begins + self.length
 
     @property
     def total(self) -> float:

@@ -162,8 +162,7 @@ def _assigned(now: Inventory, pieces: Sequence[PieceSpec], squares: Sequence[Pla
 def _ways(table: TableSettings, starts: Sequence[Place], ends: Sequence[Place]) -> Array:
     """Lengths of all ways, shape (starts, ends) [m]; to a micrometre, so that equal ones tie on every machine."""
     here, there = (np.array([table.xy(place) for place in places]) for places in (starts, ends))
-    ways: Array = cdist(here, there).round(6)
-    return ways
+    return cdist(here, there).round(6)
 
 
 def _left(now: Inventory, goals: Mapping[str, Place], leaving: Sequence[PieceSpec]) -> dict[str, Place]:

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hardware.interfaces import DepthFrame, Frame, Intrinsics
 from hardware.table import TableSettings, square_place
-
-Array = NDArray[np.float64]
+from vision.arrays import Array
 
 CORNER_NAMES = ("a1", "h1", "h8", "a8")
 """Outer corners of the playing area in the order used throughout: counter-clockwise seen from above."""
@@ -132,8 +131,7 @@ class BoardView:
                 f"{behind} of {seen[..., 2].size} points lie behind the camera: project only what it faces"
             )
         focal, centre = (self.intrinsics.fx, self.intrinsics.fy), (self.intrinsics.cx, self.intrinsics.cy)
-        pixels: Array = seen[..., :2] / seen[..., 2:] * focal + centre
-        return pixels
+        return seen[..., :2] / seen[..., 2:] * focal + centre
 
     def square_polygon(self, square: int) -> Array:
         """Corners of a square (0 = a1 … 63 = h8) in the picture, shape (4, 2) [px], in the order of the board's.
