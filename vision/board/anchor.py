@@ -63,7 +63,7 @@ class Anchor:
 
         Args:
             colour: RGB, shape (h, w, 3).
-            corners: a1, h1, h8, a8, shape (4, 2) [px], sub-pixel as ``find_board`` and ``refine_corners`` give them.
+            corners: a1, h1, h8, a8, shape (4, 2) [px], sub-pixel as ``find_board`` gives them.
 
         Raises:
             BoardNotFound: there is no board at these corners.

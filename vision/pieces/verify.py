@@ -82,13 +82,6 @@ class Examination:
     likeness: Mapping[int, float]
 
 
-def verify_board(
-    frame: Frame, view: BoardView, expected: Mapping[int, PieceSpec], tolerance: float = TOLERANCE
-) -> tuple[Fault, ...]:
-    """The faults of ``examine_board``, with nothing to hold them against."""
-    return examine_board(frame, view, expected, tolerance=tolerance).faults
-
-
 def examine_board(
     frame: Frame,
     view: BoardView,

@@ -200,7 +200,7 @@ def _bounds(motion: Motion, path: Path) -> list[Bounds]:
 
 def _seconds(motion: Motion, path: Path, settings: MotionSettings, tick: float) -> float:
     """How long a path of a motion takes in its samples [s]."""
-    start, end = path.position(np.array([0.0, path.total]))
+    start, end = path.flat[0], path.end
     position = motion.samples["position"]
     begins = _last_at(position, start)
     guarded = np.flatnonzero(motion.samples["guard"] == Guard.TOUCH)
