@@ -32,7 +32,7 @@ class BookBroken(EngineProblem):
 
 
 class EngineFailed(EngineProblem):
-    """The engine failed again and again. It may be asked anew: whoever mends it can go on with the game."""
+    """The engine failed again and again. It may be asked anew: once it is repaired, the game can go on."""
 
     def __init__(self, path: str, doing: str, reasons: Sequence[str]) -> None:
         """Build the sentence: the binary, what was asked of it such as "choosing a move", and what happened at each

@@ -59,7 +59,7 @@ class CarryFailed(Exception):
         loss: how.
         transfer: of the piece.
         done: so many transfers of the job were done before.
-        inventory: what stands where after those; where the piece is, only eyes can tell.
+        inventory: what stands where after those; where the piece is, only the camera can tell.
     """
 
     def __init__(self, loss: Loss, transfer: Transfer, done: int, inventory: Inventory, sentence: str) -> None:
@@ -279,8 +279,8 @@ class Carrier:
         if rest := job.transfers[done:]:
             # what was carried already is no longer where it was seen
             misplaced = [one for one in job.misplaced if one.piece.name not in {each.name for each in job.transfers}]
-            strayed = {one.piece.name for one in misplaced}
-            now = Inventory.of((piece for piece in now if piece.name not in strayed), now.table)
+            elsewhere = {one.piece.name for one in misplaced}
+            now = Inventory.of((piece for piece in now if piece.name not in elsewhere), now.table)
             plan = self._planner(now, state).ply(
                 job.label, rest, now, holding=progress is not None and progress.holding, low=progress is not None,
                 loose=loose_pieces(misplaced),

@@ -1,4 +1,4 @@
-"""How far an arm got with a ply when whoever led it was lost: from the record of what was begun, and from the arm.
+"""How far an arm got with a ply when its program was lost: from the record of what was begun, and from the arm.
 
 Every part of a transfer is recorded before it begins. Whether its piece stands at the source, is in the fingers or
 stands at the target, the arm itself can tell: by what the pads feel, and by where they are, since what is begun after
@@ -21,7 +21,7 @@ ABOVE = 0.003
 
 
 class PieceLost(UserError):
-    """The fingers lost a piece on its way: where it lies, only eyes can tell."""
+    """The fingers lost a piece on its way: where it lies, only the camera can tell."""
 
     def __init__(self, transfer: Transfer) -> None:
         super().__init__(

@@ -57,7 +57,7 @@ def in_order(misplaced: Sequence[MisplacedPiece]) -> list[MisplacedPiece]:
 
 
 def loose_pieces(misplaced: Sequence[MisplacedPiece]) -> LoosePieces:
-    """For whoever plans around them."""
+    """As a planner needs them, which plans around them."""
     return LoosePieces(
         tuple(
             Obstacle(one.piece.name, one.target, one.pose.x, one.pose.y, one.piece.kind)
@@ -94,14 +94,14 @@ def plan_stand_up(
     Raises:
         PlanRefused: something is in the way; of a piece that lies, ``InTheWay`` says which piece.
     """
-    gone = {stray.piece.name for stray in others if stray.piece.name != one.piece.name}
+    gone = {other.piece.name for other in others if other.piece.name != one.piece.name}
     rest = [piece for piece in inventory if piece.name not in gone]
     if not one.lies:
         carried = Transfer.of(one.piece, one.target, (one.pose.x, one.pose.y))
         label = f"{one.piece.name} to {one.target}"
         return planner.ply(label, [carried], Inventory.of(rest, inventory.table))
     table = inventory.table
-    loose = loose_pieces([stray for stray in others if stray.piece.name in gone])
+    loose = loose_pieces([other for other in others if other.piece.name in gone])
     near = (*_kept(rest, gone | {one.piece.name}, table), *loose.standing)
     return plan_upright(planner, _lying(one), near, loose.lying).plan
 
@@ -121,13 +121,13 @@ def plan_making_way(
         PlanRefused: it lies, the fingers cannot take it either, or no place is free.
     """
     table, piece = inventory.table, inventory.find(blocks)
-    itself = next((stray for stray in misplaced if stray.piece.name == blocks), None)
+    itself = next((one for one in misplaced if one.piece.name == blocks), None)
     if itself is not None and itself.lies:
         raise PlanRefused(f"{blocks}, which is in the way, lies itself: take it off the board")
     seen = None if itself is None else (itself.pose.x, itself.pose.y)
-    misplaced = [stray for stray in misplaced if stray is not itself]
-    gone = {stray.piece.name for stray in misplaced}
-    targets = {stray.target for stray in misplaced}
+    misplaced = [one for one in misplaced if one is not itself]
+    gone = {one.piece.name for one in misplaced}
+    targets = {one.target for one in misplaced}
     rest = Inventory.of([one for one in inventory if one.name not in gone], table)
     free = [
         place for place in inventory.places()
@@ -161,7 +161,7 @@ def plan_pushing(
         PlanRefused: no push helps, or it leads out of the workspace.
     """
     table, cell = inventory.table, planner.cell
-    gone = {stray.piece.name for stray in misplaced}
+    gone = {one.piece.name for one in misplaced}
     loose = loose_pieces(misplaced)
     kept = _kept(inventory, gone, table)
     scene = LoosePieces((*kept, *loose.standing), loose.lying)
@@ -207,9 +207,9 @@ def _raised(kind: Kind, parameters: RobotParameters) -> Iterator[float]:
 
 
 def _clear_of(point: tuple[float, float], misplaced: Sequence[MisplacedPiece]) -> bool:
-    return all(math.dist(point, (stray.pose.x, stray.pose.y)) > _CLEAR for stray in misplaced)
+    return all(math.dist(point, (one.pose.x, one.pose.y)) > _CLEAR for one in misplaced)
 
 
-def _lying(stray: MisplacedPiece) -> Lying:
-    assert stray.pose.yaw is not None
-    return Lying(stray.piece.kind, (stray.pose.x, stray.pose.y), stray.pose.yaw, stray.piece.name)
+def _lying(one: MisplacedPiece) -> Lying:
+    assert one.pose.yaw is not None
+    return Lying(one.piece.kind, (one.pose.x, one.pose.y), one.pose.yaw, one.piece.name)

@@ -1,7 +1,7 @@
-"""The board and its pieces while a game is on: what the arm or a hand does to them, seen, mended, judged, recorded.
+"""The board and its pieces while a game is on: what the arm or a hand does to them, seen, put right, judged, recorded.
 
 The position advances only when the board shows it. After whatever the arm has done the camera looks; what is not as it
-should be is mended first, by the arm where it can, else by a person who is asked.
+should be is put right first, by the arm where it can, else by a person who is asked.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class Table:
         return self._do_ply(ply, None, remark, answers=answers)
 
     def hand_ply(self, move: chess.Move, remark: Remark = NO_REMARK) -> bool:
-        """A move was made by hand, and seen or told; what stands badly since is mended. False as of ``arm_ply``."""
+        """A move was made by hand, and seen or told; what stands badly since is put right. False as of ``arm_ply``."""
         ply = transfers(self.board, move, self.inventory)
         outcome = PlyOutcome(by="hand", score=remark.score, clocks=remark.clocks(), comment=remark.comment)
         done = self._conclude_ply(ply, self.inventory.after(ply), outcome)
@@ -144,12 +144,12 @@ class Table:
         """
         if self._recovery is None:
             return True
-        mended = self._recovery.mend(self.inventory, self.inventory, self.board, reply)
-        self.replied = mended.answered
-        if not mended.jobs:
+        recovered = self._recovery.mend(self.inventory, self.inventory, self.board, reply)
+        self.replied = recovered.answered
+        if not recovered.jobs:
             return True
-        outcome = PlyOutcome(real=mended.duration)
-        return self._conclude_task(mended.inventory, outcome, self.board, answered=mended.answered)
+        outcome = PlyOutcome(real=recovered.duration)
+        return self._conclude_task(recovered.inventory, outcome, self.board, answered=recovered.answered)
 
     def fallen(self) -> list[MisplacedPiece]:
         """Pieces that lie on the board, in the newest frame, as far as depth shows them."""
@@ -281,7 +281,7 @@ class Table:
                 seen = None if self.observer is None else self.observer.seen
                 outcome = self._carrier.carry(job, self.inventory, begun, seen).outcome
             except BoardTouched:
-                stands = self.inventory  # as far as is known: the mender looks first, then carries
+                stands = self.inventory  # as far as is known: recovery looks first, then carries
             except CarryFailed as failure:
                 if self._recovery is None:
                     raise UserError(str(failure)) from failure
@@ -289,10 +289,10 @@ class Table:
                 self._recovery.note_loss(failure)
         if self._recovery is None:
             return JobDone(wanted, outcome)
-        mended = self._recovery.mend(stands, wanted, reply=reply)
-        if mended.jobs:
-            outcome = replace(outcome, real=(outcome.real or 0.0) + mended.duration, resumed=True)
-        return JobDone(mended.inventory, outcome, mended.answered)
+        recovered = self._recovery.mend(stands, wanted, reply=reply)
+        if recovered.jobs:
+            outcome = replace(outcome, real=(outcome.real or 0.0) + recovered.duration, resumed=True)
+        return JobDone(recovered.inventory, outcome, recovered.answered)
 
     # after a job
 
@@ -323,7 +323,7 @@ class Table:
         return verdict is None or verdict.ok
 
     def _look(self, *, learns: bool = True) -> Frame | None:
-        """The picture of the position; eyes that follow the game have looked already, and learn from it."""
+        """The picture of the position; an observer that follows the game has looked already, and learns from it."""
         if self.observer is not None:
             if learns:
                 self.observer.confirm(self.board)

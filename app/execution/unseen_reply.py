@@ -1,7 +1,7 @@
 """The move that a person has made while nobody looked, from the board as it stands afterwards.
 
-Eyes that have followed a game know what the board looked like before a move. A program that goes on with a game of
-another one has no such picture; but it knows the position, and of all moves that are legal there one may explain all
+An observer that has followed a game knows what the board looked like before a move. A program that goes on with a game
+of another one has no such picture; but it knows the position, and of all moves that are legal there one may explain all
 that the picture shows, outline by outline.
 """
 

@@ -1,4 +1,4 @@
-"""The game loop: whoever is to move moves, by the arm or by hand, until the game is over."""
+"""The game loop: the side to move moves, by the arm or by hand, until the game is over."""
 
 from __future__ import annotations
 

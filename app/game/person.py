@@ -107,7 +107,7 @@ class HandNotice:
         Raises:
             UserError: hands cannot be seen any more.
         """
-        seen = None if self._guard is None else self._guard.glance()
+        seen = None if self._guard is None else self._guard.newest()
         return seen is not None and seen.hand_present
 
     def leaving(self) -> bool:

@@ -1,8 +1,8 @@
 """A hand over the board stops the arm: a thread that watches the camera's frames and asks the controller to hold.
 
 The guard looks at every frame, masks the arm's links as they were when it was exposed, and asks for a hold at the first
-frame that confirms a hand. The controller then refuses every motion until the board is clear again and whoever leads
-the game calls ``clear``, so that no motion can slip in between. From the hand being seen until the arm rests it
+frame that confirms a hand. The controller then refuses every motion until the board is clear again and the game
+calls ``clear``, so that no motion can slip in between. From the hand being seen until the arm rests it
 takes, in plant time: up to one frame's interval until the next exposure, ``WatchSettings.confirm`` − 1 more of
 them, the camera's latency, and at most 0.1 s of the controlled stop; at 30 frames a second and 60 ms of
 latency 0.23 s.

@@ -55,7 +55,7 @@ class Path:
 
     @property
     def begins(self) -> Vector:
-        """Way from the start to the begin of each piece, (n,) [m]."""
+        """Waypoints from the start to the begin of each piece, (n,) [m]."""
         return self.table[:, 9]
 
     @property
@@ -70,7 +70,7 @@ class Path:
 
     @property
     def ends(self) -> Vector:
-        """Way from the start to the end of each piece, (n,) [m]."""
+        """Waypoints from the start to the end of each piece, (n,) [m]."""
         return self.begins + self.length
 
     @property

@@ -13,7 +13,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from app.motion.arcs import Hop, Workcell, homewards, over
+from app.motion.arcs import Arc, Workcell, homewards, over
 from app.motion.fallen.lying import NO_LOOSE_PIECES, LoosePieces, standing_near
 from app.motion.gains import Softness
 from app.motion.motions import loosened, motion_of
@@ -225,9 +225,9 @@ def _approach(cell: Workcell, transfer: Transfer, stands: Crowd, point: Vector, 
     opening = _opening(cell, transfer, transfer.source, there, stands.without(transfer.name))
     x, y, height = cell.board(point)
     wait = max(0.0, opening - finger) / cell.settings.grip.opening_speed if low else 0.0
-    hop = Hop((x, y, height), (*there, shape.grip_height), 0.0, None, max(opening, finger))
+    arc = Arc((x, y, height), (*there, shape.grip_height), 0.0, None, max(opening, finger))
     return Route(
-        *over(cell, hop, stands), contact=(shape.grip_height, shape.grip_height), finger=finger, wait=wait,
+        *over(cell, arc, stands), contact=(shape.grip_height, shape.grip_height), finger=finger, wait=wait,
         opens=max(opening, finger) if low else opening, then=opening if low else None,
         closes=_beside(cell, transfer.kind),
     )  # fmt: skip
@@ -252,9 +252,9 @@ def _carry(cell: Workcell, transfer: Transfer, others: Crowd, point: Vector, *, 
     _opening(cell, transfer, transfer.target, there, others)
     low, drops = shape.grip_height, transfer.target.in_box
     end = _height(cell, transfer, transfer.target) + (0.0 if drops else settings.touch_height)
-    hop = Hop((x, y, height), (*there, end), low + settings.clearance, shape, closed, drops)
+    arc = Arc((x, y, height), (*there, end), low + settings.clearance, shape, closed, drops)
     return Route(
-        *over(cell, hop, others), contact=(low, low), finger=closed, wait=settings.grip.settle,
+        *over(cell, arc, others), contact=(low, low), finger=closed, wait=settings.grip.settle,
         soft_start=Softness.LASTS if fresh else Softness.STIFF, touches=not drops, holds=True,
     )  # fmt: skip
 
@@ -277,9 +277,9 @@ def _release(cell: Workcell, transfer: Transfer, following: Transfer | None, sta
         there = following.grasped_at(table)
         then = _opening(cell, following, following.source, there, stands.without(following.name))
         end = (*there, low)
-    hop = Hop(here, end, 0.0, None, max(opening, then or 0.0))
+    arc = Arc(here, end, 0.0, None, max(opening, then or 0.0))
     return Route(
-        *over(cell, hop, stands), contact=(shape.grip_height, low), finger=closed, wait=wait, opens=opening,
+        *over(cell, arc, stands), contact=(shape.grip_height, low), finger=closed, wait=wait, opens=opening,
         then=then, closes=None if following is None else _beside(cell, following.kind),
         soft_start=Softness.STIFF if drops else Softness.BEGINS,
     )  # fmt: skip

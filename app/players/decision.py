@@ -67,4 +67,4 @@ class Thinker(Protocol):
         """What it would play at its best."""
 
     def accepts_draw(self, board: chess.Board) -> bool:
-        """Whether it agrees to a draw in this position, whoever is to move."""
+        """Whether it agrees to a draw in this position, whichever side is to move."""

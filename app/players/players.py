@@ -136,7 +136,7 @@ class Players:
         return self._ahead is not None and _same(self._ahead[0], board) and self._ahead[1].done()
 
     def move_now(self) -> None:
-        """Hurry whoever thinks for a move."""
+        """Hurry the players that think about a move."""
         for player in self._players.values():
             if isinstance(player, Thinker):
                 player.move_now()

@@ -98,7 +98,7 @@ def new_folder(parent: Path, now: datetime) -> Path:
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Replace a file as a whole: whoever reads it, also after a crash, finds the old content or the new one.
+    """Replace a file as a whole: a reader, also after a crash, finds the old content or the new one.
 
     Raises:
         RecordError: it cannot be written; the old file is as it was.

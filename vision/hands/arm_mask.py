@@ -2,7 +2,7 @@
 
 A capsule is all that lies within a radius of a segment. Its picture is the convex hull of the pictures of the two
 spheres at its ends, and a sphere's picture is that of the circle where lines of sight touch it. Vision knows nothing of
-robots: whoever knows where the links are says so as capsules.
+robots: a caller that knows where the links are says so as capsules.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Frame by frame and without any clock of its own: time is what frames are stamped with. With depth a hand is what stands
 higher than any piece, or reaches in from outside (:mod:`vision.hands.depth_changes`); without, it is what differs from
 the settled board, whatever the light does, and reaches in from outside (:mod:`vision.hands.colour_changes`). What is
-known to be before the table, such as the arm's links, is masked by whoever knows where it is. A frame of depth alone
+known to be before the table, such as the arm's links, is masked by the caller. A frame of depth alone
 tells of hands just as well, but not whether anything moves: the board is not settled in it.
 """
 
@@ -237,12 +237,12 @@ class _Senses:
         self._settings, self._zone, self._heights = settings, zone, heights
         self._differences = Differences(zone)
         self._square = square
-        self._course = _StillnessTrack()
+        self._track = _StillnessTrack()
         self._stamp = float("-inf")
 
     def pause(self) -> None:
         """See ``Watch.pause``."""
-        self._course = _StillnessTrack()
+        self._track = _StillnessTrack()
 
     def take(self, colour: Picture | None, depth: Field | None, stamp: float, hidden: Hidden | None) -> Seen:
         """See ``Watch.update``; ``colour`` None: depth must be there."""
@@ -251,39 +251,39 @@ class _Senses:
         shape = next(picture.shape[:2] for picture in (colour, depth) if picture is not None)
         if hidden is not None and hidden.mask.shape != shape:
             raise ValueError(f"a mask of shape {hidden.mask.shape} does not fit a picture of shape {shape}")
-        if self._course.settled:
-            self._course.touched = _NOBODY  # told with that frame
+        if self._track.settled:
+            self._track.touched = _NOBODY  # told with that frame
         before, self._stamp = self._stamp, stamp
         covered, bodies = (None, None) if hidden is None else (self._every(hidden.mask), hidden.bodies)
         distance = None if depth is None or self._heights is None else self._every(depth)
         relief = None if distance is None or self._heights is None else self._heights.look(distance, covered, bodies)
         small = None if colour is None else shrink(colour, self._zone.step)
-        glance = None if small is None else self._differences.look(small, covered, reaching=distance is None)
-        area, over, low = self._evidence(glance, relief)
-        if low and (relief is not None or (glance is not None and glance.moving > 0.0)):
-            self._course.touched |= low
+        colours = None if small is None else self._differences.look(small, covered, reaching=distance is None)
+        area, over, low = self._evidence(colours, relief)
+        if low and (relief is not None or (colours is not None and colours.moving > 0.0)):
+            self._track.touched |= low
         self._judge_hand(area > 0.0)
-        moving = glance is None or glance.moving > self._settings.motion
+        moving = colours is None or colours.moving > self._settings.motion
         # a hand over a tray, where it ends what it has to do, leaves the board as it is
         over_board = area > 0.0 if relief is None else relief.before
         free = not (over_board or small is None or self._dark(small))
         # a frame that differs in nothing from the one before shows what that one showed: it has been so since then
-        since = before if self._course.free else stamp
-        self._judge_rest(free and not moving, since, nobody=not (area > 0.0 or self._course.hand))
-        self._course.free = free
+        since = before if self._track.free else stamp
+        self._judge_rest(free and not moving, since, nobody=not (area > 0.0 or self._track.hand))
+        self._track.free = free
         if small is not None:
             self._learn(small, distance, covered, still=not moving and relief is None)
-        course = self._course
-        return Seen(stamp, course.hand, area, over, moving, course.since, course.settled, course.touched)
+        track = self._track
+        return Seen(stamp, track.hand, area, over, moving, track.since, track.settled, track.touched)
 
     def _evidence(
-        self, glance: ColourObservation | None, relief: Relief | None
+        self, colours: ColourObservation | None, relief: Relief | None
     ) -> tuple[float, frozenset[int], frozenset[int]]:
         """Area of a hand [squares], squares it is over, and those where it may touch something."""
         if relief is not None:
             return relief.area / self._square**2, relief.over, relief.low
-        assert glance is not None  # a frame has colour or depth
-        return glance.reaching, glance.over, glance.over
+        assert colours is not None  # a frame has colour or depth
+        return colours.reaching, colours.over, colours.over
 
     def _every(self, pixels: NDArray[_T]) -> NDArray[_T]:
         """Each ``step``-th pixel along both axes, as many as the small picture has."""
@@ -294,44 +294,40 @@ class _Senses:
         return float(np.percentile(small[::4, ::4][self._zone.board[::4, ::4]], 90)) < _DARK
 
     def _judge_hand(self, shown: bool) -> None:
-        course = self._course
-        course.against = course.against + 1 if shown is not course.hand else 0
-        if course.against >= self._settings.confirm:
-            course.hand, course.against = shown, 0
+        track = self._track
+        track.against = track.against + 1 if shown is not track.hand else 0
+        if track.against >= self._settings.confirm:
+            track.hand, track.against = shown, 0
 
     def _judge_rest(self, quiet: bool, since: float, *, nobody: bool) -> None:
-        course = self._course
+        track = self._track
         if not (quiet and nobody):
-            if course.settled:
-                course.moved = True
-            course.settled = False
-            course.pending.clear()
+            if track.settled:
+                track.moved = True
+            track.settled = False
+            track.pending.clear()
         if not quiet:
-            course.since = None
-        elif course.since is None:
-            course.since = since
-        course.settled = (
-            nobody and course.since is not None and self._stamp - course.since >= self._settings.stable_time - 1e-6
+            track.since = None
+        elif track.since is None:
+            track.since = since
+        track.settled = (
+            nobody and track.since is not None and self._stamp - track.since >= self._settings.stable_time - 1e-6
         )
 
     def _learn(self, small: Picture, depth: Field | None, hidden: Mask | None, *, still: bool) -> None:
         """What is settled, and stays so, is what the board looks like."""
-        course, delay = self._course, self._settings.learning_delay
-        if course.settled:
-            course.pending.append((self._stamp, small, depth, hidden))
+        track, delay = self._track, self._settings.learning_delay
+        if track.settled:
+            track.pending.append((self._stamp, small, depth, hidden))
             if not self._differences.knows_the_board:
                 delay = 0.0
-        while course.pending and self._stamp - course.pending[0][0] >= delay:
-            _, picture, distance, mask = course.pending.popleft()
-            self._differences.learn(picture, mask, moved=course.moved)
+        while track.pending and self._stamp - track.pending[0][0] >= delay:
+            _, picture, distance, mask = track.pending.popleft()
+            self._differences.learn(picture, mask, moved=track.moved)
             if self._heights is not None and distance is not None:
-                self._heights.learn(distance, mask, moved=course.moved)
-            course.moved = False
-        course.still_since = (course.still_since or self._stamp) if still else None
-        if (
-            course.hand
-            and course.still_since is not None
-            and self._stamp - course.still_since > self._settings.patience
-        ):
+                self._heights.learn(distance, mask, moved=track.moved)
+            track.moved = False
+        track.still_since = (track.still_since or self._stamp) if still else None
+        if track.hand and track.still_since is not None and self._stamp - track.still_since > self._settings.patience:
             self._differences.forget()
-            self._course = _StillnessTrack()
+            self._track = _StillnessTrack()

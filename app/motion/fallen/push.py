@@ -2,8 +2,8 @@
 
 The fingers come down beside a piece, its foot's height or lower, and go slowly along the board. A piece that stands is
 pushed at its foot, far below where it would topple: at a height h it slides rather than tips while h < r / μ, 22 mm for
-a pawn's foot on felt. One that lies is pushed through its centre of mass. Where exactly it comes to rest, only eyes can
-tell: nothing relies on it.
+a pawn's foot on felt. One that lies is pushed through its centre of mass. Where exactly it comes to rest, only the
+camera can tell: nothing relies on it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from app.motion.arcs import Hop, Way, Workcell, homewards, over, polygon
+from app.motion.arcs import Arc, Waypoints, Workcell, homewards, over, polygon
 from app.motion.fallen.lying import LoosePieces, Strip, crowd_of, discs_of, in_the_strip
 from app.motion.fallen.pivot_edge import MASS_HEIGHT, reach
 from app.motion.motions import motion_of
@@ -115,8 +115,8 @@ def plan_nudge(planner: Planner, nudge: Nudge, scene: LoosePieces) -> Plan:
     cell = planner.cell
     height = nudge.tips + cell.parameters.pads.half_height
     begin, end = cell.base([(*nudge.begin, height), (*nudge.end, height)])
-    hop = Hop(cell.board(np.asarray(planner.start, dtype=float)), (*nudge.begin, height), 0.0, None, planner.finger)
-    to = over(cell, hop, crowd_of(scene, cell.table))
+    arc = Arc(cell.board(np.asarray(planner.start, dtype=float)), (*nudge.begin, height), 0.0, None, planner.finger)
+    to = over(cell, arc, crowd_of(scene, cell.table))
     push = polygon(cell, np.array([begin, end]), [], None)
     push = push._replace(bounds=tuple(replace(one, speed=min(one.speed, _SPEED)) for one in push.bounds))
     motions = [
@@ -127,7 +127,7 @@ def plan_nudge(planner: Planner, nudge: Nudge, scene: LoosePieces) -> Plan:
     return planner.plan(f"push the {nudge.name}", motions)
 
 
-def _motion(cell: Workcell, label: str, way: Way, finger: float) -> Motion:
+def _motion(cell: Workcell, label: str, way: Waypoints, finger: float) -> Motion:
     """Stiff all along, with the fingers closed."""
     return motion_of(cell, label, Route(*way, contact=(0.0, 0.0), finger=finger, opens=0.0))[0]
 

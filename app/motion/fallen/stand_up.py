@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from app.motion.arcs import Hop, Workcell, homewards, over, polygon
+from app.motion.arcs import Arc, Workcell, homewards, over, polygon
 from app.motion.fallen.lying import Lying, Strip, in_the_strip, standing_near
 from app.motion.fallen.pivot_edge import PivotEdge, PivotSettings, circle, pivot_of, reach, sweep
 from app.motion.motions import motion_of, sampled_motion
@@ -109,7 +109,7 @@ def _approach(cell: Workcell, lying: Lying, begin: Vector, start: Vector, finger
     x, y, height = cell.board(begin)
     low = 2.0 * PIECE_SHAPES[lying.kind].foot_radius + cell.parameters.pads.half_height + cell.settings.clearance
     above, end = (x, y, height + _UPRIGHT), (x, y, height + _FEELING)
-    way = over(cell, Hop(cell.board(start), above, low, None, finger), others)
+    way = over(cell, Arc(cell.board(start), above, low, None, finger), others)
     down = polygon(cell, cell.base([above, end]), [], None)
     return Route(
         np.concatenate([way.points, down.points[1:]]), np.append(way.tangents, 0.0), (*way.bounds, *down.bounds),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.motion.path import Path, Vector, blend
-from app.motion.timing.time_law import Bounds, TimeLaw, line_law, time_law
+from app.motion.timing.time_law import Bounds, TimeParameterisation, line_law, time_law
 from controller.protocol import SAMPLE
 
 __all__ = ["Bounds", "Segment", "Vector", "along", "dwell", "eased", "glide", "join", "line", "to_samples"]
@@ -46,7 +46,7 @@ class Segment:
         return len(self.table)
 
 
-def along(path: Path, law: TimeLaw, tick: float) -> Segment:
+def along(path: Path, law: TimeParameterisation, tick: float) -> Segment:
     """A path by its law, slowed down by less than a tick so that it ends with one.
 
     Returns:

@@ -91,8 +91,8 @@ class Traced:
 
 
 @dataclass(frozen=True, slots=True)
-class TimeLaw:
-    """Way along the path by time, in intervals of a parameter u: the way is cubic in u, and u̇² quadratic.
+class TimeParameterisation:
+    """Waypoints along the path by time, in intervals of a parameter u: the way is cubic in u, and u̇² quadratic.
 
     Attributes:
         begins: of the intervals, and the end of the last one, (n + 1,) [s], before stretching.
@@ -114,12 +114,14 @@ class TimeLaw:
         """Along its path, at rising times (m,) [s]."""
         return Traced(trace(time, self.factor, self.begins, self.rows, path.table))
 
-    def stretched(self, factor: float) -> TimeLaw:
+    def stretched(self, factor: float) -> TimeParameterisation:
         """The same way in so many times the time."""
-        return TimeLaw(self.begins, self.rows, self.factor * factor)
+        return TimeParameterisation(self.begins, self.rows, self.factor * factor)
 
 
-def time_law(path: Path, bounds: Sequence[Bounds], law: Law = Law.TIME_OPTIMAL, end_speed: float = 0.0) -> TimeLaw:
+def time_law(
+    path: Path, bounds: Sequence[Bounds], law: Law = Law.TIME_OPTIMAL, end_speed: float = 0.0
+) -> TimeParameterisation:
     """The law along a smooth path, from rest to rest or to a speed at which the path goes on straight.
 
     It obeys the bounds of each line of the path's polygon everywhere; a corner obeys those of both its lines.
@@ -141,7 +143,7 @@ def time_law(path: Path, bounds: Sequence[Bounds], law: Law = Law.TIME_OPTIMAL, 
     return min((refined, *_by_time(path, table, end_speed, refined.duration)), key=lambda one: one.duration)
 
 
-def _by_time(path: Path, table: Vector, end_speed: float, refined: float) -> Iterator[TimeLaw]:
+def _by_time(path: Path, table: Vector, end_speed: float, refined: float) -> Iterator[TimeParameterisation]:
     """Ruckig's law, and where it takes hardly longer than the one refined by the way [s], that refined by its time."""
     rows = _by_ruckig(path, table, end_speed)
     # it is at the bound of jerk somewhere, so that it will not be shortened
@@ -175,14 +177,14 @@ def _reaches(rows: Vector, end_speed: float) -> bool:
     return abs(reached - end_speed) < _SAME_SPEED
 
 
-def line_law(path: Path, bounds: Bounds, start_speed: float) -> TimeLaw:
+def line_law(path: Path, bounds: Bounds, start_speed: float) -> TimeParameterisation:
     """Along one line, by Ruckig, from a speed without acceleration to rest."""
     return _law(_intervals([(*phase[:4], 0, phase[4]) for phase in _line(path.total, start_speed, 0.0, bounds)]), 1.0)
 
 
-def _law(rows: Vector, factor: float) -> TimeLaw:
+def _law(rows: Vector, factor: float) -> TimeParameterisation:
     """Of intervals, in so many times the time they take."""
-    return TimeLaw(begins(rows), rows, factor)
+    return TimeParameterisation(begins(rows), rows, factor)
 
 
 def _intervals(parts: Sequence[tuple[float, ...]]) -> Vector:

@@ -290,13 +290,13 @@ def test_a_hand_that_is_there_while_the_board_is_found_anew_is_not_forgotten(con
         guard.look(VIEW)
         first.put(FREE, 10)
         first.put(HAND, 3)
-        until(lambda: (seen := guard.glance()) is not None and seen.stamp > 0.42)
+        until(lambda: (seen := guard.newest()) is not None and seen.stamp > 0.42)
         assert guard.arrivals == 1
         assert (guard.departures, guard.gone_at) == (0, None)
         assert not notice.untold
         guard.look(VIEW)
         second.put(FREE, 10)
-        until(lambda: (seen := guard.glance()) is not None and seen.settled)
+        until(lambda: (seen := guard.newest()) is not None and seen.settled)
         assert guard.arrivals == guard.departures == 1
         assert notice.untold
         assert notice.gone() == pytest.approx(13.0 / 30.0)
@@ -313,7 +313,7 @@ def test_sight_is_waited_for_and_a_hand_that_stays_is_told_of(
     with guard:
         guard.look(VIEW)
         frames.put(FREE, 10)
-        until(lambda: (seen := guard.glance()) is not None and seen.settled)
+        until(lambda: (seen := guard.newest()) is not None and seen.settled)
         assert guard.wait_for_sight()
         frames.put(HAND, 3)
         until(lambda: guard.arrivals == 1)
