@@ -211,6 +211,18 @@ class GameObserver:
         seen = self._known.heights
         return {kind: seen.get(piece_type, HEIGHTS[kind]) for piece_type, kind in KINDS.items()}
 
+    def faults(self, stands: Inventory, *, centres: bool) -> tuple[Fault, ...]:
+        """What is not as it should be in the newest frame; without depth nobody can tell what lies, so nothing.
+
+        Args:
+            stands: what should stand where.
+            centres: pieces that stand, but off the centres of their squares, count as well.
+        """
+        if self.last.depth is None:
+            return ()
+        faults = examine_board(self.last, self.view, on_board(stands)).faults
+        return tuple(fault for fault in faults if centres or fault.kind is not FaultKind.OFF_CENTRE)
+
     def forget_likeness(self) -> None:
         """Pieces were touched: how they looked before says nothing any more."""
         self._likeness = {}
