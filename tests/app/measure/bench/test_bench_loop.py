@@ -136,8 +136,8 @@ def test_the_bench_is_put_together(monkeypatch: pytest.MonkeyPatch) -> None:
     def finish() -> RunEnd:
         calls.append("finish")
         end = an_end(False)
-        noted = end.pulse.realtime.model_copy(update={"notes": ("no SCHED_FIFO: run as root",)})
-        return RunEnd(end.pulse.model_copy(update={"realtime": noted}), True)
+        noted = end.statistics.realtime.model_copy(update={"notes": ("no SCHED_FIFO: run as root",)})
+        return RunEnd(end.statistics.model_copy(update={"realtime": noted}), True)
 
     monkeypatch.setattr(loop_bench, "timed_rig", lambda seed, progress: fake("rig", SimpleNamespace(finish=finish)))
     monkeypatch.setattr(loop_bench, "thinking", lambda progress: fake("thinking", None))
