@@ -32,7 +32,7 @@ from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.pieces.centres import piece_centres
 from vision.pieces.fallen import find_misplaced
 from vision.pieces.swapped import KnownPicture, looked_closer
-from vision.pieces.verify import Fault, FaultKind, examine_board
+from vision.pieces.verify import Examination, Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, EMPTY, WHITE
 from vision.reading.diagnosis import Diagnosis, explain
 from vision.reading.evidence import codes_of
@@ -184,12 +184,7 @@ class GameObserver:
         frame = self.frame()
         self._follow(frame)
         expected = on_board(stands)
-        before = {
-            square: likeness
-            for square, (name, likeness) in self._likeness.items()
-            if square in expected and expected[square].name == name
-        }
-        examined = examine_board(frame, self.view, expected, before)
+        examined = self._examine(expected)
         faults = examined.faults
         self._doubted = frozenset(fault.square for fault in faults if fault.kind is FaultKind.FALLEN)
         self._wrong = frozenset(fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE)
@@ -206,6 +201,12 @@ class GameObserver:
         observation = BoardObservation.of(stands, states, faults, kinds=_kinds(stands, states, top, self._heights()))
         return Verification(faults, observation)
 
+    def _examine(self, expected: Mapping[int, PieceSpec]) -> Examination:
+        """Hold the newest frame against what should stand on the squares, and how the same pieces looked before."""
+        known = {square: likeness for square, (name, likeness) in self._likeness.items()
+                 if square in expected and expected[square].name == name}  # fmt: skip
+        return examine_board(self.last, self.view, expected, known)
+
     def _heights(self) -> dict[Kind, float]:
         """Of the kinds as this camera sees them [m]; as the settings say, where it has not."""
         seen = self._known.heights
@@ -220,7 +221,7 @@ class GameObserver:
         """
         if self.last.depth is None:
             return ()
-        faults = examine_board(self.last, self.view, on_board(stands)).faults
+        faults = self._examine(on_board(stands)).faults
         return tuple(fault for fault in faults if centres or fault.kind is not FaultKind.OFF_CENTRE)
 
     def forget_likeness(self) -> None:

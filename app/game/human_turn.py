@@ -284,7 +284,10 @@ class HumanTurn:
             return self._accept(move, then, reading)
         if finding.situation is Situation.LEGAL:
             return self._ask_move(decision.moves[0], said, then, reading)
-        self._complain(finding)
+        if finding.situation is not Situation.NOTHING:
+            self._complain(finding)
+        elif not self._complain_of_faults(centres=True):
+            self._ui.say("I am not sure of what I see: make your move, or say 'fix' and the arm looks the board over")
         return None
 
     def _complain(self, finding: Diagnosis) -> None:

@@ -154,7 +154,11 @@ STATE = {
 """State and forces of ``MjData``: what only the simulation itself may change."""
 
 MAY_WRITE = {
-    ("render.drawing", "SceneDrawer.draw", "qpos"),  # the renderer's own copy, in its own process: it is drawn, never stepped
+    (
+        "render.drawing",
+        "SceneDrawer.draw",
+        "qpos",
+    ),  # the renderer's own copy, in its own process: it is drawn, never stepped
     ("clients.viewer", "watch_world", "qpos"),  # the viewer's likewise
     ("bodies.scene", "_start_positions", "qpos"),  # the key frame from which the world starts
     ("bodies.scene", "build_model", "qpos"),
