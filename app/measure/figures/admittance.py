@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import JsonValue
 
-from app.measure.figures.drawing import DARK, WITH, WITHOUT, axes, picture
-from app.measure.figures.gripper import SPEED, STATES, Fingers, TactileLaw, effective_mass, push
+from app.measure.figures.drawing import DARK, WITH, WITHOUT, axes, label, picture
+from app.measure.figures.grasp import SPEED, STATES, Fingers, TactileLaw, effective_mass, push
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from controller.law.tactile import Pair, admittance
 from controller.law.task_space import pack_reference
@@ -274,17 +274,13 @@ def _draw(without: Curve, fed_back: Curve, increase: FloatArray, bandwidth: floa
         phase.plot(late, np.degrees(np.angle(one.sampled)), "x", color=DARK, ms=5, mew=1.2)
     magnitude.plot([], [], "o", color="grey", ms=5, label="swept sine, nonlinear model")
     magnitude.plot([], [], "x", color=DARK, ms=5, label="the same, law in ticks of 0.88 ms, one late")
-    magnitude.set_ylabel("|A| [dB re 1 m/(N s)]", fontsize=9)
+    label(magnitude, ylabel="|A| [dB re 1 m/(N s)]", ylim=(-60.0, 22.0))
     magnitude.set_title(f"{title}: $k_p$ = 1/s², $k_v$ = 2/s, $k_s$ = {bandwidth:g} rad/s", fontsize=10)
-    magnitude.set_ylim(-60.0, 22.0)
     magnitude.legend(fontsize=8, loc="upper right")
-    phase.set_ylabel("phase [°]", fontsize=9)
-    phase.set_yticks([-90, -45, 0, 45, 90])
+    label(phase, ylabel="phase [°]", yticks=[-90, -45, 0, 45, 90])
     more.semilogx(OMEGA, increase, color=DARK, lw=1.5)
     more.axhline(10.0, color="grey", lw=0.8, ls="--")
     more.axvline(bandwidth, color="grey", lw=0.8, ls=":")
     more.text(bandwidth * 0.92, 2.0, "sensor's bandwidth", fontsize=8, color="grey", ha="right")
-    more.set_ylim(-0.5, 11.5)
-    more.set_ylabel("increase by k* = 2 [dB]", fontsize=9)
-    more.set_xlabel("ω [rad/s]", fontsize=9)
+    label(more, ylim=(-0.5, 11.5), ylabel="increase by k* = 2 [dB]", xlabel="ω [rad/s]")
     return sheet

@@ -41,8 +41,7 @@ def resolutions(model: DeltaModel, grid: TableGrid, height: float) -> tuple[Vect
 def encoder(progress: Progress) -> FigureResult:
     """Compute and draw."""
     progress("computing J_c over the table")
-    model, table = DeltaModel(load_parameters()), TableSettings()
-    grid = table_grid(table)
+    model, grid = DeltaModel(load_parameters()), table_grid(TableSettings())
     found = {height: resolutions(model, grid, height) for height in HEIGHTS}
     bits, tick = model.parameters.drive.encoder_bits, model.parameters.drive.tick
     worst = max(float(combined.max()) for _, combined in found.values())
@@ -55,16 +54,16 @@ def encoder(progress: Progress) -> FigureResult:
         "all_three_um": {f"{h:.2f}": _range(combined) for h, (_, combined) in found.items()},
     }
     title = f"One count of the {bits}-bit encoders at the tool"
-    return FigureResult(title, bars, numbers, {"": _draw(table, grid, found, title)})
+    return FigureResult(title, bars, numbers, {"": _draw(grid, found, title)})
 
 
 def _range(values: Vector) -> dict[str, JsonValue]:
     return {"least": 1e6 * float(values.min()), "mean": 1e6 * float(values.mean()), "most": 1e6 * float(values.max())}
 
 
-def _draw(table: TableSettings, grid: TableGrid, found: dict[float, tuple[Vector, Vector]], title: str) -> Picture:
+def _draw(grid: TableGrid, found: dict[float, tuple[Vector, Vector]], title: str) -> Picture:
     sheet = picture(10.4, 4.9)
     for axis, (height, (_, combined)) in zip(axes(sheet, 1, 2), found.items(), strict=True):
-        board_map(axis, table, grid.x, grid.y, 1e6 * combined, "worst case of all three [µm]")
+        board_map(axis, grid, 1e6 * combined, "worst case of all three [µm]")
         axis.set_title(f"{title}, {1e3 * height:.0f} mm over the board", fontsize=9, pad=8)
     return sheet

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import JsonValue
 
 from app import UserError
-from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
+from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, label, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import PROFILES, MotionSettings, Plan, Planner, Profile, contact_limits
 from app.motion.path import Vector
@@ -109,7 +109,7 @@ def _over_time(plans: dict[Profile, tuple[Ply, Plan, Inventory]], title: str) ->
         samples = np.concatenate(parts)
         time = load_parameters().drive.tick * np.arange(float(len(samples)))
         rows = panels[column::2]
-        rows[0].set_title(f"{profile.value}, {time[-1]:.2f} s", fontsize=9)
+        label(rows[0], title=f"{profile.value}, {time[-1]:.2f} s")
         home = np.array(PROFILES[profile].home)
         quantities = (
             (1e3 * (samples["position"] - home), "from home [mm]"),
@@ -118,14 +118,14 @@ def _over_time(plans: dict[Profile, tuple[Ply, Plan, Inventory]], title: str) ->
             (np.concatenate([_jerk(part) for part in parts]), "jerk [m/s³]"),
             (np.sqrt(samples["stiffness"]), "√k_p [rad/s]"),
         )
-        for axis, (values, label) in zip(rows, quantities, strict=True):
+        for axis, (values, quantity) in zip(rows, quantities, strict=True):
             _stages(axis, plan, parts)
             for i, (name, colour) in enumerate(AXES):
                 axis.plot(time, values[:, i], color=colour, lw=1.1, label=name)
             if column == 0:
-                axis.set_ylabel(label, fontsize=9)
+                label(axis, ylabel=quantity)
         rows[1].plot(time, np.linalg.norm(samples["velocity"], axis=1), color=DARK, lw=0.8, ls=":", label="|ż|")
-        rows[-1].set_xlabel("time [s]", fontsize=9)
+        label(rows[-1], xlabel="time [s]")
     panels[2].legend(fontsize=8, loc="lower right", ncols=4)
     return sheet
 

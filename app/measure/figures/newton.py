@@ -8,7 +8,7 @@ import chess
 import numpy as np
 from pydantic import JsonValue
 
-from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
+from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, label, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import MotionSettings, Planner
 from app.motion.timing.reference import Vector
@@ -70,13 +70,7 @@ def counted(model: DeltaModel, way: Vector) -> Vector:
 
 
 def newton_along(model: DeltaModel, angles: Vector, start: Vector) -> Steps:
-    """Iterate (7) in each tick from the solution of the tick before.
-
-    Args:
-        model: the robot.
-        angles: y, shape (n, 3) [rad].
-        start: x, shape (6,), before the first tick [rad].
-    """
+    """Iterate (7) at angles y, shape (n, 3) [rad], from the last tick's solution; ``start``: the first, shape (6,)."""
     residual = np.zeros((len(angles), ENOUGH))
     x = start.copy()
     for k, y in enumerate(angles):
@@ -124,18 +118,15 @@ def _draw(steps: Steps, speed: Vector, tick: float, title: str) -> Picture:
     top, middle, bottom = axes(sheet, 3, 1, sharex=True)
     time = np.arange(len(speed)) * tick
     top.plot(time, speed, color=DARK, lw=1.0)
-    top.set_ylabel("tool speed [m/s]", fontsize=9)
+    label(top, ylabel="tool speed [m/s]")
     top.set_title(f"{title} ({MOVE}, capturing)", fontsize=10)
     labels = ("start: solution of the last tick", "after 1 step", "after 2 steps")
-    for column, (label, colour) in enumerate(zip(labels, (GREY, WITHOUT, WITH), strict=True)):
+    for column, (name, colour) in enumerate(zip(labels, (GREY, WITHOUT, WITH), strict=True)):
         shown = np.where(steps.residual[:, column] > 0.0, steps.residual[:, column], np.nan)
-        middle.semilogy(time, shown, ".", ms=1.6, color=colour, label=label)
+        middle.semilogy(time, shown, ".", ms=1.6, color=colour, label=name)
     middle.axhline(DECIMALS, color=DARK, lw=0.8, ls="--")
-    middle.set_ylabel("|h| [m]", fontsize=9)
+    label(middle, ylabel="|h| [m]")
     middle.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, markerscale=5, frameon=False)
     bottom.plot(time, steps.to_decimals, ".", ms=1.6, color=WITHOUT)
-    bottom.set_yticks([0, 1, 2, 3])
-    bottom.set_ylim(-0.3, 3.3)
-    bottom.set_ylabel("steps to 1e-8 m", fontsize=9)
-    bottom.set_xlabel("time [s]", fontsize=9)
+    label(bottom, yticks=[0, 1, 2, 3], ylim=(-0.3, 3.3), ylabel="steps to 1e-8 m", xlabel="time [s]")
     return sheet

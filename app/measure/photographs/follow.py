@@ -10,9 +10,8 @@ import chess
 import chess.pgn
 import numpy as np
 
-from app.measure.photographs.corners import CornerSource
 from app.measure.photographs.labels import FrameLabel, Labels
-from app.measure.photographs.pictures import Picture
+from app.measure.photographs.pictures import Array, Picture
 from app.measure.photographs.report import Score, VisionEvent, VisionReport
 from vision.board.view import BoardNotFound
 from vision.reading.evidence import codes_of, states_of
@@ -25,6 +24,11 @@ PLIES: Final = 2
 """A settled view may be a move and its answer away from the one before: the other player answered at once."""
 
 Line = tuple[chess.Move, ...]
+CornerSource = Callable[[Picture], Array]
+"""Gives the outer corners of the playing area a1, h1, h8, a8 in a picture, shape (4, 2) [px].
+
+Raises BoardNotFound where nobody can say.
+"""
 
 
 @dataclass(slots=True)
@@ -97,7 +101,7 @@ def follow(
         progress(f"picture {number + 1}: {picture.name}")
         label = labels.of_view(picture.name, len(game.played)) if labels is not None else None
         try:
-            sight = sight_of_picture(picture.colour, corners.corners(picture), picture.stamp)
+            sight = sight_of_picture(picture.colour, corners(picture), picture.stamp)
         except BoardNotFound as error:
             if game.observer is None:
                 game.failed = f"{picture.name}: {error}"

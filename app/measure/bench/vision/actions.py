@@ -11,8 +11,7 @@ import chess
 import numpy as np
 
 from app.measure.bench.report import Progress, Row, row
-from app.measure.bench.vision.games import Eye, GameTally, Scene, open_studio, random_game
-from app.measure.bench.vision.positions import RandomTable
+from app.measure.bench.vision.games import Eye, GameTally, RandomTable, Scene, open_studio, random_game
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import PlacedPiece
 from hardware.table import PIECE_SHAPES, TableSettings, square_place

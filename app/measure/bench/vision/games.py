@@ -6,6 +6,7 @@ Truth is the game that the pictures were made from.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -16,14 +17,13 @@ import numpy as np
 
 from app.measure.bench.report import Progress, Row, row
 from app.measure.bench.vision.calibration import OFF, random_looks, random_mount
-from app.measure.bench.vision.positions import RandomTable
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from hardware.interfaces import Frame
 from hardware.sim.bodies.hand import HandPose
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
 from hardware.sim.render.appearance import LightSettings, MountSettings, SceneState
-from hardware.table import Colour, TableSettings
+from hardware.table import Colour, Place, TableSettings
 from vision.board.anchor import Anchor
 from vision.board.find import find_board
 from vision.board.orientation import orient
@@ -111,6 +111,47 @@ class Eye:
         tally.watched.append(1e3 * (watched - since))
         tally.times.append(1e3 * (time.process_time() - since))
         return look, decision
+
+
+class RandomTable:
+    """A set of pieces on board and trays, set up by hand.
+
+    Args:
+        table: board and trays.
+        off: pieces are put down up to so far off along both axes [m].
+        seed: decides how each piece is put down.
+
+    Attributes:
+        poses: how each piece stands, by name.
+    """
+
+    def __init__(self, table: TableSettings, off: float, seed: int) -> None:
+        self.poses: Mapping[str, PlacedPiece] = {}
+        self._places: Mapping[str, Place] = {}
+        self._table, self._off = table, off
+        self._rng = np.random.default_rng([seed, 77])
+
+    def set(self, board: chess.Board) -> None:
+        """Set up a position: what stands on its place stays untouched, everything else is put down anew."""
+        specs = start_layout(board, self._table)
+        self.poses = {
+            piece.name: self.poses[piece.name]
+            if self._places.get(piece.name) == piece.place
+            else self.put_down(piece.name, piece.place)
+            for piece in specs
+        }
+        self._places = {piece.name: piece.place for piece in specs}
+
+    def put_down(self, name: str, place: Place) -> PlacedPiece:
+        """A piece as somebody puts it on a place."""
+        x, y = self._table.xy(place)
+        dx, dy = self._rng.uniform(-self._off, self._off, 2).tolist()
+        return PlacedPiece(name, x + dx, y + dy, yaw=float(self._rng.uniform(-math.pi, math.pi)))
+
+    def standing_on(self, square: chess.Square) -> str | None:
+        """Name of the piece on a square."""
+        place = Place("board", square)
+        return next((name for name, where in self._places.items() if where == place), None)
 
 
 class Scene:

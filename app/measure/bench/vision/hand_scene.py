@@ -31,7 +31,7 @@ from app.rig.simulation.settings import own_rig
 from app.rig.simulation.sim import SimRig
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import State
-from hardware.interfaces import Intrinsics, Pace
+from hardware.interfaces import Pace
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.hand import seen_from_above
 from hardware.sim.clients.camera import SimCamera
@@ -76,25 +76,20 @@ class HandScene:
         self.run_dir, self.telemetry = run_dir, list[Telemetry]()
         self.history = ArmHistory(self.parameters.drive.tick)
         self.rig = SimRig(own_rig(run_dir, world), lambda _: None, self._listen)
-        self.view = nominal_view(self._intrinsics(), self.table)
-
-    def _intrinsics(self) -> Intrinsics:
         if not isinstance(self.rig.camera, SimCamera):
             raise UserError("this bench needs a world with cameras: 'apt-get install libegl1 libgl1-mesa-dri'")
-        return self.rig.camera.intrinsics
+        self.view = nominal_view(self.rig.camera.intrinsics, self.table)
 
     def _listen(self, telemetry: Telemetry) -> None:
         self.history.take(telemetry)
         self.telemetry.append(telemetry)
 
-    def guard(
-        self, listener: Listener | None = None, watch: Watch | None = None, interval: float = INTERVAL
-    ) -> HandGuard:
+    def guard(self, watch: Watch, listener: Listener | None = None, interval: float = INTERVAL) -> HandGuard:
         """A guard that is not started yet; see ``HandGuard``. Its camera has depth alone until it is woken up.
 
         Args:
-            listener: told what is seen.
             watch: what it sees with.
+            listener: told what is seen.
             interval: from frame to frame [s].
         """
         masks = ArmMasks(self.view, self.parameters, self.table, self.history)

@@ -18,7 +18,7 @@ from typing import Final
 import chess
 
 from app import UserError
-from app.guard.hand_guard import HandGuard, Listener
+from app.guard.hand_guard import HandGuard
 from app.measure.bench.report import Progress, Row, row
 from app.measure.bench.vision.games import Eye, GameTally
 from app.measure.bench.vision.hand_scene import Follower, HandScene, hand_scene, until
@@ -58,25 +58,15 @@ class TurnFigures:
 
 
 def turn_rows(quick: bool, progress: Progress) -> dict[str, Row]:
-    """Measure; arguments and errors as of ``app.measure.bench.vision.hands.hand_rows``."""
-    return measure(MOVES[quick], progress)
-
-
-def measure(moves: int, progress: Progress, seed: int = SEED) -> dict[str, Row]:
-    """Measure with so many moves."""
-    figures, rng = TurnFigures(), random.Random(seed)
+    """Measure; errors as of ``app.measure.bench.vision.hands.hand_rows``."""
+    moves, figures, rng = MOVES[quick], TurnFigures(), random.Random(SEED)
     try:
         for first in range(0, moves, A_WORLD):
             person = HandSettings(side=rng.choice(list(Colour)), speed=rng.uniform(0.5, 1.0))
-            with hand_scene(seed + first, person) as scene:
+            with hand_scene(SEED + first, person) as scene:
                 _play(scene, min(A_WORLD, moves - first), rng, figures, progress)
     except HardwareError as error:
         raise UserError(str(error)) from error
-    return rows_of(figures)
-
-
-def rows_of(figures: TurnFigures) -> dict[str, Row]:
-    """The rows of some figures."""
     rows = {"move wrong": row(figures.wrong, "1", 0.0, "max"), "move asked": row(figures.unread, "1")}
     if figures.known:
         rows["hand gone to move known"] = row(figures.known, "s", KNOWN_LIMIT, "max")
@@ -86,9 +76,13 @@ def rows_of(figures: TurnFigures) -> dict[str, Row]:
 
 def _play(scene: HandScene, moves: int, rng: random.Random, figures: TurnFigures, progress: Progress) -> None:
     """A game by hand. The camera watches from before the hand withdraws: pictures take most of the bench's time."""
-    board, inventory, watch = chess.Board(), scene.inventory, Watch()
+    board, inventory, watch, delivered = chess.Board(), scene.inventory, Watch(), dict[float, float]()
+
+    def note_delivery(frame: Frame | DepthFrame, _seen: Seen) -> None:
+        delivered[frame.stamp] = scene.history.newest  # plant time stands meanwhile, so it is the time of delivery
+
     with closing(SimHand(scene.run_dir)) as hand:
-        with scene.guard(watch=watch) as guard:
+        with scene.guard(watch) as guard:
             eye = Eye(guard.settled()[0], board, scene.table)
         for _ in range(moves):
             # a promotion is asked for where it is not seen; here it is about time
@@ -96,8 +90,8 @@ def _play(scene: HandScene, moves: int, rng: random.Random, figures: TurnFigures
             ply = transfers(board, move, inventory)
             hand.do(*hand_transfers(ply.transfers, scene.table))
             watch.pause()
-            delivered = dict[float, float]()
-            guard = scene.guard(_note_delivery(scene, delivered), watch)
+            delivered.clear()
+            guard = scene.guard(watch, note_delivery)
             with guard, closing(Follower(scene)) as follower:
                 hand.perform(Withdraw())
                 look = _note(guard, eye, follower, scene.table, delivered, move, figures)
@@ -108,15 +102,6 @@ def _play(scene: HandScene, moves: int, rng: random.Random, figures: TurnFigures
             last = f"known after {figures.known[-1]:.3f} s, " if figures.known else "not read"
             last += f"{figures.off_board[-1]:.3f} s after the hand was off the board" if figures.known else ""
             progress(f"{len(figures.wrong)} moves by hand, {ply.san}: {last}")
-
-
-def _note_delivery(scene: HandScene, delivered: dict[float, float]) -> Listener:
-    """Plant time stands while the listener is called, so it is the time of delivery."""
-
-    def note(frame: Frame | DepthFrame, _seen: Seen) -> None:
-        delivered[frame.stamp] = scene.history.newest
-
-    return note
 
 
 def _note(
