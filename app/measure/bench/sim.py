@@ -62,11 +62,7 @@ class Again(NamedTuple):
 
 
 def sim_bench(quick: bool, progress: Progress) -> BenchReport:
-    """Measure.
-
-    Args:
-        quick: 6 plies instead of 24.
-        progress: told what is being done.
+    """Measure; ``quick``: 6 plies instead of 24.
 
     Raises:
         UserError: a game failed, or something is missing on this machine.
@@ -81,8 +77,7 @@ def sim_bench(quick: bool, progress: Progress) -> BenchReport:
         progress("the game again, with a load on the machine")
         with _load():
             second = play(folder / "second", plies)
-    rows = rows_of(first, second, again)
-    return BenchReport.of("sim", SEED, rows)
+    return BenchReport.of("sim", SEED, rows_of(first, second, again))
 
 
 def rows_of(first: PlayedGame, second: PlayedGame, again: Again) -> dict[str, Row]:
@@ -91,6 +86,7 @@ def rows_of(first: PlayedGame, second: PlayedGame, again: Again) -> dict[str, Ro
     assert report.speed is not None, "a world of our own has one"
     ticking = again.simulated / report.speed
     thinking = float(str(report.details.get("thinking_s", 0.0)))
+    differing = [report.world_state != second.report.world_state, telemetry_differs(first.telemetry, second.telemetry)]
     return {
         "speed": row([report.speed], "s/s"),
         "cost": row([1.0 / report.speed], "s/s", COST_LIMIT, "max"),
@@ -101,14 +97,8 @@ def rows_of(first: PlayedGame, second: PlayedGame, again: Again) -> dict[str, Ro
         "rendering_and_rest": row([first.wall - ticking - thinking], "s"),
         "closure": row([1e6 * again.closure], "µm", CLOSURE_LIMIT, "max"),
         "again_differs": row([float(again.differs)], "states", 0.0, "max"),
-        "second_differs": row(
-            [
-                float(report.world_state != second.report.world_state),
-                float(telemetry_differs(first.telemetry, second.telemetry)),
-            ],
-            "records", 0.0, "max",
-        ),
-    }  # fmt: skip
+        "second_differs": row(differing, "records", 0.0, "max"),
+    }
 
 
 def play(folder: Path, plies: int) -> PlayedGame:
@@ -167,6 +157,7 @@ def do_again(run_dir: Path) -> Again:
 
 @contextmanager
 def _load() -> Iterator[None]:
+    """Another process burns a processor within the block."""
     process = multiprocessing.get_context("spawn").Process(target=_burn, daemon=True)
     process.start()
     try:

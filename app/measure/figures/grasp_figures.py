@@ -248,7 +248,7 @@ def _draw_ends(grasps: Grasps, start: NDArray[np.uint8], ends: list[NDArray[np.u
             label(axis, title=title)
             axis.set_axis_off()
         _schematic(drawn, dae)
-        label(drawn, title=f"end, {_moved('constrained dynamics', dae)}")
+        drawn.set_title(f"end, {_moved('constrained dynamics', dae)}", fontsize=9)
     return sheet
 
 

@@ -91,8 +91,6 @@ def newton(progress: Progress) -> FigureResult:
     steps = newton_along(model, angles, posture_at(model, way[0]).x)
     speed = np.linalg.norm(np.gradient(way, tick, axis=0), axis=1)
     moving = speed > MOVING
-    counts = {name: np.bincount(values[moving], minlength=4)
-              for name, values in (("1e-8", steps.to_decimals), ("1e-10", steps.to_tolerance))}  # fmt: skip
     bars = {
         "most_steps_to_8_decimals": Bar(float(steps.to_decimals.max()), "steps", high=2.0),
         "fewest_steps_while_moving": Bar(float(steps.to_decimals[moving].min()), "steps", low=1.0),
@@ -102,8 +100,8 @@ def newton(progress: Progress) -> FigureResult:
         "ticks_moving": int(moving.sum()),
         "tool_speed_max_m_s": float(speed.max()),
         "servo_speed_max_rad_s": float(np.abs(np.diff(angles, axis=0)).max() / tick),
-        "ticks_by_steps_to_1e-8_m": {str(n): int(v) for n, v in enumerate(counts["1e-8"])},
-        "ticks_by_steps_to_1e-10_m": {str(n): int(v) for n, v in enumerate(counts["1e-10"])},
+        "ticks_by_steps_to_1e-8_m": _counted_steps(steps.to_decimals[moving]),
+        "ticks_by_steps_to_1e-10_m": _counted_steps(steps.to_tolerance[moving]),
         "mean_steps_to_1e-8_m": float(steps.to_decimals[moving].mean()),
         "closure_before_first_step_max_m": float(steps.residual[:, 0].max()),
         "closure_after_one_step_max_m": float(steps.residual[:, 1].max()),
@@ -111,6 +109,10 @@ def newton(progress: Progress) -> FigureResult:
     }
     title = "Newton steps of (7) along a fast move, from tick to tick"
     return FigureResult(title, bars, numbers, {"": _draw(steps, speed, tick, title)})
+
+
+def _counted_steps(values: Vector) -> dict[str, JsonValue]:
+    return {str(n): int(v) for n, v in enumerate(np.bincount(values, minlength=4))}
 
 
 def _draw(steps: Steps, speed: Vector, tick: float, title: str) -> Picture:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -14,7 +15,7 @@ from app.measure.bench.report import Progress, Row, row
 from app.measure.bench.vision.games import Eye, GameTally, RandomTable, Scene, open_studio, random_game
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import PlacedPiece
-from hardware.table import PIECE_SHAPES, TableSettings, square_place
+from hardware.table import PIECE_SHAPES, Kind, TableSettings, square_place
 from vision.pieces.swapped import KnownPicture, looked_closer
 from vision.pieces.verify import verify_board
 from vision.reading.diagnosis import explain
@@ -55,28 +56,24 @@ class ClumsyHands:
 
     def name(self, square: int) -> str:
         """Of the piece on a square."""
-        name = self._table.standing_on(square)
-        assert name is not None
-        return name
+        return self._table.standing_on(square)
 
     def put(self, name: str, square: int) -> None:
         """Put a piece on a square."""
         self.poses[name] = self._table.put_down(name, square_place(square))
         self.touched.add(square)
 
-    def lift(self, square: int) -> str:
-        """Take off what stands on a square; its name."""
-        name = self.name(square)
-        del self.poses[name]
+    def lift(self, square: int) -> None:
+        """Take off what stands on a square."""
+        del self.poses[self.name(square)]
         self.touched.add(square)
-        return name
 
     def carry(self, start: int, end: int) -> None:
         """Move a piece, and take off what stood there."""
-        name = self.lift(start)
+        self.lift(start)
         if self.board.piece_at(end) is not None:
             self.lift(end)
-        self.put(name, end)
+        self.put(self.name(start), end)
 
     def shift(self, square: int, share: float) -> None:
         """Push a piece towards a neighbour by a share of a square's side."""
@@ -89,11 +86,10 @@ class ClumsyHands:
 
     def knock(self, square: int) -> None:
         """Knock a piece over: it lies beside its place."""
-        pose = self.poses[self.name(square)]
-        piece = self.board.piece_at(square)
+        pose, piece = self.poses[self.name(square)], self.board.piece_at(square)
         assert piece is not None
-        kind = next(shape for kind, shape in PIECE_SHAPES.items() if kind.value == chess.piece_name(piece.piece_type))
-        self.poses[pose.name] = replace(pose, height=kind.foot_radius, tip=0.5 * np.pi)
+        shape = PIECE_SHAPES[Kind(chess.piece_name(piece.piece_type))]
+        self.poses[pose.name] = replace(pose, height=shape.foot_radius, tip=0.5 * np.pi)
         self.touched.add(square)
 
     def pick(self, these: Sequence[_T]) -> _T:
@@ -101,7 +97,7 @@ class ClumsyHands:
         return these[int(self.rng.integers(len(these)))]
 
     def side(self) -> chess.Color:
-        """One of them."""
+        """One of the two."""
         return bool(self.rng.random() < 0.5)
 
     def pieces(self, colour: chess.Color) -> list[int]:
@@ -142,10 +138,6 @@ def _own_piece_taken(hands: ClumsyHands) -> None:
     hands.carry(start, hands.pick([square for square in own if square != start]))
 
 
-def _wrong_side(hands: ClumsyHands) -> None:
-    hands.carry(hands.pick(hands.pieces(not hands.board.turn)), hands.empty())
-
-
 def _missing(hands: ClumsyHands) -> None:
     hands.lift(hands.piece())
 
@@ -180,14 +172,6 @@ def _taken_back(hands: ClumsyHands) -> None:
         hands.carry(last.to_square, last.from_square)
 
 
-def _half_castled(hands: ClumsyHands) -> None:
-    _first_piece_only(hands, hands.board.is_castling, _illegal)
-
-
-def _en_passant_left(hands: ClumsyHands) -> None:
-    _first_piece_only(hands, hands.board.is_en_passant, _extra)
-
-
 def _first_piece_only(
     hands: ClumsyHands, sort: Callable[[chess.Move], bool], otherwise: Callable[[ClumsyHands], None]
 ) -> None:
@@ -210,52 +194,36 @@ def _capture_begun(hands: ClumsyHands) -> None:
         hands.lift(move.from_square)
 
 
-def _between(hands: ClumsyHands) -> None:
-    hands.shift(hands.piece(), 0.5)
-
-
-def _knocked_over(hands: ClumsyHands) -> None:
-    hands.knock(hands.piece())
-
-
 def _swept(hands: ClumsyHands) -> None:
     for square in hands.pieces(True)[:4] + hands.pieces(False)[:4]:
         hands.lift(square)
 
 
 SORTS: Final[Mapping[str, Callable[[ClumsyHands], None]]] = {
-    "illegal move": _illegal, "own piece taken": _own_piece_taken, "wrong side": _wrong_side, "missing": _missing,
-    "extra": _extra, "recoloured": _recoloured, "both moved": partial(_twice, own=False),
-    "moved twice": partial(_twice, own=True), "taken back": _taken_back, "half castled": _half_castled,
-    "en passant left": _en_passant_left, "capture begun": _capture_begun, "between squares": _between,
-    "knocked over": _knocked_over, "swept off": _swept,
-}  # fmt: skip
+    "illegal move": _illegal,
+    "own piece taken": _own_piece_taken,
+    "wrong side": lambda hands: hands.carry(hands.pick(hands.pieces(not hands.board.turn)), hands.empty()),
+    "missing": _missing,
+    "extra": _extra,
+    "recoloured": _recoloured,
+    "both moved": partial(_twice, own=False),
+    "moved twice": partial(_twice, own=True),
+    "taken back": _taken_back,
+    "half castled": lambda hands: _first_piece_only(hands, hands.board.is_castling, _illegal),
+    "en passant left": lambda hands: _first_piece_only(hands, hands.board.is_en_passant, _extra),
+    "capture begun": _capture_begun,
+    "between squares": lambda hands: hands.shift(hands.piece(), 0.5),
+    "knocked over": lambda hands: hands.knock(hands.piece()),
+    "swept off": _swept,
+}
 
 
 def action_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """All sorts, in random positions, light and camera: whether one was accepted, whether its squares were named."""
-    accepted, unnamed = judge_actions(ACTIONS[quick], 0, progress)
-    return {
-        "action accepted": row(accepted, "1", 0.0, "max"),
-        "action unnamed": row(unnamed, "1", 0.0, "mean"),
-    }
-
-
-def judge_actions(count: int, first: int, progress: Progress) -> tuple[list[float], list[float]]:
-    """Try so many actions, on set-ups with the seeds ``first``, ``first`` + 1 and so on.
-
-    Args:
-        count: of actions.
-        first: seed of the first set-up: parts of a long run can be made by themselves.
-        progress: told what is being done.
-
-    Returns:
-        For each action 1 where it was accepted; and 1 where not all of its squares were named.
-    """
     accepted, unnamed = list[float](), list[float]()
-    settings, seed = TableSettings(), first
+    settings, count = TableSettings(), ACTIONS[quick]
     with open_studio(settings) as studio:
-        while len(accepted) < count:
+        for seed in itertools.count():
             scene = Scene(studio, settings, 5000 + seed)
             board = chess.Board()
             eye = Eye(scene.picture(board), board, settings)
@@ -272,8 +240,12 @@ def judge_actions(count: int, first: int, progress: Progress) -> tuple[list[floa
                 accepted.append(float(bad))
                 unnamed.append(float(not named))
                 progress(f"set-up {seed}, {sort}{', ACCEPTED' if bad else ''}{'' if named else ', squares not named'}")
-            seed += 1
-    return accepted, unnamed
+            if len(accepted) >= count:
+                break
+    return {
+        "action accepted": row(accepted, "1", 0.0, "max"),
+        "action unnamed": row(unnamed, "1", 0.0, "mean"),
+    }
 
 
 def _line(seed: int) -> list[chess.Move]:

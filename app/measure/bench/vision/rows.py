@@ -9,10 +9,9 @@ from typing import Final
 from app.measure.bench.report import BenchReport, Progress, Row
 from app.measure.bench.vision.actions import action_rows
 from app.measure.bench.vision.calibration import calibration_rows, centre_rows
-from app.measure.bench.vision.find import find_rows
 from app.measure.bench.vision.games import game_rows, trouble_rows
 from app.measure.bench.vision.hands import hand_rows
-from app.measure.bench.vision.photos import VARIABLE, photo_folder, photo_rows
+from app.measure.bench.vision.photos import VARIABLE, find_rows, photo_folder, photo_rows
 from app.measure.bench.vision.turns import turn_rows
 
 RENDERED: Final[dict[str, Callable[[bool, Progress], dict[str, Row]]]] = {
