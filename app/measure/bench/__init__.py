@@ -50,17 +50,10 @@ class UnknownBench(UserError):
 
 
 def run_bench(name: str, quick: bool, progress: Progress, photos: Path | None = None) -> BenchReport:
-    """Run a bench.
-
-    Args:
-        name: of ``BENCHES``.
-        quick: fewer repetitions; it ends within a minute.
-        progress: told what is being done.
-        photos: folder with labelled photographs, for ``vision``.
+    """Run one of ``BENCHES``; ``photos``: folder with labelled photographs, for ``vision``.
 
     Raises:
-        UnknownBench: there is none of that name.
-        UserError: photographs are given that are not there, or are not looked at.
+        UserError: there is no such bench, or photographs are given that are not there or not looked at.
     """
     if name not in BENCHES:
         raise UnknownBench(name)

@@ -79,17 +79,11 @@ def _set() -> tuple[PieceSpec, ...]:
 
 
 class FallTrial:
-    """One world and one mishap.
-
-    Args:
-        studio: draws.
-        table: board and trays.
-        number: decides what stands where and what happens.
-        lost: a piece falls out of the fingers; else it is knocked over.
+    """One world and one mishap, both decided by a number: a piece is knocked over, or ``lost`` out of the fingers.
 
     Attributes:
         what: happened.
-        plans: the arm carried out to mend it.
+        plans: that the arm carried out to put it right.
     """
 
     def __init__(self, studio: TableStudio, table: TableSettings, number: int, *, lost: bool) -> None:

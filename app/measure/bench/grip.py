@@ -72,8 +72,7 @@ def grip_bench(quick: bool, progress: Progress) -> BenchReport:
 def shake(number: int) -> float:
     """Grasp a king, lift it, carry it at full speed to the middle, and shake it along each axis.
 
-    Args:
-        number: decides on which square, how far off and how turned the king stands.
+    The number decides on which square, how far off and how turned the king stands.
 
     Returns:
         How far it has slipped in the fingers, from rest before to rest afterwards [m].

@@ -78,10 +78,8 @@ def loop_bench(quick: bool, progress: Progress) -> BenchReport:
 def loop_rows(end: RunEnd, stopped: int, stolen: float) -> dict[str, Row]:
     """The rows: what must hold holds only where real time was granted, but the arm must rest in any case.
 
-    Args:
-        end: what the controller and the world left.
-        stopped: motions that did not end as planned.
-        stolen: share of the processor's time that the host of a virtual machine took, 0 to 1.
+    ``stopped`` motions did not end as planned; ``stolen`` is the share of the processor's time that the host of a
+    virtual machine took, 0 to 1.
     """
     statistics, granted = end.statistics, end.statistics.realtime.granted
     limit = MISSED_LIMIT if granted else None

@@ -66,12 +66,7 @@ class RecoveryTally:
 
 
 class Clumsy(Quiet):
-    """Sees each ply, and then has a hand do harm.
-
-    Args:
-        run_dir: of the world.
-        seed: decides what.
-        progress: told what.
+    """Sees each ply, and then has a hand do harm in the world of a run directory; the seed decides what.
 
     Attributes:
         mishaps: how often.

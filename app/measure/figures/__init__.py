@@ -46,11 +46,11 @@ class UnknownFigure(UserError):
 def make_figure(
     name: str, folder: Path, progress: Progress, move: str = MOVE, fen: str | None = None
 ) -> dict[str, JsonValue]:
-    """Compute a figure and write it.
+    """Compute a figure of ``FIGURES`` or ``move`` and write ``figure-NAME.png`` and ``figure-NAME.json``.
 
     Args:
-        name: of ``FIGURES``.
-        folder: for ``figure-NAME.png`` and ``figure-NAME.json``.
+        name: of the figure.
+        folder: for the files.
         progress: told what is being computed.
         move: drawn by figure ``move``, SAN or UCI.
         fen: in which position; None: the usual start.
@@ -59,8 +59,7 @@ def make_figure(
         What the JSON file holds; ``holds`` says whether all bars do.
 
     Raises:
-        UnknownFigure: there is none of that name.
-        UserError: a move or a position is given for another figure than ``move``.
+        UserError: there is no such figure, or a move or a position is given for another one than ``move``.
         FolderUnusable: the folder cannot be written.
         HardwareError: a figure needs OpenGL, and there is none.
     """

@@ -54,13 +54,7 @@ def board_map(axis: Axes, grid: TableGrid, values: Vector, quantity: str, limits
               colours: str = "viridis") -> None:  # fmt: skip
     """A quantity over the table, seen from above, with squares, trays and a scale.
 
-    Args:
-        axis: to draw on.
-        grid: over the table.
-        values: of the grid's shape; not finite where there is none.
-        quantity: label of the scale.
-        limits: of the scale.
-        colours: name of the colour map.
+    ``values`` have the grid's shape and are not finite where there is none; ``limits`` are those of the scale.
     """
     low, high = limits or (None, None)
     axis.grid(False)

@@ -11,8 +11,8 @@ from app.measure.figures.drawing import TableGrid, axes, board_map, picture, tab
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion.timing.reference import Vector
 from controller.model.constants import DeltaModel
-from controller.model.reach import posture_at
-from controller.offline.linear import pose_at
+from controller.model.kinematics import arm_directions, control_jacobian
+from controller.model.reach import posture_at, tool_point_at
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 
@@ -32,9 +32,14 @@ def resolutions(model: DeltaModel, grid: TableGrid, height: float) -> tuple[Vect
     count = 2.0 * np.pi / 2**model.parameters.drive.encoder_bits
     single, combined = np.empty(grid.shape), np.empty(grid.shape)
     for where, point in grid.points(height):
-        jacobian = count * pose_at(model, posture_at(model, point).y).jacobian
-        single[where] = np.linalg.norm(jacobian, axis=0).max()
-        combined[where] = np.linalg.norm(jacobian @ _SIGNS, axis=0).max()
+        angle, jacobian = posture_at(model, point).y, np.empty((3, 3))
+        z1, z2, z3 = tool_point_at(model, angle).tolist()
+        control_jacobian(
+            model.constants, *arm_directions(model.constants, angle, (z1, z2, z3)), jacobian, np.empty((3, 3))
+        )
+        moved = count * jacobian
+        single[where] = np.linalg.norm(moved, axis=0).max()
+        combined[where] = np.linalg.norm(moved @ _SIGNS, axis=0).max()
     return single, combined
 
 

@@ -253,12 +253,7 @@ def effective_mass(model: DeltaModel, point: Vector) -> float:
 
 
 class GraspedBlock:
-    """Gripper, sensors and block, attached to the arm.
-
-    Args:
-        grasp: what is done.
-        presliding: deflection at which the bristle slips [m].
-    """
+    """Gripper, sensors and block, attached to the arm; ``presliding``: deflection at which the bristle slips [m]."""
 
     def __init__(self, grasp: Grasp, presliding: float = PRESLIDING) -> None:
         self._fingers = Fingers(grasp.parameters, -grasp.finger_speed)

@@ -31,12 +31,7 @@ TOLERANCE: Final = 1e-6
 
 
 def move_figure(move: str, fen: str | None, progress: Progress) -> FigureResult:
-    """Plan a ply by both laws and draw it.
-
-    Args:
-        move: SAN or UCI.
-        fen: the position; None: the usual start.
-        progress: told what is being computed.
+    """Plan a ply by both laws and draw it; ``move``: SAN or UCI; ``fen``: the position, None: the usual start.
 
     Raises:
         UserError: no such position or move, or the plan is refused.
@@ -46,12 +41,10 @@ def move_figure(move: str, fen: str | None, progress: Progress) -> FigureResult:
     except ValueError as error:
         raise UserError(f"--fen is no position: {error}") from error
     (chosen,) = parse_line(move, board)[:1]
-    plans = {}
+    plans, bars, numbers = {}, dict[str, Bar](), dict[str, JsonValue]()
     for profile in (Profile.DEFAULT, Profile.MINIMUM_JERK):
         progress(f"planning {board.san(chosen)}, {profile.value}")
-        plans[profile] = _plan(board, chosen, profile)
-    bars, numbers = dict[str, Bar](), dict[str, JsonValue]()
-    for profile, (_, plan, _) in plans.items():
+        plans[profile] = _, plan, _ = _plan(board, chosen, profile)
         name = profile.value.replace("-", "_")
         for quantity, worst in _shares(plan, PROFILES[profile]).items():
             bars[f"{name}_{quantity}"] = Bar(worst, "of the bound", high=1.0 + TOLERANCE)
@@ -92,11 +85,11 @@ def _jerk(samples: NDArray[Any]) -> Vector:
 
 def _shares(plan: Plan, settings: MotionSettings) -> dict[str, float]:
     """Largest speed, acceleration and jerk, as shares of their bounds."""
-    whole = [motion.samples for motion in plan.motions]
+    samples = [motion.samples for motion in plan.motions]
     return {
-        "speed": max(float(np.linalg.norm(s["velocity"], axis=1).max()) for s in whole) / settings.speed,
-        "acceleration": max(float(np.abs(s["acceleration"]).max()) for s in whole) / settings.acceleration,
-        "jerk": max(float(np.abs(_jerk(s)).max()) for s in whole) / settings.jerk,
+        "speed": max(float(np.linalg.norm(s["velocity"], axis=1).max()) for s in samples) / settings.speed,
+        "acceleration": max(float(np.abs(s["acceleration"]).max()) for s in samples) / settings.acceleration,
+        "jerk": max(float(np.abs(_jerk(s)).max()) for s in samples) / settings.jerk,
     }
 
 

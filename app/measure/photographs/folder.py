@@ -74,11 +74,9 @@ def labelled_corners(labels: Labels) -> CornerSource:
 
 
 class FoundCorners:
-    """Found in the first picture, which shows a known position, and followed from there.
+    """Found in the first picture, which shows the position ``start``, and followed from there.
 
-    Args:
-        start: what stands in the first picture; it tells how the board is turned.
-        progress: told where the corners are less exact than they should be, and what to do.
+    ``progress`` is told where the corners are less exact than they should be, and what to do.
     """
 
     def __init__(self, start: chess.Board, progress: Callable[[str], None]) -> None:

@@ -56,11 +56,7 @@ def read_picture(path: Path) -> Picture:
 
 
 def read_video(path: Path, fps: float | None = None) -> Iterator[Picture]:
-    """Frames of a video, named by their numbers.
-
-    Args:
-        path: of the file.
-        fps: where the file's own rate is not to be believed [1/s].
+    """Frames of a video, named by their numbers; ``fps`` where the file's own rate is not to be believed [1/s].
 
     Raises:
         UserError: it cannot be read.

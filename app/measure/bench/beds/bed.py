@@ -142,14 +142,9 @@ class Bed:
 
 
 def straight(start: Vector, end: Vector, bounds: Bounds, frequency: float, tick: float) -> NDArray[Any]:
-    """Samples of a straight motion with the fingers at rest, after one at its start.
+    """Samples of a straight motion from a reference to a point, base frame (3,) [m], with the fingers at rest.
 
-    Args:
-        start: reference before it, base frame (3,) [m].
-        end: where to (3,) [m].
-        bounds: of its speed and what follows from it.
-        frequency: of the gains, critically damped [rad/s].
-        tick: [s].
+    The gains are critically damped at a frequency [rad/s]; ``tick`` in [s].
     """
     path = join([dwell(start, 1), line(start, end, bounds, tick)])
     return to_samples(path, critical((frequency,) * 3, len(path)), np.zeros(len(path)))
@@ -163,14 +158,9 @@ def plant_of(
     *,
     looks: bool = False,
 ) -> Plant:
-    """The plant of a test bed with these pieces on its table and the arm at home.
+    """The plant of a test bed with these pieces on its table and the arm at home; flaws as of ``Plant``.
 
-    Args:
-        standing: pieces.
-        table: board and trays.
-        settings: say where home is.
-        flaws: as of ``Plant``.
-        looks: as of ``build_model``: as in a game, whose motion differs in its last digits from that of a bare world.
+    With ``looks`` as in a game, whose motion differs in its last digits from that of a bare world.
     """
     parameters = load_parameters()
     model = build_model(parameters, table, standing, np.array(settings.home), looks=looks)

@@ -80,11 +80,7 @@ def found(law: TaskSpaceController) -> FloatArray:
 
 
 def record(ticks: int, seed: int) -> TickRecording:
-    """Play the line until so many ticks with torque are recorded.
-
-    Args:
-        ticks: wanted; the recording has exactly as many.
-        seed: decides how the pieces were set up.
+    """Play the line until so many ticks with torque are recorded; the seed decides how the pieces were set up.
 
     Raises:
         RuntimeError: the line is too short, or a motion of it failed.

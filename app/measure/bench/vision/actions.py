@@ -12,7 +12,7 @@ import chess
 import numpy as np
 
 from app.measure.bench.report import Progress, Row, row
-from app.measure.bench.vision.games import Eye, GameTally, RandomTable, Scene, open_studio, random_game
+from app.measure.bench.vision.games import BoardReader, GameTally, RandomTable, Scene, open_studio, random_game
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import PlacedPiece
 from hardware.table import PIECE_SHAPES, Kind, TableSettings, square_place
@@ -37,30 +37,23 @@ LINES: Final = (
 
 
 class ClumsyHands:
-    """What a person's hands can do to a set-up.
-
-    Args:
-        table: how the pieces stand, and where they should.
-        settings: board and trays.
-        board: the position.
-        rng: chooses.
-    """
+    """What a person's hands can do to a position that is set up on a table."""
 
     def __init__(
         self, table: RandomTable, settings: TableSettings, board: chess.Board, rng: np.random.Generator
     ) -> None:
         self.board, self.rng = board, rng
-        self._table, self._settings = table, settings
+        self.table, self.settings = table, settings
         self.poses: Poses = dict(table.poses)
         self.touched: set[int] = set()
 
     def name(self, square: int) -> str:
         """Of the piece on a square."""
-        return self._table.standing_on(square)
+        return self.table.standing_on(square)
 
     def put(self, name: str, square: int) -> None:
         """Put a piece on a square."""
-        self.poses[name] = self._table.put_down(name, square_place(square))
+        self.poses[name] = self.table.put_down(name, square_place(square))
         self.touched.add(square)
 
     def lift(self, square: int) -> None:
@@ -77,9 +70,9 @@ class ClumsyHands:
 
     def shift(self, square: int, share: float) -> None:
         """Push a piece towards a neighbour by a share of a square's side."""
-        pose, side = self.poses[self.name(square)], self._settings.square
+        pose, side = self.poses[self.name(square)], self.settings.square
         angle = 0.5 * np.pi * self.rng.integers(4)
-        x, y = self._settings.xy(square_place(square))
+        x, y = self.settings.xy(square_place(square))
         dx, dy = share * side * np.cos(angle), share * side * np.sin(angle)
         self.poses[pose.name] = replace(pose, x=float(x + dx), y=float(y + dy))
         self.touched.add(square)
@@ -226,17 +219,17 @@ def action_rows(quick: bool, progress: Progress) -> dict[str, Row]:
         for seed in itertools.count():
             scene = Scene(studio, settings, 5000 + seed)
             board = chess.Board()
-            eye = Eye(scene.picture(board), board, settings)
+            reader = BoardReader(scene.picture(board), board, settings)
             for san in _line(seed):
                 board.push(san)
-            before = KnownPicture(scene.picture(board), eye.view)
-            eye.observer.confirm(eye.observer.look(eye.sight(before.frame)), board)
+            before = KnownPicture(scene.picture(board), reader.view)
+            reader.observer.confirm(reader.observer.look(reader.sight(before.frame)), board)
             for sort, act in list(SORTS.items())[: count - len(accepted)]:
                 hands = ClumsyHands(scene.table, settings, board, scene.rng)
                 act(hands)
-                if _is_legal(hands, scene, board, settings):
+                if _is_legal(hands):
                     continue
-                bad, named = _judge(eye, before, scene, hands, board, settings)
+                bad, named = _judge(reader, before, scene, hands)
                 accepted.append(float(bad))
                 unnamed.append(float(not named))
                 progress(f"set-up {seed}, {sort}{', ACCEPTED' if bad else ''}{'' if named else ', squares not named'}")
@@ -256,11 +249,11 @@ def _line(seed: int) -> list[chess.Move]:
     return [board.push_san(san) for san in LINES[(seed // 2) % len(LINES)].split()]
 
 
-def _is_legal(hands: ClumsyHands, scene: Scene, board: chess.Board, settings: TableSettings) -> bool:
+def _is_legal(hands: ClumsyHands) -> bool:
     """Whether the hands have, by chance, left what a legal move or none would."""
-    states = np.zeros(64, dtype=np.intp)
+    board, side, states = hands.board, hands.settings.square, np.zeros(64, dtype=np.intp)
     for name, pose in hands.poses.items():
-        file, rank = int(np.floor(pose.x / settings.square)) + 4, int(np.floor(pose.y / settings.square)) + 4
+        file, rank = int(np.floor(pose.x / side)) + 4, int(np.floor(pose.y / side)) + 4
         if 0 <= file < 8 and 0 <= rank < 8:
             states[8 * rank + file] = 1 if name.startswith("white") else 2
     legal = []
@@ -268,22 +261,18 @@ def _is_legal(hands: ClumsyHands, scene: Scene, board: chess.Board, settings: Ta
         board.push(move)
         legal.append(states_of(codes_of(board)))
         board.pop()
-    untouched = hands.poses == dict(scene.table.poses)
-    return untouched or any(np.array_equal(states, one) for one in legal)
+    return hands.poses == hands.table.poses or any(np.array_equal(states, one) for one in legal)
 
 
-def _judge(
-    eye: Eye, before: KnownPicture, scene: Scene, hands: ClumsyHands, board: chess.Board, settings: TableSettings
-) -> tuple[bool, bool]:
+def _judge(reader: BoardReader, before: KnownPicture, scene: Scene, hands: ClumsyHands) -> tuple[bool, bool]:
     """Whether what the hands did was taken for a move, and whether all its squares are named."""
-    frame = scene.photograph(hands.poses)
-    look, decision = eye.read(frame, GameTally())
-    bad = decision.verdict is ReadingOutcome.MOVE
+    frame, board = scene.photograph(hands.poses), hands.board
+    look, decision = reader.read(frame, GameTally())
     known = codes_of(board)
-    expected = {piece.place.index: piece for piece in start_layout(board, settings) if piece.place.on_board}
+    expected = {piece.place.index: piece for piece in start_layout(board, hands.settings) if piece.place.on_board}
     seen = look.evidence.read(known)
     finding = explain(seen, board, look.evidence.altered(known))
-    named = set(looked_closer(finding, seen, board, before, KnownPicture(frame, eye.view), expected).squares)
+    named = set(looked_closer(finding, seen, board, before, KnownPicture(frame, reader.view), expected).squares)
     if not hands.touched <= named:
-        named |= {fault.square for fault in verify_board(frame, eye.view, expected)}
-    return bad, hands.touched <= named
+        named |= {fault.square for fault in verify_board(frame, reader.view, expected)}
+    return decision.verdict is ReadingOutcome.MOVE, hands.touched <= named

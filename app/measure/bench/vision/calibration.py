@@ -172,10 +172,7 @@ def calibration_rows(quick: bool, progress: Progress) -> dict[str, Row]:
 def square_errors(base_from_camera: Array, camera_from_board: Array, table: TableSettings) -> list[float]:
     """How far from where it is each square's centre comes out in the base frame [m].
 
-    Args:
-        base_from_camera: as calibrated, shape (4, 4).
-        camera_from_board: the truth, of a board that lies as the table settings say, shape (4, 4).
-        table: that board.
+    ``base_from_camera`` is as calibrated, ``camera_from_board`` the truth, both of shape (4, 4).
     """
     squares = np.array([[*table.xy(square_place(square)), 0.0, 1.0] for square in range(64)])
     found = squares @ (base_from_camera @ camera_from_board).T

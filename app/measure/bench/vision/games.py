@@ -64,13 +64,8 @@ class GameTally:
     """Of that, for what every frame goes through [ms]."""
 
 
-class Eye:
-    """Looks at a rendered board like the app: finds it, follows it, reads it.
-
-    Args:
-        frame: shows ``board``.
-        board: what stands there.
-        table: size of the squares.
+class BoardReader:
+    """Looks at a rendered board like the app: finds it in a frame that shows a known position, follows it, reads it.
 
     Attributes:
         observer: reads.
@@ -114,12 +109,9 @@ class Eye:
 
 
 class RandomTable:
-    """A set of pieces on board and trays, set up by hand.
+    """A set of pieces on board and trays, each off its place and turned, as a person would put it down.
 
-    Args:
-        table: board and trays.
-        off: pieces are put down up to so far off along both axes [m].
-        seed: decides how each piece is put down.
+    They are off by up to ``off`` along both axes [m]; the seed decides how.
 
     Attributes:
         poses: how each piece stands, by name.
@@ -155,12 +147,7 @@ class RandomTable:
 
 
 class Scene:
-    """A table that is set up and photographed, in light and with a camera of its own.
-
-    Args:
-        studio: draws.
-        table: board and trays.
-        seed: decides how pieces are put down, light, camera and noise.
+    """A table that is set up and photographed, in light and with a camera of its own, all decided by a seed.
 
     Attributes:
         looks: light, exposure and how the camera hangs, in the next picture.
@@ -299,26 +286,26 @@ def _follow(
 ) -> None:
     """Follow one game; where it is in doubt, the truth is the answer."""
     board = chess.Board()
-    eye = Eye(scene.picture(board), board, TableSettings())
+    reader = BoardReader(scene.picture(board), board, TableSettings())
     for move in random_game(seed, plies):
         board.push(move)
         start = scene.looks
         change(scene)
-        look, decision = eye.read(scene.picture(board), tally)
+        look, decision = reader.read(scene.picture(board), tally)
         for _ in range(LOOKS - 1):  # as in a game
             if decision.verdict is not ReadingOutcome.DOUBT:
                 break
-            look, decision = eye.read(scene.picture(), tally)
+            look, decision = reader.read(scene.picture(), tally)
         # light and exposure are as they were; a camera that was knocked stays where it is now
         scene.looks, scene.hand = start.model_copy(update={"mount": scene.looks.mount}), None
         asked = decision.verdict is ReadingOutcome.DOUBT or (decision.promotion_unsure and bool(move.promotion))
         tally.asked.append(float(asked))
         tally.wrong.append(float(not asked and decision.moves != (move,)))
-        read = look.evidence.read(codes_of(eye.observer.board))
+        read = look.evidence.read(codes_of(reader.observer.board))
         tally.squares.append(float((read != states_of(codes_of(board))).mean()))
         progress(
             f"game {seed}, ply {len(board.move_stack)}: {move.uci()}"
             + (f", asked ({decision.margin:.1f})" if asked else "")
             + (f", WRONG: {decision}" if tally.wrong[-1] else "")
         )
-        eye.observer.confirm(look, board)
+        reader.observer.confirm(look, board)

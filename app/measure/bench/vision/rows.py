@@ -29,12 +29,9 @@ WHOLE_RIG: Final[dict[str, Callable[[bool, Progress], dict[str, Row]]]] = {
 
 
 def vision_bench(quick: bool, progress: Progress, photos: Path | None = None) -> BenchReport:
-    """Run the bench.
+    """Run the bench; ``quick``: few pictures, no whole rig and no photographs: ends within a minute.
 
-    Args:
-        quick: few pictures, no whole rig and no photographs: ends within a minute.
-        progress: told what is being done.
-        photos: folder with labelled photographs; where there is none, its rows are left out, and it is said why.
+    ``photos``: folder with labelled photographs; where there is none, its rows are left out, and it is said why.
     """
     rows: dict[str, Row] = {}
     for part in (RENDERED if quick else {**RENDERED, **WHOLE_RIG}).values():

@@ -20,14 +20,14 @@ import chess
 from app import UserError
 from app.guard.hand_guard import HandGuard
 from app.measure.bench.report import Progress, Row, row
-from app.measure.bench.vision.games import Eye, GameTally
+from app.measure.bench.vision.games import BoardReader, GameTally
 from app.measure.bench.vision.hand_scene import Follower, HandScene, hand_scene, until
 from app.pieces.manipulation import transfers
 from app.play.hand_moves import hand_transfers
 from hardware.interfaces import DepthFrame, Frame, HardwareError
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import HandSettings, Withdraw
-from hardware.table import Colour, TableSettings
+from hardware.table import Colour
 from vision.hands.stillness import Seen, Watch
 from vision.reading.observer import Observation
 from vision.reading.outcome import ReadingOutcome
@@ -77,13 +77,14 @@ def turn_rows(quick: bool, progress: Progress) -> dict[str, Row]:
 def _play(scene: HandScene, moves: int, rng: random.Random, figures: TurnFigures, progress: Progress) -> None:
     """A game by hand. The camera watches from before the hand withdraws: pictures take most of the bench's time."""
     board, inventory, watch, delivered = chess.Board(), scene.inventory, Watch(), dict[float, float]()
+    half = scene.table.half_play
 
     def note_delivery(frame: Frame | DepthFrame, _seen: Seen) -> None:
         delivered[frame.stamp] = scene.history.newest  # plant time stands meanwhile, so it is the time of delivery
 
     with closing(SimHand(scene.run_dir)) as hand:
         with scene.guard(watch) as guard:
-            eye = Eye(guard.settled()[0], board, scene.table)
+            reader = BoardReader(guard.settled()[0], board, scene.table)
         for _ in range(moves):
             # a promotion is asked for where it is not seen; here it is about time
             move = rng.choice([move for move in board.legal_moves if not move.promotion])
@@ -94,40 +95,35 @@ def _play(scene: HandScene, moves: int, rng: random.Random, figures: TurnFigures
             guard = scene.guard(watch, note_delivery)
             with guard, closing(Follower(scene)) as follower:
                 hand.perform(Withdraw())
-                look = _note(guard, eye, follower, scene.table, delivered, move, figures)
+                look, known = _known_at(guard, reader, delivered, move, figures)
+                if known is not None:
+                    gone = until(lambda: follower.crossings(half)[-1:], "a hand that leaves the table")[0]
+                    off_board = until(lambda: follower.crossings()[-1:], "a hand that leaves the board")[0]
+                    figures.known.append(known - gone)
+                    figures.off_board.append(known - off_board)
                 hand.wait()
             board.push(move)
             inventory = inventory.after(ply)
-            eye.observer.confirm(look, board)
+            reader.observer.confirm(look, board)
             last = f"known after {figures.known[-1]:.3f} s, " if figures.known else "not read"
             last += f"{figures.off_board[-1]:.3f} s after the hand was off the board" if figures.known else ""
             progress(f"{len(figures.wrong)} moves by hand, {ply.san}: {last}")
 
 
-def _note(
-    guard: HandGuard,
-    eye: Eye,
-    follower: Follower,
-    table: TableSettings,
-    delivered: dict[float, float],
-    move: chess.Move,
-    figures: TurnFigures,
-) -> Observation:
-    """Look until a move is read; ``delivered``: when frames came, by their stamps."""
-    after: float | None = None
+def _known_at(
+    guard: HandGuard, reader: BoardReader, delivered: dict[float, float], move: chess.Move, figures: TurnFigures
+) -> tuple[Observation, float | None]:
+    """Look until a move is read, and when that was [s]; ``delivered``: when frames came, by their stamps."""
+    after, known = None, None
     for _ in range(LOOKS):
         frame, _ = guard.settled(after)
         after = frame.stamp
         since = time.thread_time()
-        look, decision = eye.read(frame, GameTally())
+        look, decision = reader.read(frame, GameTally())
         spent = time.thread_time() - since
         if decision.verdict is ReadingOutcome.MOVE:
             known = delivered[frame.stamp] + spent
-            gone = until(lambda: follower.crossings(table.half_play)[-1:], "a hand that leaves the table")[0]
-            off_board = until(lambda: follower.crossings()[-1:], "a hand that leaves the board")[0]
-            figures.known.append(known - gone)
-            figures.off_board.append(known - off_board)
             break
-    figures.unread.append(float(decision.verdict is not ReadingOutcome.MOVE))
-    figures.wrong.append(float(decision.verdict is ReadingOutcome.MOVE and decision.moves != (move,)))
-    return look
+    figures.unread.append(float(known is None))
+    figures.wrong.append(float(known is not None and decision.moves != (move,)))
+    return look, known
