@@ -92,10 +92,9 @@ class Clumsy(Quiet):
         self._progress(f"ply {event.ply}: {what}")
 
     def _mishap(self, board: chess.Board) -> tuple[str, Action]:
-        rng, pieces = self._rng, list(board.piece_map())
-        square = int(rng.choice(pieces))
-        at, name = self._xy(square), chess.square_name(square)
-        sort = self.mishaps % 3
+        rng = self._rng
+        square = int(rng.choice(list(board.piece_map())))
+        at, name, sort = self._xy(square), chess.square_name(square), self.mishaps % 3
         if sort == 0:
             return f"a hand knocks over {name}", Knock(at=at, direction=float(rng.uniform(-np.pi, np.pi)))
         if sort == 1:
