@@ -86,9 +86,7 @@ class Labels(_Read):
     def of_view(self, name: str, played: int) -> FrameLabel | None:
         """What is known of a settled view, None where nothing is.
 
-        Args:
-            name: of its file; of a video, the number of the frame.
-            played: plies that are known to have been played before it.
+        ``name``: its file's or, of a video, the number of the frame; ``played``: so many plies were played before it.
         """
         if self.video is None:
             return self.by_file().get(name)

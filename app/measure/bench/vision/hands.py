@@ -21,10 +21,10 @@ import chess
 import numpy as np
 
 from app import UserError
-from app.measure.bench.loop import WAY, straight
+from app.measure.bench.loop import WAY, sweep_motion
 from app.measure.bench.report import Progress, Row, row
 from app.measure.bench.vision.hand_scene import INTERVAL, Follower, HandScene, hand_scene, until
-from app.motion import Motion, MotionSettings, Plan, Planner
+from app.motion import Motion, Plan, Planner
 from app.pieces.manipulation import transfers
 from app.rig.arm import ArmHeld
 from controller.protocol.causes import Cause
@@ -83,28 +83,19 @@ class HandFigures:
 
 
 def hand_rows(quick: bool, progress: Progress) -> dict[str, Row]:
-    """Measure.
-
-    Args:
-        quick: few entries and plies.
-        progress: told what is being done.
+    """Measure; ``quick`` with few entries and plies.
 
     Raises:
         UserError: a process failed, or there is no OpenGL.
     """
-    return measure(ENTRIES[quick], PLIES[quick], progress)
-
-
-def measure(entries: int, plies: int, progress: Progress, seed: int = SEED) -> dict[str, Row]:
-    """Measure with so many entries of a hand, and so many plies without one; see ``hand_rows``."""
-    figures, rng = HandFigures(), random.Random(seed)
+    entries, plies, figures, rng = ENTRIES[quick], PLIES[quick], HandFigures(), random.Random(SEED)
     try:
         first = 0
         while figures.hands < entries:
             person = HandSettings(side=rng.choice(list(Colour)), speed=rng.uniform(0.4, 1.2))
-            with hand_scene(seed + first, person) as scene:
+            with hand_scene(SEED + first, person) as scene:
                 watch = Watch()
-                with scene.guard(watch=watch) as guard:
+                with scene.guard(watch) as guard:
                     guard.clear()
                 most = min(figures.hands + A_WORLD, entries)
                 while figures.hands < most and not scene.braked():
@@ -114,7 +105,7 @@ def measure(entries: int, plies: int, progress: Progress, seed: int = SEED) -> d
             first += A_WORLD
         world = 0
         while figures.plies < plies:  # a stop ends its world, so how many there are is not known beforehand
-            with hand_scene(seed + 1000 + world, None) as scene:
+            with hand_scene(SEED + 1000 + world, None) as scene:
                 _play(scene, min(A_WORLD, plies - figures.plies), rng, figures, progress)
             world += 1
     except HardwareError as error:
@@ -150,7 +141,7 @@ def _enter(scene: HandScene, watch: Watch, rng: random.Random, figures: HandFigu
     hover = Hover(at=point, height=rng.uniform(0.07, 0.14), duration=rng.uniform(0.1, 0.5))
     delay = rng.uniform(0.0, 0.5)
     watch.pause()
-    guard = scene.guard(watch=watch)
+    guard = scene.guard(watch)
     with ExitStack() as stack:
         hand = stack.enter_context(closing(SimHand(scene.run_dir)))
         stack.callback(guard.close)
@@ -177,25 +168,17 @@ def _enter(scene: HandScene, watch: Watch, rng: random.Random, figures: HandFigu
 
 def _sweep(scene: HandScene, comer: threading.Thread) -> Cause:
     """Move to and fro in one motion that is longer than a hand's way; why it was stopped."""
-    arm = scene.rig.arm
-    state = arm.state()
-    plan = _round(state.reference, scene.motion)
+    at, motions = scene.rig.arm.state().reference, list[Motion]()
+    for target in map(np.array, 3 * WAY):
+        motions.append(sweep_motion(at, target, scene.motion))
+        at = target
     try:
-        arm.execute(plan, lambda _: comer.start() if comer.ident is None else None)
+        scene.rig.arm.execute(Plan("sweep", tuple(motions)), lambda _: comer.start() if comer.ident is None else None)
     except ArmHeld:
         return Cause.HOLD_COMMAND
     except (MotionStopped, MotionRefused) as error:
         return error.cause
     return Cause.NONE
-
-
-def _round(start: np.ndarray[tuple[int], np.dtype[np.float64]], settings: MotionSettings) -> Plan:
-    """Three times round, as one plan of straight motions."""
-    motions, at = list[Motion](), start
-    for target in (*WAY, *WAY, *WAY):
-        motions.extend(straight(at, np.array(target), settings).motions)
-        at = np.array(target)
-    return Plan("sweep", tuple(motions))
 
 
 def _note_stop(scene: HandScene, figures: HandFigures, follower: Follower, stopped: Cause) -> None:
@@ -219,7 +202,7 @@ def _note_stop(scene: HandScene, figures: HandFigures, follower: Follower, stopp
 def _play(scene: HandScene, plies: int, rng: random.Random, figures: HandFigures, progress: Progress) -> None:
     """Random plies without a hand, all of them watched."""
     board, inventory = chess.Board(), scene.inventory
-    with scene.guard(watch=Watch(ALONE), interval=EVERY) as guard:
+    with scene.guard(Watch(ALONE), interval=EVERY) as guard:
         for _ in range(plies):
             move = rng.choice(list(board.legal_moves))
             ply = transfers(board, move, inventory)

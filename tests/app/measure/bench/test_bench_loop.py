@@ -19,7 +19,7 @@ import app.measure.bench.loop as loop_bench
 from app import UserError
 from app.commissioning.processor import ProcessorTime, stolen_share
 from app.measure.bench import run_bench
-from app.measure.bench.loop import WAY, loop_rows, straight, sweep, thinking
+from app.measure.bench.loop import WAY, loop_rows, sweep, sweep_motion, thinking
 from app.motion import MotionSettings
 from app.motion.plan import Plan
 from app.rig.arm import ArmAtRest
@@ -68,7 +68,7 @@ def test_without_real_time_only_the_arm_is_judged() -> None:
 def test_the_way_lies_above_every_piece_and_begins_and_ends_at_rest() -> None:
     table, settings = TableSettings(), MotionSettings()
     for start, end in zip(WAY, (*WAY[1:], WAY[0]), strict=True):
-        samples = straight(np.array(start), np.array(end), settings).motions[0].samples
+        samples = sweep_motion(np.array(start), np.array(end), settings).samples
         np.testing.assert_array_equal(samples["position"][0], start)
         np.testing.assert_allclose(samples["position"][-1], end)
         assert not samples["velocity"][[0, -1]].any()
