@@ -15,8 +15,7 @@ import chess
 import chess.engine
 
 from engine import budget
-from engine.alone import searched_alone
-from engine.answers import Candidate, EngineMove, engine_move
+from engine.answers import Candidate, EngineMove, engine_move, searched_alone
 from engine.errors import EngineMissing, EngineRefused, Misbehaved
 from engine.options import at_full_strength
 from engine.process import UciProcess
@@ -28,8 +27,6 @@ __all__ = ["Candidate", "Engine", "EngineMove", "EngineSettings", "find_engine"]
 
 DEBIAN_PATH = "/usr/games/stockfish"
 """Where Debian installs Stockfish; not on the PATH of every account."""
-
-
 ALONE = 0.25
 """A move that is searched alone is given this at most [s]: an engine that heeds no number of nodes is stopped then."""
 
@@ -136,11 +133,9 @@ class Engine:
         return engine_move(played, time.monotonic() - began, lost if troubles else 0.0, troubles)
 
     def ponder(self, board: chess.Board, limit: chess.engine.Limit | None = None) -> bool:
-        """Begin to think about a position that is expected; returns at once, and the next question ends it.
+        """Begin to think about a position that is expected, with the engine's side to move; returns at once.
 
-        Args:
-            board: the position, with the engine's side to move, and its history; left as it is.
-            limit: what ``choose`` is expected to be asked with; None takes the settings'.
+        The next question ends it. ``limit`` is what ``choose`` is expected to be asked with; None takes the settings'.
 
         Returns:
             False when it does not: by the settings, as the engine offers no option Ponder, at the end of a game, or as
@@ -167,9 +162,7 @@ class Engine:
     def hint(self, board: chess.Board, seconds: float = 1.0) -> EngineMove:
         """What the engine would play at its full strength, whatever its settings; for the person on the other side.
 
-        Args:
-            board: the position with its history; left as it is.
-            seconds: to think, where the settings name no number of nodes [s].
+        It thinks so many ``seconds`` where the settings name no number of nodes; the board is left as it is.
 
         Raises:
             EngineProblem: as for ``choose``.
@@ -190,14 +183,10 @@ class Engine:
             process.tell("stop")
 
     def candidates(self, board: chess.Board, lines: int, nodes: int) -> tuple[Candidate, ...]:
-        """The best moves of a position, best first, from a cleared engine: on one thread they depend on it alone.
+        """The best moves of a position, at most ``lines``, best first, from a cleared engine: on one thread they depend
+        on it alone.
 
-        An engine without the option MultiPV searches each move alone.
-
-        Args:
-            board: the position with its history; left as it is.
-            lines: how many moves at most.
-            nodes: positions searched for all of them together.
+        ``nodes`` positions are searched for all of them together; an engine without MultiPV searches each move alone.
 
         Raises:
             EngineRefused: the game is over, or the engine is not open.

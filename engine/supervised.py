@@ -16,7 +16,6 @@ T = TypeVar("T")
 
 PAUSES: Final = (0.0, 0.2, 1.0)
 """Before each further attempt at one question [s]: what is wrong with the machine may pass."""
-
 MOST_HANGS: Final = 2
 """Attempts at one question that may end by a deadline: each costs its whole time."""
 
@@ -54,9 +53,7 @@ class EngineSupervisor:
     def ask(self, doing: str, ask: Callable[[UciProcess], T]) -> tuple[T, tuple[str, ...]]:
         """Ask, and after a failure ask a fresh process once more, several times.
 
-        Args:
-            doing: for the sentence, such as "choosing a move".
-            ask: one attempt; raises ``Misbehaved``.
+        ``doing`` is for the sentence, such as "choosing a move"; ``ask`` is one attempt, which raises ``Misbehaved``.
 
         Returns:
             The answer, and what went wrong on the way, a phrase each.

@@ -39,20 +39,11 @@ class Progress:
 
 
 def progress_of(
-    transfers: Sequence[Transfer],
-    transfer: int,
-    stage: Stage,
-    arm: ArmAtRest,
-    table: TableSettings,
+    transfers: Sequence[Transfer], transfer: int, stage: Stage, arm: ArmAtRest, table: TableSettings
 ) -> Progress:
-    """What is done of a ply, or of another job, whose execution was broken off.
+    """What is done of a ply, or of another job, whose execution was broken off with the arm at rest.
 
-    Args:
-        transfers: of the whole job.
-        transfer: of those, the one begun last, from 0.
-        stage: of that transfer, begun last.
-        arm: at rest.
-        table: board and trays.
+    ``transfer`` is that of the job's transfers which was begun last, from 0, and ``stage`` the stage of it.
 
     Raises:
         PieceLost: the piece is neither in the fingers nor set down.

@@ -15,7 +15,6 @@ import chess
 import numpy as np
 from numpy.typing import NDArray
 
-from app.execution.recovery_plans import MisplacedPiece
 from app.execution.repair import BoardObservation, kinds_by_height
 from app.execution.repair.observed import HEIGHTS, Chances
 from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
@@ -31,6 +30,7 @@ from vision.board.orientation import orient
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.pieces.centres import piece_centres
 from vision.pieces.fallen import find_misplaced
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.swapped import KnownPicture, looked_closer
 from vision.pieces.verify import Examination, Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, EMPTY, WHITE
@@ -169,10 +169,7 @@ class GameObserver:
         return None if self._last is None else Clearance(self._arrivals)
 
     def verify(self, stands: Inventory) -> Verification:
-        """Whether the board is as it should be, in a new frame.
-
-        Args:
-            stands: what should stand where.
+        """Whether the board is as it should be, in a new frame; ``stands`` says what should stand where.
 
         Raises:
             CannotSee: the board is not in the picture.
@@ -231,25 +228,19 @@ class GameObserver:
     def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
         """Where pieces stand in the newest frame, board frame (x, y) [m], by square; those alone that can be seen.
 
-        Args:
-            believed: what stands where.
+        ``believed`` says what stands where.
         """
         centres = piece_centres(self.last, self.view, on_board(believed))
         return {square: (one.x, one.y) for square, one in centres.items() if one.upright}
 
     def misplaced(self, stands: Inventory) -> list[MisplacedPiece]:
-        """Pieces that lie, or stand elsewhere, in the newest frame; on the board and beside it.
-
-        Args:
-            stands: what should stand where.
-        """
+        """Pieces that lie, or stand elsewhere than they should, in the newest frame; on the board and beside it."""
         # of several alike, what is found is rather the one that is missing on the board
         rows = sorted(stands, key=lambda piece: not piece.place.on_board)
         expected = {piece.place: piece for piece in rows if not piece.place.in_box}
         doubted = {square_place(square) for square in self._doubted}
         before = {place: self._strayed[piece.name] for place, piece in expected.items() if piece.name in self._strayed}
-        found = find_misplaced(self.last, self.view, expected, doubted=doubted, trays=True, before=before)
-        misplaced = [MisplacedPiece.of(one, one.place) for one in found]
+        misplaced = [*find_misplaced(self.last, self.view, expected, doubted=doubted, trays=True, before=before)]
         self._strayed |= {one.piece.name: (one.pose.x, one.pose.y) for one in misplaced}
         return misplaced
 
@@ -278,8 +269,7 @@ class GameObserver:
     def answered(self, reply: AwaitedReply) -> bool:
         """Whether the newest frame shows that somebody has made the next move already, or has begun to.
 
-        Args:
-            reply: the position that it follows is known from now on, if a hand can have made it.
+        The position that it follows is known from now on, if a hand can have made it.
         """
         if not reply.possible(self._guard):
             return False
@@ -303,11 +293,8 @@ class GameObserver:
         return True
 
     def confirm(self, board: chess.Board, look: Observation | None = None) -> None:
-        """The position is known: by the rules, a person, or since the arm has made it.
-
-        Args:
-            board: the position.
-            look: that shows it; None: the newest frame does.
+        """The position is known: by the rules, a person, or since the arm has made it; shown by a look, or the newest
+        frame.
         """
         if look is None:
             look = self._known.look(sight_of_frame(self.last, self.view))

@@ -1,7 +1,8 @@
 """Setting right what does not stand where it should: from what the camera finds to a plan of the arm; pure functions.
 
 One look, one plan: a piece that lies is stood up where it lies, one that stands elsewhere is carried to its place.
-Then look again. Pieces that lie come first, so that none is in the way of a carried one.
+Then look again. Pieces that lie come first, so that none is in the way of a carried one. The inventories say what
+should stand where, with all misplaced pieces at some place.
 """
 
 from __future__ import annotations
@@ -21,9 +22,8 @@ from app.motion.plan import Plan, PlanRefused
 from app.motion.planner import Planner, fits_around
 from app.pieces.inventory import Inventory, Transfer
 from hardware.parameters import RobotParameters
-from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, square_place
-from vision.pieces.pose_search import FoundPiece
-from vision.pieces.poses import Pose
+from hardware.table import PIECE_SHAPES, Kind
+from vision.pieces.pose_search import MisplacedPiece
 
 _CLEAR: Final = 0.11
 """What makes way goes so far from where pieces lie [m]: they are up to 60 mm long, and the fingers need as much."""
@@ -34,39 +34,6 @@ _ON_THE_PIECE: Final = 0.001
 """… one at which the pads end so far below the top of the piece [m]."""
 LEANS: Final = 0.005
 """A piece no further from another may lean on it [m]."""
-
-
-@dataclass(frozen=True, slots=True)
-class MisplacedPiece:
-    """A piece that is not where it should stand.
-
-    Attributes:
-        piece: which; its ``place`` is that in the inventory.
-        target: where it has to stand.
-        pose: how it is there.
-    """
-
-    piece: PieceSpec
-    target: Place
-    pose: Pose
-
-    @classmethod
-    def of(cls, stray: FoundPiece, target: Place) -> MisplacedPiece:
-        """What the camera found, of pieces that were given to it as ``PieceSpec``.
-
-        Raises:
-            TypeError: they were given as something else.
-        """
-        if not isinstance(stray.piece, PieceSpec):
-            raise TypeError(
-                f"the misplaced piece is a {type(stray.piece).__name__}: look for pieces given as PieceSpec"
-            )
-        return cls(stray.piece, target, stray.pose)
-
-    @property
-    def lies(self) -> bool:
-        """Whether it has fallen."""
-        return self.pose.yaw is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,12 +91,6 @@ def plan_stand_up(
 ) -> Plan:
     """Stand a piece up where it lies, or carry it from where it stands to its place; then home.
 
-    Args:
-        planner: of the arm.
-        one: the piece.
-        others: all other misplaced pieces.
-        inventory: what should stand where, with all misplaced pieces at some place.
-
     Raises:
         PlanRefused: something is in the way; of a piece that lies, ``InTheWay`` says which piece.
     """
@@ -152,13 +113,8 @@ def plan_making_way(
 ) -> tuple[Transfer, Plan]:
     """Carry a piece that stands in the way to a free place; once all is right it has to be carried back.
 
-    One that itself is where it should not be goes where it belongs, if that is clear of what lies about.
-
-    Args:
-        planner: of the arm.
-        blocks: name of the piece, as ``InTheWay`` has it.
-        misplaced: all misplaced pieces; the piece goes where it is clear of them.
-        inventory: what should stand where, with all misplaced pieces at some place.
+    ``blocks`` is its name, as ``InTheWay`` has it. It goes where it is clear of all misplaced pieces; one that itself
+    is where it should not be goes where it belongs, if that is clear of what lies about.
 
     Returns:
         Where it goes, for the inventory, and the plan.
@@ -175,9 +131,8 @@ def plan_making_way(
     gone = {stray.piece.name for stray in misplaced}
     targets = {stray.target for stray in misplaced}
     rest = Inventory.of([one for one in inventory if one.name not in gone], table)
-    places = (*map(square_place, range(64)), *table.tray_places())
     free = [
-        place for place in places
+        place for place in inventory.places()
         if inventory.at(place) is None and place not in targets and _clear_of(table.xy(place), misplaced)
     ]  # fmt: skip
     # squares first: the camera sees whether it has come there
@@ -200,12 +155,6 @@ def plan_pushing(
     planner: Planner, blocked: Sequence[Blocked], misplaced: Sequence[MisplacedPiece], inventory: Inventory
 ) -> tuple[Nudge, Plan]:
     """Push one of two pieces aside that are in each other's way, so that one of them can be taken or stood up.
-
-    Args:
-        planner: of the arm.
-        blocked: which cannot be, and by what.
-        misplaced: all misplaced pieces.
-        inventory: what should stand where, with all misplaced pieces at some place.
 
     Returns:
         The push, and the plan; where the piece comes to rest, a look must tell.

@@ -15,13 +15,12 @@ import chess.engine
 
 from app import UserError
 from app.execution.carrier import Begun, BoardTouched, Carrier, CarryFailed
-from app.execution.outcome import NO_REMARK, JobDone, Remark, outcome_of, save_picture
-from app.execution.state import FRAME_AGE, AwaitedReply, Devices, Job, Position, changed, moved_all
+from app.execution.state import FRAME_AGE, NO_REMARK, AwaitedReply, Devices, Job, JobDone, Position, Remark, changed
 from app.pieces.inventory import Inventory, Ply, Transfer
 from app.pieces.judging import Verdict, judge
 from app.pieces.layout import colour_of
 from app.pieces.manipulation import move_kind, transfers
-from app.records import GameRecord, PlyOutcome
+from app.records import GameRecord, PlyOutcome, recording
 from app.records.events import Purpose
 from app.records.history import Unfinished, transfer_of
 from app.terminal.interface import UserInterface
@@ -31,8 +30,8 @@ from hardware.table import Place
 if TYPE_CHECKING:
     from app.execution.observation import GameObserver
     from app.execution.recovery import Recovery
-    from app.execution.recovery_plans import MisplacedPiece
     from app.guard.game_guard import GameGuard
+    from vision.pieces.pose_search import MisplacedPiece
     from vision.pieces.verify import Fault
     from vision.reading.diagnosis import Diagnosis
 
@@ -89,18 +88,10 @@ class Table:
         """Plant time [s]."""
         return self._devices.clock.now()
 
-    def arm_ply(
-        self,
-        move: chess.Move,
-        remark: Remark = NO_REMARK,
-        answers: bool = False,
-    ) -> bool:
+    def arm_ply(self, move: chess.Move, remark: Remark = NO_REMARK, answers: bool = False) -> bool:
         """The arm makes a move, home to home; then a look at the board; and one before, if the last one was long ago.
 
-        Args:
-            move: a legal one.
-            remark: recorded with it.
-            answers: a person moves next, by themselves, and may do so before the arm has gone home.
+        ``answers``: a person moves next, by themselves, and may do so before the arm has gone home.
 
         Returns:
             False when the board came out wrong, by the referee's word.
@@ -149,10 +140,8 @@ class Table:
         return self._do_task(Job(label, moved), None, board)
 
     def repair(self, reply: AwaitedReply | None = None) -> bool:
-        """The board is looked at, and put right where it is not as the game says; False as of ``arm_ply``.
-
-        Args:
-            reply: as of ``Recovery.mend``.
+        """The board is looked at, and put right where it is not as the game says; False as of ``arm_ply``, reply as of
+        ``Recovery.mend``.
         """
         if self._recovery is None:
             return True
@@ -207,8 +196,7 @@ class Table:
         """First of all: what another program has begun and not finished is finished, and whether the board is as its
         record says is looked at; False as of ``arm_ply``.
 
-        Args:
-            by_hand: colours that a person plays by hand, who may have moved while nobody looked.
+        A person plays the colours ``by_hand``, and may have moved while nobody looked.
         """
         if not self._begun:
             if self.observer is not None:
@@ -245,14 +233,7 @@ class Table:
 
     # jobs
 
-    def _do_ply(
-        self,
-        ply: Ply,
-        begun: Begun | None,
-        remark: Remark,
-        *,
-        answers: bool = False,
-    ) -> bool:
+    def _do_ply(self, ply: Ply, begun: Begun | None, remark: Remark, *, answers: bool = False) -> bool:
         self._reset_peak()
         wanted, after = self.inventory.after(ply), self.board.copy()
         after.push_uci(ply.uci)
@@ -268,7 +249,7 @@ class Table:
         """Carry out a task that is in the record already, after which a position stands on the board."""
         self._reset_peak()
         try:
-            wanted = moved_all(self.inventory, job.transfers)
+            wanted = self.inventory.after_all(job.transfers)
             carried = self._carry(job, wanted, begun, self._left_with(board))
         except UserError as error:
             if self._carrier.untouched:
@@ -282,7 +263,7 @@ class Table:
         goal = self._goal(unfinished)
         # one that was not begun is thought over: what it was planned around, or refused for, only a look can tell
         repair = unfinished.repair if begun is not None or self._recovery is None else ()
-        wanted = moved_all(self.inventory, repair)
+        wanted = self.inventory.after_all(repair)
         reply = self._left_with(goal) if not _arranged(wanted, goal) else None
         carried = self._carry(Job("put the board right", repair), wanted, begun, reply)
         rest = () if carried.answered else _arranged(carried.inventory, goal)
@@ -291,7 +272,7 @@ class Table:
         if rest:
             self._record.found(carried.inventory, "a repair was broken off", self.now())
             self._record.task(Purpose.REPAIR, "put the board right", rest, self.now())
-            wanted = moved_all(self.inventory, rest)
+            wanted = self.inventory.after_all(rest)
             carried = self._carry(Job("put the board right", rest), wanted, None, self._left_with(goal))
         outcome = replace(carried.outcome, resumed=True)
         self.inventory = stands
@@ -320,7 +301,7 @@ class Table:
         if job.transfers:
             try:
                 seen = None if self.observer is None else self.observer.seen
-                outcome = outcome_of(self._carrier.carry(job, self.inventory, begun, seen))
+                outcome = self._carrier.carry(job, self.inventory, begun, seen).outcome
             except BoardTouched:
                 stands = self.inventory  # as far as is known: the mender looks first, then carries
             except CarryFailed as failure:
@@ -394,10 +375,19 @@ class Table:
         return judged, verdict
 
     def _keep(self, frame: Frame | None) -> str | None:
+        """Write a frame's colours as JPEG, and say the name."""
         if frame is None:
             return None
+        import cv2  # only where there is a camera
+
         name = f"frames/ply-{len(self.board.move_stack):03d}.jpg"
-        save_picture(self._record.folder / name, frame)
+        path, colour = self._record.folder / name, cv2.cvtColor(frame.colour, cv2.COLOR_RGB2BGR)
+        done, encoded = cv2.imencode(".jpg", colour, [cv2.IMWRITE_JPEG_QUALITY, 88])
+        if not done:
+            raise RuntimeError(f"OpenCV could not encode {path.name}")
+        with recording(path):
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(encoded.tobytes())
         return name
 
 

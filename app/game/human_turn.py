@@ -14,12 +14,10 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
-from app.execution.outcome import Remark
-from app.execution.state import LEFT, WRONG, GameEnd
+from app.execution.state import LEFT, WRONG, GameEnd, Remark
 from app.execution.table import Table
-from app.game.person import GameLeft, NeedsHand, ask
+from app.game.person import GameLeft, HandNotice, NeedsHand, ask
 from app.game.timing import Timing
-from app.guard.hand_notice import HandNotice
 from app.pieces.manipulation import transfers
 from app.players.commands import Command, CommandError, MoveHand, PlayMove, Word, help_text, parse_command
 from app.players.person import Human, PersonGone
@@ -35,7 +33,7 @@ from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 
 if TYPE_CHECKING:
     from app.execution.observation import Reading
-    from app.execution.recovery_plans import MisplacedPiece
+    from vision.pieces.pose_search import MisplacedPiece
     from vision.reading.diagnosis import Diagnosis
 
 POLL: Final = 0.2

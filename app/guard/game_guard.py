@@ -63,10 +63,7 @@ class GameGuard:
         """Each time the arm was asked to hold, until the board was looked for last."""
 
     def look(self, view: BoardView) -> None:
-        """From now on the board is there.
-
-        Args:
-            view: of the board's camera.
+        """From now on the board is where this view of its camera has it.
 
         Raises:
             HardwareError: the camera cannot be read.
@@ -78,11 +75,6 @@ class GameGuard:
         holding = before is not None and before.holding  # once its thread has ended
         self._guard = HandGuard(frames, view, masks, self._holder, progress=self._progress, holding=holding)
         self._guard.start()
-
-    @property
-    def watching(self) -> bool:
-        """Whether it is known where the board is."""
-        return self._guard is not None
 
     def clear(self) -> None:
         """Wait until no hand is over the board, then admit motions; see ``HandGuard.clear``.

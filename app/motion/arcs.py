@@ -14,12 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.motion.continuation import Continuation
 from app.motion.curves import STRAIGHT, turns, widest_corner
-from app.motion.drop import tool_height
 from app.motion.obstacles import Crowd, Moving, needed_heights
 from app.motion.path import Vector
-from app.motion.plan import PlanRefused
+from app.motion.plan import Continuation, PlanRefused
 from app.motion.route import NEAR, Route
 from app.motion.settings import MotionSettings
 from app.motion.timing.time_law import Bounds
@@ -27,7 +25,7 @@ from app.motion.timing.torque import TorqueModel
 from controller.model.compiled import PAIR, ROW, FloatArray, compiled, compiled_as
 from controller.protection.limits import Limits, default_limits
 from hardware.parameters import RobotParameters
-from hardware.table import Kind, PieceShape, Place, TableSettings
+from hardware.table import PIECE_SHAPES, Kind, PieceShape, Place, TableSettings
 
 _STEP = 0.0015
 """Ways over the board are looked at so closely [m]."""
@@ -64,8 +62,12 @@ class Workcell:
         return Continuation(self.settings, self.table, self.tick, route)
 
     def height(self, kind: Kind, place: Place) -> float:
-        """Of the tool over the board where it takes a piece from a place or lets go of it there [m]."""
-        return tool_height(kind, place, self.table, self.settings)
+        """Of the tool over the board where it takes a piece from a place or lets go of it there [m].
+
+        Over a box the foot stays clear of whatever may lie in it, so that nothing of the arm is ever between the walls.
+        """
+        height = PIECE_SHAPES[kind].grip_height
+        return height + self.table.box_fill + self.settings.clearance if place.in_box else height
 
     def base(self, points: Sequence[tuple[float, float, float]]) -> Vector:
         """Tool points with the pads' centre at heights over points (x, y) of the board, (n, 3) [m]."""
@@ -162,6 +164,13 @@ def polygon(cell: Workcell, corners: Vector, tangents: Sequence[float], carried:
     return Way(np.array(points), np.array(sizes, dtype=float), bounds)
 
 
+def homewards(cell: Workcell, point: Vector) -> Way:
+    """From a tool point, base frame (3,) [m], straight up to a safe height, then over to home."""
+    home = np.asarray(cell.settings.home, dtype=float)
+    above = np.array([point[0], point[1], min(point[2], home[2])])
+    return polygon(cell, np.array([point, above, home]), [0.0], None)
+
+
 def _heights(share: Vector, needed: Vector, hop: Hop, settings: MotionSettings) -> tuple[float, float]:
     """Heights at both ends of the way over, as low as what it passes over admits.
 
@@ -214,13 +223,9 @@ def _crest(share: FloatArray, heights: FloatArray) -> tuple[float, float]:
 def _corner(at: Vector, needed: Vector, upright: float, height: float, slope: float, most: float) -> float:
     """How far before its point a corner may begin, between an upright line of a length and a line over the board [m].
 
-    Args:
-        at: ways over the board from the corner's point, rising, (n,) [m]; it may take half of them.
-        needed: heights the tool needs there, (n,) [m].
-        upright: length of the upright line [m].
-        height: of the corner's point [m].
-        slope: of the line over the board, upwards positive.
-        most: the answer is not larger [m].
+    ``at`` are ways over the board from the corner's point, rising, (n,) [m], of which it may take half, ``needed`` the
+    heights of the tool there; ``slope`` of the line over the board is positive upwards, and the answer is at most
+    ``most``.
     """
     along = math.hypot(1.0, slope)
     largest = min(most, upright - _VERTICAL, 0.97 * 0.5 * float(at[-1]) * along)

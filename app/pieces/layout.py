@@ -22,7 +22,6 @@ Two of each kind serve two under-promotions to it with every original still aliv
 promotions are to a queen. The number is bounded by the trays: both colours' spares are 18, at most 30 pieces can be
 captured or promoted away (all but the kings), and 18 + 30 = 48 is what two trays of 24 places hold.
 """
-
 KINDS: Mapping[chess.PieceType, Kind] = MappingProxyType(
     {
         chess.PAWN: Kind.PAWN,
@@ -34,7 +33,6 @@ KINDS: Mapping[chess.PieceType, Kind] = MappingProxyType(
     }
 )
 """python-chess's piece types in the words of the table."""
-
 PIECE_TYPES: Mapping[Kind, chess.PieceType] = MappingProxyType({kind: number for number, kind in KINDS.items()})
 """The other way round."""
 _BACK_RANK = (Kind.ROOK, Kind.KNIGHT, Kind.BISHOP, Kind.QUEEN, Kind.KING, Kind.BISHOP, Kind.KNIGHT, Kind.ROOK)

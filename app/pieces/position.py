@@ -26,7 +26,6 @@ from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square
 Array = NDArray[np.float64]
 Ways = dict[str, tuple[Place, Place]]
 """Source and target of each piece that moves, by name."""
-
 _MOVED: Final = 10.0
 """What a transfer counts, whatever its way: more than all ways of a plan [m]."""
 _INNER: Final = 2.0
@@ -85,11 +84,7 @@ class PlacesMissing(UserError):
 
 
 def set_up(now: Inventory, board: chess.BaseBoard) -> tuple[Transfer, ...]:
-    """Plan the transfers that put a position on the board.
-
-    Args:
-        now: what stands where.
-        board: any position, also one that no game leads to.
+    """Plan the transfers that put any position on the board, also one that no game leads to.
 
     Raises:
         PiecesMissing: a piece that the position needs is neither on the board nor in a tray.

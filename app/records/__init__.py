@@ -10,21 +10,6 @@ from app.records.outcome import GameSetup, PlyOutcome
 from app.records.report import Report, summarise
 
 __all__ = [
-    "EVENTS_FILE",
-    "EndEvent",
-    "GameRecord",
-    "GameSetup",
-    "History",
-    "PlyEvent",
-    "PlyOutcome",
-    "RecordError",
-    "Report",
-    "StartEvent",
-    "StepEvent",
-    "new_folder",
-    "read_events",
-    "read_history",
-    "recording",
-    "summarise",
-    "utc_now",
-]
+    "EVENTS_FILE", "EndEvent", "GameRecord", "GameSetup", "History", "PlyEvent", "PlyOutcome", "RecordError", "Report",
+    "StartEvent", "StepEvent", "new_folder", "read_events", "read_history", "recording", "summarise", "utc_now",
+]  # fmt: skip

@@ -245,16 +245,11 @@ def transfer_records(transfers: Iterable[Transfer]) -> tuple[TransferRecord, ...
     """Transfers in the order of execution."""
     return tuple(
         TransferRecord(
-            piece=t.name,
-            kind=t.kind,
-            colour=t.colour,
-            source=str(t.source),
-            target=str(t.target),
-            seen=t.seen,
+            piece=t.name, kind=t.kind, colour=t.colour, source=str(t.source), target=str(t.target), seen=t.seen,
             raised=t.raised,
         )
         for t in transfers
-    )
+    )  # fmt: skip
 
 
 def unsaid(_sentence: str) -> None:
@@ -262,11 +257,7 @@ def unsaid(_sentence: str) -> None:
 
 
 def read_events(path: Path, said: Callable[[str], None] = unsaid) -> tuple[AnyEvent, ...]:
-    """Read ``events.jsonl``; a last line that a crash cut short or garbled is left out.
-
-    Args:
-        path: of the file.
-        said: told in a sentence what was left out.
+    """Read ``events.jsonl``; a last line that a crash cut short or garbled is left out, and ``said`` is told so.
 
     Raises:
         RecordError: the file cannot be read, another line is no event, or another game starts in it.

@@ -11,14 +11,7 @@ import chess.engine
 
 from app.pieces.inventory import Inventory, Ply
 from app.pieces.layout import colour_of
-from app.records.events import (
-    By,
-    Pace,
-    PlyEvent,
-    StartEvent,
-    piece_records,
-    transfer_records,
-)
+from app.records.events import By, Pace, PlyEvent, StartEvent, piece_records, transfer_records
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,56 +62,28 @@ def start_event(
 ) -> StartEvent:
     """The first event of a record: who plays, from which position, and what stands where."""
     return StartEvent(
-        wall_time=wall_time,
-        plant_time=plant_time,
-        ply=0,
-        fen=board.fen(),
-        chess960=board.chess960,
-        white=setup.white,
-        black=setup.black,
-        seed=setup.seed,
-        pace=setup.pace,
-        time_control=setup.time_control,
+        wall_time=wall_time, plant_time=plant_time, ply=0, fen=board.fen(), chess960=board.chess960, white=setup.white,
+        black=setup.black, seed=setup.seed, pace=setup.pace, time_control=setup.time_control,
         inventory=piece_records(inventory),
-    )
+    )  # fmt: skip
 
 
 def ply_event(
-    wall_time: datetime,
-    plant_time: float,
-    *,
-    number: int,
-    ply: Ply,
-    outcome: PlyOutcome,
-    fen: str,
+    wall_time: datetime, plant_time: float, *, number: int, ply: Ply, outcome: PlyOutcome, fen: str,
     places: dict[str, str],
-) -> PlyEvent:
+) -> PlyEvent:  # fmt: skip
     """The event of a ply that is done."""
     return PlyEvent(
-        wall_time=wall_time,
-        plant_time=plant_time,
-        ply=number,
-        side=ply.colour,
-        san=ply.san,
-        uci=ply.uci,
-        kind=ply.kind,
-        fen=fen,
-        planned_s=outcome.planned,
-        real_s=outcome.real,
+        wall_time=wall_time, plant_time=plant_time, ply=number, side=ply.colour, san=ply.san, uci=ply.uci,
+        kind=ply.kind, fen=fen, by=outcome.by, planned_s=outcome.planned, real_s=outcome.real,
+        peak_torque_Nm=outcome.peak_torque, peak_force_N=outcome.peak_force, physical_ok=outcome.physical_ok,
+        frame=outcome.frame, failures=outcome.failures, resumed=outcome.resumed, comment=outcome.comment,
         placement_mm=None if outcome.placement_mm is None else dict(outcome.placement_mm),
-        peak_torque_Nm=outcome.peak_torque,
-        peak_force_N=outcome.peak_force,
-        physical_ok=outcome.physical_ok,
-        frame=outcome.frame,
         transfers=transfer_records(ply.transfers),
         inventory=places,
-        failures=outcome.failures,
-        resumed=outcome.resumed,
-        by=outcome.by,
         score=None if outcome.score is None else score_text(outcome.score),
-        comment=outcome.comment,
         clock_s=None if outcome.clocks is None else {colour_of(c): left for c, left in outcome.clocks.items()},
-    )
+    )  # fmt: skip
 
 
 def own_clock(event: PlyEvent) -> float | None:

@@ -88,9 +88,6 @@ class Terminal(UserInterface):
         """See ``UserInterface.prompt``."""
         self.say(sentence)
 
-    def heard(self, line: str) -> None:
-        """Nothing: nobody types here."""
-
     def _show(self) -> None:
         if self._live is not None:
             self._live.update(self._picture())
@@ -173,10 +170,7 @@ _LIGHT, _DARK, _MOVED = "#bd9b6a", "#80553a", "#7f8f2f"
 def board_text(board: chess.Board, last: chess.Move | None = None, *, plain: bool = False) -> Text:
     """The board, White below, with coordinates; the squares of the last move stand out.
 
-    Args:
-        board: the position.
-        last: move that led to it.
-        plain: nothing is shown in colours, so that the pieces themselves have to differ.
+    ``plain``: nothing is shown in colours, so that the pieces themselves have to differ.
     """
     text = Text()
     touched = set() if last is None else {last.from_square, last.to_square}

@@ -329,12 +329,6 @@ def test_how_an_end_is_told() -> None:
     )
 
 
-def test_repeatable_settings() -> None:
-    assert EngineSettings(nodes=100).repeatable
-    for changes in ({"nodes": None}, {"move_time": 1.0}, {"elo": 1500}, {"threads": 2}):
-        assert not EngineSettings.model_validate({"nodes": 100} | changes).repeatable
-
-
 @pytest.mark.parametrize(
     "wrong",
     [{"nodes": 0}, {"move_time": -1.0}, {"move_time": float("inf")}, {"deadline": 0.0}, {"skil": 3}, {"skill": -1}],

@@ -21,7 +21,6 @@ Picture = NDArray[np.float32]
 
 Look = Callable[[Array], Array]
 """Gives lightness at points (..., 2) [px], shape (...), light less dark squares about 1; not a number outside."""
-
 ALONG: Final = np.array([0.12, 0.24, 0.37, 0.5, 0.63, 0.76, 0.88])
 """Where along a side [sides of a square]."""
 ACROSS: Final = 0.13
@@ -44,14 +43,9 @@ class Sides:
 
 
 def compare_sides(look: Look, grid: Grid, bright: int, low: tuple[int, int], high: tuple[int, int]) -> Sides:
-    """Compare the squares on either side of all sides in a range.
+    """Compare the squares on either side of all sides from a first column and row to one beyond the last ones.
 
-    Args:
-        look: into the picture.
-        grid: where the lines are in it.
-        bright: 1 where square (0, 0) is a light one, otherwise -1.
-        low: first column and row.
-        high: one beyond the last column and row.
+    ``bright`` is 1 where square (0, 0) is a light one, otherwise -1.
     """
     return rate_sides(look(grid.project(side_places(low, high))), bright, low)
 
@@ -122,9 +116,7 @@ def beside_crossings(grid: Grid, places: Array) -> Array:
 def light_less_dark(values: Array, places: Array) -> Array:
     """Median difference between squares of both shades around crossings, as if a1 were light: shape (channels,).
 
-    Args:
-        values: looked up at ``beside_crossings``, shape (n, 4, channels).
-        places: of the crossings, shape (n, 2).
+    Values were looked up at ``beside_crossings``, shape (n, 4, channels); places of the crossings, shape (n, 2).
     """
     parity = 1.0 - 2.0 * (places.sum(axis=1) % 2)
     difference = 0.5 * parity[:, None] * (values[:, 0] + values[:, 2] - values[:, 1] - values[:, 3])

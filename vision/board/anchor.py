@@ -96,9 +96,6 @@ class Anchor:
     def check(self, colour: Colour) -> AnchorCheck:
         """Whether the board is where it was, by the crossings alone: quick, and never searches.
 
-        Args:
-            colour: RGB, of the shape of the reference.
-
         Raises:
             ValueError: the picture has another shape.
         """
@@ -122,9 +119,6 @@ class Anchor:
 
     def follow(self, colour: Colour) -> AnchorCheck:
         """The same, but searches for a board that is not where it was; ``moved`` is None only if none is sure.
-
-        Args:
-            colour: RGB, of the shape of the reference.
 
         Raises:
             ValueError: the picture has another shape.

@@ -52,12 +52,9 @@ class Crossings:
 
 
 def refine_grid(look: Look, grid: Grid, dark: int) -> GridFit | None:
-    """Fit a grid to all crossings of its board that can be seen; None if they are too few.
+    """Fit a grid that is right to a fifth of a square to all crossings that can be seen; None if they are too few.
 
-    Args:
-        look: into the picture.
-        grid: about right, to a fifth of a square.
-        dark: 1 where the square of a1 is dark, -1 where it is light.
+    ``dark`` is 1 where the square of a1 is dark, -1 where it is light.
     """
     fit: GridFit | None = None
     for _ in range(2):
@@ -80,12 +77,10 @@ def working_scale(grid: Grid) -> float:
 
 
 def find_crossings(look: Look, grid: Grid, dark: int) -> Crossings:
-    """Where the lines of a grid cross in the picture, those that can be seen.
+    """Where the lines of a grid, which is right to a fifth of a square, cross in the picture, as far as that can be
+    seen.
 
-    Args:
-        look: into the picture.
-        grid: about right, to a fifth of a square.
-        dark: 1 where the square of a1 is dark, -1 where it is light.
+    ``dark`` is as of ``refine_grid``.
     """
     window = window_places(WINDOW)
     places = PLACES

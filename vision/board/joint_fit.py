@@ -74,8 +74,7 @@ class JointFit:
     def error(self, factor: float = 1.0) -> float:
         """What the worst corner's error stays below for nineteen boards of twenty [sides of a square].
 
-        Args:
-            factor: by which the camera's picture was resized for the fit: no pixels were added by that.
+        ``factor`` is that by which the picture was resized for the fit: no pixels were added by that.
         """
         statistical = TRUST * np.hypot(self.sigma, self.halves)
         pixels = PIXELS * factor / self.sides
@@ -95,10 +94,8 @@ class _Rows:
 def fit_jointly(look: Look, grid: Grid, dark: int) -> JointFit | None:
     """Fit a board to all that can be seen of it; None if too few crossings within it can be.
 
-    Args:
-        look: into the picture, light less dark squares about 1.
-        grid: about right, to a tenth of a square.
-        dark: 1 where the square of a1 is dark, -1 where it is light.
+    In ``look`` light less dark squares are about 1; the grid is right to a tenth of a square; ``dark`` as of
+    ``refine_grid``.
     """
     crossings = find_crossings(look, grid, dark)
     inner = ~crossings.border

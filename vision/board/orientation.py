@@ -44,14 +44,10 @@ class Orientation:
 
 
 def orient(colour: NDArray[np.uint8], corners: ArrayLike, placement: chess.BaseBoard | None = None) -> Orientation:
-    """Turn the corners of a board until its pieces stand where they should.
+    """Turn the outer corners of a board, counter-clockwise (4, 2) [px], until its pieces stand where they should.
 
-    All four turns are tried: people do lay boards with a light a1.
-
-    Args:
-        colour: RGB, shape (h, w, 3).
-        corners: outer corners counter-clockwise from any on, shape (4, 2) [px].
-        placement: what stands on the board; the start position if None.
+    All four turns are tried: people do lay boards with a light a1. ``placement`` is what stands on the board; None: the
+    start position.
     """
     given = np.asarray(corners, dtype=float)
     board = chess.BaseBoard() if placement is None else placement
@@ -96,10 +92,7 @@ def _fit(relief: Array, lightness: Array, expected: Array) -> float:
     """How well occupied squares stand out and white is lighter than black [standard errors]."""
     occupied = expected != 0.0
     result = 0.0
-    for one, other, values in (
-        (occupied, ~occupied, np.sqrt(relief)),
-        (expected > 0.0, expected < 0.0, lightness),
-    ):
+    for one, other, values in ((occupied, ~occupied, np.sqrt(relief)), (expected > 0.0, expected < 0.0, lightness)):
         if one.sum() >= 2 and other.sum() >= 2:
             a, b = values[one], values[other]
             spread = np.sqrt(a.var(ddof=1) / len(a) + b.var(ddof=1) / len(b))

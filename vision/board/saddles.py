@@ -53,24 +53,16 @@ class Saddles:
 
 
 def levels(colour: NDArray[np.uint8]) -> Picture:
-    """Channels in steps of equal ratio: the contrast of two squares is then the same in light and in shadow.
-
-    Args:
-        colour: shape (h, w, 3).
-
-    Returns:
-        Shape (h, w, 3), 0 to 255 as the picture.
+    """Channels (h, w, 3) in steps of equal ratio, 0 to 255: two squares then have the same contrast in light and
+    shadow.
     """
     table = 255.0 * np.log1p(np.arange(256) / 20.0) / np.log1p(255.0 / 20.0)
     return np.asarray(cv2.LUT(colour, table.astype(np.float32)), dtype=np.float32)
 
 
 def find_saddles(picture: Picture, most: int) -> Saddles:
-    """Saddle points of a picture of several channels; each is looked for in the channel that shows it best.
-
-    Args:
-        picture: shape (h, w, channels), as of ``levels``.
-        most: how many to return at most.
+    """At most so many saddle points of a picture (h, w, channels) as of ``levels``; each is looked for in the channel
+    that shows it best.
     """
     blurred: Picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), BLUR), dtype=np.float32)
     xx, yy, xy = (_derivative(blurred, *orders) for orders in ((2, 0), (0, 2), (1, 1)))

@@ -71,13 +71,7 @@ class SideEdges:
 
 
 def measure_edges(look: Look, grid: Grid, dark: int) -> SideEdges:
-    """All sides of squares that can be seen.
-
-    Args:
-        look: into the picture, light less dark squares about 1.
-        grid: about right, to a tenth of a square.
-        dark: 1 where the square of a1 is dark, -1 where it is light.
-    """
+    """All sides of squares that can be seen; arguments as of ``joint_fit.fit_jointly``."""
     axis, line, along, end = (one.ravel() for one in np.indices((2, 9, 8, 2)))
     slope = _slopes(look, grid, axis, line, along[:, None] + ENDS[end])
     usable = np.isfinite(slope).all(axis=1)

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hardware.interfaces import Intrinsics
+from hardware.interfaces import DepthFrame, Frame, Intrinsics
 from hardware.table import TableSettings, square_place
 
 Array = NDArray[np.float64]
@@ -95,6 +95,15 @@ class BoardView:
                 f"at most {CORNER_TOLERANCE:.0f} px are accepted: point at the corners again, or check the intrinsics"
             )
 
+    def require_camera(self, frame: Frame | DepthFrame) -> None:
+        """Make sure that a frame is by the camera of this view.
+
+        Raises:
+            ValueError: it is not.
+        """
+        if frame.intrinsics != self.intrinsics:
+            raise ValueError(f"the frame is by a camera with {frame.intrinsics}, this view is of {self.intrinsics}")
+
     @property
     def camera_position(self) -> Array:
         """The pinhole in the board frame, shape (3,) [m]."""
@@ -110,13 +119,8 @@ class BoardView:
         return np.asarray(points, dtype=float) @ rotation.T + shift
 
     def project(self, points: ArrayLike) -> Array:
-        """Where points of the board frame are in the picture, also where they lie outside of it.
-
-        Args:
-            points: shape (..., 3) [m].
-
-        Returns:
-            Shape (..., 2) [px].
+        """Where points (..., 3) [m] of the board frame are in the picture, (..., 2) [px], also where they lie outside
+        of it.
 
         Raises:
             ValueError: a point lies behind the camera and has no picture.

@@ -80,12 +80,7 @@ class CameraPose:
 
 
 def solve_pose(intrinsics: Intrinsics, points: Array, pixels: Array) -> CameraPose:
-    """The camera's pose from pictures of known points.
-
-    Args:
-        intrinsics: of the camera.
-        points: where the marker was, base frame (n, 3) [m].
-        pixels: its pictures, (n, 2) [px].
+    """The camera's pose from pictures (n, 2) [px] of the marker at known points, base frame (n, 3) [m].
 
     Raises:
         CalibrationFailed: too few points, too close together, or no pose explains them.
@@ -121,10 +116,8 @@ def solve_pose(intrinsics: Intrinsics, points: Array, pixels: Array) -> CameraPo
 def depth_factor(pose: CameraPose, points: Array, measured: Array) -> tuple[float, float]:
     """By what a camera's depth has to be multiplied, from depth measured at the marker.
 
-    Args:
-        pose: calibrated.
-        points: where the marker was, base frame (n, 3) [m].
-        measured: depth there, (n,) [m]; 0 or NaN where there is none.
+    The marker was at points of the base frame (n, 3) [m]; depth measured there, (n,) [m], is 0 or NaN where there is
+    none.
 
     Returns:
         Factor, and how much single measurements scatter about it (standard deviation, as a share); (1, 0) where depth

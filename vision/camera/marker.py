@@ -39,11 +39,8 @@ def _detector() -> Any:
 
 
 def find_marker(colour: NDArray[np.uint8], number: int) -> SeenMarker | None:
-    """The marker of a number (4×4 bits, dictionary of 50), None where it is not in sight as a whole.
-
-    Args:
-        colour: RGB, shape (h, w, 3).
-        number: of the marker; others are passed over.
+    """The marker of a number (4×4 bits, dictionary of 50) in a picture (h, w, 3), None where it is not in sight as a
+    whole.
     """
     corners, numbers, _ = _detector().detectMarkers(cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY))
     if numbers is None:

@@ -89,16 +89,10 @@ class Hidden:
 
 
 def draw_mask(view: BoardView, capsules: Capsules, margin: float = 0.0, grow: int = 0) -> Mask:
-    """Pixels in which a capsule is seen, or would be if nothing stood before it.
+    """Pixels (height, width) in which a capsule is seen, or would be if nothing stood before it.
 
-    Args:
-        view: the camera and where it looks.
-        capsules: what hides the table.
-        margin: by which every radius is larger [m]: what is not known of where the links are.
-        grow: by which the mask is larger [px]: edges that a depth camera smears.
-
-    Returns:
-        Shape (height, width).
+    Every radius is larger by a margin [m], which is not known of where the links are, and the mask by ``grow`` [px]:
+    edges that a depth camera smears.
     """
     height, width = view.intrinsics.height, view.intrinsics.width
     mask = np.zeros(
@@ -118,11 +112,8 @@ def draw_mask(view: BoardView, capsules: Capsules, margin: float = 0.0, grow: in
 
 
 def clip(ends: Array, radii: Array) -> tuple[Array, Array, NDArray[np.intp]]:
-    """The parts of axes that are far enough before the camera for all of their capsule to have a picture.
-
-    Args:
-        ends: camera frame, (n, 2, 3) [m].
-        radii: (n,) [m].
+    """The parts of axes (n, 2, 3), camera frame [m], that are far enough before the camera for all of their capsule to
+    have a picture.
 
     Returns:
         Ends (m, 2, 3), radii (m,), and which of the capsules these are (m,).

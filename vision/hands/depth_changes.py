@@ -125,10 +125,6 @@ class Heights:
         share = 1.0 if moved else _LEARNING
         learn_heights(depth, space.ray[2], self._mask(hidden), self._usual, float(space.position[2]), share)
 
-    def forget(self) -> None:
-        """The table is no longer where it was."""
-        self._usual.fill(np.inf)
-
     def _mask(self, hidden: Mask | None) -> Mask:
         return self._nothing if hidden is None else hidden
 

@@ -29,6 +29,8 @@ _T = TypeVar("_T", bound=np.generic)
 _NOBODY: Final = frozenset[int]()
 _DARK: Final = 12.0
 """A board whose lightest parts are darker than this is not seen: a camera that starts, a lamp that is out."""
+STABLE_TIME = 0.1
+"""Players of a quick game leave the board alone for hardly longer between two moves [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +134,7 @@ class Watch:
         Raises:
             ValueError: the frame is by another camera, older than the last, or the mask has another size.
         """
-        if frame.intrinsics != view.intrinsics:
-            raise ValueError(f"the frame is by a camera with {frame.intrinsics}, this view is of {view.intrinsics}")
+        view.require_camera(frame)
         if self._senses is None or view is not self._view:
             zone = Zone.of_view(view, self._settings.margin)
             heights = Heights(Space.of_view(view, self._settings.space_margin), view.table)
@@ -141,10 +142,6 @@ class Watch:
         colour = frame.colour if isinstance(frame, Frame) else None
         known = hidden if isinstance(hidden, Hidden) or hidden is None else Hidden(hidden)
         return self._senses.take(colour, frame.depth, frame.stamp, known)
-
-    def forget(self) -> None:
-        """Begin anew: the camera or the board was moved."""
-        self._view = self._senses = None
 
     def pause(self) -> None:
         """Nobody looks for a while: the last frames will say nothing of the next one, but the board stays known."""
@@ -167,12 +164,7 @@ class ColourWatch:
         self._size: tuple[int, ...] = ()
 
     def update(self, colour: Picture, stamp: float, hidden: Mask | None = None) -> Seen:
-        """Take a frame in; see ``Watch.update``.
-
-        Args:
-            colour: RGB, shape (h, w, 3).
-            stamp: of its exposure [s].
-            hidden: where something known is before the table, shape (h, w).
+        """Take a frame in, RGB (h, w, 3), exposed at a stamp [s]; see ``Watch.update``.
 
         Raises:
             ValueError: frames come in another order or size, or the corners are no board.
@@ -184,6 +176,58 @@ class ColourWatch:
         if colour.shape != self._size:
             raise ValueError(f"a frame of shape {colour.shape} came after ones of {self._size}: watch one camera")
         return self._senses.take(colour, None, stamp, None if hidden is None else Hidden(hidden))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SettledView:
+    """A picture of a settled board.
+
+    Attributes:
+        colour: RGB, shape (h, w, 3).
+        stamp: of its exposure [s].
+        since: the board has looked like this since then [s].
+        touched: squares at which a hand was since the last settled view.
+    """
+
+    colour: NDArray[np.uint8]
+    stamp: float
+    since: float
+    touched: frozenset[int]
+
+
+class VideoGate:
+    """Gates a video, frame by frame. Not thread-safe.
+
+    Args:
+        corners: outer corners of the playing area a1, h1, h8, a8 in its frames, shape (4, 2) [px].
+        settings: of the watch; by default with a shorter stable time than a game at a camera has.
+
+    Attributes:
+        seen: what the last frame showed; None before the first one.
+    """
+
+    def __init__(self, corners: ArrayLike, settings: WatchSettings | None = None) -> None:
+        self.seen: Seen | None = None
+        self._watch = ColourWatch(corners, settings or WatchSettings(stable_time=STABLE_TIME))
+        self._told = False
+
+    def update(self, colour: NDArray[np.uint8], stamp: float) -> SettledView | None:
+        """Take a frame in, RGB (h, w, 3), all of one size, with a stamp later than those before [s].
+
+        Returns:
+            The frame if the board is settled from here on; None otherwise, and while it stays settled.
+
+        Raises:
+            ValueError: frames come in another order or size, or the corners are no board.
+        """
+        seen = self.seen = self._watch.update(colour, stamp)
+        if not seen.settled:
+            self._told = False
+            return None
+        if self._told or seen.stable_since is None:
+            return None
+        self._told = True
+        return SettledView(colour, stamp, seen.stable_since, seen.touched)
 
 
 class _Senses:
@@ -231,7 +275,8 @@ class _Senses:
         self._course.free = free
         if small is not None:
             self._learn(small, distance, covered, still=not moving and relief is None)
-        return self._tell(area, over, moving)
+        course = self._course
+        return Seen(stamp, course.hand, area, over, moving, course.since, course.settled, course.touched)
 
     def _evidence(
         self, glance: ColourObservation | None, relief: Relief | None
@@ -292,7 +337,3 @@ class _Senses:
         ):
             self._differences.forget()
             self._course = _StillnessTrack()
-
-    def _tell(self, area: float, over: frozenset[int], moving: bool) -> Seen:
-        course = self._course
-        return Seen(self._stamp, course.hand, area, over, moving, course.since, course.settled, course.touched)

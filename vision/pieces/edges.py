@@ -43,12 +43,9 @@ def line_samples() -> Field:
 
 
 def edges_on_lines(value: Field, counted: NDArray[np.bool_], reach: Field) -> Edges:
-    """Where on lines the evidence falls the most.
+    """Where on lines across outlines (n, points, samples as of ``line_samples``) the evidence falls the most.
 
-    Args:
-        value: evidence along lines, (n, points, samples); 0 where it does not count.
-        counted: whether it does.
-        reach: as of ``line_samples``.
+    ``value`` is the evidence, 0 where it does not count, ``counted`` whether it does.
     """
     middle, n = len(reach) // 2, _WINDOW
     opened = counted[:, :, middle - 3 : middle + 4].all(axis=2)

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Final, Protocol
+from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
-from hardware.table import PIECE_SHAPES, Colour, Kind, Place
+from hardware.table import PIECE_SHAPES, Colour, PieceSpec, Place
 from vision.board.view import BoardView
 from vision.pieces.colours import MOST, colour_bins, evidence, looked_up, shares
 from vision.pieces.edges import Edges, along, edges_on_lines, line_samples, slopes
-from vision.pieces.silhouettes import Shapes, Silhouettes, labels
+from vision.pieces.outline import Shapes, Silhouettes, labels
 from vision.pieces.surface import GROUNDS, Surface, heights, surface
 
 Array = NDArray[np.float64]
@@ -57,18 +57,6 @@ _AGREES: Final = 1.5
 """An edge so near to the fitted outline agrees with it [px]."""
 
 
-class PieceLike(Protocol):
-    """What has to be known of a piece; ``hardware.table.PieceSpec`` is one."""
-
-    @property
-    def kind(self) -> Kind:
-        """Its shape."""
-
-    @property
-    def colour(self) -> Colour:
-        """Its side."""
-
-
 class Fit:
     """One frame's fit.
 
@@ -94,7 +82,7 @@ class Fit:
         self,
         frame: Frame,
         view: BoardView,
-        expected: Mapping[Place, PieceLike],
+        expected: Mapping[Place, PieceSpec],
         *,
         use_depth: bool,
         around: tuple[float, float] = (0.0, 0.0),
@@ -149,10 +137,8 @@ class Fit:
     def _learn(self, seen: Silhouettes, margin: int, inner: int) -> None:
         """Colours of the two sides and of the ground, from the outlines as they are believed to lie.
 
-        Args:
-            seen: those outlines.
-            margin: so near to them nothing is learnt about the ground [px].
-            inner: so near to their edges nothing is learnt about pieces [px].
+        Nothing is learnt about the ground within ``margin`` of them, nor about pieces within ``inner`` of their edges
+        [px].
         """
         self.owner = labels(seen, self.part.ground.shape)
         taken = (self.owner > 0).astype(np.uint8)

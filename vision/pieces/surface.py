@@ -49,11 +49,7 @@ class Surface:
 
 @lru_cache(maxsize=4)
 def surface(view: BoardView, around: tuple[float, float] = (0.0, 0.0)) -> Surface:
-    """Of a view.
-
-    Args:
-        view: of the board.
-        around: so far beyond the board things are looked at, along x and along y [m].
+    """Of a view; things are looked at so far beyond the board along x and along y [m].
 
     Raises:
         ValueError: the board is not in the picture.
@@ -77,15 +73,8 @@ def surface(view: BoardView, around: tuple[float, float] = (0.0, 0.0)) -> Surfac
     within = ((place > -pixel) & (place < 8.0 + pixel)).all(axis=-1)
     seam = within & (to_line < _SEAM * pixel).any(axis=-1)
     ground[seam] = SEAM
-    return Surface(
-        rows,
-        columns,
-        ground,
-        square,
-        ((place - 4.0) * view.table.square).astype(np.float32),
-        depth.astype(np.float32),
-        (-(ray @ up)).astype(np.float32),
-    )
+    points = ((place - 4.0) * view.table.square).astype(np.float32)
+    return Surface(rows, columns, ground, square, points, depth.astype(np.float32), (-(ray @ up)).astype(np.float32))
 
 
 def _window(view: BoardView, around: tuple[float, float]) -> tuple[slice, slice]:

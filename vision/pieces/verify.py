@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
-from hardware.table import square_place
+from hardware.table import PieceSpec, square_place
 from vision.board.view import BoardView
-from vision.pieces.centres import Centre, centres_of, on_squares, require_camera
-from vision.pieces.fit import Fit, PieceLike
+from vision.pieces.centres import Centre, centres_of, on_squares
+from vision.pieces.fit import Fit
 from vision.pieces.surface import surface
 
 Array = NDArray[np.float64]
@@ -62,14 +62,12 @@ class Fault:
         square: 0 = a1 … 63 = h8.
         sentence: for people.
         place: of the piece or the thing, board frame [m]; None where nothing is there.
-        offset_mm: of the piece from its square's centre; None where no piece stands.
     """
 
     kind: FaultKind
     square: int
     sentence: str
     place: tuple[float, float] | None
-    offset_mm: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +85,7 @@ class Examination:
 
 
 def verify_board(
-    frame: Frame, view: BoardView, expected: Mapping[int, PieceLike], tolerance: float = TOLERANCE
+    frame: Frame, view: BoardView, expected: Mapping[int, PieceSpec], tolerance: float = TOLERANCE
 ) -> tuple[Fault, ...]:
     """The faults of ``examine_board``, with nothing to hold them against."""
     return examine_board(frame, view, expected, tolerance=tolerance).faults
@@ -96,7 +94,7 @@ def verify_board(
 def examine_board(
     frame: Frame,
     view: BoardView,
-    expected: Mapping[int, PieceLike],
+    expected: Mapping[int, PieceSpec],
     before: Mapping[int, float] = MappingProxyType({}),
     *,
     tolerance: float = TOLERANCE,
@@ -116,7 +114,7 @@ def examine_board(
     Raises:
         ValueError: the frame is by another camera, or the board is not in the picture.
     """
-    require_camera(frame, view)
+    view.require_camera(frame)
     fit = Fit(frame, view, on_squares(expected), use_depth=True)
     centres = {place.index: centre for place, centre in centres_of(fit).items()} if expected else {}
     spots = _spots(fit, centres, view)
@@ -130,7 +128,7 @@ def examine_board(
     ]
     taken = {fault.square for fault in faults} | set(expected)
     faults += [
-        Fault(FaultKind.FOREIGN, square, f"something lies on {square_place(square)}", place, None)
+        Fault(FaultKind.FOREIGN, square, f"something lies on {square_place(square)}", place)
         for square, place in spots.items()
         if square not in taken
     ]
@@ -140,15 +138,15 @@ def examine_board(
     return Examination(tuple(sorted(faults, key=lambda fault: fault.square)), likeness)
 
 
-def _changed(square: int, piece: PieceLike, drop: float) -> Fault | None:
+def _changed(square: int, piece: PieceSpec, drop: float) -> Fault | None:
     if drop < _DROP:
         return None
     sentence = f"the {piece.colour} {piece.kind} on {square_place(square)} does not look as it did"
-    return Fault(FaultKind.FALLEN, square, sentence, None, None)
+    return Fault(FaultKind.FALLEN, square, sentence, None)
 
 
 def _judge(
-    square: int, piece: PieceLike, centre: Centre, spots: Mapping[int, tuple[float, float]], view: BoardView,
+    square: int, piece: PieceSpec, centre: Centre, spots: Mapping[int, tuple[float, float]], view: BoardView,
     tolerance: float,
 ) -> Fault | None:  # fmt: skip
     name, where = f"{piece.colour} {piece.kind}", square_place(square)
@@ -157,15 +155,15 @@ def _judge(
     if not centre.upright:
         if square in spots:
             sentence = f"something lies on {where}, where a {name} should stand"
-            return Fault(FaultKind.FALLEN, square, sentence, spots[square], None)
-        return Fault(FaultKind.MISSING, square, f"{where} is empty, a {name} should stand there", None, None)
+            return Fault(FaultKind.FALLEN, square, sentence, spots[square])
+        return Fault(FaultKind.MISSING, square, f"{where} is empty, a {name} should stand there", None)
     x, y = view.table.xy(where)
     dx, dy = centre.x - x, centre.y - y
     off = math.hypot(dx, dy)
     if off <= tolerance:
         return None
     sentence = f"the {name} on {where} stands {1e3 * off:.1f} mm off towards {_direction(dx, dy)}"
-    return Fault(FaultKind.OFF_CENTRE, square, sentence, (centre.x, centre.y), 1e3 * off)
+    return Fault(FaultKind.OFF_CENTRE, square, sentence, (centre.x, centre.y))
 
 
 def _direction(dx: float, dy: float) -> str:

@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.reading.appearance import BLACK, EMPTY, WHITE
-from vision.reading.change import BOUND
+from vision.reading.features import BOUND
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
 """Pieces by square: 0 empty, 1 to 6 white pawn to king, -1 to -6 black; shape (..., 64)."""
-
 NUDGE: Final = -4.0
 """Nothing that looks changed counts for more than this against the same piece, or none, still being there: people brush
 past pieces, and shadows wander."""
@@ -89,11 +88,7 @@ class Evidence:
         return tuple(int(square) for square in squares[np.argsort(-self.changed[squares], kind="stable")])
 
     def scores(self, codes: Codes, before: Codes) -> Array:
-        """How well positions explain the look, square by square.
-
-        Args:
-            codes: positions, shape (n, 64).
-            before: the last known one, shape (64,).
+        """How well positions (n, 64) explain the look after the last known one (64,), square by square.
 
         Returns:
             Shape (n, 64), natural logarithms, at most 0.
@@ -104,11 +99,8 @@ class Evidence:
         )
 
     def doubt(self, codes: Codes, before: Codes) -> Array:
-        """By how much other states explain each square better than a position does, everything else being as it says.
-
-        Args:
-            codes: the position, shape (64,).
-            before: the last known one, shape (64,).
+        """By how much other states explain each square better than a position (64,) does, everything else being as it
+        says.
 
         Returns:
             Shape (64, 3), natural logarithms; minus infinity for the position's own states.

@@ -32,7 +32,6 @@ FEW: Final = 0.25
 little."""
 ABOVE: Final = 0.1
 """Where a larger share of points is above any piece, fingers may be what stands up."""
-
 HARDLY: Final = 0.2
 """A piece of whose square less than this is hidden shows its colour …"""
 MOSTLY: Final = 0.4

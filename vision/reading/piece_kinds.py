@@ -43,9 +43,7 @@ class KindClassifier:
     def promoted(self, decision: MoveReading, heights: Array | None) -> MoveReading:
         """The decision with the piece that was promoted to; ``promotion_unsure`` where it is not seen for certain.
 
-        Args:
-            decision: on a look.
-            heights: in the look; None: it has no depth.
+        Heights are those in the look; None: it has no depth.
         """
         if decision.verdict is not ReadingOutcome.MOVE or not any(move.promotion for move in decision.moves):
             return decision

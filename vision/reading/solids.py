@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
 from vision.board.view import BoardView
-from vision.brightness import LOGARITHM
 from vision.loops import colour_sums, lay_out, tops
 from vision.reading.visibility import hidden_by, room_of
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
 
+DARKEST: Final = 0.08
+"""Added to brightness (0 to 1) before its logarithm: below it there is more noise than picture."""
+LOGARITHM: Final[NDArray[np.float32]] = np.log(np.arange(256) / 255.0 + DARKEST).astype(np.float32)
+"""By the level of a pixel, 0 to 255."""
 TALL: Final = 0.012
 """What is higher than this is no board [m]: a pawn is 34 mm high, the depth of a D435 errs by 1 to 2 mm at 0.6 m."""
 CEILING: Final = 0.08

@@ -21,7 +21,6 @@ from vision.reading.piece_kinds import SPREAD
 
 Chances = Mapping[Kind, float]
 """How likely each kind is; they add up to 1."""
-
 FLUKE: Final = 1e-3
 """No kind is less likely than this, whatever its height: depth pictures have spots that are wrong."""
 KNOWN: Final = 0.9
@@ -93,14 +92,10 @@ def _may_be(kind: Kind, chances: Chances) -> bool:
 
 
 def kinds_by_height(height: float, known: Mapping[Kind, float] = HEIGHTS, spread: float = SPREAD) -> dict[Kind, float]:
-    """How likely each kind is by how high a piece looks, all of them being as likely before.
+    """How likely each kind is by how high a piece looks [m], all of them being as likely before.
 
-    A height that none has says nothing: a piece that lies is lower than all.
-
-    Args:
-        height: as seen [m].
-        known: of each kind, as the camera sees it [m].
-        spread: standard deviation of a height as seen [m].
+    A height that none has says nothing: a piece that lies is lower than all. ``known`` has the height of each kind as
+    the camera sees it, and ``spread`` is the standard deviation of one, both [m].
     """
     likely = {kind: max(math.exp(-0.5 * ((height - of) / spread) ** 2), FLUKE) for kind, of in known.items()}
     whole = math.fsum(likely.values())

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.execution.carrier import BoardTouched, Carrier
-from app.execution.recovery_plans import Blocked, MisplacedPiece
+from app.execution.recovery_plans import Blocked
 from app.execution.state import Clearance, Devices, Job
 from app.motion import Motion, MotionSettings, Plan
 from app.pieces.inventory import Inventory
@@ -23,6 +23,7 @@ from app.rig.arm import ArmAtRest, Outcome
 from app.terminal.interface import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import Place, TableSettings
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.poses import Pose
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()

@@ -19,7 +19,6 @@ from app import UserError
 from app.execution.carrier import BoardTouched, Carried, CarryFailed, Loss
 from app.execution.observation import Verification
 from app.execution.recovery import MOST_ROUNDS, Recovery
-from app.execution.recovery_plans import MisplacedPiece
 from app.execution.repair import BoardObservation
 from app.execution.state import AwaitedReply, Devices, Job, Position
 from app.execution.table import Table
@@ -38,6 +37,7 @@ from app.rig.board import BoardRig
 from app.terminal.interface import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import PieceSpec, Place, TableSettings, square_place
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.poses import Pose
 from vision.pieces.verify import Fault, FaultKind
 from vision.reading.appearance import BLACK, EMPTY, WHITE
@@ -186,9 +186,9 @@ class Paper:
             if there is not None:
                 states[square] = WHITE if there.colour == "white" else BLACK
             if should is not None and there is None:
-                faults.append(Fault(FaultKind.MISSING, square, f"{square_place(square)} is empty", None, None))
+                faults.append(Fault(FaultKind.MISSING, square, f"{square_place(square)} is empty", None))
             if should is None and there is not None:
-                faults.append(Fault(FaultKind.FOREIGN, square, f"something is on {square_place(square)}", (0, 0), None))
+                faults.append(Fault(FaultKind.FOREIGN, square, f"something is on {square_place(square)}", (0, 0)))
         return Verification(tuple(faults), BoardObservation.of(stands, states, faults))
 
     def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
