@@ -10,13 +10,12 @@ import itertools
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Final
 
 import chess
 import numpy as np
 
-from app.measure.bench.report import Progress, Row, row
+from app.measure.bench.report import Progress, Row, Tally, row
 from app.measure.bench.vision.calibration import OFF, random_looks, random_mount
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
@@ -51,19 +50,6 @@ SQUARE_LIMIT: Final = 0.0005
 """Share of squares that may be read wrong."""
 
 
-@dataclass(slots=True)
-class GameTally:
-    """What came of looks."""
-
-    wrong: list[float] = field(default_factory=list)
-    asked: list[float] = field(default_factory=list)
-    squares: list[float] = field(default_factory=list)
-    times: list[float] = field(default_factory=list)
-    """Of the processor, for a settled frame: watching, finding the board again, laying out, looking, deciding [ms]."""
-    watched: list[float] = field(default_factory=list)
-    """Of that, for what every frame goes through [ms]."""
-
-
 class BoardReader:
     """Looks at a rendered board like the app: finds it in a frame that shows a known position, follows it, reads it.
 
@@ -93,18 +79,20 @@ class BoardReader:
         self._anchor = Anchor(frame.colour, corners)
         self.view = BoardView.from_corners(frame.intrinsics, corners, self._table)
 
-    def read(self, frame: Frame, tally: GameTally) -> tuple[Observation, MoveReading]:
-        """What a frame tells; its time is taken down.
+    def read(self, frame: Frame, tally: Tally | None = None) -> tuple[Observation, MoveReading]:
+        """What a settled frame tells.
 
-        Time is the processor's in all threads: that of one core, however busy the machine is.
+        Its time [ms] is that for watching, as for every frame, and with finding the board again, laying out, looking,
+        deciding; the processor's in all threads, so that of one core, however busy the machine is.
         """
         since = time.process_time()
         self._watch.update(frame, self.view)
         watched = time.process_time()
         look = self.observer.look(self.sight(frame))
         decision = self.observer.decide(look)
-        tally.watched.append(1e3 * (watched - since))
-        tally.times.append(1e3 * (time.process_time() - since))
+        if tally is not None:
+            tally["frame pair watched"].append(1e3 * (watched - since))
+            tally["frame pair"].append(1e3 * (time.process_time() - since))
         return look, decision
 
 
@@ -206,30 +194,30 @@ def game_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """Games in random light, with a random camera, pieces up to a fifth of a square off and a noisy sensor."""
     tally = follow_games(PLIES[quick], 0, lambda _: None, progress)
     return {
-        "game wrong": row(tally.wrong, "1", 0.0, "max"),
-        "game asked": row(tally.asked, "1", ASKED_LIMIT, "mean"),
-        "game squares": row(tally.squares, "1", SQUARE_LIMIT, "mean"),
-        "frame pair": row(tally.times, "ms", SLOWEST_MS, "p50"),
-        "frame pair watched": row(tally.watched, "ms"),
+        "game wrong": row(tally["wrong"], "1", 0.0, "max"),
+        "game asked": row(tally["asked"], "1", ASKED_LIMIT, "mean"),
+        "game squares": row(tally["squares"], "1", SQUARE_LIMIT, "mean"),
+        "frame pair": row(tally["frame pair"], "ms", SLOWEST_MS, "p50"),
+        "frame pair watched": row(tally["frame pair watched"], "ms"),
     }
 
 
 def trouble_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """The same while light, camera and hands make trouble, drawn anew for each picture; see ``TROUBLES``."""
     tally = follow_games(TROUBLED[quick], TROUBLED_FIRST, _troubled, progress)
-    return {"trouble wrong": row(tally.wrong, "1", 0.0, "max"), "trouble asked": row(tally.asked, "1")}
+    return {"trouble wrong": row(tally["wrong"], "1", 0.0, "max"), "trouble asked": row(tally["asked"], "1")}
 
 
-def follow_games(plies: int, first: int, change: Callable[[Scene], None], progress: Progress) -> GameTally:
+def follow_games(plies: int, first: int, change: Callable[[Scene], None], progress: Progress) -> Tally:
     """Follow so many plies of games with the seeds ``first``, ``first`` + 1 and so on.
 
     ``change`` happens to the scene before each picture.
     """
-    table, tally = TableSettings(), GameTally()
+    table, tally = TableSettings(), Tally(list)
     with open_studio(table, hand=Colour.WHITE) as studio:
         for seed in itertools.count(first):
-            _follow(Scene(studio, table, seed), seed, min(A_GAME, plies - len(tally.wrong)), tally, progress, change)
-            if len(tally.wrong) >= plies:
+            _follow(Scene(studio, table, seed), seed, min(A_GAME, plies - len(tally["wrong"])), tally, progress, change)
+            if len(tally["wrong"]) >= plies:
                 return tally
     raise AssertionError("seeds never end")
 
@@ -282,7 +270,7 @@ TROUBLES: Final[dict[str, Callable[[Scene], None]]] = {
 
 
 def _follow(
-    scene: Scene, seed: int, plies: int, tally: GameTally, progress: Progress, change: Callable[[Scene], None]
+    scene: Scene, seed: int, plies: int, tally: Tally, progress: Progress, change: Callable[[Scene], None]
 ) -> None:
     """Follow one game; where it is in doubt, the truth is the answer."""
     board = chess.Board()
@@ -299,13 +287,13 @@ def _follow(
         # light and exposure are as they were; a camera that was knocked stays where it is now
         scene.looks, scene.hand = start.model_copy(update={"mount": scene.looks.mount}), None
         asked = decision.verdict is ReadingOutcome.DOUBT or (decision.promotion_unsure and bool(move.promotion))
-        tally.asked.append(float(asked))
-        tally.wrong.append(float(not asked and decision.moves != (move,)))
+        tally["asked"].append(float(asked))
+        tally["wrong"].append(float(not asked and decision.moves != (move,)))
         read = look.evidence.read(codes_of(reader.observer.board))
-        tally.squares.append(float((read != states_of(codes_of(board))).mean()))
+        tally["squares"].append(float((read != states_of(codes_of(board))).mean()))
         progress(
             f"game {seed}, ply {len(board.move_stack)}: {move.uci()}"
             + (f", asked ({decision.margin:.1f})" if asked else "")
-            + (f", WRONG: {decision}" if tally.wrong[-1] else "")
+            + (f", WRONG: {decision}" if tally["wrong"][-1] else "")
         )
         reader.observer.confirm(look, board)
