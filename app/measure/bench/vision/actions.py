@@ -223,7 +223,7 @@ def action_rows(quick: bool, progress: Progress) -> dict[str, Row]:
             for san in _line(seed):
                 board.push(san)
             before = KnownPicture(scene.picture(board), reader.view)
-            reader.observer.confirm(reader.observer.look(reader.sight(before.frame)), board)
+            reader.observer.confirm(reader.observer.look(reader.rectified(before.frame)), board)
             for sort, act in list(SORTS.items())[: count - len(accepted)]:
                 hands = ClumsyHands(scene.table, settings, board, scene.rng)
                 act(hands)

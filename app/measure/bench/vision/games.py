@@ -1,6 +1,6 @@
 """Rows of ``touchmove bench vision``: games of rendered pictures, in good light and bad, and what people do wrong.
 
-Positions are rendered one by one; nobody plays them. The board is found in the first picture of each game, as in a lab.
+Positions are rendered one by one, without an arm. The board is found in the first picture of each game, as in a lab.
 Truth is the game that the pictures were made from.
 """
 
@@ -44,10 +44,6 @@ TROUBLED_FIRST: Final = 1000
 """Seed of the first game in trouble."""
 KNOCKED: Final = 0.06
 """A camera that is knocked again and again stays within this of where it should hang, along both axes [m]."""
-SLOWEST_MS: Final = 25.0
-ASKED_LIMIT: Final = 0.01
-SQUARE_LIMIT: Final = 0.0005
-"""Share of squares that may be read wrong."""
 
 
 class BoardReader:
@@ -66,9 +62,9 @@ class BoardReader:
         self._watch = Watch()
         self._hold(frame, found.corners)
         self._watch.update(frame, self.view)
-        self.observer = Observer(board, self.sight(frame))
+        self.observer = Observer(board, self.rectified(frame))
 
-    def sight(self, frame: Frame) -> RectifiedView:
+    def rectified(self, frame: Frame) -> RectifiedView:
         """The board in a frame of the same camera."""
         check = self._anchor.follow(frame.colour)
         if check.moved:
@@ -88,7 +84,7 @@ class BoardReader:
         since = time.process_time()
         self._watch.update(frame, self.view)
         watched = time.process_time()
-        look = self.observer.look(self.sight(frame))
+        look = self.observer.look(self.rectified(frame))
         decision = self.observer.decide(look)
         if tally is not None:
             tally["frame pair watched"].append(1e3 * (watched - since))
@@ -123,7 +119,7 @@ class RandomTable:
         self._places = {piece.name: piece.place for piece in specs}
 
     def put_down(self, name: str, place: Place) -> PlacedPiece:
-        """A piece as somebody puts it on a place."""
+        """A piece as a person puts it on a place."""
         x, y = self._table.xy(place)
         dx, dy = self._rng.uniform(-self._off, self._off, 2).tolist()
         return PlacedPiece(name, x + dx, y + dy, yaw=float(self._rng.uniform(-math.pi, math.pi)))
@@ -195,9 +191,9 @@ def game_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     tally = follow_games(PLIES[quick], 0, lambda _: None, progress)
     return {
         "game wrong": row(tally["wrong"], "1", 0.0, "max"),
-        "game asked": row(tally["asked"], "1", ASKED_LIMIT, "mean"),
-        "game squares": row(tally["squares"], "1", SQUARE_LIMIT, "mean"),
-        "frame pair": row(tally["frame pair"], "ms", SLOWEST_MS, "p50"),
+        "game asked": row(tally["asked"], "1", 0.01, "mean"),
+        "game squares": row(tally["squares"], "1", 0.0005, "mean"),
+        "frame pair": row(tally["frame pair"], "ms", 25.0, "p50"),
         "frame pair watched": row(tally["frame pair watched"], "ms"),
     }
 
