@@ -1,6 +1,6 @@
 """Bench ``finger``: a person's finger in the way of the arm, free in the air and clamped between gripper and board.
 
-Random straight moves at the profile's limits; somewhere on each a finger, which nobody has announced. Judged by what
+Random straight moves at the profile's limits; somewhere on each an unannounced finger. Judged by what
 the finger feels: the peak, how long until it feels less than 10 N for good, and what still presses afterwards.
 """
 

@@ -35,10 +35,6 @@ STROKE: Final = 0.06
 STROKES: Final = 6
 LIFT: Final = 0.05
 """[m]"""
-SLIP_LIMIT: Final = 0.1
-"""[mm]"""
-DROP_LIMIT: Final = 0.2
-"""[%]"""
 UPRIGHT: Final = np.radians(10.0)
 """A piece that leans by more has fallen [rad]."""
 PLACED: Final = 0.010
@@ -59,8 +55,8 @@ def grip_bench(quick: bool, progress: Progress) -> BenchReport:
     for sentence in dropped:
         progress(sentence)
     rows = {
-        "slip": row(slips, "mm", SLIP_LIMIT, "max"),
-        "dropped": row([100.0 * len(dropped) / count], "%", DROP_LIMIT, "max"),
+        "slip": row(slips, "mm", 0.1, "max"),
+        "dropped": row([100.0 * len(dropped) / count], "%", 0.2, "max"),
         "grasps": row([count], "1"),
     }
     return BenchReport.of("grip", SEED, rows)

@@ -18,14 +18,13 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 import chess
 
 from app import UserError
-from app.measure.bench.report import BenchReport, Progress, Row, row
+from app.measure.bench.report import BenchReport, Progress, Row, Tally, row
 from app.rig.arm import FELT
 from app.rig.remote import RESTING
 from app.rig.simulation.processes import last_words
@@ -73,19 +72,6 @@ TIMEOUT: Final = 180.0
 _GLANCE = 0.0005
 
 
-@dataclass(slots=True)
-class KillFigures:
-    """What was seen: durations [s, plant], distances [mm], and counts of what should not be."""
-
-    rest: dict[str, list[float]] = field(default_factory=lambda: {victim: [] for victim in VICTIMS})
-    jump: list[float] = field(default_factory=list)
-    dropped: list[float] = field(default_factory=list)
-    outside: list[float] = field(default_factory=list)
-    wrong: list[float] = field(default_factory=list)
-    misrecorded: list[float] = field(default_factory=list)
-    resumed: list[float] = field(default_factory=list)
-
-
 def kills_bench(quick: bool, progress: Progress) -> BenchReport:
     """Measure in pace fast; ``quick``: 3 kills of each and 1 of all, instead of 50 and 10; see ``measure_kills``."""
     return measure_kills(QUICK_KILLS if quick else KILLS, "fast", progress)
@@ -97,7 +83,7 @@ def measure_kills(number: int, pace: str, progress: Progress) -> BenchReport:
     Raises:
         UserError: a game did not start, or failed.
     """
-    rng, figures = random.Random(SEED), KillFigures()
+    rng, figures = random.Random(SEED), Tally(list)
     victims = [victim for _ in range(number) for victim in VICTIMS] + [EVERYTHING] * max(1, number // ONE_OF)
     total = len(victims)
     rng.shuffle(victims)
@@ -113,15 +99,16 @@ def measure_kills(number: int, pace: str, progress: Progress) -> BenchReport:
     return BenchReport.of("kills", SEED, _rows(figures), pace)
 
 
-def _rows(figures: KillFigures) -> dict[str, Row]:
+def _rows(figures: Tally) -> dict[str, Row]:
+    """Durations until rest are of the plant, those until a game is resumed of the wall; the others should not be."""
     return {
-        **{f"{victim}_rest": row(times, "s", REST_LIMIT, "max") for victim, times in figures.rest.items()},
-        "jump": row(figures.jump, "mm", JUMP_LIMIT, "max"),
-        "dropped": row(figures.dropped, "", 0.0, "max"),
-        "outside": row(figures.outside, "", 0.0, "max"),
-        "wrong": row(figures.wrong, "", 0.0, "max"),
-        "misrecorded": row(figures.misrecorded, "", 0.0, "max"),
-        "resumed": row(figures.resumed, "s"),
+        **{name: row(figures[name], "s", REST_LIMIT, "max") for name in ("app_rest", "controller_rest")},
+        "jump": row(figures["jump"], "mm", JUMP_LIMIT, "max"),
+        "dropped": row(figures["dropped"], "", 0.0, "max"),
+        "outside": row(figures["outside"], "", 0.0, "max"),
+        "wrong": row(figures["wrong"], "", 0.0, "max"),
+        "misrecorded": row(figures["misrecorded"], "", 0.0, "max"),
+        "resumed": row(figures["resumed"], "s"),
     }
 
 
@@ -159,7 +146,7 @@ class _KilledGame:
 
     _app: subprocess.Popen[bytes]
 
-    def __init__(self, folder: Path, line: list[str], pace: str, figures: KillFigures) -> None:
+    def __init__(self, folder: Path, line: list[str], pace: str, figures: Tally) -> None:
         self._folder, self._run_dir, self._log = folder, folder / "run", folder.parent / "app.log"
         self._figures, self._line, self._pace = figures, line, pace
         parameters = load_parameters()
@@ -191,12 +178,12 @@ class _KilledGame:
             if rested is not None:
                 self._watch_taking_over(rested)
             self._await(lambda: self._step_count() > 0, "a resumed game")
-            self._figures.resumed.append(time.monotonic() - since)
+            self._figures["resumed"].append(time.monotonic() - since)
         status = self._app.wait(TIMEOUT)
-        self._figures.wrong.append(float(status != 0))
+        self._figures["wrong"].append(float(status != 0))
         if status != 0:
             raise UserError(f"a resumed game failed: {self.last_words()}")
-        self._figures.misrecorded.append(float(self._plies() != self._line))
+        self._figures["misrecorded"].append(float(self._plies() != self._line))
 
     def _run(self, *arguments: str) -> None:
         self._begun = self._steps_in_record()
@@ -287,12 +274,12 @@ class _KilledGame:
     def _see_rest(self, seen: list[Telemetry]) -> None:
         killed = seen[-1]
         for now in _heard(seen, len(seen), _before(time.monotonic() + TIMEOUT)):
-            self._figures.outside.append(float(self._is_outside(now)))
+            self._figures["outside"].append(float(self._is_outside(now)))
             if now.state is State.HOLD and math.hypot(*now.velocity) < RESTING:
-                self._figures.rest["app"].append((now.tick - killed.tick) * self._tick)
+                self._figures["app_rest"].append((now.tick - killed.tick) * self._tick)
                 held = min(killed.tactile) >= FELT
                 opened = now.finger_position > killed.finger_position + OPENED
-                self._figures.dropped.append(float(held and not opened and min(now.tactile) < FELT))
+                self._figures["dropped"].append(float(held and not opened and min(now.tactile) < FELT))
                 return
         raise UserError("the arm did not come to rest after its program was killed")
 
@@ -309,7 +296,7 @@ class _KilledGame:
                 quiet_since = truth.tick
             # the last torques act on until the watchdog brakes: an arm that rests before that may move again
             if quiet_since >= 0 and (now - stands_since > STANDS or truth.tick - before > BRAKED_AFTER):
-                self._figures.rest["controller"].append((quiet_since - before) * self._tick)
+                self._figures["controller_rest"].append((quiet_since - before) * self._tick)
                 return truth.tool
             time.sleep(_GLANCE)
         raise UserError("the arm did not come to rest after its controller was killed")
@@ -322,7 +309,7 @@ class _KilledGame:
                 truth, _ = referee.look()
                 worst = max(worst, math.dist(truth.tool, rested))
                 self._check_alive()
-        self._figures.jump.append(1e3 * worst)
+        self._figures["jump"].append(1e3 * worst)
 
     def _is_outside(self, telemetry: Telemetry) -> bool:
         """Whether the arm left its limits, or fell onto its brakes for no reason."""

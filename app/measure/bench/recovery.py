@@ -45,8 +45,6 @@ EVERY_PLY: Final = 4
 """After one ply in so many a hand does something."""
 SHIFT: Final = (0.006, 0.012)
 """A shifted piece ends up so far off its middle [m]."""
-UNREPAIRED_LIMIT: Final = 0.05
-"""Of all mishaps."""
 _MOST_HOLDS: Final = 400
 
 
@@ -57,7 +55,7 @@ class RecoveryTally:
     losses: int = 0
     mishaps: int = 0
     unmended: int = 0
-    """Games that could not go on without somebody's help."""
+    """Games that could not go on without a person's help."""
     wrong: int = 0
     """Plies after which the board was not as recorded."""
     broken: int = 0
@@ -131,7 +129,7 @@ def recovery_bench(quick: bool, progress: Progress) -> BenchReport:
         "knocked_or_shifted": row([tally.mishaps], "1"),
         "unnoticed": row([tally.wrong], "plies", 0.0, "max"),
         "history_wrong": row([tally.broken], "games", 0.0, "max"),
-        "unmended": row([tally.unmended / max(1, both)], "1", UNREPAIRED_LIMIT, "max"),
+        "unmended": row([tally.unmended / max(1, both)], "1", 0.05, "max"),
         "games": row([tally.games], "1"),
     }
     return BenchReport.of("recovery", SEED, rows)

@@ -27,7 +27,7 @@ Line = tuple[chess.Move, ...]
 CornerSource = Callable[[Picture], Array]
 """Gives the outer corners of the playing area a1, h1, h8, a8 in a picture, shape (4, 2) [px].
 
-Raises BoardNotFound where nobody can say.
+Raises BoardNotFound where that cannot be said.
 """
 
 
@@ -150,8 +150,8 @@ def follow(
     """Follow a game in settled views from its start position.
 
     The first picture is taken to show the start position (or ``initial_fen``); it is how the set is learnt. A wrong
-    move that was accepted is never corrected by the labels; where the game asks, they answer. Without labels nobody
-    does, and the game stays at its last known position until a view is clear again.
+    move that was accepted is never corrected by the labels; where the game asks, they answer. Without labels
+    it stays at its last known position until a view is clear again.
     """
     game = _FollowedGame(labels, chess.Board(labels.initial_fen) if labels is not None else chess.Board())
     for number, picture in enumerate(pictures):

@@ -24,7 +24,7 @@ def test_a_hidden_piece_that_was_knocked_over_does_not_look_as_it_did(seed: int,
         for move in random_game(seed, 6 + seed % 40):
             board.push(move)
         frame = scene.picture(board)
-        reader.sight(frame)
+        reader.rectified(frame)
         expected = {piece.place.index: piece for piece in start_layout(board, TABLE) if piece.place.on_board}
         first = examine_board(frame, reader.view, expected, tolerance=OFF)
         assert first.faults == ()

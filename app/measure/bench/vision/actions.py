@@ -12,7 +12,7 @@ import chess
 import numpy as np
 
 from app.measure.bench.report import Progress, Row, row
-from app.measure.bench.vision.games import BoardReader, GameTally, RandomTable, Scene, open_studio, random_game
+from app.measure.bench.vision.games import BoardReader, RandomTable, Scene, open_studio, random_game
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import PlacedPiece
 from hardware.table import PIECE_SHAPES, Kind, TableSettings, square_place
@@ -223,7 +223,7 @@ def action_rows(quick: bool, progress: Progress) -> dict[str, Row]:
             for san in _line(seed):
                 board.push(san)
             before = KnownPicture(scene.picture(board), reader.view)
-            reader.observer.confirm(reader.observer.look(reader.sight(before.frame)), board)
+            reader.observer.confirm(reader.observer.look(reader.rectified(before.frame)), board)
             for sort, act in list(SORTS.items())[: count - len(accepted)]:
                 hands = ClumsyHands(scene.table, settings, board, scene.rng)
                 act(hands)
@@ -267,7 +267,7 @@ def _is_legal(hands: ClumsyHands) -> bool:
 def _judge(reader: BoardReader, before: KnownPicture, scene: Scene, hands: ClumsyHands) -> tuple[bool, bool]:
     """Whether what the hands did was taken for a move, and whether all its squares are named."""
     frame, board = scene.photograph(hands.poses), hands.board
-    look, decision = reader.read(frame, GameTally())
+    look, decision = reader.read(frame)
     known = codes_of(board)
     expected = {piece.place.index: piece for piece in start_layout(board, hands.settings) if piece.place.on_board}
     seen = look.evidence.read(known)

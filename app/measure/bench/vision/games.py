@@ -1,6 +1,6 @@
 """Rows of ``touchmove bench vision``: games of rendered pictures, in good light and bad, and what people do wrong.
 
-Positions are rendered one by one; nobody plays them. The board is found in the first picture of each game, as in a lab.
+Positions are rendered one by one, without an arm. The board is found in the first picture of each game, as in a lab.
 Truth is the game that the pictures were made from.
 """
 
@@ -10,13 +10,12 @@ import itertools
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Final
 
 import chess
 import numpy as np
 
-from app.measure.bench.report import Progress, Row, row
+from app.measure.bench.report import Progress, Row, Tally, row
 from app.measure.bench.vision.calibration import OFF, random_looks, random_mount
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
@@ -45,23 +44,6 @@ TROUBLED_FIRST: Final = 1000
 """Seed of the first game in trouble."""
 KNOCKED: Final = 0.06
 """A camera that is knocked again and again stays within this of where it should hang, along both axes [m]."""
-SLOWEST_MS: Final = 25.0
-ASKED_LIMIT: Final = 0.01
-SQUARE_LIMIT: Final = 0.0005
-"""Share of squares that may be read wrong."""
-
-
-@dataclass(slots=True)
-class GameTally:
-    """What came of looks."""
-
-    wrong: list[float] = field(default_factory=list)
-    asked: list[float] = field(default_factory=list)
-    squares: list[float] = field(default_factory=list)
-    times: list[float] = field(default_factory=list)
-    """Of the processor, for a settled frame: watching, finding the board again, laying out, looking, deciding [ms]."""
-    watched: list[float] = field(default_factory=list)
-    """Of that, for what every frame goes through [ms]."""
 
 
 class BoardReader:
@@ -80,9 +62,9 @@ class BoardReader:
         self._watch = Watch()
         self._hold(frame, found.corners)
         self._watch.update(frame, self.view)
-        self.observer = Observer(board, self.sight(frame))
+        self.observer = Observer(board, self.rectified(frame))
 
-    def sight(self, frame: Frame) -> RectifiedView:
+    def rectified(self, frame: Frame) -> RectifiedView:
         """The board in a frame of the same camera."""
         check = self._anchor.follow(frame.colour)
         if check.moved:
@@ -93,18 +75,20 @@ class BoardReader:
         self._anchor = Anchor(frame.colour, corners)
         self.view = BoardView.from_corners(frame.intrinsics, corners, self._table)
 
-    def read(self, frame: Frame, tally: GameTally) -> tuple[Observation, MoveReading]:
-        """What a frame tells; its time is taken down.
+    def read(self, frame: Frame, tally: Tally | None = None) -> tuple[Observation, MoveReading]:
+        """What a settled frame tells.
 
-        Time is the processor's in all threads: that of one core, however busy the machine is.
+        Its time [ms] is that for watching, as for every frame, and with finding the board again, laying out, looking,
+        deciding; the processor's in all threads, so that of one core, however busy the machine is.
         """
         since = time.process_time()
         self._watch.update(frame, self.view)
         watched = time.process_time()
-        look = self.observer.look(self.sight(frame))
+        look = self.observer.look(self.rectified(frame))
         decision = self.observer.decide(look)
-        tally.watched.append(1e3 * (watched - since))
-        tally.times.append(1e3 * (time.process_time() - since))
+        if tally is not None:
+            tally["frame pair watched"].append(1e3 * (watched - since))
+            tally["frame pair"].append(1e3 * (time.process_time() - since))
         return look, decision
 
 
@@ -135,7 +119,7 @@ class RandomTable:
         self._places = {piece.name: piece.place for piece in specs}
 
     def put_down(self, name: str, place: Place) -> PlacedPiece:
-        """A piece as somebody puts it on a place."""
+        """A piece as a person puts it on a place."""
         x, y = self._table.xy(place)
         dx, dy = self._rng.uniform(-self._off, self._off, 2).tolist()
         return PlacedPiece(name, x + dx, y + dy, yaw=float(self._rng.uniform(-math.pi, math.pi)))
@@ -206,30 +190,30 @@ def game_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """Games in random light, with a random camera, pieces up to a fifth of a square off and a noisy sensor."""
     tally = follow_games(PLIES[quick], 0, lambda _: None, progress)
     return {
-        "game wrong": row(tally.wrong, "1", 0.0, "max"),
-        "game asked": row(tally.asked, "1", ASKED_LIMIT, "mean"),
-        "game squares": row(tally.squares, "1", SQUARE_LIMIT, "mean"),
-        "frame pair": row(tally.times, "ms", SLOWEST_MS, "p50"),
-        "frame pair watched": row(tally.watched, "ms"),
+        "game wrong": row(tally["wrong"], "1", 0.0, "max"),
+        "game asked": row(tally["asked"], "1", 0.01, "mean"),
+        "game squares": row(tally["squares"], "1", 0.0005, "mean"),
+        "frame pair": row(tally["frame pair"], "ms", 25.0, "p50"),
+        "frame pair watched": row(tally["frame pair watched"], "ms"),
     }
 
 
 def trouble_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """The same while light, camera and hands make trouble, drawn anew for each picture; see ``TROUBLES``."""
     tally = follow_games(TROUBLED[quick], TROUBLED_FIRST, _troubled, progress)
-    return {"trouble wrong": row(tally.wrong, "1", 0.0, "max"), "trouble asked": row(tally.asked, "1")}
+    return {"trouble wrong": row(tally["wrong"], "1", 0.0, "max"), "trouble asked": row(tally["asked"], "1")}
 
 
-def follow_games(plies: int, first: int, change: Callable[[Scene], None], progress: Progress) -> GameTally:
+def follow_games(plies: int, first: int, change: Callable[[Scene], None], progress: Progress) -> Tally:
     """Follow so many plies of games with the seeds ``first``, ``first`` + 1 and so on.
 
     ``change`` happens to the scene before each picture.
     """
-    table, tally = TableSettings(), GameTally()
+    table, tally = TableSettings(), Tally(list)
     with open_studio(table, hand=Colour.WHITE) as studio:
         for seed in itertools.count(first):
-            _follow(Scene(studio, table, seed), seed, min(A_GAME, plies - len(tally.wrong)), tally, progress, change)
-            if len(tally.wrong) >= plies:
+            _follow(Scene(studio, table, seed), seed, min(A_GAME, plies - len(tally["wrong"])), tally, progress, change)
+            if len(tally["wrong"]) >= plies:
                 return tally
     raise AssertionError("seeds never end")
 
@@ -282,7 +266,7 @@ TROUBLES: Final[dict[str, Callable[[Scene], None]]] = {
 
 
 def _follow(
-    scene: Scene, seed: int, plies: int, tally: GameTally, progress: Progress, change: Callable[[Scene], None]
+    scene: Scene, seed: int, plies: int, tally: Tally, progress: Progress, change: Callable[[Scene], None]
 ) -> None:
     """Follow one game; where it is in doubt, the truth is the answer."""
     board = chess.Board()
@@ -299,13 +283,13 @@ def _follow(
         # light and exposure are as they were; a camera that was knocked stays where it is now
         scene.looks, scene.hand = start.model_copy(update={"mount": scene.looks.mount}), None
         asked = decision.verdict is ReadingOutcome.DOUBT or (decision.promotion_unsure and bool(move.promotion))
-        tally.asked.append(float(asked))
-        tally.wrong.append(float(not asked and decision.moves != (move,)))
+        tally["asked"].append(float(asked))
+        tally["wrong"].append(float(not asked and decision.moves != (move,)))
         read = look.evidence.read(codes_of(reader.observer.board))
-        tally.squares.append(float((read != states_of(codes_of(board))).mean()))
+        tally["squares"].append(float((read != states_of(codes_of(board))).mean()))
         progress(
             f"game {seed}, ply {len(board.move_stack)}: {move.uci()}"
             + (f", asked ({decision.margin:.1f})" if asked else "")
-            + (f", WRONG: {decision}" if tally.wrong[-1] else "")
+            + (f", WRONG: {decision}" if tally["wrong"][-1] else "")
         )
         reader.observer.confirm(look, board)

@@ -68,8 +68,6 @@ class HandFigures:
     force: list[float] = field(default_factory=list)
     """Of the robot on those hands [N]."""
     missed: int = 0
-    late: int = 0
-    """Hands that came when the motion was over, on a busy machine: they count for nothing and come again."""
     braked: int = 0
     """Hands that went on through the arm at rest, and pushed it to the end of its range: it was on its brakes then, and
     their world was left."""
@@ -100,7 +98,9 @@ def hand_rows(quick: bool, progress: Progress) -> dict[str, Row]:
                 most = min(figures.hands + A_WORLD, entries)
                 while figures.hands < most and not scene.braked():
                     _enter(scene, watch, rng, figures)
-                    progress(f"{figures.hands} of {entries} hands: {_last(figures)}")
+                    rest = f"rest after {figures.rest[-1]:.3f} s" if figures.rest else "none"
+                    touched = f"{len(figures.yielded)} touched first, {figures.missed} missed"
+                    progress(f"{figures.hands} of {entries} hands: {rest}, {touched}")
                 figures.braked += scene.braked()
             first += A_WORLD
         world = 0
@@ -111,11 +111,6 @@ def hand_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     except HardwareError as error:
         raise UserError(str(error)) from error
     return _rows(figures)
-
-
-def _last(figures: HandFigures) -> str:
-    rest = f"rest after {figures.rest[-1]:.3f} s" if figures.rest else "none"
-    return f"{rest}, {len(figures.yielded)} touched first, {figures.missed} missed"
 
 
 def _rows(figures: HandFigures) -> dict[str, Row]:
@@ -185,9 +180,8 @@ def _note_stop(scene: HandScene, figures: HandFigures, follower: Follower, stopp
     """How long the arm moved after the hand had crossed the edge."""
     crossed = until(lambda: follower.crossings()[:1], "a hand that crosses the board's edge")[0]
     if stopped is Cause.NONE:
-        ended = until(scene.at_rest_since, "an arm at rest")
-        figures.missed += crossed < ended
-        figures.late += crossed >= ended
+        # a hand that came when the motion was over, on a busy machine, counts for nothing and comes again
+        figures.missed += crossed < until(scene.at_rest_since, "an arm at rest")
         return
     rested = until(lambda: scene.rested(crossed), "an arm at rest")
     left_off = until(lambda: scene.left_off(crossed), "an arm that leaves off")

@@ -117,7 +117,7 @@ def find_rows(photos: Path, progress: Progress = lambda _: None) -> dict[str, Ro
 
 
 class _Try(NamedTuple):
-    """What came of one picture: not a number where there was no board; ``turned`` None where nobody says."""
+    """What came of one picture: not a number where there was no board; ``turned`` None where it is not known."""
 
     duration: float
     off: float = float("nan")

@@ -12,15 +12,14 @@ from __future__ import annotations
 import random
 import time
 from contextlib import closing
-from dataclasses import dataclass, field
 from typing import Final
 
 import chess
 
 from app import UserError
 from app.guard.hand_guard import HandGuard
-from app.measure.bench.report import Progress, Row, row
-from app.measure.bench.vision.games import BoardReader, GameTally
+from app.measure.bench.report import Progress, Row, Tally, row
+from app.measure.bench.vision.games import BoardReader
 from app.measure.bench.vision.hand_scene import Follower, HandScene, hand_scene, until
 from app.pieces.manipulation import transfers
 from app.play.hand_moves import hand_transfers
@@ -37,29 +36,19 @@ MOVES: Final = {True: 1, False: 40}
 """By ``quick``."""
 A_WORLD: Final = 8
 """So many moves are made in one world."""
+KNOWN: Final = "hand gone to move known"
+"""From leaving board and trays …"""
+OFF_BOARD: Final = "hand off the board to move known"
+"""… and from leaving the board, perhaps for a tray [s]."""
 KNOWN_LIMIT: Final = 0.6
 """From the hand's leaving the board until the move is known [s]."""
 LOOKS: Final = 5
 """So many settled frames are looked at before the move counts as not read."""
 
 
-@dataclass(slots=True)
-class TurnFigures:
-    """What was seen."""
-
-    known: list[float] = field(default_factory=list)
-    """From leaving board and trays to knowing [s]."""
-    off_board: list[float] = field(default_factory=list)
-    """From leaving the board, perhaps for a tray, to knowing [s]."""
-    wrong: list[float] = field(default_factory=list)
-    """1 for a move that was taken for another one."""
-    unread: list[float] = field(default_factory=list)
-    """1 for a move that had to be asked for."""
-
-
 def turn_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """Measure; errors as of ``app.measure.bench.vision.hands.hand_rows``."""
-    moves, figures, rng = MOVES[quick], TurnFigures(), random.Random(SEED)
+    moves, figures, rng = MOVES[quick], Tally(list), random.Random(SEED)
     try:
         for first in range(0, moves, A_WORLD):
             person = HandSettings(side=rng.choice(list(Colour)), speed=rng.uniform(0.5, 1.0))
@@ -67,14 +56,13 @@ def turn_rows(quick: bool, progress: Progress) -> dict[str, Row]:
                 _play(scene, min(A_WORLD, moves - first), rng, figures, progress)
     except HardwareError as error:
         raise UserError(str(error)) from error
-    rows = {"move wrong": row(figures.wrong, "1", 0.0, "max"), "move asked": row(figures.unread, "1")}
-    if figures.known:
-        rows["hand gone to move known"] = row(figures.known, "s", KNOWN_LIMIT, "max")
-        rows["hand off the board to move known"] = row(figures.off_board, "s")
+    rows = {"move wrong": row(figures["move wrong"], "1", 0.0, "max"), "move asked": row(figures["move asked"], "1")}
+    if figures[KNOWN]:
+        rows |= {KNOWN: row(figures[KNOWN], "s", KNOWN_LIMIT, "max"), OFF_BOARD: row(figures[OFF_BOARD], "s")}
     return rows
 
 
-def _play(scene: HandScene, moves: int, rng: random.Random, figures: TurnFigures, progress: Progress) -> None:
+def _play(scene: HandScene, moves: int, rng: random.Random, figures: Tally, progress: Progress) -> None:
     """A game by hand. The camera watches from before the hand withdraws: pictures take most of the bench's time."""
     board, inventory, watch, delivered = chess.Board(), scene.inventory, Watch(), dict[float, float]()
     half = scene.table.half_play
@@ -99,19 +87,19 @@ def _play(scene: HandScene, moves: int, rng: random.Random, figures: TurnFigures
                 if known is not None:
                     gone = until(lambda: follower.crossings(half)[-1:], "a hand that leaves the table")[0]
                     off_board = until(lambda: follower.crossings()[-1:], "a hand that leaves the board")[0]
-                    figures.known.append(known - gone)
-                    figures.off_board.append(known - off_board)
+                    figures[KNOWN].append(known - gone)
+                    figures[OFF_BOARD].append(known - off_board)
                 hand.wait()
             board.push(move)
             inventory = inventory.after(ply)
             reader.observer.confirm(look, board)
-            last = f"known after {figures.known[-1]:.3f} s, " if figures.known else "not read"
-            last += f"{figures.off_board[-1]:.3f} s after the hand was off the board" if figures.known else ""
-            progress(f"{len(figures.wrong)} moves by hand, {ply.san}: {last}")
+            last = f"known after {figures[KNOWN][-1]:.3f} s, " if figures[KNOWN] else "not read"
+            last += f"{figures[OFF_BOARD][-1]:.3f} s after the hand was off the board" if figures[KNOWN] else ""
+            progress(f"{len(figures['move wrong'])} moves by hand, {ply.san}: {last}")
 
 
 def _known_at(
-    guard: HandGuard, reader: BoardReader, delivered: dict[float, float], move: chess.Move, figures: TurnFigures
+    guard: HandGuard, reader: BoardReader, delivered: dict[float, float], move: chess.Move, figures: Tally
 ) -> tuple[Observation, float | None]:
     """Look until a move is read, and when that was [s]; ``delivered``: when frames came, by their stamps."""
     after, known = None, None
@@ -119,11 +107,11 @@ def _known_at(
         frame, _ = guard.settled(after)
         after = frame.stamp
         since = time.thread_time()
-        look, decision = reader.read(frame, GameTally())
+        look, decision = reader.read(frame)
         spent = time.thread_time() - since
         if decision.verdict is ReadingOutcome.MOVE:
             known = delivered[frame.stamp] + spent
             break
-    figures.unread.append(float(known is None))
-    figures.wrong.append(float(known is not None and decision.moves != (move,)))
+    figures["move asked"].append(float(known is None))
+    figures["move wrong"].append(float(known is not None and decision.moves != (move,)))
     return look, known

@@ -70,7 +70,7 @@ def test_a_long_run_is_the_sum_of_its_parts():
         """Good light."""
 
     said: list[str] = []
-    assert len(follow_games(2, 41, nothing, said.append).wrong) == 2
+    assert len(follow_games(2, 41, nothing, said.append)["wrong"]) == 2
     assert said[0].startswith("game 41, ply 1: " + next(random_game(41, 1)).uci())
 
 
