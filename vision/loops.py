@@ -19,9 +19,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Field = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+from vision.arrays import Array, Field, Mask, Picture, Whole
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _numba: Any = numba  # its own types are incomplete
@@ -79,7 +77,7 @@ def lay_out(depth: Field, rows: Field, columns: Field, start: Field, reach: floa
         types.uint8[:, :, :], types.float32[::1], _SQUARES, types.boolean[:, ::1],
     )
 )  # fmt: skip
-def colour_sums(picture: NDArray[np.uint8], level: Field, square: Any, where: Mask) -> tuple[Array, Any]:
+def colour_sums(picture: Picture, level: Field, square: Any, where: Mask) -> tuple[Array, Any]:
     """Sums over those pixels of each square that count; ``level`` is what is added for each value of a pixel, (256,).
 
     Returns:
@@ -215,7 +213,7 @@ def _within(x: float, y: float, z: float, ends: Array, radii: Array) -> bool:
 def stand_out(
     depth: Field, ray: Field, position: Field, hidden: Mask, usual: Field, limits: Field, half: Field, ends: Array,
     radii: Array,
-) -> NDArray[np.uint8]:  # fmt: skip
+) -> Picture:  # fmt: skip
     """Pixels of a depth picture that show what is higher than it should be.
 
     ``usual`` are the heights of the settled board, (h, w) [m], infinite where they are not known. A tall thing is
@@ -254,7 +252,7 @@ def stand_out(
     )
 )  # fmt: skip
 def measure_parts(
-    labels: NDArray[np.int32], count: int, found: NDArray[np.uint8], depth: Field, ray: Field, position: Field,
+    labels: Whole, count: int, found: Picture, depth: Field, ray: Field, position: Field,
     pixel: float, inner: Field, border: int,
 ) -> tuple[Array, Array, Mask]:  # fmt: skip
     """How large connected parts of a depth picture are.
@@ -292,7 +290,7 @@ def measure_parts(
     )
 )  # fmt: skip
 def squares_under(
-    labels: NDArray[np.int32], chosen: Mask, depth: Field, ray: Field, position: Field, side: float, low: float
+    labels: Whole, chosen: Mask, depth: Field, ray: Field, position: Field, side: float, low: float
 ) -> NDArray[np.int64]:
     """Over which squares, of a side [m], those parts of a depth picture (labels as of `measure_parts`) are that are
     chosen.

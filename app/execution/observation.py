@@ -58,28 +58,12 @@ class Reading:
     Attributes:
         decision: what was played since the known position, or doubt.
         finding: what is the matter, and what to do; for people.
-        states: what stands on each square as it is seen, shape (64,): ``vision.reading.appearance`` EMPTY, WHITE,
-        BLACK.
         look: to be confirmed.
     """
 
     decision: MoveReading
     finding: Diagnosis
-    states: States
     look: Observation
-
-
-@dataclass(frozen=True, slots=True)
-class Verification:
-    """Whether the board is as it should be.
-
-    Attributes:
-        faults: what is not.
-        observation: what is seen, for mending it.
-    """
-
-    faults: tuple[Fault, ...]
-    observation: BoardObservation
 
 
 class GameObserver:
@@ -168,7 +152,7 @@ class GameObserver:
         """Up to which hand the newest frame shows the board; None: nothing was looked at."""
         return None if self._last is None else Clearance(self._arrivals)
 
-    def verify(self, stands: Inventory) -> Verification:
+    def verify(self, stands: Inventory) -> BoardObservation:
         """Whether the board is as it should be, in a new frame; ``stands`` says what should stand where.
 
         Raises:
@@ -188,15 +172,14 @@ class GameObserver:
         if not faults:
             self._strayed, self._assumed = {}, False
             self._likeness = {square: (expected[square].name, one) for square, one in examined.likeness.items()}
-            return Verification(faults, BoardObservation({}))
+            return BoardObservation({})
         look = self._known.look(sight_of_frame(frame, self.view))
         states = look.evidence.read(codes_of(self._known.board))
         wrong = {fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE}
         for square in examined.likeness.keys() - wrong:  # the outline of a piece says more than its square's colours
             states[square] = WHITE if expected[square].colour is Colour.WHITE else BLACK
         top = None if look.solids is None else look.solids.top
-        observation = BoardObservation.of(stands, states, faults, kinds=_kinds(stands, states, top, self._heights()))
-        return Verification(faults, observation)
+        return BoardObservation.of(stands, states, faults, kinds=_kinds(stands, states, top, self._heights()))
 
     def _examine(self, expected: Mapping[int, PieceSpec]) -> Examination:
         """Hold the newest frame against what should stand on the squares, and how the same pieces looked before."""
@@ -264,7 +247,7 @@ class GameObserver:
         if self._shows_known is not None:
             now, pieces = KnownPicture(frame, self.view), pieces_of(self._known.board)
             finding = looked_closer(finding, states, self._known.board, self._shows_known, now, pieces)
-        return Reading(decision, finding, states, look)
+        return Reading(decision, finding, look)
 
     def answered(self, reply: AwaitedReply) -> bool:
         """Whether the newest frame shows that somebody has made the next move already, or has begun to.

@@ -156,15 +156,15 @@ class Recovery:
         if not found.faults:
             rest = rearrange(stands, wanted)
             return (), alone or (Repair(stands, rest, "the arm goes on") if rest else None)
-        step = mend(stands, found.observation, board)
+        step = mend(stands, found, board)
         if isinstance(alone, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
             return found.faults, alone or step
         self._loose = ()
-        places = {**found.observation.places, **self._places(stands, step.believed, misplaced)}
+        places = {**found.places, **self._places(stands, step.believed, misplaced)}
         lost = [name for name, place in changed(stands, step.believed).items() if place.index not in places]
         if lost:  # the fingers would run into it
             return found.faults, Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
-        step = repair_towards(step.believed, wanted, replace(found.observation, places=places))
+        step = repair_towards(step.believed, wanted, replace(found, places=places))
         if isinstance(step, Repair) and not step.transfers and step.rest is None and not changed(stands, step.believed):
             return found.faults, Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
         return found.faults, step

@@ -8,7 +8,7 @@ should stand where, with all misplaced pieces at some place.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -22,7 +22,7 @@ from app.motion.plan import Plan, PlanRefused
 from app.motion.planner import Planner, fits_around
 from app.pieces.inventory import Inventory, Transfer
 from hardware.parameters import RobotParameters
-from hardware.table import PIECE_SHAPES, Kind
+from hardware.table import PIECE_SHAPES, Kind, PieceSpec, TableSettings
 from vision.pieces.pose_search import MisplacedPiece
 
 _CLEAR: Final = 0.11
@@ -102,9 +102,7 @@ def plan_stand_up(
         return planner.ply(label, [carried], Inventory.of(rest, inventory.table))
     table = inventory.table
     loose = loose_pieces([stray for stray in others if stray.piece.name in gone])
-    near = [Obstacle.at(piece.name, piece.place, piece.kind, table) for piece in rest
-            if piece.name != one.piece.name and not piece.place.in_box]  # fmt: skip
-    near += loose.standing
+    near = (*_kept(rest, gone | {one.piece.name}, table), *loose.standing)
     return plan_upright(planner, _lying(one), near, loose.lying).plan
 
 
@@ -165,11 +163,7 @@ def plan_pushing(
     table, cell = inventory.table, planner.cell
     gone = {stray.piece.name for stray in misplaced}
     loose = loose_pieces(misplaced)
-    kept = tuple(
-        Obstacle.at(piece.name, piece.place, piece.kind, table)
-        for piece in inventory
-        if piece.name not in gone and not piece.place.in_box
-    )
+    kept = _kept(inventory, gone, table)
     scene = LoosePieces((*kept, *loose.standing), loose.lying)
 
     def free(one: Blocked, scene: LoosePieces) -> bool:
@@ -192,6 +186,15 @@ def plan_pushing(
     if nudge is None:
         raise PlanRefused(f"no push of the {' or the '.join(names)} helps: move one of them away")
     return nudge, plan_nudge(planner, nudge, scene)
+
+
+def _kept(pieces: Iterable[PieceSpec], gone: Set[str], table: TableSettings) -> tuple[Obstacle, ...]:
+    """Pieces at the centres of their places, without those of some names and those in boxes."""
+    return tuple(
+        Obstacle.at(piece.name, piece.place, piece.kind, table)
+        for piece in pieces
+        if piece.name not in gone and not piece.place.in_box
+    )
 
 
 def _raised(kind: Kind, parameters: RobotParameters) -> Iterator[float]:

@@ -23,7 +23,6 @@ from app.players.commands import Command, CommandError, MoveHand, PlayMove, Word
 from app.players.person import Human, PersonGone
 from app.players.players import Players
 from app.records import RecordError
-from app.records.events import Result
 from app.rig.arm import ArmPaused
 from app.settings.time_control import clock_text
 from app.terminal.interface import UserInterface
@@ -33,7 +32,6 @@ from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 
 if TYPE_CHECKING:
     from app.execution.observation import Reading
-    from vision.pieces.pose_search import MisplacedPiece
     from vision.reading.diagnosis import Diagnosis
 
 POLL: Final = 0.2
@@ -99,11 +97,7 @@ class HumanTurn:
             except _Interjected as instead:
                 other, end = instead.command, None
                 self._timing.start(self._colour)
-            except (
-                UserError,
-                HardwareError,
-                EngineProblem,
-            ) as error:  # it cannot be done: the game stands where it stood
+            except (UserError, HardwareError, EngineProblem) as error:  # the game stands where it stood
                 self._tell(str(error))
                 self._timing.start(self._colour)
                 end = None
@@ -140,7 +134,7 @@ class HumanTurn:
     def left(self, word: Word) -> GameEnd:
         """How the game has ended for a person who said quit, resign or new."""
         if word is Word.RESIGN:
-            return GameEnd(_lost(self._colour), f"{_name(self._colour)} resigns", True)
+            return GameEnd("0-1" if self._colour else "1-0", f"{_name(self._colour)} resigns", True)
         return LEFT if word is Word.QUIT else GameEnd("*", "given up for a new game", True, again=True)
 
     def _prompt(self) -> None:
@@ -207,9 +201,7 @@ class HumanTurn:
                 return self._judge(reading, None, then)
             return None
         seen = self._look()
-        then = self._timing.at(
-            max(gone_at, self._notice.last_gone or gone_at)
-        )  # it may have come again before the look
+        then = self._timing.at(max(gone_at, self._notice.last_gone or gone_at))  # it may have come again since
         if seen is None:
             return None
         verdict = seen.decision.verdict
@@ -302,8 +294,9 @@ class HumanTurn:
 
     def _ask_to_fix(self, sentence: str) -> None:
         look = "" if self._notice.watches else " and say 'look'"
-        what = " and ".join(_lies(one) for one in self._table.fallen()) or sentence
-        self._ui.say(f"{what}. Put it right by hand{look}, or say 'fix' and the arm does it")
+        lying = [(one.piece, one.target) for one in self._table.fallen()]
+        what = " and ".join(f"the {piece.colour} {piece.kind} of {at} has fallen over" for piece, at in lying)
+        self._ui.say(f"{what or sentence}. Put it right by hand{look}, or say 'fix' and the arm does it")
 
     def _look(self) -> Reading | None:
         """Again while in doubt."""
@@ -318,16 +311,10 @@ class HumanTurn:
         return reading
 
     def _ask_move(
-        self,
-        move: chess.Move,
-        said: chess.Move | None,
-        then: float,
-        reading: Reading,
+        self, move: chess.Move, said: chess.Move | None, then: float, reading: Reading,
         question: str = "this looks like {}, but not clearly: was that it?",
-    ) -> GameEnd | None:
-        if said is not None and said == move:
-            return self._accept(move, then, reading)
-        if self._yes(question.format(self._table.board.san(move))):
+    ) -> GameEnd | None:  # fmt: skip
+        if said == move or self._yes(question.format(self._table.board.san(move))):
             return self._accept(move, then, reading)
         self._ui.say("then put the pieces back as they were, or type the move that you have made")
         return None
@@ -382,11 +369,3 @@ class HumanTurn:
 
 def _name(colour: chess.Color) -> str:
     return "White" if colour else "Black"
-
-
-def _lies(one: MisplacedPiece) -> str:
-    return f"the {one.piece.colour} {one.piece.kind} of {one.target} has fallen over"
-
-
-def _lost(colour: chess.Color) -> Result:
-    return "0-1" if colour else "1-0"

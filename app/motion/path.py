@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fresnel
 
 from app.motion.curves import STRAIGHT, pieces, turns
 
-__all__ = ["STRAIGHT", "Path", "Vector", "blend", "clothoid", "turns"]
+__all__ = ["STRAIGHT", "Path", "Vector", "blend", "turns"]
 
 Vector = NDArray[np.float64]
 
@@ -72,8 +71,7 @@ class Path:
     @property
     def ends(self) -> Vector:
         """Way from the start to the end of each piece, (n,) [m]."""
-        ends: Vector = self.begins + self.length
-        return ends
+        return self.begins + self.length
 
     @property
     def total(self) -> float:
@@ -89,26 +87,6 @@ class Path:
     def piece_at(self, way: Vector) -> NDArray[np.int64]:
         """Which piece each way along the path lies on; the earlier one where two meet."""
         return np.minimum(np.searchsorted(self.ends, way - 1e-12), len(self.length) - 1)
-
-    def position(self, way: Vector) -> Vector:
-        """Points (n, 3) at ways (n,) along the path [m]."""
-        piece = self.piece_at(way)
-        on = np.clip(way - self.begins[piece], 0.0, self.length[piece])
-        sigma = np.where(self.sign[piece] > 0.0, on, self.length[piece] - on)
-        sharpness = self.sharpness[piece]
-        x, y = np.array(sigma), np.zeros_like(sigma)
-        bent = sharpness > 0.0
-        x[bent], y[bent] = clothoid(sharpness[bent], sigma[bent])
-        along = (self.sign[piece] * x)[:, None] * self.tangent[piece]
-        points: Vector = self.flat[piece] + along + y[:, None] * self.normal[piece]
-        return points
-
-
-def clothoid(sharpness: Vector, way: Vector) -> tuple[Vector, Vector]:
-    """Point of a clothoid that starts straight along x and bends towards y, after a way from its start [m]."""
-    scale = np.sqrt(np.pi / sharpness)
-    sine, cosine = fresnel(way / scale)
-    return scale * cosine, scale * sine
 
 
 def blend(points: Vector, tangents: Vector) -> Path:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from app.records.events import EndEvent, PlyEvent, StartEvent, StepEvent, read_events
+from app.records.events import EndEvent, GameSetup, PlyEvent, PlyOutcome, StartEvent, StepEvent, read_events
 from app.records.files import RecordError, new_folder, recording
 from app.records.game import EVENTS_FILE, GameRecord, utc_now
 from app.records.history import History, read_history
-from app.records.outcome import GameSetup, PlyOutcome
 from app.records.report import Report, summarise
 
 __all__ = [

@@ -16,7 +16,9 @@ from app.records.events import (
     AnyEvent,
     EndEvent,
     FoundEvent,
+    GameSetup,
     PlyEvent,
+    PlyOutcome,
     Purpose,
     RepairedBy,
     Result,
@@ -28,11 +30,14 @@ from app.records.events import (
     TaskDroppedEvent,
     TaskEvent,
     TroubleEvent,
+    own_clock,
+    ply_event,
+    score_of,
+    start_event,
     transfer_records,
 )
 from app.records.files import LineLog, recording, write_atomically
 from app.records.history import History, RecordState
-from app.records.outcome import GameSetup, PlyOutcome, own_clock, ply_event, score_of, start_event
 from app.records.pgn import PgnFile, PgnMove
 from app.records.report import Report, summarise
 from hardware.table import Colour

@@ -308,7 +308,7 @@ def test_whatever_is_answered_only_legal_moves_come_out(answering: tuple[Engine,
 def answering(
     fake: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[tuple[Engine, Path]]:
-    monkeypatch.setattr("engine.supervised.PAUSES", ())  # one attempt each
+    monkeypatch.setattr("engine.stockfish.PAUSES", ())  # one attempt each
     engine_file = fake(on_go=f'say("bestmove", open({str(tmp_path / "answer")!r}).read())')
     with Engine(settings_for(engine_file.path)) as engine:
         yield engine, tmp_path / "answer"

@@ -14,10 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.arrays import Array, Field, Picture
 from vision.board.grid import Grid
-
-Array = NDArray[np.float64]
-Picture = NDArray[np.float32]
 
 Look = Callable[[Array], Array]
 """Gives lightness at points (..., 2) [px], shape (...), light less dark squares about 1; not a number outside."""
@@ -77,7 +75,7 @@ def rate_sides(values: Array, bright: int, low: tuple[int, int]) -> Sides:
     return Sides((int(low[0]), int(low[1])), marks[0], marks[1])
 
 
-def sample(picture: Picture | NDArray[np.uint8], points: Array) -> Array:
+def sample(picture: Field | Picture, points: Array) -> Array:
     """Values at points (..., 2) [px] in between pixels, shape (..., channels); not a number outside."""
     height, width = picture.shape[:2]
     flat = points.reshape(-1, 2)
@@ -91,7 +89,7 @@ def sample(picture: Picture | NDArray[np.uint8], points: Array) -> Array:
     return np.asarray(values.reshape(*points.shape[:-1], -1))
 
 
-def look_into(picture: NDArray[np.float32], weights: Array) -> Look:
+def look_into(picture: Field, weights: Array) -> Look:
     """Lightness in a picture (h, w, channels) with weights of its channels."""
     grey = np.ascontiguousarray(picture @ weights.astype(np.float32))
 
@@ -101,7 +99,7 @@ def look_into(picture: NDArray[np.float32], weights: Array) -> Look:
     return look
 
 
-def channel_weights(picture: Picture, grid: Grid, bright: int, places: Array) -> Array:
+def channel_weights(picture: Field, grid: Grid, bright: int, places: Array) -> Array:
     """Weights that make light less dark 1 at the median of crossings (n, 2), shape (channels,)."""
     direction = bright * light_less_dark(sample(picture, beside_crossings(grid, places)), places)
     length = float(np.linalg.norm(direction))

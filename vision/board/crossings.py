@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Array, Mask
 from vision.board.alternation import Look
 from vision.board.grid import CORNERS, Grid, GridFit, fit_grid
-
-Array = NDArray[np.float64]
 
 HALF_WINDOW: Final = 0.24
 """Half of the window around a crossing [sides of a square]; pieces that stand in the middle begin at about 0.3."""
@@ -48,7 +46,7 @@ class Crossings:
 
     places: Array
     found: Array
-    border: NDArray[np.bool_]
+    border: Mask
 
 
 def refine_grid(look: Look, grid: Grid, dark: int) -> GridFit | None:
@@ -117,7 +115,7 @@ def window_places(samples: int) -> Array:
     return np.stack(np.meshgrid(step, step, indexing="ij"), axis=-1)
 
 
-def _select(found: Array, kept: NDArray[np.bool_]) -> Crossings:
+def _select(found: Array, kept: Mask) -> Crossings:
     border = ((PLACES == 0.0) | (PLACES == 8.0)).any(axis=1)
     return Crossings(PLACES[kept], found[kept], border[kept])
 

@@ -12,15 +12,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Array
 from vision.board.alternation import Look
 from vision.board.crossings import find_crossings
 from vision.board.grid import CORNERS, Grid
 from vision.board.lattice import fit_homography, project
 from vision.board.side_edges import SideEdges, measure_edges
-
-Array = NDArray[np.float64]
 
 PLANE, LENS, BOW = slice(0, 8), slice(8, 9), slice(9, 23)
 """Where the parameters of each part are; the last one is the light's."""

@@ -13,13 +13,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from vision.arrays import Array, Indices
 from vision.board.saddles import Saddles
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 NEIGHBOURS: Final = 16
 """How many saddles around one are looked at for the next crossing of a line."""

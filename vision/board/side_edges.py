@@ -12,14 +12,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Array, Indices, Mask
 from vision.board.alternation import Look
 from vision.board.grid import Grid
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 REACH: Final = 0.26
 """How far across a side the picture is looked at, either way [sides of a square]."""

@@ -8,9 +8,8 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vision.arrays import Array, Picture
 
 LEAST_SIDE: Final = 14.0
 """A marker with a shorter side is too small to be measured [px]."""
@@ -38,7 +37,7 @@ def _detector() -> Any:
     return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50), settings)
 
 
-def find_marker(colour: NDArray[np.uint8], number: int) -> SeenMarker | None:
+def find_marker(colour: Picture, number: int) -> SeenMarker | None:
     """The marker of a number (4×4 bits, dictionary of 50) in a picture (h, w, 3), None where it is not in sight as a
     whole.
     """

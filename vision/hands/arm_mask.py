@@ -13,12 +13,10 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from vision.arrays import Array, Indices, Mask
 from vision.board.view import BoardView
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 NEAREST: Final = 0.05
 """What is nearer to the camera's plane than this, beyond its radius, is not drawn [m]."""
@@ -111,7 +109,7 @@ def draw_mask(view: BoardView, capsules: Capsules, margin: float = 0.0, grow: in
     return mask[grow : grow + height, grow : grow + width].astype(np.bool_)
 
 
-def clip(ends: Array, radii: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+def clip(ends: Array, radii: Array) -> tuple[Array, Array, Indices]:
     """The parts of axes (n, 2, 3), camera frame [m], that are far enough before the camera for all of their capsule to
     have a picture.
 

@@ -14,12 +14,9 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Mask, Picture
 from vision.hands.watched_zone import Zone
-
-Picture = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 DEEPEST_SHADOW: Final = 0.42
 """Brightness that is left in the deepest shadow that counts as one: lamps of a room fill shadows up."""
@@ -138,7 +135,7 @@ class Differences:
         moving = cv2.morphologyEx(moved(small, before, where).astype(np.uint8), cv2.MORPH_OPEN, _SMALL)
         return float(np.count_nonzero(moving)) / zone.square_area
 
-    def _hand(self, mask: NDArray[np.uint8]) -> tuple[float, Mask | None]:
+    def _hand(self, mask: Picture) -> tuple[float, Mask | None]:
         """Area of all parts that must be a hand [squares], and where they are."""
         count, labels, statistics, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
         areas = statistics[:, cv2.CC_STAT_AREA] / self._zone.square_area
@@ -201,7 +198,7 @@ def differs(now: Picture, background: Picture, where: Mask) -> Mask:
     return found
 
 
-def tidy(mask: Mask, closing: int = 2) -> NDArray[np.uint8]:
+def tidy(mask: Mask, closing: int = 2) -> Picture:
     """Without single pixels, and with gaps of a few pixels filled: 0 and 1."""
     small = cv2.getStructuringElement(cv2.MORPH_RECT, (3, 3))
     wide = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * closing + 1, 2 * closing + 1))

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hardware.interfaces import DepthFrame, Frame
+from vision.arrays import Field, Mask, Picture
 from vision.board.view import BoardView
 from vision.hands.arm_mask import Hidden
 from vision.hands.colour_changes import ColourObservation, Differences
 from vision.hands.depth_changes import Heights, Relief
-from vision.hands.watched_zone import Floats, Mask, Space, Zone, shrink
+from vision.hands.watched_zone import Space, Zone, shrink
 
-Picture = NDArray[np.uint8]
 _T = TypeVar("_T", bound=np.generic)
 
 _NOBODY: Final = frozenset[int]()
@@ -107,7 +107,7 @@ class _StillnessTrack:
     settled: bool = False
     touched: frozenset[int] = _NOBODY
     still_since: float | None = None
-    pending: deque[tuple[float, Picture, Floats | None, Mask | None]] = field(default_factory=deque)
+    pending: deque[tuple[float, Picture, Field | None, Mask | None]] = field(default_factory=deque)
     moved: bool = True
 
 
@@ -189,7 +189,7 @@ class SettledView:
         touched: squares at which a hand was since the last settled view.
     """
 
-    colour: NDArray[np.uint8]
+    colour: Picture
     stamp: float
     since: float
     touched: frozenset[int]
@@ -211,7 +211,7 @@ class VideoGate:
         self._watch = ColourWatch(corners, settings or WatchSettings(stable_time=STABLE_TIME))
         self._told = False
 
-    def update(self, colour: NDArray[np.uint8], stamp: float) -> SettledView | None:
+    def update(self, colour: Picture, stamp: float) -> SettledView | None:
         """Take a frame in, RGB (h, w, 3), all of one size, with a stamp later than those before [s].
 
         Returns:
@@ -244,9 +244,7 @@ class _Senses:
         """See ``Watch.pause``."""
         self._course = _StillnessTrack()
 
-    def take(
-        self, colour: Picture | None, depth: NDArray[np.float32] | None, stamp: float, hidden: Hidden | None
-    ) -> Seen:
+    def take(self, colour: Picture | None, depth: Field | None, stamp: float, hidden: Hidden | None) -> Seen:
         """See ``Watch.update``; ``colour`` None: depth must be there."""
         if stamp <= self._stamp:
             raise ValueError(f"a frame of {stamp:.3f} s came after one of {self._stamp:.3f} s: give them in order")
@@ -316,7 +314,7 @@ class _Senses:
             nobody and course.since is not None and self._stamp - course.since >= self._settings.stable_time - 1e-6
         )
 
-    def _learn(self, small: Picture, depth: Floats | None, hidden: Mask | None, *, still: bool) -> None:
+    def _learn(self, small: Picture, depth: Field | None, hidden: Mask | None, *, still: bool) -> None:
         """What is settled, and stays so, is what the board looks like."""
         course, delay = self._course, self._settings.learning_delay
         if course.settled:

@@ -13,14 +13,14 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
 from hardware.table import PIECE_SHAPES, PieceSpec, Place
+from vision.arrays import Field, Mask
 from vision.board.view import BoardView
 from vision.pieces.centres import Centre, centres_of
 from vision.pieces.fit import Fit
-from vision.pieces.pose_search import Field, MisplacedPiece, PoseSearch
+from vision.pieces.pose_search import MisplacedPiece, PoseSearch
 from vision.pieces.poses import Pose
 from vision.pieces.surface import raised
 from vision.pieces.verify import TOLERANCE
@@ -116,9 +116,9 @@ def _around(view: BoardView, *, trays: bool) -> tuple[float, float]:
     return furthest - 4.0 * view.table.square + ends, ends
 
 
-def _taken(fit: Fit, points: Field | None, stands: Sequence[bool]) -> NDArray[np.bool_]:
+def _taken(fit: Fit, points: Field | None, stands: Sequence[bool]) -> Mask:
     """Pixels of pieces that stand as expected, but for those that depth shows to be of something before them."""
-    taken: NDArray[np.bool_] = np.array([False, *stands])[fit.owner]
+    taken: Mask = np.array([False, *stands])[fit.owner]
     if points is not None and fit.places.size:
         reach = np.array([0.0, *(PIECE_SHAPES[kind].foot_radius for kind in fit.kinds)])[fit.owner] + _BEFORE
         off = points[..., :2] - np.vstack([np.zeros((1, 2)), fit.places])[fit.owner]

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, Kind, piece_profile
+from vision.arrays import Array, Picture
 from vision.board.view import BoardView
 from vision.pieces.surface import Surface
-
-Array = NDArray[np.float64]
 
 CONTOUR_POINTS: Final = 56
 """Of each outline."""
@@ -105,7 +104,7 @@ def _surface(kind: Kind) -> Array:
     return np.concatenate([plane, np.broadcast_to(height[:, None, None], (*plane.shape[:2], 1))], axis=2).reshape(-1, 3)
 
 
-def _drawn(across: Array, origin: Array) -> NDArray[np.uint8]:
+def _drawn(across: Array, origin: Array) -> Picture:
     """Rings filled one over the other: the silhouette."""
     pixels = np.rint((across - origin) * _SCALE).astype(np.int32)
     width, height = (pixels.max(axis=0) + 5).tolist()
@@ -128,7 +127,7 @@ def _evenly(chain: Array) -> tuple[Array, Array]:
     return smooth[take], normal[take] * (1.0 if area > 0.0 else -1.0)
 
 
-def _spread(mask: NDArray[np.uint8]) -> Array:
+def _spread(mask: Picture) -> Array:
     """``INSIDE_POINTS`` points spread evenly over a silhouette, (n, 2) in pixels of the drawing."""
     inner = cv2.erode(mask, np.ones((7, 7), dtype=np.uint8))
     rows, columns = np.nonzero(inner)

@@ -15,15 +15,13 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, Place
+from vision.arrays import Field, Mask
 from vision.board.view import BoardView
 from vision.pieces.fit import FLAT, Fit
 from vision.pieces.poses import Pose, PoseTrial, apart, drawn, middles, moved, neighbours, off_surface
 
-Array = NDArray[np.float64]
-Field = NDArray[np.float32]
 _RISEN: Final = 0.006
 """What rises higher above the board is no board [m]."""
 _BY_DEPTH: Final = 2.0
@@ -114,7 +112,7 @@ class PoseSearch:
     """
 
     def __init__(
-        self, fit: Fit, view: BoardView, taken: NDArray[np.bool_], around: tuple[float, float], points: Field | None
+        self, fit: Fit, view: BoardView, taken: Mask, around: tuple[float, float], points: Field | None
     ) -> None:
         self._made_of = fit, view, taken, around, points
         self._ways: dict[tuple[Kind, Colour], list[PoseTrial]] = {}
@@ -235,7 +233,7 @@ class PoseSearch:
         # what else was found stays as it is where nothing of it is gone
         self._ways = {key: ways for key, ways in self._ways.items() if not self._meets(key[0], ways, gone)}
 
-    def _meets(self, kind: Kind, ways: list[PoseTrial], gone: NDArray[np.bool_]) -> bool:
+    def _meets(self, kind: Kind, ways: list[PoseTrial], gone: Mask) -> bool:
         drawings = (drawn(kind, way.pose, self._view, self._shape, self._origin) for way in ways)
         return any(bool((gone[one.rows, one.columns] & one.mask).any()) for one in drawings)
 
@@ -342,7 +340,7 @@ class PoseSearch:
         return spots
 
 
-def _boxes(view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> NDArray[np.bool_]:
+def _boxes(view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> Mask:
     """Where boxes are in a part of the picture, with all that may lie in them."""
     seen = np.zeros(shape, dtype=np.uint8)
     for box in view.table.boxes():

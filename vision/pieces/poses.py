@@ -14,12 +14,10 @@ from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, Kind, piece_profile
+from vision.arrays import Array, Field, Mask
 from vision.board.view import BoardView
-
-Array = NDArray[np.float64]
 
 _RINGS: Final = 15
 _ANGLES: Final = 2.0 * np.pi * np.arange(16) / 16
@@ -90,7 +88,7 @@ def _axes(kind: Kind, pose: Pose) -> tuple[Array, Array]:
     return np.array([pose.x, pose.y, height]), np.stack([across, cos * up + sin * ahead, cos * ahead - sin * up])
 
 
-def off_surface(points: NDArray[np.float32], kind: Kind, pose: Pose) -> Array:
+def off_surface(points: Field, kind: Kind, pose: Pose) -> Array:
     """How far points (n, 3) of the board frame are from the surface of a piece, whether within or without, (n,) [m]."""
     start, axes = _axes(kind, pose)
     table = _distances(kind)
@@ -133,8 +131,8 @@ class Drawn(NamedTuple):
 
     rows: slice
     columns: slice
-    mask: NDArray[np.bool_]
-    underside: NDArray[np.bool_]
+    mask: Mask
+    underside: Mask
 
 
 def drawn(kind: Kind, pose: Pose, view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> Drawn:

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES
+from vision.arrays import Field, Whole
 from vision.board.view import BoardView, playing_area
-
-Field = NDArray[np.float32]
 
 LIGHT, DARK, BESIDE, SEAM = 0, 1, 2, 3
 """What a pixel would show if nothing stood there: a light square, a dark one, what is beside the board, or
@@ -40,7 +39,7 @@ class Surface:
 
     rows: slice
     columns: slice
-    ground: NDArray[np.int32]
+    ground: Whole
     square: NDArray[np.int16]
     place: Field
     depth: Field

@@ -11,16 +11,14 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
 from hardware.table import PieceSpec, square_place
+from vision.arrays import Array, Mask
 from vision.board.view import BoardView
 from vision.pieces.centres import Centre, centres_of, on_squares
 from vision.pieces.fit import Fit
 from vision.pieces.surface import surface
-
-Array = NDArray[np.float64]
 
 TOLERANCE: Final = 0.005
 """Of a piece's centre from that of its square: the fingers close on pieces up to 8 mm off [m]."""
@@ -82,13 +80,6 @@ class Examination:
 
     faults: tuple[Fault, ...]
     likeness: Mapping[int, float]
-
-
-def verify_board(
-    frame: Frame, view: BoardView, expected: Mapping[int, PieceSpec], tolerance: float = TOLERANCE
-) -> tuple[Fault, ...]:
-    """The faults of ``examine_board``, with nothing to hold them against."""
-    return examine_board(frame, view, expected, tolerance=tolerance).faults
 
 
 def examine_board(
@@ -186,7 +177,7 @@ def _spots(fit: Fit, centres: Mapping[int, Centre], view: BoardView) -> dict[int
     return _risen(fit, free, view) if fit.rises is not None else _coloured(fit, free, view)
 
 
-def _risen(fit: Fit, free: NDArray[np.bool_], view: BoardView) -> dict[int, tuple[float, float]]:
+def _risen(fit: Fit, free: Mask, view: BoardView) -> dict[int, tuple[float, float]]:
     """By depth: what stands out of the board's plane."""
     part, rises = surface(view), fit.rises
     assert rises is not None
@@ -198,7 +189,7 @@ def _risen(fit: Fit, free: NDArray[np.bool_], view: BoardView) -> dict[int, tupl
     return _by_square(high, _LEAST_AREA, places, view.table.square)
 
 
-def _coloured(fit: Fit, free: NDArray[np.bool_], view: BoardView) -> dict[int, tuple[float, float]]:
+def _coloured(fit: Fit, free: Mask, view: BoardView) -> dict[int, tuple[float, float]]:
     """By colour alone: what looks like pieces on the board; its foot counts, the rest leans away from the camera."""
     looks = np.maximum(*fit.maps)
     mean = np.asarray(cv2.boxFilter(looks, cv2.CV_32F, (7, 7)))
@@ -206,7 +197,7 @@ def _coloured(fit: Fit, free: NDArray[np.bool_], view: BoardView) -> dict[int, t
     return _by_square(seen, _LEAST_COLOURED, fit.part.place.astype(float), view.table.square)
 
 
-def _by_square(mask: NDArray[np.bool_], least: int, places: Array, square: float) -> dict[int, tuple[float, float]]:
+def _by_square(mask: Mask, least: int, places: Array, square: float) -> dict[int, tuple[float, float]]:
     """Connected spots of a mask by the square of their middle; of several on one, the largest."""
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), dtype=np.uint8))
     count, numbers, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=8)

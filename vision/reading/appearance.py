@@ -11,10 +11,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-States = NDArray[np.intp]
+from vision.arrays import Array, Indices
+
+States = Indices
 
 EMPTY, WHITE, BLACK = 0, 1, 2
 """States of a square."""

@@ -16,13 +16,11 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Array, Field, Picture
 from vision.loops import changes, slopes_of
-from vision.reading.rectified_view import MARGIN, PLAN_PX, SQUARE_PX, Field, Picture
+from vision.reading.rectified_view import MARGIN, PLAN_PX, SQUARE_PX
 from vision.reading.solids import LOGARITHM
-
-Array = NDArray[np.float64]
 
 SMOOTHING: Final = 0.75
 """Of what gradients are taken from: below it there is noise, and the camera's own blur [px]."""
@@ -101,8 +99,7 @@ def _blocks(picture: Field, count: int) -> Array:
 def by_square(picture: Field, count: int) -> Field:
     """Cut a plan of the board without margin into squares: (8 count, 8 count, n) → (64, count, count, n), a1 first."""
     cut = picture.reshape(8, count, 8, count, -1).transpose(0, 2, 1, 3, 4)
-    squares: Field = cut[::-1].reshape(64, count, count, -1)
-    return squares
+    return cut[::-1].reshape(64, count, count, -1)
 
 
 def change_measures(light: Light, reference: Light) -> Array:

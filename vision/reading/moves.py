@@ -14,8 +14,9 @@ from typing import Final
 import chess
 import numpy as np
 
+from vision.arrays import Array
 from vision.reading.appearance import EMPTY
-from vision.reading.evidence import Array, Codes, Evidence, codes_of
+from vision.reading.evidence import Codes, Evidence, codes_of
 from vision.reading.outcome import ReadingOutcome
 
 MARGIN: Final = 6.0

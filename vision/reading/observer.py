@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import chess
-import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Array
 from vision.reading.appearance import Appearance
 from vision.reading.evidence import Codes, Cover, Evidence, codes_of, states_of
 from vision.reading.features import Light, change_odds, describe, exposure_step, light_of
@@ -104,7 +103,7 @@ class Observer:
         self._other_before = None if solids is None else solids.other
 
 
-def likelihood_by_others(sight: RectifiedView, codes: Codes, doubted: Collection[int]) -> NDArray[np.float64]:
+def likelihood_by_others(sight: RectifiedView, codes: Codes, doubted: Collection[int]) -> Array:
     """What squares of one picture look like, as ``Appearance.likelihood``, by what is known to stand on the other ones.
 
     On the doubted squares the position may be anything, and nothing is learnt from them.

@@ -7,13 +7,11 @@ from typing import Final
 
 import chess
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Array
 from vision.reading.evidence import Codes
 from vision.reading.moves import MoveReading
 from vision.reading.outcome import ReadingOutcome
-
-Array = NDArray[np.float64]
 
 CHOICES: Final = (chess.QUEEN, chess.ROOK, chess.BISHOP, chess.KNIGHT)
 SPREAD: Final = 0.0015

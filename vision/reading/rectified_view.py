@@ -13,15 +13,12 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hardware.interfaces import Frame
+from vision.arrays import Array, Picture
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.reading.solids import Solids, solids_of
-
-Array = NDArray[np.float64]
-Picture = NDArray[np.uint8]
-Field = NDArray[np.float32]
 
 SQUARE_PX: Final = 24
 """Side of a square in the plan [px]: about as many as a camera of 640×480 shows. More tell no more."""

@@ -15,13 +15,10 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, Kind, piece_profile
+from vision.arrays import Array, Field, Indices, Mask, Picture
 from vision.board.view import BoardView
-
-Array = NDArray[np.float64]
-Field = NDArray[np.float32]
 
 PLACES: Final = 7
 """Along each axis of a square, at which a piece is tried."""
@@ -63,7 +60,7 @@ def room_of(depth: Field, view: BoardView) -> Array:
 
 
 @lru_cache(maxsize=4)
-def _trials(view: BoardView) -> tuple[NDArray[np.intp], Field, Array]:
+def _trials(view: BoardView) -> tuple[Indices, Field, Array]:
     """Pixels in which pieces are looked for and the depth behind them, (points, 64, places); then weights of the
     places, (places,).
     """
@@ -94,26 +91,26 @@ def _points_within(kind: Kind, view: BoardView) -> Array:
     return points.reshape(-1, 3)
 
 
-def hidden_by(label: NDArray[np.uint8], view: BoardView) -> NDArray[np.bool_]:
+def hidden_by(label: Picture, view: BoardView) -> Mask:
     """Where the picture of a square's surface shows what stands elsewhere: shape (64, CELLS²).
 
     The label of a pixel is 0 where it shows the board or nothing is known, 1 to 64 where it shows what stands on the
     square a1 to h8, more where it shows anything else; shape (height, width).
     """
     seen = label.ravel().take(_cells(view))
-    other: NDArray[np.bool_] = (seen > 0) & (seen != np.arange(1, 65)[:, None])
+    other: Mask = (seen > 0) & (seen != np.arange(1, 65)[:, None])
     return other
 
 
 @lru_cache(maxsize=4)
-def _cells(view: BoardView) -> NDArray[np.intp]:
+def _cells(view: BoardView) -> Indices:
     """Pixels that show the cells of squares' middles, (64, CELLS²); beyond the picture its nearest pixel."""
     steps = MIDDLE * ((np.arange(CELLS) + 0.5) / CELLS - 0.5)
     points = np.zeros((64, CELLS * CELLS, 3))
     points[..., :2] = _middles()[:, None] + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     column, row = np.moveaxis(np.rint(view.project(points * view.table.square)), -1, 0).astype(np.intp)
     width, height = view.intrinsics.width, view.intrinsics.height
-    cells: NDArray[np.intp] = column.clip(0, width - 1) + width * row.clip(0, height - 1)
+    cells: Indices = column.clip(0, width - 1) + width * row.clip(0, height - 1)
     return cells
 
 

@@ -17,7 +17,6 @@ import pytest
 
 from app import UserError
 from app.execution.carrier import BoardTouched, Carried, CarryFailed, Loss
-from app.execution.observation import Verification
 from app.execution.recovery import MOST_ROUNDS, Recovery
 from app.execution.repair import BoardObservation
 from app.execution.state import AwaitedReply, Devices, Job, Position
@@ -179,7 +178,7 @@ class Paper:
     last = None
     looked_at = math.inf
 
-    def verify(self, stands: Inventory) -> Verification:
+    def verify(self, stands: Inventory) -> BoardObservation:
         faults, states = [], np.full(64, EMPTY)
         for square in range(64):
             there, should = self.truth.at(square_place(square)), stands.at(square_place(square))
@@ -189,7 +188,7 @@ class Paper:
                 faults.append(Fault(FaultKind.MISSING, square, f"{square_place(square)} is empty", None))
             if should is None and there is not None:
                 faults.append(Fault(FaultKind.FOREIGN, square, f"something is on {square_place(square)}", (0, 0)))
-        return Verification(tuple(faults), BoardObservation.of(stands, states, faults))
+        return BoardObservation.of(stands, states, faults)
 
     def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
         return {piece.place.index: TABLE.xy(piece.place) for piece in believed if piece.place.on_board}
