@@ -6,8 +6,8 @@ is imported the first time, and kept on disk by Numba; no function here calls on
 cache would not notice.
 
 Arguments have these meanings: ``depth`` (h, w) is 0 where there is none [m]; ``square`` (h, w) is that of each pixel,
-``where`` (h, w) which pixels count; ``ray`` (3, h, w) are rays by pixel (``vision.hands.watched_zone.Space``) from
-the ``position`` (3,) of the camera [m]; ``hidden`` (h, w) is where something known is before the table.
+``where`` (h, w) tells which pixels count; ``ray`` (3, h, w) are rays by pixel (``vision.hands.watched_zone.Space``)
+from the ``position`` (3,) of the camera [m]; ``hidden`` (h, w) is where something known is before the table.
 """
 
 from __future__ import annotations

@@ -160,7 +160,7 @@ def _judge_encoders(drives: Judge, heard: Heard, parameters: RobotParameters) ->
     fastest = float(np.abs(heard.velocity).max())
     drives.judge(
         "brakes", f"servomotors move by up to {fastest:.4f} rad/s", fastest <= STILL,
-        "the brakes do not hold, or somebody moves the arm: see to the brakes before anything else",
+        "the brakes do not hold, or a person moves the arm: see to the brakes before anything else",
     )  # fmt: skip
     # from tick to tick, since brakes may give slowly
     jumps = float(np.diff(heard.angle, axis=0).std(axis=0).max()) / np.sqrt(2.0)

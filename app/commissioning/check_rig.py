@@ -82,7 +82,7 @@ def _check_robot(rig: RigFile) -> tuple[list[Finding], RobotParameters | None]:
     try:
         parameters = load_parameters(rig.parameters)
     except ParametersError as error:
-        robot.wrong("parameters", str(error), "mend that field")
+        robot.wrong("parameters", str(error), "correct that field")
         return robot.findings, None
     robot.good("parameters", rig.parameters.name)
     heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
@@ -127,7 +127,7 @@ def _check_drives(
                 seen = _check_camera(rig)
             return judge.findings + check_drives(open_bus, parameters, rig.table) + seen
     except (UserError, HardwareError) as error:
-        judge.wrong("connection", str(error), "mend what it says, then check again")
+        judge.wrong("connection", str(error), "put right what it says, then check again")
         return judge.findings
 
 
@@ -136,7 +136,7 @@ def _check_camera(rig: RigFile) -> list[Finding]:
     try:
         camera = open_board_camera(rig, WallClock())
     except HardwareError as error:
-        judge.wrong("connection", str(error), "mend what it says, then check again")
+        judge.wrong("connection", str(error), "put right what it says, then check again")
         return judge.findings
     if camera is None:
         judge.left_out("all", "the rig file has no [camera]")

@@ -34,7 +34,7 @@ ACTIONS: Final = (STATUS, *_ORDERS)
 def operate(action: str, rig: str) -> Telemetry:
     """Carry an action out, and return what the controller says after it.
 
-    ``status`` only listens. All others need the lease, so that nobody interferes with a game.
+    ``status`` only listens. All others need the lease, so that a game is not interfered with.
 
     Args:
         action: one of ``ACTIONS``.

@@ -32,7 +32,7 @@ from vision.pieces.centres import piece_centres
 from vision.pieces.fallen import find_misplaced
 from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.swapped import KnownPicture, looked_closer
-from vision.pieces.verify import FaultKind, examine_board
+from vision.pieces.verify import Examination, Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, EMPTY, WHITE
 from vision.reading.diagnosis import Diagnosis, explain
 from vision.reading.evidence import codes_of
@@ -165,12 +165,7 @@ class GameObserver:
         frame = self.frame()
         self._follow(frame)
         expected = on_board(stands)
-        before = {
-            square: likeness
-            for square, (name, likeness) in self._likeness.items()
-            if square in expected and expected[square].name == name
-        }
-        examined = examine_board(frame, self.view, expected, before)
+        examined = self._examine(expected)
         faults = examined.faults
         self._doubted = frozenset(fault.square for fault in faults if fault.kind is FaultKind.FALLEN)
         self._wrong = frozenset(fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE)
@@ -186,10 +181,28 @@ class GameObserver:
         top = None if look.solids is None else look.solids.top
         return BoardObservation.of(stands, states, faults, kinds=_kinds(stands, states, top, self._heights()))
 
+    def _examine(self, expected: Mapping[int, PieceSpec]) -> Examination:
+        """Hold the newest frame against what should stand on the squares, and how the same pieces looked before."""
+        known = {square: likeness for square, (name, likeness) in self._likeness.items()
+                 if square in expected and expected[square].name == name}  # fmt: skip
+        return examine_board(self.last, self.view, expected, known)
+
     def _heights(self) -> dict[Kind, float]:
         """Of the kinds as this camera sees them [m]; as the settings say, where it has not."""
         seen = self._known.heights
         return {kind: seen.get(piece_type, HEIGHTS[kind]) for piece_type, kind in KINDS.items()}
+
+    def faults(self, stands: Inventory, *, centres: bool) -> tuple[Fault, ...]:
+        """What is not as it should be in the newest frame; without depth nobody can tell what lies, so nothing.
+
+        Args:
+            stands: what should stand where.
+            centres: pieces that stand, but off the centres of their squares, count as well.
+        """
+        if self.last.depth is None:
+            return ()
+        faults = self._examine(on_board(stands)).faults
+        return tuple(fault for fault in faults if centres or fault.kind is not FaultKind.OFF_CENTRE)
 
     def forget_likeness(self) -> None:
         """Pieces were touched: how they looked before says nothing any more."""

@@ -6,7 +6,7 @@ should be is put right first, by the arm where it can, else by a person who is a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from app.execution.recovery import Recovery
     from app.guard.game_guard import GameGuard
     from vision.pieces.pose_search import MisplacedPiece
+    from vision.pieces.verify import Fault
     from vision.reading.diagnosis import Diagnosis
 
 
@@ -151,6 +152,22 @@ class Table:
         outcome = PlyOutcome(real=recovered.duration)
         return self._conclude_task(recovered.inventory, outcome, self.board, answered=recovered.answered)
 
+    def disturbed(self, *, centres: bool) -> tuple[Fault, ...]:
+        """What the newest frame shows to be wrong although the position is the same; as ``GameObserver.faults``."""
+        return () if self.observer is None else self.observer.faults(self.inventory, centres=centres)
+
+    def toppled(self, move: chess.Move) -> bool:
+        """Whether the newest frame shows that a piece which this move would have set down does not stand there.
+
+        A piece that was knocked over and lies on another square looks like a move; with depth it does not stand.
+        """
+        if self.observer is None:
+            return False
+        ply = transfers(self.board, move, self.inventory)
+        squares = {one.target.index for one in ply.transfers if one.target.on_board}
+        faults = self.observer.faults(self.inventory.after(ply), centres=False)
+        return any(fault.square in squares for fault in faults)
+
     def fallen(self) -> list[MisplacedPiece]:
         """Pieces that lie on the board, in the newest frame, as far as depth shows them."""
         if self.observer is None or self.observer.last.depth is None:
@@ -165,6 +182,11 @@ class Table:
         """Something that is no legal move was seen: that is in the record, whatever comes of it."""
         squares = [chess.square_name(square) for square in finding.squares]
         self._record.trouble(finding.situation.value, squares, finding.sentence, None, self.now())
+
+    def note_faults(self, faults: Sequence[Fault]) -> None:
+        """Something was disturbed by hand: in the record as ``note``."""
+        for fault in faults:
+            self._record.trouble(fault.kind.value, (chess.square_name(fault.square),), fault.sentence, None, self.now())
 
     def note_sides(self, person: chess.Color) -> None:
         """The person at the board plays this colour from now on."""

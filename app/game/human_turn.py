@@ -202,9 +202,12 @@ class HumanTurn:
             return None
         seen = self._look()
         then = self._timing.at(max(gone_at, self._notice.last_gone or gone_at))  # it may have come again since
-        if seen is None or seen.decision.verdict is ReadingOutcome.NOTHING:
+        if seen is None:
             return None
-        if seen.decision.verdict is ReadingOutcome.MOVE and not seen.decision.promotion_unsure:
+        verdict = seen.decision.verdict
+        if verdict is ReadingOutcome.NOTHING and not self._table.disturbed(centres=False):
+            return None
+        if verdict is ReadingOutcome.MOVE and not seen.decision.promotion_unsure:
             return self._judge(seen, None, then)
         self._unsaid = seen, then, time.monotonic()
         return None
@@ -249,30 +252,51 @@ class HumanTurn:
         if reading is None:
             self._ui.say("this rig has no camera: type the move")
             return None
-        if reading.decision.verdict is ReadingOutcome.NOTHING:
+        if reading.decision.verdict is not ReadingOutcome.NOTHING:
+            return self._judge(reading, said, then)
+        if not self._complain_of_faults(centres=True):
             self._ui.say("I see no change on the board" if said is None else f"I do not see {said.uci()} on the board")
-            return None
-        return self._judge(reading, said, then)
+        return None
 
     def _judge(self, reading: Reading, said: chess.Move | None, then: float) -> GameEnd | None:
         """Something has changed on the board; ``said`` and ``then`` as for ``_read``."""
         decision, finding = reading.decision, reading.finding
+        if decision.verdict is ReadingOutcome.NOTHING:
+            self._complain_of_faults(centres=False)
+            return None
         if decision.verdict is ReadingOutcome.MOVE:
             (move,) = decision.moves
+            if self._table.toppled(move):
+                self._complain(finding)
+                return None
             if decision.promotion_unsure:
                 move = chess.Move(move.from_square, move.to_square, self._promotion(said))
             return self._accept(move, then, reading)
         if finding.situation is Situation.LEGAL:
             return self._ask_move(decision.moves[0], said, then, reading)
-        self._complain(finding)
+        if finding.situation is not Situation.NOTHING:
+            self._complain(finding)
+        elif not self._complain_of_faults(centres=True):
+            self._ui.say("I am not sure of what I see: make your move, or say 'fix' and the arm looks the board over")
         return None
 
     def _complain(self, finding: Diagnosis) -> None:
         self._table.note(finding)
+        self._ask_to_fix(finding.sentence)
+
+    def _complain_of_faults(self, *, centres: bool) -> bool:
+        """Of what lies, or stands off its place, where the position is the same; whether there was any."""
+        faults = self._table.disturbed(centres=centres)
+        if faults:
+            self._table.note_faults(faults)
+            self._ask_to_fix(" and ".join(fault.sentence for fault in faults))
+        return bool(faults)
+
+    def _ask_to_fix(self, sentence: str) -> None:
         look = "" if self._notice.watches else " and say 'look'"
         lying = [(one.piece, one.target) for one in self._table.fallen()]
         what = " and ".join(f"the {piece.colour} {piece.kind} of {at} has fallen over" for piece, at in lying)
-        self._ui.say(f"{what or finding.sentence}. Put it right by hand{look}, or say 'fix' and the arm does it")
+        self._ui.say(f"{what or sentence}. Put it right by hand{look}, or say 'fix' and the arm does it")
 
     def _look(self) -> Reading | None:
         """Again while in doubt."""

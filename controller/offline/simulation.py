@@ -29,17 +29,7 @@ from controller.offline import constrained
 from controller.offline.forward import applied_torque, constrained_acceleration
 from controller.offline.trajectory import ArmMotion, Attachment, Law, Moment, Trajectory
 
-__all__ = [
-    "Accelerations",
-    "ArmMotion",
-    "Attachment",
-    "ConstrainedArm",
-    "Law",
-    "Method",
-    "Moment",
-    "SimulationFailed",
-    "Trajectory",
-]
+__all__ = ["ArmMotion", "Attachment", "ConstrainedArm", "Law", "Method", "Moment", "SimulationFailed", "Trajectory"]
 
 Method = Literal["DOP853", "RK45", "Radau", "BDF", "LSODA", "RK4"]
 
@@ -48,6 +38,7 @@ DEFAULT_STEP: Final = 1e-4
 LARGEST_STEP: Final = 1e-2
 """Of an integrator with error control: from rest it would else try steps from which no law finds a pose [s]."""
 _REST: Final = (0.0, 0.0, 0.0)
+Numbers = Sequence[float] | FloatArray
 
 
 class SimulationFailed(RuntimeError):
@@ -120,7 +111,7 @@ def _require_positive(name: str, value: float) -> None:
         raise ValueError(f"{name} is {value} s, it must be positive and finite")
 
 
-def _require_finite(what: str, *rows: Sequence[float] | FloatArray) -> None:
+def _require_finite(what: str, *rows: Numbers) -> None:
     for row in rows:
         if not np.isfinite(row).all():
             raise SimulationFailed(f"{what} hold a number that is not finite: {np.asarray(row).tolist()}")
@@ -148,9 +139,7 @@ class ConstrainedArm:
         self.baumgarte = baumgarte
         self.coulomb_speed = coulomb_speed
 
-    # ------------------------------------------------------------------------------------------------------ states
-
-    def at(self, point: Sequence[float] | FloatArray, velocity: Sequence[float] | FloatArray = _REST) -> ArmMotion:
+    def at(self, point: Numbers, velocity: Numbers = _REST) -> ArmMotion:
         """Consistent state with the tool at a point [m] with a velocity [m/s], base frame, outward branch.
 
         Raises:
@@ -182,16 +171,10 @@ class ConstrainedArm:
         """τ_u of (15), shape (3,), at which the arm stands still [N m]."""
         return constrained.gravity_compensation(self.model, q)
 
-    # ---------------------------------------------------------------------------------------------------- dynamics
-
     def accelerations(
-        self,
-        q: FloatArray,
-        v: FloatArray,
-        torque: Sequence[float] | FloatArray,
-        external_force: Sequence[float] | FloatArray = _REST,
+        self, q: FloatArray, v: FloatArray, torque: Numbers, external_force: Numbers = _REST,
         payload: float | None = None,
-    ) -> Accelerations:
+    ) -> Accelerations:  # fmt: skip
         """Forward dynamics: v̇ and λ of (2b) with (2c).
 
         Args:
@@ -205,32 +188,10 @@ class ConstrainedArm:
             SimulationFailed: the equations are singular there.
         """
         model = self.model if payload is None else DeltaModel(self.model.parameters, payload)
-        return self._solve(model, np.ascontiguousarray(q), np.ascontiguousarray(v), torque, external_force)
-
-    def torques(
-        self,
-        q: FloatArray,
-        v: FloatArray,
-        joint_acceleration: FloatArray,
-        external_force: Sequence[float] | FloatArray = _REST,
-    ) -> constrained.Torques:
-        """Inverse dynamics: u and λ with which the servomotors get ÿ, shape (3,) [rad/s²]."""
-        needed = constrained.acceleration_at(self.model, q, v, joint_acceleration)
-        outside = constrained.virtual_jacobian(self.model, q).T @ np.asarray(external_force, dtype=np.float64)
-        outside -= constrained.friction_torque(self.model, v, self.coulomb_speed)
-        return constrained.inverse_dynamics(self.model, q, v, needed, outside)
-
-    def _solve(
-        self,
-        model: DeltaModel,
-        q: FloatArray,
-        v: FloatArray,
-        torque: Sequence[float] | FloatArray,
-        force: Sequence[float] | FloatArray,
-    ) -> Accelerations:
+        q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
         applied, acceleration, multiplier = np.empty(9), np.empty(9), np.empty(6)
         u1, u2, u3 = torque
-        f1, f2, f3 = force
+        f1, f2, f3 = external_force
         push = (float(f1), float(f2), float(f3))
         _require_finite("the state", q, v)
         _require_finite("torque and force", (u1, u2, u3), (f1, f2, f3))
@@ -243,7 +204,14 @@ class ConstrainedArm:
             )
         return Accelerations(acceleration, multiplier)
 
-    # -------------------------------------------------------------------------------------------------- simulation
+    def torques(
+        self, q: FloatArray, v: FloatArray, joint_acceleration: FloatArray, external_force: Numbers = _REST
+    ) -> constrained.Torques:
+        """Inverse dynamics: u and λ with which the servomotors get ÿ, shape (3,) [rad/s²]."""
+        needed = constrained.acceleration_at(self.model, q, v, joint_acceleration)
+        outside = constrained.virtual_jacobian(self.model, q).T @ np.asarray(external_force, dtype=np.float64)
+        outside -= constrained.friction_torque(self.model, v, self.coulomb_speed)
+        return constrained.inverse_dynamics(self.model, q, v, needed, outside)
 
     def simulate(
         self,
@@ -280,9 +248,9 @@ class ConstrainedArm:
         _require_positive("step", DEFAULT_STEP if step is None else step)
         if method not in get_args(Method):
             raise ValueError(f"there is no method '{method}', choose from: {', '.join(get_args(Method))}")
-        times = None if times is None else np.asarray(times, dtype=np.float64)
         if times is None:
             times = np.linspace(0.0, duration, max(2, round(duration / 1e-3) + 1))
+        times = np.asarray(times, dtype=np.float64)
         if times.size < 2 or not (times[0] == 0.0 and times[-1] <= duration and (np.diff(times) > 0.0).all()):
             raise ValueError(f"times must be two or more that rise from 0 to at most {duration} s, these are {times} s")
         plant = _Plant(self, torque_law, force_law, attachment)
@@ -291,16 +259,8 @@ class ConstrainedArm:
             rows = _fixed_steps(plant.rates, state, times, DEFAULT_STEP if step is None else step)
         else:
             largest = LARGEST_STEP if step is None else step
-            found = solve_ivp(
-                plant.rates,
-                (0.0, duration),
-                state,
-                method,
-                times,
-                rtol=rtol,
-                atol=atol,
-                max_step=largest,
-            )
+            span = 0.0, duration
+            found = solve_ivp(plant.rates, span, state, method, times, rtol=rtol, atol=atol, max_step=largest)
             if not found.success:
                 raise SimulationFailed(f"{method} gave up at {found.t[-1]:.6f} s: {found.message}")
             rows = found.y.T

@@ -1,6 +1,66 @@
 """Measurements that say whether a bar is held: ``touchmove bench NAME``. One module for each bench."""
 
-from app.measure.bench.registry import BENCHES, UnknownBench, run_bench
-from app.measure.bench.report import BenchReport, Row
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+from app import UserError
+from app.measure.bench.clock import clock_bench
+from app.measure.bench.fallen import fallen_bench
+from app.measure.bench.finger import finger_bench
+from app.measure.bench.grip import grip_bench
+from app.measure.bench.kills import kills_bench
+from app.measure.bench.law import law_bench
+from app.measure.bench.loop import loop_bench
+from app.measure.bench.motion import motion_bench
+from app.measure.bench.recovery import recovery_bench
+from app.measure.bench.report import BenchReport, Progress, Row
+from app.measure.bench.sim import sim_bench
+from app.measure.bench.vision.rows import vision_bench
 
 __all__ = ["BENCHES", "BenchReport", "Row", "UnknownBench", "run_bench"]
+
+Bench = Callable[[bool, Progress], BenchReport]
+
+BENCHES: Mapping[str, Bench] = MappingProxyType(
+    {
+        "law": law_bench,
+        "loop": loop_bench,
+        "finger": finger_bench,
+        "kills": kills_bench,
+        "motion": motion_bench,
+        "sim": sim_bench,
+        "grip": grip_bench,
+        "fallen": fallen_bench,
+        "recovery": recovery_bench,
+        "vision": vision_bench,
+        "clock": clock_bench,
+    }
+)
+"""By name; each takes ``quick`` and a function that is told what is being done."""
+
+
+class UnknownBench(UserError):
+    """There is no bench of that name."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"there is no bench '{name}', choose from: {', '.join(BENCHES)}")
+
+
+def run_bench(name: str, quick: bool, progress: Progress, photos: Path | None = None) -> BenchReport:
+    """Run one of ``BENCHES``; ``photos``: folder with labelled photographs, for ``vision``.
+
+    Raises:
+        UserError: there is no such bench, or photographs are given that are not there or not looked at.
+    """
+    if name not in BENCHES:
+        raise UnknownBench(name)
+    if photos is not None:
+        if name != "vision":
+            raise UserError(f"bench '{name}' looks at no photographs: leave --photos out, or run bench vision")
+        if not photos.is_dir():
+            raise UserError(f"{photos} is no folder: name the one with the labelled photographs")
+        return vision_bench(quick, progress, photos)
+    return BENCHES[name](quick, progress)

@@ -61,7 +61,7 @@ def clock_bench(quick: bool, progress: Progress) -> BenchReport:
 
 
 def play(control: TimeControl, arm: float, paid: ArmTime, plies: int) -> Played:
-    """A game of two Stockfishes from an opening of the seed, as a game loop plays it; the arm only takes time [s]."""
+    """Stockfish plays itself from an opening of the seed, as in a game loop; the arm is but a pause [s]."""
     settings = EngineSettings()
     board = chess.Board()
     with opening_engine(settings) as full:

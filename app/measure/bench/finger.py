@@ -1,6 +1,6 @@
 """Bench ``finger``: a person's finger in the way of the arm, free in the air and clamped between gripper and board.
 
-Random straight moves at the profile's limits; somewhere on each a finger, which nobody has announced. Judged by what
+Random straight moves at the profile's limits; somewhere on each an unannounced finger. Judged by what
 the finger feels: the peak, how long until it feels less than 10 N for good, and what still presses afterwards.
 """
 
@@ -11,11 +11,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from app.measure.bench.beds.bed import Bed
+from app.measure.bench.beds.bed import Bed, straight
 from app.measure.bench.report import BenchReport, Progress, Row, row
 from app.motion import MotionSettings
-from app.motion.gains import critical
-from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
+from app.motion.timing.reference import Bounds, Vector
 from controller.loop.admission import Ended
 from controller.protection.limits import REACTIONS, Reaction
 from controller.protocol import Result
@@ -94,26 +93,20 @@ KINDS: Final[dict[str, Callable[[RobotParameters, np.random.Generator], FingerTr
 }
 
 
-def meet(trial: FingerTrial, limits: ContactLimits, parameters: RobotParameters) -> Felt:
-    """Carry a trial out.
-
-    Args:
-        trial: move and finger.
-        limits: how fast the profile moves.
-        parameters: robot.
+def meet(trial: FingerTrial, limits: ContactLimits) -> Felt:
+    """Carry a trial out, as fast as the profile's limits let it.
 
     Raises:
         Missed: the finger was not met.
         RuntimeError: the controller refused the move.
     """
-    table, settings, tick = TableSettings(limits=limits), MotionSettings(), parameters.drive.tick
+    table, settings, parameters = TableSettings(limits=limits), MotionSettings(), load_parameters()
+    tick = parameters.drive.tick
     start, end = table.base_from_board(trial.start), table.base_from_board(trial.end)
     plant = Plant(build_finger_world(parameters, table, start, trial.finger), parameters, ())
-    bed = Bed(plant, parameters, table)
-    here, _ = bed.arm
+    bed = Bed(plant, table)
     bounds = Bounds(_speed(trial, limits), settings.acceleration, settings.jerk)
-    way = join([dwell(here, 1), line(here, end, bounds, tick)])
-    bed.begin(to_samples(way, critical((_STIFF,) * 3, len(way)), np.zeros(len(way))))
+    bed.begin(straight(bed.arm[0], end, bounds, _STIFF, tick))
     forces: list[float] = []
     met = None
     while met is None or len(forces) < met + WATCHED / tick:
@@ -150,28 +143,23 @@ def _explain(ended: Ended) -> None:
 
 
 def finger_bench(quick: bool, progress: Progress) -> BenchReport:
-    """Measure.
-
-    Args:
-        quick: 40 moves instead of 200.
-        progress: told what is being done.
-    """
-    parameters, trials = load_parameters(), (QUICK_TRIALS if quick else TRIALS) // (len(PROFILES) * len(KINDS))
+    """Measure; ``quick``: 40 moves instead of 200."""
+    trials = (QUICK_TRIALS if quick else TRIALS) // (len(PROFILES) * len(KINDS))
     rows: dict[str, Row] = {}
     for profile, (limits, limit) in PROFILES.items():
         for kind in KINDS:
             progress(f"{trials} fingers, {kind}, profile {profile}")
-            rows |= _rows(f"{profile}_{kind}", _trials(kind, trials, limits, parameters), limit)
+            rows |= _rows(f"{profile}_{kind}", _trials(kind, trials, limits), limit)
     return BenchReport.of("finger", SEED, rows)
 
 
-def _trials(kind: str, count: int, limits: ContactLimits, parameters: RobotParameters) -> list[Felt]:
+def _trials(kind: str, count: int, limits: ContactLimits) -> list[Felt]:
     """So many trials in which the finger was met; a random move that misses it is drawn again."""
     random = np.random.default_rng([SEED, list(KINDS).index(kind)])
     found: list[Felt] = []
     while len(found) < count:
         try:
-            found.append(meet(KINDS[kind](parameters, random), limits, parameters))
+            found.append(meet(KINDS[kind](load_parameters(), random), limits))
         except Missed:
             continue
     return found

@@ -6,6 +6,7 @@ as a person would type it, has to find out what was done of the ply and finish i
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import os
@@ -16,15 +17,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Final
 
 import chess
 
 from app import UserError
-from app.measure.bench.report import BenchReport, Progress, Row, row
+from app.measure.bench.report import BenchReport, Progress, Row, Tally, row
 from app.rig.arm import FELT
 from app.rig.remote import RESTING
 from app.rig.simulation.processes import last_words
@@ -72,102 +72,95 @@ TIMEOUT: Final = 180.0
 _GLANCE = 0.0005
 
 
-@dataclass(slots=True)
-class KillFigures:
-    """What was seen: durations [s, plant], distances [mm], and counts of what should not be."""
-
-    rest: dict[str, list[float]] = field(default_factory=lambda: {victim: [] for victim in VICTIMS})
-    jump: list[float] = field(default_factory=list)
-    dropped: list[float] = field(default_factory=list)
-    outside: list[float] = field(default_factory=list)
-    wrong: list[float] = field(default_factory=list)
-    misrecorded: list[float] = field(default_factory=list)
-    resumed: list[float] = field(default_factory=list)
-
-
 def kills_bench(quick: bool, progress: Progress) -> BenchReport:
-    """Measure in pace fast; ``quick``: 3 kills of each and 1 of all, instead of 50 and 10. See ``measure_kills``."""
+    """Measure in pace fast; ``quick``: 3 kills of each and 1 of all, instead of 50 and 10; see ``measure_kills``."""
     return measure_kills(QUICK_KILLS if quick else KILLS, "fast", progress)
 
 
 def measure_kills(number: int, pace: str, progress: Progress) -> BenchReport:
-    """Measure.
-
-    Args:
-        number: kills of program and controller each; a fifth as many of all at once.
-        pace: of the games.
-        progress: told what is being done.
+    """Measure with so many kills of program and controller each, and a fifth as many of all at once.
 
     Raises:
         UserError: a game did not start, or failed.
     """
-    rng, figures = random.Random(SEED), KillFigures()
+    rng, figures = random.Random(SEED), Tally(list)
     victims = [victim for _ in range(number) for victim in VICTIMS] + [EVERYTHING] * max(1, number // ONE_OF)
     total = len(victims)
     rng.shuffle(victims)
-    games = 0
     with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
-        while victims:
-            games += 1
-            game = _KilledGame(Path(folder) / f"game-{games}", _line(rng), pace, figures)
-            with game:
+        for game_number in itertools.count(1):
+            with _KilledGame(Path(folder) / f"game-{game_number}", _line(rng), pace, figures) as game:
                 try:
                     game.play(victims, rng, lambda left: progress(f"{total - left} of {total} kills"))
                 except HardwareError as error:
                     raise UserError(f"{error}; last words: {game.last_words()}") from error
-    rows = _rows(figures)
-    return BenchReport.of("kills", SEED, rows, pace)
+            if not victims:
+                break
+    return BenchReport.of("kills", SEED, _rows(figures), pace)
 
 
-def _rows(figures: KillFigures) -> dict[str, Row]:
+def _rows(figures: Tally) -> dict[str, Row]:
+    """Durations until rest are of the plant, those until a game is resumed of the wall; the others should not be."""
     return {
-        **{f"{victim}_rest": row(times, "s", REST_LIMIT, "max") for victim, times in figures.rest.items()},
-        "jump": row(figures.jump, "mm", JUMP_LIMIT, "max"),
-        "dropped": row(figures.dropped, "", 0.0, "max"),
-        "outside": row(figures.outside, "", 0.0, "max"),
-        "wrong": row(figures.wrong, "", 0.0, "max"),
-        "misrecorded": row(figures.misrecorded, "", 0.0, "max"),
-        "resumed": row(figures.resumed, "s"),
+        **{name: row(figures[name], "s", REST_LIMIT, "max") for name in ("app_rest", "controller_rest")},
+        "jump": row(figures["jump"], "mm", JUMP_LIMIT, "max"),
+        "dropped": row(figures["dropped"], "", 0.0, "max"),
+        "outside": row(figures["outside"], "", 0.0, "max"),
+        "wrong": row(figures["wrong"], "", 0.0, "max"),
+        "misrecorded": row(figures["misrecorded"], "", 0.0, "max"),
+        "resumed": row(figures["resumed"], "s"),
     }
 
 
-def _line(rng: random.Random) -> str:
+def _line(rng: random.Random) -> list[str]:
     """A random legal line, which takes whatever it can: captures are the longest plies."""
     board = chess.Board()
-    moves: list[str] = []
-    while len(moves) < PLIES:
+    while len(board.move_stack) < PLIES:
         legal = [move for move in board.legal_moves if not _ends(board, move)]
-        move = rng.choice([move for move in legal if board.is_capture(move)] or legal)
-        moves.append(board.uci(move))
-        board.push(move)
-    return " ".join(moves)
+        board.push(rng.choice([move for move in legal if board.is_capture(move)] or legal))
+    return [board.uci(move) for move in board.move_stack]
 
 
 def _ends(board: chess.Board, move: chess.Move) -> bool:
     board.push(move)
-    try:
-        return board.is_game_over()
-    finally:
-        board.pop()
+    over = board.is_game_over()
+    board.pop()
+    return over
+
+
+def _heard(seen: list[Telemetry], first: int, goes_on: Callable[[], bool]) -> Iterator[Telemetry]:
+    """Telemetry from an index on, as it comes."""
+    while goes_on():
+        while first < len(seen):
+            yield seen[first]
+            first += 1
+        time.sleep(_GLANCE)
+
+
+def _before(deadline: float) -> Callable[[], bool]:
+    return lambda: time.monotonic() < deadline
 
 
 class _KilledGame:
     """One game with its victims; a context manager that leaves nothing running."""
 
-    def __init__(self, folder: Path, line: str, pace: str, figures: KillFigures) -> None:
-        self._folder, self._run_dir = folder, folder / "run"
-        self._start = ["demo", "--out", str(folder), "--pace", pace, "--moves", line, "--no-cameras", "--linger", "60"]
-        self._figures, self._line = figures, line.split()
-        self._app: subprocess.Popen[bytes] | None = None
+    _app: subprocess.Popen[bytes]
+
+    def __init__(self, folder: Path, line: list[str], pace: str, figures: Tally) -> None:
+        self._folder, self._run_dir, self._log = folder, folder / "run", folder.parent / "app.log"
+        self._figures, self._line, self._pace = figures, line, pace
         parameters = load_parameters()
         self._tick, self._limits = parameters.drive.tick, default_limits(parameters, TableSettings())
 
     def __enter__(self) -> _KilledGame:
-        self._run(self._start)
+        self._run(
+            "demo", "--out", str(self._folder), "--pace", self._pace, "--moves", " ".join(self._line), "--no-cameras",
+            "--linger", "60",
+        )  # fmt: skip
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._app is not None and self._app.poll() is None:
+        if self._app.poll() is None:
             self._app.send_signal(signal.SIGINT)
             self._app.wait(TIMEOUT)
 
@@ -181,21 +174,20 @@ class _KilledGame:
                 progress(len(victims))
                 rested = self._kill(victims.pop(), seen)
             since = time.monotonic()
-            self._run(["resume", str(self._folder)])
+            self._run("resume", str(self._folder))
             if rested is not None:
                 self._watch_taking_over(rested)
             self._await(lambda: self._step_count() > 0, "a resumed game")
-            self._figures.resumed.append(time.monotonic() - since)
-        assert self._app is not None
+            self._figures["resumed"].append(time.monotonic() - since)
         status = self._app.wait(TIMEOUT)
-        self._figures.wrong.append(float(status != 0))
+        self._figures["wrong"].append(float(status != 0))
         if status != 0:
             raise UserError(f"a resumed game failed: {self.last_words()}")
-        self._figures.misrecorded.append(float(self._plies() != self._line))
+        self._figures["misrecorded"].append(float(self._plies() != self._line))
 
-    def _run(self, arguments: list[str]) -> None:
+    def _run(self, *arguments: str) -> None:
         self._begun = self._steps_in_record()
-        with (self._folder.parent / "app.log").open("ab") as log:
+        with self._log.open("ab") as log:
             self._app = subprocess.Popen(
                 [sys.executable, "-P", "-m", "app.cli", *arguments],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
@@ -216,17 +208,15 @@ class _KilledGame:
 
     def last_words(self) -> str:
         """Of every process of the game."""
-        logs = [self._folder.parent / "app.log", *sorted(self._run_dir.glob("*.log"))]
+        logs = [self._log, *sorted(self._run_dir.glob("*.log"))]
         return "; ".join(f"{log.stem}: {last_words(log) or 'nothing'}" for log in logs)
 
     def _check_alive(self) -> None:
-        assert self._app is not None
         if self._app.poll():
             raise UserError(f"a game failed: {self.last_words()}")
 
     def _await(self, condition: Callable[[], bool], what: str) -> None:
         deadline = time.monotonic() + TIMEOUT
-        assert self._app is not None
         while not condition():
             self._check_alive()
             if self._app.poll() == 0:
@@ -238,39 +228,30 @@ class _KilledGame:
     @contextmanager
     def _watching(self) -> Iterator[list[Telemetry] | None]:
         """Telemetry as it comes; None where the game is over."""
-        self._await(self._controller_welcomes, "controller")
+        self._await(lambda: (self._run_dir / CONTROLLER_FILE).exists() and self._step_count() > 0, "controller")
         seen: list[Telemetry] = []
         try:
             with TelemetryWatch(*find_controller(self._run_dir), listener=seen.append):
                 yield seen
         except (ControllerError, KeyFileError):
-            if self._app is None or self._app.wait(TIMEOUT) != 0:
+            if self._app.wait(TIMEOUT) != 0:
                 raise
             yield None
 
-    def _controller_welcomes(self) -> bool:
-        return (self._run_dir / CONTROLLER_FILE).exists() and self._step_count() > 0
-
     def _await_motion(self, seen: list[Telemetry], moved: float) -> bool:
         """Wait until the arm has moved for so long [s, plant] and moves; false where the game is over before."""
-        assert self._app is not None
-        tick, done, looked = None, 0.0, 0
-        while self._app.poll() is None:
-            while looked < len(seen):
-                now, looked = seen[looked], looked + 1
-                if now.state is State.TRACK and tick is not None:
-                    done += (now.tick - tick) * self._tick
-                tick = now.tick
-                if done >= moved and now.state is State.TRACK and looked == len(seen):
-                    return len(self._plies()) < PLIES - 1  # the end of a game has to do with other processes
-            time.sleep(_GLANCE)
+        tick, done = None, 0.0
+        for now in _heard(seen, 0, lambda: self._app.poll() is None):
+            if now.state is State.TRACK and tick is not None:
+                done += (now.tick - tick) * self._tick
+            tick = now.tick
+            if done >= moved and now.state is State.TRACK and now is seen[-1]:
+                return len(self._plies()) < PLIES - 1  # the end of a game has to do with other processes
         return False
 
     def _kill(self, victim: str, seen: list[Telemetry]) -> tuple[float, float, float] | None:
         """Kill, and see how the arm comes to rest; where the tool rests if only the controller is lost."""
-        assert self._app is not None
-        referee = SimReferee(self._run_dir)
-        try:
+        with closing(SimReferee(self._run_dir)) as referee:
             if victim == "app":
                 self._app.kill()
                 self._app.wait()
@@ -289,23 +270,17 @@ class _KilledGame:
             os.kill(pid, signal.SIGKILL)
             self._app.wait()
             return self._see_brakes(referee, before)
-        finally:
-            referee.close()
 
     def _see_rest(self, seen: list[Telemetry]) -> None:
         killed = seen[-1]
-        deadline, looked = time.monotonic() + TIMEOUT, len(seen)
-        while time.monotonic() < deadline:
-            while looked < len(seen):
-                now, looked = seen[looked], looked + 1
-                self._figures.outside.append(float(self._is_outside(now)))
-                if now.state is State.HOLD and math.hypot(*now.velocity) < RESTING:
-                    self._figures.rest["app"].append((now.tick - killed.tick) * self._tick)
-                    held = min(killed.tactile) >= FELT
-                    opened = now.finger_position > killed.finger_position + OPENED
-                    self._figures.dropped.append(float(held and not opened and min(now.tactile) < FELT))
-                    return
-            time.sleep(_GLANCE)
+        for now in _heard(seen, len(seen), _before(time.monotonic() + TIMEOUT)):
+            self._figures["outside"].append(float(self._is_outside(now)))
+            if now.state is State.HOLD and math.hypot(*now.velocity) < RESTING:
+                self._figures["app_rest"].append((now.tick - killed.tick) * self._tick)
+                held = min(killed.tactile) >= FELT
+                opened = now.finger_position > killed.finger_position + OPENED
+                self._figures["dropped"].append(float(held and not opened and min(now.tactile) < FELT))
+                return
         raise UserError("the arm did not come to rest after its program was killed")
 
     def _see_brakes(self, referee: SimReferee, before: int) -> tuple[float, float, float]:
@@ -321,22 +296,20 @@ class _KilledGame:
                 quiet_since = truth.tick
             # the last torques act on until the watchdog brakes: an arm that rests before that may move again
             if quiet_since >= 0 and (now - stands_since > STANDS or truth.tick - before > BRAKED_AFTER):
-                self._figures.rest["controller"].append((quiet_since - before) * self._tick)
+                self._figures["controller_rest"].append((quiet_since - before) * self._tick)
                 return truth.tool
             time.sleep(_GLANCE)
         raise UserError("the arm did not come to rest after its controller was killed")
 
     def _watch_taking_over(self, rested: tuple[float, float, float]) -> None:
         """How far the tool moves from where it rested until the first motion of a new controller."""
-        referee, worst = SimReferee(self._run_dir), 0.0
-        try:
+        worst = 0.0
+        with closing(SimReferee(self._run_dir)) as referee:
             while self._step_count() < 2:  # the first of them tells that the game is resumed, the next begins to move
                 truth, _ = referee.look()
                 worst = max(worst, math.dist(truth.tool, rested))
                 self._check_alive()
-        finally:
-            referee.close()
-        self._figures.jump.append(1e3 * worst)
+        self._figures["jump"].append(1e3 * worst)
 
     def _is_outside(self, telemetry: Telemetry) -> bool:
         """Whether the arm left its limits, or fell onto its brakes for no reason."""

@@ -19,15 +19,16 @@ import numpy as np
 
 from app import UserError
 from app.commissioning.processor import ProcessorTime, stolen_share
+from app.measure.bench.beds.bed import straight
 from app.measure.bench.report import BenchReport, Progress, Row, row
 from app.motion import Motion, MotionSettings, Plan
-from app.motion.gains import critical
-from app.motion.timing.reference import Bounds, Vector, dwell, join, line, to_samples
+from app.motion.timing.reference import Bounds, Vector
 from app.rig.arm import ArmPaused
 from app.rig.simulation.timed import RunEnd, Statistics, TimedRig, timed_rig
 from controller.wire.errors import ControllerError
 from engine.errors import EngineProblem
 from engine.stockfish import Engine, EngineSettings
+from hardware.parameters import load_parameters
 
 SEED: Final = 1
 DURATION: Final = 60.0
@@ -51,11 +52,7 @@ RECOVERY: Final = 0.2
 
 
 def loop_bench(quick: bool, progress: Progress) -> BenchReport:
-    """Measure.
-
-    Args:
-        quick: 15 s instead of 60 s.
-        progress: told what is being done, and which part of real time was not granted.
+    """Measure for 60 s, or ``quick`` for 15 s; says, too, which part of real time was not granted.
 
     Raises:
         UserError: there is no Stockfish, or it failed.
@@ -81,10 +78,8 @@ def loop_bench(quick: bool, progress: Progress) -> BenchReport:
 def loop_rows(end: RunEnd, stopped: int, stolen: float) -> dict[str, Row]:
     """The rows: what must hold holds only where real time was granted, but the arm must rest in any case.
 
-    Args:
-        end: what the controller and the world left.
-        stopped: motions that did not end as planned.
-        stolen: share of the processor's time that the host of a virtual machine took, 0 to 1.
+    ``stopped`` motions did not end as planned; ``stolen`` is the share of the processor's time that the host of a
+    virtual machine took, 0 to 1.
     """
     statistics, granted = end.statistics, end.statistics.realtime.granted
     limit = MISSED_LIMIT if granted else None
@@ -108,7 +103,7 @@ def sweep(timed: TimedRig, duration: float) -> int:
         if time.monotonic() >= until:
             break
         try:
-            arm.execute(straight(arm.state().reference, np.array(target), timed.motion))
+            arm.execute(Plan("sweep", (sweep_motion(arm.state().reference, np.array(target), timed.motion),)))
         except (ControllerError, ArmPaused) as error:
             if timed.rig.failure() is not None:
                 raise UserError(f"the bench was cut short: {timed.rig.failure()}") from error
@@ -117,20 +112,11 @@ def sweep(timed: TimedRig, duration: float) -> int:
     return stopped
 
 
-def straight(start: Vector, end: Vector, settings: MotionSettings, tick: float = 0.00088) -> Plan:
-    """One straight motion at the speed of a game, fingers at rest.
-
-    Args:
-        start: present reference, base frame (3,) [m].
-        end: where to (3,) [m].
-        settings: speeds and gains.
-        tick: [s].
-    """
-    bounds = Bounds(settings.speed, settings.acceleration, settings.jerk)
-    path = join([dwell(start, 1), line(start, end, bounds, tick)])
-    n = len(path)
-    samples = to_samples(path, critical((settings.gains.frequency_in_air,) * 3, n), np.zeros(n))
-    return Plan("sweep", (Motion("sweep", samples, n * tick),))
+def sweep_motion(start: Vector, end: Vector, settings: MotionSettings) -> Motion:
+    """One straight motion from the present reference at the speed of a game, base frame (3,) [m], fingers at rest."""
+    bounds, tick = Bounds(settings.speed, settings.acceleration, settings.jerk), load_parameters().drive.tick
+    samples = straight(start, end, bounds, settings.gains.frequency_in_air, tick)
+    return Motion("sweep", samples, len(samples) * tick)
 
 
 @contextmanager

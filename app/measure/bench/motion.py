@@ -11,19 +11,18 @@ from typing import Final
 
 import numpy as np
 
-from app.measure.bench.beds.grasps import slides
-from app.measure.bench.beds.plies import Disorder, Done, Games
+from app.measure.bench.beds.plies import Disorder, Done, Games, slides
 from app.measure.bench.beds.touchdown import TARGET, Touchdown, set_down
 from app.measure.bench.optimum import NoOptimum, optimal_duration
 from app.measure.bench.report import BenchReport, Progress, Row, row
-from app.motion import PROFILES, Motion, MotionSettings, Profile
-from app.motion.path import STRAIGHT, Path, Vector, blend, turns
+from app.motion import PROFILES, Motion, Profile, contact_limits
+from app.motion.path import STRAIGHT, Path, blend, turns
 from app.motion.settings import Law
 from app.motion.timing.time_law import Bounds, bounds_of_pieces, time_law
 from app.pieces.inventory import MoveKind
 from controller.protocol import Guard
-from hardware.parameters import RobotParameters, load_parameters
-from hardware.table import CONTACT_PROFILES, Kind, TableSettings, square_place
+from hardware.parameters import load_parameters
+from hardware.table import Kind, TableSettings, square_place
 
 SEED: Final = 1
 TRANSFERS: Final = {Profile.DEFAULT: 500, Profile.FAST: 150, Profile.GENTLE: 60}
@@ -32,20 +31,9 @@ COMPARED: Final = 150
 """Motions whose duration is compared with the optimum; fewer of a quick run."""
 QUICK_COMPARED: Final = 8
 DISORDER: Final = Disorder(offset=(0.003, 0.003), mass_error=0.05)
-PLANNING: Final = 0.010
 QUIET: Final = {Profile.DEFAULT: 1.6, Profile.FAST: 1.1}
 """A quiet ply from home to home, mean [s]."""
-QUIET_P95: Final = 2.0
-CAPTURE: Final = 2.6
-TO_OPTIMUM: Final = 1.10
-TO_OPTIMUM_WORST: Final = 1.25
-TO_STOPPING: Final = 0.80
-BOUNDS: Final = 1e-6
 RMS_WINDOW: Final = 10.0
-PLACED: Final = 0.3
-PLACED_WORST: Final = 1.0
-TOOL: Final = 0.2
-DISTURBED: Final = 1.0
 GRASPS: Final = 300
 QUICK_GRASPS: Final = 10
 TOUCH_FORCE: Final = 10.0
@@ -58,82 +46,73 @@ SLIDE: Final = 1.0
 
 
 def motion_bench(quick: bool, progress: Progress) -> BenchReport:
-    """Measure.
-
-    Args:
-        quick: 36 transfers instead of 710.
-        progress: told what is being done.
+    """Measure; ``quick``: 36 transfers instead of 710.
 
     Raises:
         UserError: CasADi is not installed.
     """
-    parameters = load_parameters()
     rows: dict[str, Row] = {}
     failures: list[str] = []
     for profile, transfers in (QUICK if quick else TRANSFERS).items():
         progress(f"profile {profile.value}: {transfers} transfers in the world")
-        table = TableSettings(limits=CONTACT_PROFILES[profile.value])
-        settings = PROFILES[profile]
-        games = Games(settings, parameters, table, DISORDER, SEED)
-        games.run(transfers)
+        games = Games(transfers, PROFILES[profile], TableSettings(limits=contact_limits(profile)), DISORDER, SEED)
         failures += games.failures
-        rows |= _rows_of(profile, games, parameters)
+        rows |= _rows_of(profile, games)
         if profile is Profile.DEFAULT:
             progress("comparing with the optimum and with stopping")
-            rows |= _against(games.done, settings, parameters, QUICK_COMPARED if quick else COMPARED)
-    for name, gain, limit in (
-        ("slide", PROFILES[Profile.DEFAULT].gains.tactile_gain, SLIDE),
-        ("slide_without", 0.0, None),
-    ):
-        settings = PROFILES[Profile.DEFAULT]
-        settings = settings.model_copy(update={"gains": settings.gains.model_copy(update={"tactile_gain": gain})})
-        pushed = slides(QUICK_GRASPS if quick else GRASPS, settings, parameters, TableSettings(), SEED, progress)
+            rows |= _against(games.done, QUICK_COMPARED if quick else COMPARED)
+    settings = PROFILES[Profile.DEFAULT]
+    for name, gain, limit in (("slide", settings.gains.tactile_gain, SLIDE), ("slide_without", 0.0, None)):
+        changed = settings.model_copy(update={"gains": settings.gains.model_copy(update={"tactile_gain": gain})})
+        pushed = slides(QUICK_GRASPS if quick else GRASPS, changed, SEED, progress)
         rows[name] = row([1e3 * way for way in pushed], "mm", limit)
     progress("setting pieces down where the board is up to 3 mm higher or lower than believed")
-    rows["touch_force"] = row(_touch_forces(parameters, quick=quick), "N", TOUCH_FORCE, "max")
+    rows["touch_force"] = row(_touch_forces(quick=quick), "N", TOUCH_FORCE, "max")
     rows["failed"] = row([float(len(failures))], "plies", 0.0, "max")
     for sentence in failures:
         progress(sentence)
     return BenchReport.of("motion", SEED, rows)
 
 
-def _touch_forces(parameters: RobotParameters, *, quick: bool) -> list[float]:
+def _touch_forces(*, quick: bool) -> list[float]:
     """Of pieces with felt, with guard and gain schedule [N]."""
-    settings, errors = PROFILES[Profile.DEFAULT], np.linspace(-HEIGHT_ERROR, HEIGHT_ERROR, 3 if quick else 7).tolist()
+    errors = np.linspace(-HEIGHT_ERROR, HEIGHT_ERROR, 3 if quick else 7).tolist()
     cases = [(TARGET, Kind.KING)] if quick else [(p, k) for p in (TARGET, CORNER) for k in (Kind.PAWN, Kind.KING)]
-    trials = [Touchdown(error, target=place, kind=kind) for place, kind in cases for error in errors]
-    return [set_down(trial, settings, parameters).peak for trial in trials]
+    return [set_down(Touchdown(error, target=place, kind=kind)).peak for place, kind in cases for error in errors]
 
 
-def _rows_of(profile: Profile, games: Games, parameters: RobotParameters) -> dict[str, Row]:
-    done, name = games.done, profile.value
+def _rows_of(profile: Profile, games: Games) -> dict[str, Row]:
+    done, name, drive = games.done, profile.value, load_parameters().drive
     quiet, capture = games.durations(MoveKind.QUIET), games.durations(MoveKind.CAPTURE)
     rows = {f"{name}_quiet": row(quiet, "s", QUIET.get(profile), "mean")}
     if capture:
-        rows[f"{name}_capture"] = row(capture, "s", CAPTURE if profile is Profile.DEFAULT else None, "mean")
+        rows[f"{name}_capture"] = row(capture, "s", 2.6 if profile is Profile.DEFAULT else None, "mean")
     torques = [one.torques for one in done]
-    rows[f"{name}_torque"] = row([np.abs(t).max() for t in torques], "N m", parameters.drive.peak_torque, "max")
-    rows[f"{name}_rms"] = row(_rms(games, parameters.drive.tick), "N m", parameters.drive.rated_torque, "max")
+    rows[f"{name}_torque"] = row([np.abs(t).max() for t in torques], "N m", drive.peak_torque, "max")
+    rows[f"{name}_rms"] = row(_rms(games, drive.tick), "N m", drive.rated_torque, "max")
     excess = [_excess(motion) for one in done for motion in one.plan.motions if motion.paths]
-    rows[f"{name}_excess"] = row(excess, "1", BOUNDS, "max")
+    rows[f"{name}_excess"] = row(excess, "1", 1e-6, "max")
     if profile is not Profile.DEFAULT:
         return rows
-    rows["planning"] = row([1e3 * one.planning for one in done], "ms", 1e3 * PLANNING, "p99")
-    rows["default_quiet_p95"] = row([float(np.percentile(quiet, 95.0))], "s", QUIET_P95, "max")
-    rows["placed"] = row(_placed(done, knights=False), "mm", PLACED, "mean")
-    rows["placed_worst"] = row([max(_placed(done, knights=False))], "mm", PLACED_WORST, "max")
+    rows["planning"] = row([1e3 * one.planning for one in done], "ms", 10.0, "p99")
+    rows["default_quiet_p95"] = row([float(np.percentile(quiet, 95.0))], "s", 2.0, "max")
+    rows["placed"] = row(_placed(done, knights=False), "mm", 0.3, "mean")
+    rows["placed_worst"] = row([max(_placed(done, knights=False))], "mm", 1.0, "max")
     if knights := _placed(done, knights=True):
         rows["placed_knights"] = row(knights, "mm")
-    rows["tool"] = row([1e3 * error for one in done for error in one.tool], "mm", TOOL, "mean")
-    rows["others_moved"] = row([1e3 * one.disturbed for one in done], "mm", DISTURBED, "max")
+    rows["tool"] = row([1e3 * error for one in done for error in one.tool], "mm", 0.2, "mean")
+    rows["others_moved"] = row([1e3 * one.disturbed for one in done], "mm", 1.0, "max")
     rows["contact_force"] = row([one.peak_contact for one in done], "N")
     return rows
 
 
 def _placed(done: Sequence[Done], *, knights: bool) -> list[float]:
     """How far released pieces stand from their places' centres [mm]; knights are not round."""
-    errors = [(one.kinds[name], error) for one in done for name, error in one.released.items()]
-    return [1e3 * error for kind, error in errors if (kind is Kind.KNIGHT) is knights]
+    found = list[float]()
+    for one in done:
+        kinds = {transfer.name: transfer.kind for transfer in one.ply.transfers}
+        found += [1e3 * error for name, error in one.released.items() if (kinds[name] is Kind.KNIGHT) is knights]
+    return found
 
 
 def _rms(games: Games, tick: float) -> list[float]:
@@ -167,27 +146,26 @@ def _excess(motion: Motion) -> float:
 # against other laws on the same way
 
 
-def _against(done: Sequence[Done], settings: MotionSettings, parameters: RobotParameters, count: int) -> dict[str, Row]:
+def _against(done: Sequence[Done], count: int) -> dict[str, Row]:
     """Of moving parts: how much longer they take than the optimum, and what share of stopping at every waypoint."""
+    tick, touch_speed = load_parameters().drive.tick, PROFILES[Profile.DEFAULT].touch_speed
     moving = [(motion, path) for one in done for motion in one.plan.motions for path in motion.paths]
     chosen = [moving[i] for i in np.linspace(0, len(moving) - 1, min(count, len(moving))).astype(int)]
     to_optimum, to_stopping, unsolved = list[float](), list[float](), 0
     for motion, path in chosen:
-        bounds, seconds = _bounds(motion, path), _seconds(motion, path, settings, parameters.drive.tick)
-        end_speed = settings.touch_speed if motion.touches else 0.0
+        end_speed = touch_speed if motion.touches else 0.0
         try:
-            to_optimum.append(seconds / optimal_duration(path, bounds, end_speed))
+            to_optimum.append(_seconds(motion, path, tick) / optimal_duration(path, _bounds(motion, path), end_speed))
         except NoOptimum:
             unsolved += 1
-    tick = parameters.drive.tick
     for one in done:
-        ours = sum(_seconds(m, p, settings, tick) for m in one.plan.motions for p in m.paths)
+        ours = sum(_seconds(m, p, tick) for m in one.plan.motions for p in m.paths)
         to_stopping.append(ours / sum(_stopping(m, tick) for m in one.plan.motions if m.paths))
     return {
-        "to_optimum": row(to_optimum, "1", TO_OPTIMUM, "mean"),
-        "to_optimum_worst": row([max(to_optimum)], "1", TO_OPTIMUM_WORST, "max"),
+        "to_optimum": row(to_optimum, "1", 1.10, "mean"),
+        "to_optimum_worst": row([max(to_optimum)], "1", 1.25, "max"),
         "optimum_not_found": row([float(unsolved)], "motions"),
-        "to_stopping": row(to_stopping, "1", TO_STOPPING, "mean"),
+        "to_stopping": row(to_stopping, "1", 0.80, "mean"),
     }
 
 
@@ -198,26 +176,16 @@ def _bounds(motion: Motion, path: Path) -> list[Bounds]:
     return bounds_of_pieces(path, motion.route.bounds[first:])
 
 
-def _seconds(motion: Motion, path: Path, settings: MotionSettings, tick: float) -> float:
-    """How long a path of a motion takes in its samples [s]."""
-    start, end = path.flat[0], path.end
-    position = motion.samples["position"]
-    begins = _last_at(position, start)
-    guarded = np.flatnonzero(motion.samples["guard"] == Guard.TOUCH)
-    ends = int(guarded[0]) - 1 if motion.touches else _first_at(position, end)
-    return (ends - begins) * tick
-
-
-def _last_at(position: Vector, point: Vector) -> int:
-    """Index of the last sample of the first stay at a point."""
-    at = np.abs(position - point).max(axis=1) < 1e-9
-    first = int(np.flatnonzero(at)[0])
-    away = np.flatnonzero(~at[first:])
-    return first + (int(away[0]) - 1 if away.size else len(at) - first - 1)
-
-
-def _first_at(position: Vector, point: Vector) -> int:
-    return int(np.flatnonzero(np.abs(position - point).max(axis=1) < 1e-9)[0])
+def _seconds(motion: Motion, path: Path, tick: float) -> float:
+    """How long a path of a motion takes in its samples [s], from the last sample of the first stay at its start."""
+    at_start, at_end = (
+        np.abs(motion.samples["position"] - point).max(axis=1) < 1e-9 for point in (path.flat[0], path.end)
+    )
+    first = int(np.flatnonzero(at_start)[0])
+    away = np.flatnonzero(~at_start[first:])
+    begins = first + int(away[0]) - 1 if away.size else len(at_start) - 1
+    ends = np.flatnonzero(motion.samples["guard"] == Guard.TOUCH)[0] - 1 if motion.touches else np.argmax(at_end)
+    return (int(ends) - begins) * tick
 
 
 def _stopping(motion: Motion, tick: float) -> float:

@@ -1,7 +1,7 @@
-"""Bench ``recovery``: games on a simulated rig that goes wrong, and how much of it is put right without anybody.
+"""Bench ``recovery``: games on a simulated rig that goes wrong, and how much of it is put right without a person.
 
 Two sides play random lines that capture often. The gripper lets go of every third piece that it holds, a while after it
-has closed; after every fourth ply somebody's hand pushes a piece over, off its middle or onto another square. The
+has closed; after every fourth ply a hand pushes a piece over, off its middle or onto another square. The
 camera looks after each ply, as in a lab. Whether the board is right in the end, and after each ply that was recorded,
 is the referee's word.
 """
@@ -40,13 +40,11 @@ MISHAPS: Final = {True: 1, False: 50}
 A_GAME: Final = {True: 6, False: 20}
 """Plies of a game."""
 EVERY_HOLD: Final = 2
-"""Each so manieth grip is lost."""
+"""One grip in so many is lost."""
 EVERY_PLY: Final = 4
-"""After each so manieth ply a hand does something."""
+"""After one ply in so many a hand does something."""
 SHIFT: Final = (0.006, 0.012)
 """A shifted piece ends up so far off its middle [m]."""
-UNREPAIRED_LIMIT: Final = 0.05
-"""Of all mishaps."""
 _MOST_HOLDS: Final = 400
 
 
@@ -57,7 +55,7 @@ class RecoveryTally:
     losses: int = 0
     mishaps: int = 0
     unmended: int = 0
-    """Games that could not go on without somebody's help."""
+    """Games that could not go on without a person's help."""
     wrong: int = 0
     """Plies after which the board was not as recorded."""
     broken: int = 0
@@ -66,12 +64,7 @@ class RecoveryTally:
 
 
 class Clumsy(UserInterface):
-    """Sees each ply, and then has a hand do harm.
-
-    Args:
-        run_dir: of the world.
-        seed: decides what.
-        progress: told what.
+    """Sees each ply, and then has a hand do harm in the world of a run directory; the seed decides what.
 
     Attributes:
         mishaps: how often.
@@ -97,10 +90,9 @@ class Clumsy(UserInterface):
         self._progress(f"ply {event.ply}: {what}")
 
     def _mishap(self, board: chess.Board) -> tuple[str, Action]:
-        rng, pieces = self._rng, list(board.piece_map())
-        square = int(rng.choice(pieces))
-        at, name = self._xy(square), chess.square_name(square)
-        sort = self.mishaps % 3
+        rng = self._rng
+        square = int(rng.choice(list(board.piece_map())))
+        at, name, sort = self._xy(square), chess.square_name(square), self.mishaps % 3
         if sort == 0:
             return f"a hand knocks over {name}", Knock(at=at, direction=float(rng.uniform(-np.pi, np.pi)))
         if sort == 1:
@@ -115,34 +107,15 @@ class Clumsy(UserInterface):
 
 
 def recovery_bench(quick: bool, progress: Progress) -> BenchReport:
-    """Run the bench; ``quick`` with few mishaps.
+    """Play games until enough grips were lost and enough pieces were moved by hand; ``quick`` with few of both.
 
     Raises:
-        UserError: a process failed.
-    """
-    tally = measure(LOSSES[quick], MISHAPS[quick], A_GAME[quick], progress)
-    both = tally.losses + tally.mishaps
-    rows = {
-        "grips_lost": row([tally.losses], "1"),
-        "knocked_or_shifted": row([tally.mishaps], "1"),
-        "unnoticed": row([tally.wrong], "plies", 0.0, "max"),
-        "history_wrong": row([tally.broken], "games", 0.0, "max"),
-        "unmended": row([tally.unmended / max(1, both)], "1", UNREPAIRED_LIMIT, "max"),
-        "games": row([tally.games], "1"),
-    }
-    return BenchReport.of("recovery", SEED, rows)
-
-
-def measure(losses: int, mishaps: int, plies: int, progress: Progress, seed: int = SEED) -> RecoveryTally:
-    """Play games of so many plies until so many grips were lost and so many pieces were moved by hand.
-
-    Raises:
-        UserError: in a game nothing of the kind has happened, so that there would be no end of games.
+        UserError: a process failed; or in a game nothing of the kind has happened, so that there would be no end.
     """
     tally = RecoveryTally()
-    while tally.losses < losses or tally.mishaps < mishaps:
+    while tally.losses < LOSSES[quick] or tally.mishaps < MISHAPS[quick]:
         before = tally.losses + tally.mishaps
-        result = play_one(seed + tally.games, plies, tally, progress)
+        result = play_one(SEED + tally.games, A_GAME[quick], tally, progress)
         if tally.losses + tally.mishaps == before:
             reasons = "; ".join(failure.reason for failure in result.report.failures)
             raise UserError(f"in game {tally.games} no grip was lost and no piece moved: {reasons or 'see its record'}")
@@ -150,12 +123,16 @@ def measure(losses: int, mishaps: int, plies: int, progress: Progress, seed: int
             f"game {tally.games}: {tally.losses} grips lost, {tally.mishaps} pieces knocked or shifted, "
             f"{tally.unmended} unmended, {tally.wrong} unnoticed"
         )
-    return tally
-
-
-def lost_grips(run_dir: Path) -> int:
-    """So often the gripper of a world that has ended let go by itself."""
-    return int(json.loads((run_dir / END_FILE).read_text(encoding="utf-8"))["grips_lost"])
+    both = tally.losses + tally.mishaps
+    rows = {
+        "grips_lost": row([tally.losses], "1"),
+        "knocked_or_shifted": row([tally.mishaps], "1"),
+        "unnoticed": row([tally.wrong], "plies", 0.0, "max"),
+        "history_wrong": row([tally.broken], "games", 0.0, "max"),
+        "unmended": row([tally.unmended / max(1, both)], "1", 0.05, "max"),
+        "games": row([tally.games], "1"),
+    }
+    return BenchReport.of("recovery", SEED, rows)
 
 
 def play_one(seed: int, plies: int, tally: RecoveryTally, progress: Progress) -> SessionResult:
@@ -176,7 +153,8 @@ def play_one(seed: int, plies: int, tally: RecoveryTally, progress: Progress) ->
         ui = Clumsy(folder / "game" / "run", seed, progress)
         result = run_games(settings, ui)
         done = [event for event in read_events(folder / "game" / EVENTS_FILE, progress) if isinstance(event, PlyEvent)]
-        tally.losses += lost_grips(folder / "game" / "run")
+        end = json.loads((folder / "game" / "run" / END_FILE).read_text(encoding="utf-8"))
+        tally.losses += int(end["grips_lost"])
     tally.games += 1
     tally.mishaps += ui.mishaps
     tally.wrong += sum(event.physical_ok is False for event in done)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,6 +19,9 @@ from hardware.frozen import Frozen
 
 Progress = Callable[[str], None]
 """Told what is being done."""
+
+Tally = defaultdict[str, list[float]]
+"""What a bench saw: values by the names of their rows; begins as ``Tally(list)``."""
 
 
 class Row(Frozen):

@@ -1,6 +1,72 @@
 """The paper's figures and some of our own, each computed anew: ``touchmove figures NAME``; a module for each."""
 
-from app.measure.figures.registry import FIGURES, UnknownFigure, make_figure
-from app.measure.figures.result import Bar, FigureResult, FolderUnusable
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+from pydantic import JsonValue
+
+from app import UserError
+from app.measure.figures.admittance import figure_5
+from app.measure.figures.encoder import encoder
+from app.measure.figures.game import figure_9
+from app.measure.figures.grasp_figures import figure_6, figure_7
+from app.measure.figures.move import MOVE, move_figure
+from app.measure.figures.newton import newton
+from app.measure.figures.result import Bar, FigureResult, FolderUnusable, Progress, save
+from app.measure.figures.touch import touch
+from app.measure.figures.workspace import workspace
 
 __all__ = ["FIGURES", "Bar", "FigureResult", "FolderUnusable", "UnknownFigure", "make_figure"]
+
+FIGURES: Mapping[str, Callable[[Progress], FigureResult]] = MappingProxyType(
+    {
+        "5": figure_5,
+        "6": figure_6,
+        "7": figure_7,
+        "9": figure_9,
+        "newton": newton,
+        "encoder": encoder,
+        "touch": touch,
+        "workspace": workspace,
+    }
+)
+"""By name; numbers are the paper's."""
+
+
+class UnknownFigure(UserError):
+    """There is no figure of that name."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"there is no figure '{name}', choose from: {', '.join(FIGURES)}, move")
+
+
+def make_figure(
+    name: str, folder: Path, progress: Progress, move: str = MOVE, fen: str | None = None
+) -> dict[str, JsonValue]:
+    """Compute a figure of ``FIGURES`` or ``move`` and write ``figure-NAME.png`` and ``figure-NAME.json``.
+
+    Args:
+        name: of the figure.
+        folder: for the files.
+        progress: told what is being computed.
+        move: drawn by figure ``move``, SAN or UCI.
+        fen: in which position; None: the usual start.
+
+    Returns:
+        What the JSON file holds; ``holds`` says whether all bars do.
+
+    Raises:
+        UserError: there is no such figure, or a move or a position is given for another one than ``move``.
+        FolderUnusable: the folder cannot be written.
+        HardwareError: a figure needs OpenGL, and there is none.
+    """
+    if name == "move":
+        return save(name, move_figure(move, fen, progress), folder)
+    if name not in FIGURES:
+        raise UnknownFigure(name)
+    if move != MOVE or fen is not None:
+        raise UserError(f"figure {name} shows no move of a game: leave move and --fen out, or draw figure move")
+    return save(name, FIGURES[name](progress), folder)

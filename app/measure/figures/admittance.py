@@ -7,16 +7,15 @@ given a tick late, as the controller does it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import JsonValue
 
-from app.measure.figures.drawing import DARK, WITH, WITHOUT, axes, picture
-from app.measure.figures.gripper import SPEED, STATES, Fingers, TactileLaw, effective_mass, push
+from app.measure.figures.drawing import DARK, WITH, WITHOUT, axes, label, picture
+from app.measure.figures.grasp import SPEED, STATES, Fingers, TactileLaw, effective_mass, push
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from controller.law.tactile import Pair, admittance
 from controller.law.task_space import pack_reference
@@ -72,18 +71,8 @@ class LinearLoop(NamedTuple):
 
 
 def linearised(arm: ConstrainedArm, at: ArmMotion, law: TactileLaw, fingers: Fingers) -> LinearLoop:
-    """Differentiate the closed loop at a rest position.
-
-    Args:
-        arm: the plant.
-        at: where it rests under the law.
-        law: smooth (``warm`` False).
-        fingers: gripper and sensors.
-    """
+    """Differentiate the closed loop where the arm rests under a smooth law (``warm`` False)."""
     rest = np.concatenate([at.q, at.v, np.zeros(STATES)])
-
-    def along(unit: FloatArray, step: float) -> FloatArray:
-        return rates(rest + step * unit, 0.0)
 
     def rates(row: FloatArray, force: float) -> FloatArray:
         moment = Moment(0.0, row[:9].copy(), row[9:18].copy(), row[18:].copy(), arm.model)
@@ -91,36 +80,39 @@ def linearised(arm: ConstrainedArm, at: ArmMotion, law: TactileLaw, fingers: Fin
         found = arm.accelerations(moment.q, moment.v, law(moment), push(forces))
         return np.concatenate([moment.v, found.acceleration, fingers.rates(moment.own, forces)])
 
-    columns = [_difference(partial(along, unit)) for unit in np.eye(rest.size)]
+    def difference(unit: FloatArray, force: float) -> FloatArray:
+        ahead, behind = (rates(rest + step * unit, step * force) for step in (DIFFERENCE, -DIFFERENCE))
+        return (ahead - behind) / (2.0 * DIFFERENCE)
+
+    columns = [difference(unit, 0.0) for unit in np.eye(rest.size)]
     velocity = np.zeros(rest.size)
     velocity[9:18] = constrained.virtual_jacobian(arm.model, at.q)[0]
     velocity[18 + SPEED] = 1.0
-    return LinearLoop(np.stack(columns, axis=1), _difference(lambda s: rates(rest, s)), velocity)
+    return LinearLoop(np.stack(columns, axis=1), difference(np.zeros(rest.size), 1.0), velocity)
 
 
-def _difference(function: Callable[[float], FloatArray]) -> FloatArray:
-    return (function(DIFFERENCE) - function(-DIFFERENCE)) / (2.0 * DIFFERENCE)
-
-
-class _Pushed:
+class _Pushed(NamedTuple):
     """Gripper whose right finger is pushed by a cosine."""
 
-    def __init__(self, fingers: Fingers, amplitude: float, omega: float, start: FloatArray) -> None:
-        self._fingers, self._amplitude, self._omega, self._start = fingers, amplitude, omega, start
+    fingers: Fingers
+    amplitude: float
+    omega: float
+    states: FloatArray
+    """At time 0."""
 
     def _forces(self, time: float) -> Pair:
-        return self._amplitude * float(np.cos(self._omega * time)), 0.0
+        return self.amplitude * float(np.cos(self.omega * time)), 0.0
 
     def start(self) -> FloatArray:
-        """States at time 0."""
-        return self._start
+        """See ``Attachment``."""
+        return self.states
 
     def rates(self, moment: Moment) -> FloatArray:
-        """Of the gripper's states."""
-        return np.array(self._fingers.rates(moment.own, self._forces(moment.time)))
+        """See ``Attachment``."""
+        return np.array(self.fingers.rates(moment.own, self._forces(moment.time)))
 
     def force(self, moment: Moment) -> Vector:
-        """On the arm [N]."""
+        """See ``Attachment``."""
         return push(self._forces(moment.time))
 
 
@@ -138,24 +130,17 @@ def closed_loop(parameters: RobotParameters, tactile_gain: float) -> Loop:
     """The loop of Fig. 5 for a k* [1/kg]."""
     model = DeltaModel(parameters)
     arm, fingers = ConstrainedArm(model), Fingers(parameters)
-    reference = pack_reference(
-        POINT,
-        stiffness=(STIFFNESS, ASIDE**2, ASIDE**2),
-        damping=(DAMPING, 2.0 * ASIDE, 2.0 * ASIDE),
-        tactile_gain=tactile_gain,
-    )
+    stiffness, damping = (STIFFNESS, ASIDE**2, ASIDE**2), (DAMPING, 2.0 * ASIDE, 2.0 * ASIDE)
+    reference = pack_reference(POINT, stiffness=stiffness, damping=damping, tactile_gain=tactile_gain)
     rest = arm.at(POINT)
     linear = linearised(arm, rest, TactileLaw(model, reference, warm=False), fingers)
     return Loop(arm, rest, fingers, lambda: TactileLaw(model, reference), linear)
 
 
 def swept(loop: Loop, omega: float, sampled: bool = False) -> complex:
-    """The admittance at one frequency as the nonlinear model shows it: first harmonic of the finger's velocity.
+    """The admittance at ω [rad/s] as the nonlinear model shows it: first harmonic of the finger's velocity.
 
-    Args:
-        loop: the closed loop.
-        omega: [rad/s].
-        sampled: torque held for a tick and a tick late; else in continuous time.
+    ``sampled``: with torque held for a tick and a tick late; else in continuous time.
     """
     per_force = loop.linear.state(omega)
     amplitude = min(LARGEST_FORCE, EXCURSION * omega / float(np.abs(loop.linear.c @ per_force)))
@@ -164,9 +149,8 @@ def swept(loop: Loop, omega: float, sampled: bool = False) -> complex:
     start = loop.arm.consistent(loop.rest.q + first[:9], loop.rest.v + first[9:18])
     pushed = _Pushed(loop.fingers, amplitude, omega, first[18:])
     period = 2.0 * np.pi / omega
-    tick = loop.arm.model.parameters.drive.tick
     if sampled:
-        ticks = int(np.ceil(PERIODS * period / tick))
+        ticks = int(np.ceil(PERIODS * period / loop.arm.model.parameters.drive.tick))
         path = loop.arm.simulate_sampled(start, loop.law(), max(ticks, 200), attachment=pushed)
     else:
         times = np.linspace(0.0, PERIODS * period, PERIODS * SAMPLES + 1)
@@ -186,11 +170,6 @@ def _harmonic(path: Trajectory, omega: float) -> complex:
     return complex(real, imaginary)
 
 
-def closed_form(parameters: RobotParameters, mass: float, tactile_gain: float) -> ComplexArray:
-    """A(jω) at ``OMEGA`` of an arm that is one mass [kg] under (23), see `controller.law.tactile.admittance`."""
-    return np.array([admittance(parameters, mass, STIFFNESS, DAMPING, tactile_gain, 1j * w) for w in OMEGA.tolist()])
-
-
 class Curve(NamedTuple):
     """The admittance for one k*, [m/(N s)]."""
 
@@ -202,21 +181,20 @@ class Curve(NamedTuple):
     sampled: ComplexArray
     """From ``SAMPLED_FROM`` on."""
     formula_error: float
-    """Of the closed form against the linear model, the largest [dB]."""
+    """Of the closed form `controller.law.tactile.admittance` of an arm that is one mass, the largest [dB]."""
 
 
 def curve(parameters: RobotParameters, tactile_gain: float, frequencies: tuple[float, ...] = SWEEP) -> Curve:
     """All there is to know for one k* [1/kg]."""
     loop = closed_loop(parameters, tactile_gain)
-    linear = loop.linear.response(OMEGA)
+    linear, mass = loop.linear.response(OMEGA), effective_mass(loop.arm.model, POINT)
+    formula = [admittance(parameters, mass, STIFFNESS, DAMPING, tactile_gain, 1j * w) for w in OMEGA.tolist()]
     return Curve(
         linear,
         loop.linear.response(np.array(frequencies)),
         np.array([swept(loop, omega) for omega in frequencies]),
         np.array([swept(loop, omega, sampled=True) for omega in frequencies if omega >= SAMPLED_FROM]),
-        float(
-            np.abs(decibel(closed_form(parameters, effective_mass(loop.arm.model, POINT), tactile_gain) / linear)).max()
-        ),
+        float(np.abs(decibel(np.array(formula) / linear)).max()),
     )
 
 
@@ -227,14 +205,14 @@ def decibel(gain: ComplexArray) -> FloatArray:
 
 def figure_5(progress: Progress) -> FigureResult:
     """Compute and draw."""
-    parameters, curves = load_parameters(), []
+    parameters, curves = load_parameters(), dict[str, Curve]()
     for gain in GAINS:
         progress(f"sweeping a sine over the nonlinear model, k* = {gain:g}")
-        curves.append(curve(parameters, gain))
-    without, fed_back = curves
+        curves[f"{gain:g}"] = curve(parameters, gain)
+    without, fed_back = curves.values()
     increase = decibel(fed_back.linear / without.linear)
     at = {omega: float(np.interp(omega, OMEGA, increase)) for omega in (0.1, 1.0, 10.0, 100.0, 1000.0)}
-    worst = max(float(np.abs(decibel(one.sweep / one.at_sweep)).max()) for one in (without, fed_back))
+    worst = max(float(np.abs(decibel(one.sweep / one.at_sweep)).max()) for one in curves.values())
     bars = {
         "increase_at_1_rad_s": Bar(at[1.0], "dB", 9.0, 11.0),
         "increase_at_10_rad_s": Bar(at[10.0], "dB", 9.0, 11.0),
@@ -250,23 +228,21 @@ def figure_5(progress: Progress) -> FigureResult:
         "increase_of_the_arm_alone_dB": 20.0 * float(np.log10(1.0 + GAINS[1] * mass)),
         "increase_dB": {f"{omega:g}": value for omega, value in at.items()},
         "sweep_rad_s": list(SWEEP),
-        "sweep_dB": {f"{g:g}": decibel(c.sweep).tolist() for g, c in zip(GAINS, (without, fed_back), strict=True)},
-        "sampled_dB": {f"{g:g}": decibel(c.sampled).tolist() for g, c in zip(GAINS, (without, fed_back), strict=True)},
+        "sweep_dB": {gain: decibel(one.sweep).tolist() for gain, one in curves.items()},
+        "sampled_dB": {gain: decibel(one.sampled).tolist() for gain, one in curves.items()},
         "closed_form_against_linear_model_dB": max(without.formula_error, fed_back.formula_error),
     }  # fmt: skip
     title = "Admittance of arm and gripper at one finger"
-    return FigureResult(
-        title, bars, numbers, {"": _draw(without, fed_back, increase, parameters.tactile.bandwidth, title)}
-    )
+    return FigureResult(title, bars, numbers, {"": _draw(curves, increase, parameters.tactile.bandwidth, title)})
 
 
-def _draw(without: Curve, fed_back: Curve, increase: FloatArray, bandwidth: float, title: str) -> Picture:
+def _draw(curves: Mapping[str, Curve], increase: FloatArray, bandwidth: float, title: str) -> Picture:
     sheet = picture(7.6, 7.8)
     magnitude, phase, more = axes(sheet, 3, 1, sharex=True)
     frequencies = np.array(SWEEP)
     late = frequencies[frequencies >= SAMPLED_FROM]
-    for one, gain, colour in ((without, GAINS[0], WITHOUT), (fed_back, GAINS[1], WITH)):
-        magnitude.semilogx(OMEGA, decibel(one.linear), color=colour, lw=1.5, label=f"k* = {gain:g}")
+    for (gain, one), colour in zip(curves.items(), (WITHOUT, WITH), strict=True):
+        magnitude.semilogx(OMEGA, decibel(one.linear), color=colour, lw=1.5, label=f"k* = {gain}")
         magnitude.plot(frequencies, decibel(one.sweep), "o", color=colour, ms=5)
         magnitude.plot(late, decibel(one.sampled), "x", color=DARK, ms=5, mew=1.2)
         phase.semilogx(OMEGA, np.degrees(np.unwrap(np.angle(one.linear))), color=colour, lw=1.5)
@@ -274,17 +250,13 @@ def _draw(without: Curve, fed_back: Curve, increase: FloatArray, bandwidth: floa
         phase.plot(late, np.degrees(np.angle(one.sampled)), "x", color=DARK, ms=5, mew=1.2)
     magnitude.plot([], [], "o", color="grey", ms=5, label="swept sine, nonlinear model")
     magnitude.plot([], [], "x", color=DARK, ms=5, label="the same, law in ticks of 0.88 ms, one late")
-    magnitude.set_ylabel("|A| [dB re 1 m/(N s)]", fontsize=9)
+    label(magnitude, ylabel="|A| [dB re 1 m/(N s)]", ylim=(-60.0, 22.0))
     magnitude.set_title(f"{title}: $k_p$ = 1/s², $k_v$ = 2/s, $k_s$ = {bandwidth:g} rad/s", fontsize=10)
-    magnitude.set_ylim(-60.0, 22.0)
     magnitude.legend(fontsize=8, loc="upper right")
-    phase.set_ylabel("phase [°]", fontsize=9)
-    phase.set_yticks([-90, -45, 0, 45, 90])
+    label(phase, ylabel="phase [°]", yticks=[-90, -45, 0, 45, 90])
     more.semilogx(OMEGA, increase, color=DARK, lw=1.5)
     more.axhline(10.0, color="grey", lw=0.8, ls="--")
     more.axvline(bandwidth, color="grey", lw=0.8, ls=":")
     more.text(bandwidth * 0.92, 2.0, "sensor's bandwidth", fontsize=8, color="grey", ha="right")
-    more.set_ylim(-0.5, 11.5)
-    more.set_ylabel("increase by k* = 2 [dB]", fontsize=9)
-    more.set_xlabel("ω [rad/s]", fontsize=9)
+    label(more, ylim=(-0.5, 11.5), ylabel="increase by k* = 2 [dB]", xlabel="ω [rad/s]")
     return sheet

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -31,11 +31,18 @@ def axes(within: Picture, rows: int = 1, columns: int = 1, sharex: bool = False)
     grid = within.subplots(rows, columns, squeeze=False, sharex=sharex)
     found = [axis for line in grid for axis in line]
     for axis in found:
-        quiet(axis)
+        _quiet(axis)
     return found
 
 
-def quiet(axis: Axes) -> None:
+def label(axis: Axes, **properties: Any) -> None:
+    """Set labels, limits, ticks and title as ``Axes.set`` does, in small letters."""
+    axis.set(**properties)
+    for text in (axis.xaxis.label, axis.yaxis.label, axis.title):
+        text.set_fontsize(9)
+
+
+def _quiet(axis: Axes) -> None:
     """Grid in the back, no frame at the top and right."""
     axis.grid(True, color="#dfe2e6", linewidth=0.6)
     axis.set_axisbelow(True)
@@ -43,34 +50,26 @@ def quiet(axis: Axes) -> None:
     axis.tick_params(labelsize=8)
 
 
-def board_map(axis: Axes, table: TableSettings, x: Sequence[float], y: Sequence[float], values: Vector, label: str,
-              limits: tuple[float, float] | None = None, colours: str = "viridis") -> None:  # fmt: skip
+def board_map(axis: Axes, grid: TableGrid, values: Vector, quantity: str, limits: tuple[float, float] | None = None,
+              colours: str = "viridis") -> None:  # fmt: skip
     """A quantity over the table, seen from above, with squares, trays and a scale.
 
-    Args:
-        axis: to draw on.
-        table: board and trays.
-        x: of the columns, board frame [m], evenly spaced.
-        y: of the rows [m].
-        values: shape (len(y), len(x)); not finite where there is none.
-        label: of the scale.
-        limits: of the scale.
-        colours: name of the colour map.
+    ``values`` have the grid's shape and are not finite where there is none; ``limits`` are those of the scale.
     """
     low, high = limits or (None, None)
     axis.grid(False)
     mesh = axis.pcolormesh(
-        [1e3 * v for v in x], [1e3 * v for v in y], values, shading="nearest", vmin=low, vmax=high, cmap=colours,
-        rasterized=True,
+        [1e3 * v for v in grid.x], [1e3 * v for v in grid.y], values, shading="nearest", vmin=low, vmax=high,
+        cmap=colours, rasterized=True,
     )  # fmt: skip
     assert axis.figure is not None
     scale = axis.figure.colorbar(mesh, ax=axis, orientation="horizontal", shrink=0.85, aspect=35)
-    scale.set_label(label, fontsize=9)
+    scale.set_label(quantity, fontsize=9)
     scale.ax.tick_params(labelsize=8)
-    draw_table(axis, table)
+    _draw_table(axis, grid.table)
 
 
-def draw_table(axis: Axes, table: TableSettings) -> None:
+def _draw_table(axis: Axes, table: TableSettings) -> None:
     """Outlines of squares and boxes and dots for the trays' places, in millimetres of the board frame."""
     side = 1e3 * table.square
     for index in range(64):
@@ -82,9 +81,7 @@ def draw_table(axis: Axes, table: TableSettings) -> None:
     for box in table.boxes():
         corner = 1e3 * (box.x - box.half_x), 1e3 * (box.y - box.half_y)
         axis.add_patch(Rectangle(corner, 2e3 * box.half_x, 2e3 * box.half_y, fill=False, lw=1.0, ec="white"))
-    axis.set_aspect("equal")
-    axis.set_xlabel("board x = z₁ [mm]", fontsize=9)
-    axis.set_ylabel("board y = −z₂ [mm]", fontsize=9)
+    label(axis, aspect="equal", xlabel="board x = z₁ [mm]", ylabel="board y = −z₂ [mm]")
 
 
 class TableGrid(NamedTuple):

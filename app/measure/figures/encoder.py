@@ -11,8 +11,8 @@ from app.measure.figures.drawing import TableGrid, axes, board_map, picture, tab
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion.timing.reference import Vector
 from controller.model.constants import DeltaModel
-from controller.model.reach import posture_at
-from controller.offline.linear import pose_at
+from controller.model.kinematics import arm_directions, control_jacobian
+from controller.model.reach import posture_at, tool_point_at
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 
@@ -32,17 +32,21 @@ def resolutions(model: DeltaModel, grid: TableGrid, height: float) -> tuple[Vect
     count = 2.0 * np.pi / 2**model.parameters.drive.encoder_bits
     single, combined = np.empty(grid.shape), np.empty(grid.shape)
     for where, point in grid.points(height):
-        jacobian = count * pose_at(model, posture_at(model, point).y).jacobian
-        single[where] = np.linalg.norm(jacobian, axis=0).max()
-        combined[where] = np.linalg.norm(jacobian @ _SIGNS, axis=0).max()
+        angle, jacobian = posture_at(model, point).y, np.empty((3, 3))
+        z1, z2, z3 = tool_point_at(model, angle).tolist()
+        control_jacobian(
+            model.constants, *arm_directions(model.constants, angle, (z1, z2, z3)), jacobian, np.empty((3, 3))
+        )
+        moved = count * jacobian
+        single[where] = np.linalg.norm(moved, axis=0).max()
+        combined[where] = np.linalg.norm(moved @ _SIGNS, axis=0).max()
     return single, combined
 
 
 def encoder(progress: Progress) -> FigureResult:
     """Compute and draw."""
     progress("computing J_c over the table")
-    model, table = DeltaModel(load_parameters()), TableSettings()
-    grid = table_grid(table)
+    model, grid = DeltaModel(load_parameters()), table_grid(TableSettings())
     found = {height: resolutions(model, grid, height) for height in HEIGHTS}
     bits, tick = model.parameters.drive.encoder_bits, model.parameters.drive.tick
     worst = max(float(combined.max()) for _, combined in found.values())
@@ -55,16 +59,16 @@ def encoder(progress: Progress) -> FigureResult:
         "all_three_um": {f"{h:.2f}": _range(combined) for h, (_, combined) in found.items()},
     }
     title = f"One count of the {bits}-bit encoders at the tool"
-    return FigureResult(title, bars, numbers, {"": _draw(table, grid, found, title)})
+    return FigureResult(title, bars, numbers, {"": _draw(grid, found, title)})
 
 
 def _range(values: Vector) -> dict[str, JsonValue]:
     return {"least": 1e6 * float(values.min()), "mean": 1e6 * float(values.mean()), "most": 1e6 * float(values.max())}
 
 
-def _draw(table: TableSettings, grid: TableGrid, found: dict[float, tuple[Vector, Vector]], title: str) -> Picture:
+def _draw(grid: TableGrid, found: dict[float, tuple[Vector, Vector]], title: str) -> Picture:
     sheet = picture(10.4, 4.9)
     for axis, (height, (_, combined)) in zip(axes(sheet, 1, 2), found.items(), strict=True):
-        board_map(axis, table, grid.x, grid.y, 1e6 * combined, "worst case of all three [µm]")
+        board_map(axis, grid, 1e6 * combined, "worst case of all three [µm]")
         axis.set_title(f"{title}, {1e3 * height:.0f} mm over the board", fontsize=9, pad=8)
     return sheet

@@ -8,12 +8,12 @@ import chess
 import numpy as np
 
 from app.measure.bench.beds.plies import Disorder, GameBed
-from app.measure.figures.drawing import GREY, WITH, WITHOUT, axes, picture
+from app.measure.figures.drawing import GREY, WITH, WITHOUT, axes, label, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import PROFILES, Profile
 from app.motion.path import Vector
 from app.players.given_line import parse_line
-from hardware.parameters import load_parameters
+from controller.loop.supervisor import Supervisor
 from hardware.table import TableSettings
 
 LINE: Final = "e4 d5 Nc3 Nf6 Bc4 dxe4"
@@ -26,17 +26,17 @@ IN_AIR: Final = 1.0
 
 def figure_9(progress: Progress) -> FigureResult:
     """Play the plies in the simulated world and draw them."""
-    board, parameters = chess.Board(), load_parameters()
-    bed = GameBed(board, PROFILES[Profile.DEFAULT], parameters, TableSettings(), Disorder((0.002, 0.002), 0.03), SEED)
+    board = chess.Board()
+    bed = GameBed(board, PROFILES[Profile.DEFAULT], TableSettings(), Disorder((0.002, 0.002), 0.03), SEED)
     rows: list[Vector] = []
     homes: list[float] = []
-    tick = parameters.drive.tick
+    tick = bed.parameters.drive.tick
 
-    def watch() -> None:
-        law, reference = bed.supervisor.law.state, bed.supervisor.reference.row
+    def note(supervisor: Supervisor) -> None:
+        law, reference = supervisor.law.state, supervisor.reference.row
         rows.append(np.concatenate([[bed.plant.tick * tick], reference[0:3], law.position, reference[9:12]]))
 
-    bed.watchers.append(watch)
+    bed.listeners.append(note)
     durations: list[float] = []
     for move in parse_line(LINE, board):
         progress(board.san(move))
@@ -47,11 +47,10 @@ def figure_9(progress: Progress) -> FigureResult:
     seen[:, 0] -= homes[0]
     error = 1e3 * (seen[:, 4:7] - seen[:, 1:4])
     stiff = (seen[:, 7:10] > STIFF).all(axis=1)
+    softer = float(np.abs(error[~stiff, 2]).max() / np.abs(error[stiff, 2]).max())
     bars = {
         "in_the_air": Bar(float(np.abs(error[stiff]).max()), "mm", high=IN_AIR),
-        "z3_near_the_board_over_in_the_air": Bar(
-            float(np.abs(error[~stiff, 2]).max() / np.abs(error[stiff, 2]).max()), "1", low=1.0
-        ),
+        "z3_near_the_board_over_in_the_air": Bar(softer, "1", low=1.0),
     }
     title = f"Six plies, {LINE}: reference and measured"
     numbers = {
@@ -69,12 +68,11 @@ def _draw(seen: Vector, error: Vector, homes: list[float], title: str) -> Pictur
     for i, axis in enumerate(panels[:3]):
         axis.plot(seen[:, 0], seen[:, 1 + i], color=WITHOUT, lw=1.0, label="reference")
         axis.plot(seen[:, 0], seen[:, 4 + i], color=WITH, lw=0.8, ls="--", label="measured")
-        axis.set_ylabel(f"z{'₁₂₃'[i]} [m]", fontsize=9)
+        label(axis, ylabel=f"z{'₁₂₃'[i]} [m]")
     panels[2].invert_yaxis()  # z₃ points down
     for i, colour in enumerate((WITHOUT, GREY, WITH)):
         panels[3].plot(seen[:, 0], error[:, i], color=colour, lw=0.7, label=f"z{'₁₂₃'[i]}")
-    panels[3].set_ylabel("error [mm]", fontsize=9)
-    panels[3].set_xlabel("time [s]; lines: the arm is at home", fontsize=9)
+    label(panels[3], ylabel="error [mm]", xlabel="time [s]; lines: the arm is at home")
     for axis in panels:
         for home in homes:
             axis.axvline(home, color=GREY, lw=0.7, ls=":")

@@ -8,6 +8,7 @@ in the paper's pictures.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +17,9 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from pydantic import JsonValue
 
-from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
-from app.measure.figures.grasp import DAMPING, HEIGHT, POINT, Block, Grasp, Run, sliding
-from app.measure.figures.grasp_mujoco import MujocoRun, run_mujoco, views
-from app.measure.figures.gripper import PAD_DAMPING, PAD_STIFFNESS, effective_mass, run_dae
+from app.measure.figures import grasp as soft_grasp
+from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, label, picture
+from app.measure.figures.grasp import Block, Grasp, Run, effective_mass, run_dae, run_mujoco, sliding, views
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from controller.law.tactile import grip_force, least_contact_damping
 from controller.model.constants import DeltaModel
@@ -49,15 +49,8 @@ _ROWS = slice(40, 440)
 """Of a rendered picture: block and pads."""
 
 
-class Grasps(NamedTuple):
-    """The grasp of the paper without and with feedback."""
-
-    dae: tuple[Run, Run]
-    mujoco: tuple[MujocoRun, MujocoRun]
-
-    def by_model(self) -> dict[str, tuple[Run, Run]]:
-        """The runs of each model."""
-        return {"dae": self.dae, "mujoco": (self.mujoco[0].run, self.mujoco[1].run)}
+Grasps = dict[str, tuple[Run, Run]]
+"""The grasp of the paper without and with feedback, by the model: ``dae`` and ``mujoco``."""
 
 
 def both_grasps(progress: Progress) -> Grasps:
@@ -66,13 +59,13 @@ def both_grasps(progress: Progress) -> Grasps:
     progress("simulating the grasp on the constrained dynamics")
     dae = run_dae(without), run_dae(fed_back)
     progress("simulating the grasp in MuJoCo")
-    return Grasps(dae, (run_mujoco(without), run_mujoco(fed_back)))
+    return {"dae": dae, "mujoco": (run_mujoco(without), run_mujoco(fed_back))}
 
 
 def bars(grasps: Grasps) -> dict[str, Bar]:
     """What figures 6 and 7 must show in both models."""
     found = {}
-    for name, (without, fed_back) in grasps.by_model().items():
+    for name, (without, fed_back) in grasps.items():
         found[f"block_without_feedback_{name}"] = Bar(1e3 * without.final, "mm", 3.0, 5.0)
         found[f"block_with_feedback_{name}"] = Bar(1e3 * abs(fed_back.final), "mm", high=1.0)
     return found
@@ -91,28 +84,25 @@ def _run_numbers(grasps: Grasps) -> dict[str, JsonValue]:
             }
             for run in runs
         }
-        for model, runs in grasps.by_model().items()
+        for model, runs in grasps.items()
     }
 
 
 def figure_6(progress: Progress) -> FigureResult:
-    """Compute and draw."""
+    """Compute and draw arm, fingers and block over time, and what decides it."""
     grasps = both_grasps(progress)
-    mass = effective_mass(DeltaModel(Grasp(0.0).parameters), POINT)
+    mass = effective_mass(DeltaModel(Grasp(0.0).parameters), soft_grasp.POINT)
     cases = study(mass, progress)
     title = "Soft grasp of a wooden block, 10 mm off the middle"
     progress("simulating the grasp with smaller steps")
-    numbers = _numbers(grasps, mass, cases)
-    return FigureResult(
-        title, bars(grasps), numbers, {"": _draw_motion(grasps, title), "-sensitivity": draw_study(cases, mass)}
-    )
+    pictures = {"": _draw_motion(grasps, title), "-sensitivity": _draw_study(cases, mass)}
+    return FigureResult(title, bars(grasps), _numbers(grasps, mass, cases), pictures)
 
 
 def _numbers(grasps: Grasps, mass: float, cases: list[Case]) -> Mapping[str, JsonValue]:
-    grasp = grasps.dae[0].grasp
-    names = [f"k*={gain:g}" for gain in GAINS]
-    finer = [
-        (1e3 * run_dae(one.grasp, FINER).final, 1e3 * run_mujoco(one.grasp, FINER).run.final) for one in grasps.dae
+    grasp, names = grasps["dae"][0].grasp, [f"k*={gain:g}" for gain in GAINS]
+    finer: list[JsonValue] = [
+        [1e3 * run(one.grasp, FINER).final for run in (run_dae, run_mujoco)] for one in grasps["dae"]
     ]
     return {
         "effective_mass_kg": mass,
@@ -120,14 +110,16 @@ def _numbers(grasps: Grasps, mass: float, cases: list[Case]) -> Mapping[str, Jso
         "finger_speed_mm_s": 1e3 * grasp.finger_speed,
         "grip_force_expected_N": grip_force(grasp.parameters.gripper, -grasp.finger_speed),
         "contact_damping_against_hum_N_s_m": {
-            "needed": least_contact_damping(grasp.parameters, mass, DAMPING, GAINS[1], 2.0 * PAD_STIFFNESS),
-            "of both pads": 2.0 * PAD_DAMPING,
+            "needed": least_contact_damping(
+                grasp.parameters, mass, soft_grasp.DAMPING, GAINS[1], 2.0 * soft_grasp.PAD_STIFFNESS
+            ),
+            "of both pads": 2.0 * soft_grasp.PAD_DAMPING,
         },
         **_run_numbers(grasps),
         "closed_form_mm": {
             name: [1e3 * v for v in sliding(Grasp(g), mass)] for name, g in zip(names, GAINS, strict=True)
         },
-        f"final_mm_with_{FINER}_steps_a_tick_dae_mujoco": {n: list(pair) for n, pair in zip(names, finer, strict=True)},
+        f"final_mm_with_{FINER}_steps_a_tick_dae_mujoco": dict(zip(names, finer, strict=True)),
         "sensitivity": [case.as_json() for case in cases],
     }
 
@@ -136,31 +128,23 @@ def _draw_motion(grasps: Grasps, title: str) -> Picture:
     sheet = picture(9.6, 7.4)
     panels = axes(sheet, 3, 2, sharex=True)
     sheet.suptitle(title, fontsize=11)
-    for column, (name, runs) in enumerate(grasps.by_model().items()):
+    for column, (name, runs) in enumerate(grasps.items()):
         arm, fingers, block = panels[column::2]
-        arm.set_title(TITLES[name], fontsize=9)
         for run, gain, colour in zip(runs, GAINS, (WITHOUT, WITH), strict=True):
             arm.plot(run.time, 1e3 * run.arm, color=colour, lw=1.4, label=f"k* = {gain:g}")
             fingers.plot(run.time, 1e3 * run.right, color=colour, lw=1.4)
             fingers.plot(run.time, 1e3 * run.left, color=colour, lw=1.4, ls="--")
             block.plot(run.time, -1e3 * run.block, color=colour, lw=1.4)
-            _final(block, run, colour)
-        arm.set_ylabel("arm z₁ [mm]", fontsize=9)
-        fingers.set_ylabel("right, left (- -) pad [mm]", fontsize=9)
-        block.set_ylabel("block, pushed aside [mm]", fontsize=9)
-        block.set_xlabel("time [s]", fontsize=9)
+            block.annotate(
+                f"{1e3 * run.final:.1f} mm".replace("-", "−"), (float(run.time[-1]), 1e3 * max(run.final, 0.0)),
+                xytext=(0, 5), textcoords="offset points", ha="right", fontsize=8, color=colour,
+            )  # fmt: skip
+        label(fingers, ylabel="right, left (- -) pad [mm]")
         block.axhline(0.0, color=DARK, lw=0.6)
-        block.set_ylim(-1.2, 7.6)
-        arm.set_ylim(-0.8, 11.5)
+        label(block, ylabel="block, pushed aside [mm]", xlabel="time [s]", ylim=(-1.2, 7.6))
+        label(arm, ylabel="arm z₁ [mm]", title=TITLES[name], ylim=(-0.8, 11.5))
         arm.legend(fontsize=8, loc="upper left")
     return sheet
-
-
-def _final(axis: Axes, run: Run, colour: str) -> None:
-    axis.annotate(
-        f"{1e3 * run.final:.1f} mm".replace("-", "−"), (float(run.time[-1]), 1e3 * max(run.final, 0.0)), xytext=(0, 5),
-        textcoords="offset points", ha="right", fontsize=8, color=colour,
-    )  # fmt: skip
 
 
 # what decides
@@ -190,19 +174,14 @@ def study(mass: float, progress: Progress, changes: tuple[tuple[str, Grasp], ...
     cases = []
     for number, (name, grasp) in enumerate(changes, 1):
         progress(f"varying an assumed value, {number} of {len(changes)}: {name}")
-        cases.append(_case(name, grasp, mass))
+        both = [replace(grasp, tactile_gain=gain) for gain in GAINS]
+        ends = ((run_dae(one).final, run_mujoco(one).final, sliding(one, mass)[0]) for one in both)
+        (d0, m0, c0), (d1, m1, c1) = ([1e3 * end for end in one] for one in ends)
+        cases.append(Case(name, grasp, (d0, d1), (m0, m1), (c0, c1)))
     return cases
 
 
-def _case(name: str, grasp: Grasp, mass: float) -> Case:
-    both = [grasp.with_gain(gain) for gain in GAINS]
-    dae = tuple(1e3 * run_dae(one).final for one in both)
-    mujoco = tuple(1e3 * run_mujoco(one).run.final for one in both)
-    formula = tuple(1e3 * sliding(one, mass)[0] for one in both)
-    return Case(name, grasp, (dae[0], dae[1]), (mujoco[0], mujoco[1]), (formula[0], formula[1]))
-
-
-def draw_study(cases: list[Case], mass: float) -> Picture:
+def _draw_study(cases: list[Case], mass: float) -> Picture:
     """Final place over finger speed with the closed form, and all cases as a list."""
     sheet = picture(11.0, 4.4)
     left, right = axes(sheet, 1, 2)
@@ -213,14 +192,13 @@ def draw_study(cases: list[Case], mass: float) -> Picture:
     swept = [case for case in cases if case.name.startswith("fingers")]
     _points(left, swept, [1e3 * case.grasp.finger_speed for case in swept], upright=True)
     left.axvline(30.0, color="grey", lw=0.8, ls="--")
-    left.set_xlabel("speed of each finger [mm/s]", fontsize=9)
-    left.set_ylabel("final place of the block [mm]", fontsize=9)
+    label(left, xlabel="speed of each finger [mm/s]", ylabel="final place of the block [mm]")
     left.legend(fontsize=8, loc="upper left")
     rows = list(range(len(cases)))[::-1]
     _points(right, cases, rows, upright=False)
     right.set_yticks(rows, [case.name for case in cases], fontsize=8)
     right.axvline(0.0, color=DARK, lw=0.8)
-    right.set_xlabel("final place of the block [mm]", fontsize=9)
+    label(right, xlabel="final place of the block [mm]")
     right.plot([], [], "o", color="grey", label="DAE")
     right.plot([], [], "x", color="grey", label="MuJoCo")
     right.legend(fontsize=8, loc="upper right")
@@ -240,34 +218,31 @@ def _points(axis: Axes, cases: list[Case], places: Sequence[float], upright: boo
 
 
 def figure_7(progress: Progress) -> FigureResult:
-    """Compute and draw."""
-    grasps = both_grasps(progress)
-    poses = [grasps.mujoco[0].start, *(one.end for one in grasps.mujoco)]
-    start, *ends = views(grasps.mujoco[0].run.grasp, poses)
-    title = "Block before and after the soft grasp"
+    """Compute and draw block and fingers before and after."""
+    grasps, title = both_grasps(progress), "Block before and after the soft grasp"
+    start, *ends = views(
+        grasps["mujoco"][0].grasp, [grasps["mujoco"][0].poses[0], *(run.poses[1] for run in grasps["mujoco"])]
+    )
     return FigureResult(title, bars(grasps), _run_numbers(grasps), {"": _draw_ends(grasps, start, ends)})
 
 
 def _draw_ends(grasps: Grasps, start: NDArray[np.uint8], ends: list[NDArray[np.uint8]]) -> Picture:
     sheet = picture(10.6, 5.4)
     grid = sheet.subplots(2, 3, squeeze=False)
-    rows = zip(grid, GAINS, ends, grasps.mujoco, grasps.dae, strict=True)
+    rows = zip(grid, GAINS, ends, grasps["mujoco"], grasps["dae"], strict=True)
     for (before, after, drawn), gain, end, mujoco, dae in rows:
-        _photo(before, start, f"k* = {gain:g}: start")
-        _photo(after, end, f"end, MuJoCo: {_moved(mujoco.run)}")
+        photos = (before, start, f"k* = {gain:g}: start"), (after, end, f"end, {_moved('MuJoCo', mujoco)}")
+        for axis, pixels, title in photos:
+            axis.imshow(pixels[_ROWS])
+            label(axis, title=title)
+            axis.set_axis_off()
         _schematic(drawn, dae)
-        drawn.set_title(f"end, constrained dynamics: {_moved(dae)}", fontsize=9)
+        drawn.set_title(f"end, {_moved('constrained dynamics', dae)}", fontsize=9)
     return sheet
 
 
-def _moved(run: Run) -> str:
-    return f"block moved {1e3 * abs(run.final):.1f} mm"
-
-
-def _photo(axis: Axes, pixels: NDArray[np.uint8], title: str) -> None:
-    axis.imshow(pixels[_ROWS])
-    axis.set_title(title, fontsize=9)
-    axis.set_axis_off()
+def _moved(model: str, run: Run) -> str:
+    return f"{model}: block moved {1e3 * abs(run.final):.1f} mm"
 
 
 def _schematic(axis: Axes, run: Run) -> None:
@@ -281,12 +256,9 @@ def _schematic(axis: Axes, run: Run) -> None:
     axis.add_patch(Rectangle((-24.0, -7.0), 56.0, 7.0, fc=GREY, ec="none"))
     thickness, half_height = (1e3 * v for v in _PAD)
     for face, outward in ((run.right[-1], 0.0), (run.left[-1], -thickness)):
-        corner = (1e3 * face + outward, 1e3 * HEIGHT - half_height)
+        corner = (1e3 * face + outward, 1e3 * soft_grasp.HEIGHT - half_height)
         axis.add_patch(Rectangle(corner, thickness, 2 * half_height + 16.0, fc="#e8e6df", ec=DARK, lw=0.8))
-    axis.set_xlim(-24.0, 32.0)
-    axis.set_ylim(-7.0, 36.0)
-    axis.set_aspect("equal")
-    axis.set_yticks([])
+    axis.set(xlim=(-24.0, 32.0), ylim=(-7.0, 36.0), aspect="equal", yticks=[])
     axis.tick_params(labelsize=8)
     axis.set_xlabel("z₁ from the gripper's middle at the start [mm]", fontsize=8)
     axis.spines[["top", "right", "left"]].set_visible(False)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import JsonValue
 
 from app import UserError
-from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
+from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, label, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import PROFILES, MotionSettings, Plan, Planner, Profile, contact_limits
 from app.motion.path import Vector
@@ -31,12 +31,7 @@ TOLERANCE: Final = 1e-6
 
 
 def move_figure(move: str, fen: str | None, progress: Progress) -> FigureResult:
-    """Plan a ply by both laws and draw it.
-
-    Args:
-        move: SAN or UCI.
-        fen: the position; None: the usual start.
-        progress: told what is being computed.
+    """Plan a ply by both laws and draw it; ``move``: SAN or UCI; ``fen``: the position, None: the usual start.
 
     Raises:
         UserError: no such position or move, or the plan is refused.
@@ -46,12 +41,10 @@ def move_figure(move: str, fen: str | None, progress: Progress) -> FigureResult:
     except ValueError as error:
         raise UserError(f"--fen is no position: {error}") from error
     (chosen,) = parse_line(move, board)[:1]
-    plans = {}
+    plans, bars, numbers = {}, dict[str, Bar](), dict[str, JsonValue]()
     for profile in (Profile.DEFAULT, Profile.MINIMUM_JERK):
         progress(f"planning {board.san(chosen)}, {profile.value}")
-        plans[profile] = _plan(board, chosen, profile)
-    bars, numbers = dict[str, Bar](), dict[str, JsonValue]()
-    for profile, (_, plan, _) in plans.items():
+        plans[profile] = _, plan, _ = _plan(board, chosen, profile)
         name = profile.value.replace("-", "_")
         for quantity, worst in _shares(plan, PROFILES[profile]).items():
             bars[f"{name}_{quantity}"] = Bar(worst, "of the bound", high=1.0 + TOLERANCE)
@@ -92,11 +85,11 @@ def _jerk(samples: NDArray[Any]) -> Vector:
 
 def _shares(plan: Plan, settings: MotionSettings) -> dict[str, float]:
     """Largest speed, acceleration and jerk, as shares of their bounds."""
-    whole = [motion.samples for motion in plan.motions]
+    samples = [motion.samples for motion in plan.motions]
     return {
-        "speed": max(float(np.linalg.norm(s["velocity"], axis=1).max()) for s in whole) / settings.speed,
-        "acceleration": max(float(np.abs(s["acceleration"]).max()) for s in whole) / settings.acceleration,
-        "jerk": max(float(np.abs(_jerk(s)).max()) for s in whole) / settings.jerk,
+        "speed": max(float(np.linalg.norm(s["velocity"], axis=1).max()) for s in samples) / settings.speed,
+        "acceleration": max(float(np.abs(s["acceleration"]).max()) for s in samples) / settings.acceleration,
+        "jerk": max(float(np.abs(_jerk(s)).max()) for s in samples) / settings.jerk,
     }
 
 
@@ -109,7 +102,7 @@ def _over_time(plans: dict[Profile, tuple[Ply, Plan, Inventory]], title: str) ->
         samples = np.concatenate(parts)
         time = load_parameters().drive.tick * np.arange(float(len(samples)))
         rows = panels[column::2]
-        rows[0].set_title(f"{profile.value}, {time[-1]:.2f} s", fontsize=9)
+        label(rows[0], title=f"{profile.value}, {time[-1]:.2f} s")
         home = np.array(PROFILES[profile].home)
         quantities = (
             (1e3 * (samples["position"] - home), "from home [mm]"),
@@ -118,14 +111,14 @@ def _over_time(plans: dict[Profile, tuple[Ply, Plan, Inventory]], title: str) ->
             (np.concatenate([_jerk(part) for part in parts]), "jerk [m/s³]"),
             (np.sqrt(samples["stiffness"]), "√k_p [rad/s]"),
         )
-        for axis, (values, label) in zip(rows, quantities, strict=True):
+        for axis, (values, quantity) in zip(rows, quantities, strict=True):
             _stages(axis, plan, parts)
             for i, (name, colour) in enumerate(AXES):
                 axis.plot(time, values[:, i], color=colour, lw=1.1, label=name)
             if column == 0:
-                axis.set_ylabel(label, fontsize=9)
+                label(axis, ylabel=quantity)
         rows[1].plot(time, np.linalg.norm(samples["velocity"], axis=1), color=DARK, lw=0.8, ls=":", label="|ż|")
-        rows[-1].set_xlabel("time [s]", fontsize=9)
+        label(rows[-1], xlabel="time [s]")
     panels[2].legend(fontsize=8, loc="lower right", ncols=4)
     return sheet
 

@@ -8,7 +8,7 @@ import chess
 import numpy as np
 from pydantic import JsonValue
 
-from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
+from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, label, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import MotionSettings, Planner
 from app.motion.timing.reference import Vector
@@ -70,13 +70,7 @@ def counted(model: DeltaModel, way: Vector) -> Vector:
 
 
 def newton_along(model: DeltaModel, angles: Vector, start: Vector) -> Steps:
-    """Iterate (7) in each tick from the solution of the tick before.
-
-    Args:
-        model: the robot.
-        angles: y, shape (n, 3) [rad].
-        start: x, shape (6,), before the first tick [rad].
-    """
+    """Iterate (7) at angles y, shape (n, 3) [rad], from the last tick's solution; ``start``: the first, shape (6,)."""
     residual = np.zeros((len(angles), ENOUGH))
     x = start.copy()
     for k, y in enumerate(angles):
@@ -97,8 +91,6 @@ def newton(progress: Progress) -> FigureResult:
     steps = newton_along(model, angles, posture_at(model, way[0]).x)
     speed = np.linalg.norm(np.gradient(way, tick, axis=0), axis=1)
     moving = speed > MOVING
-    counts = {name: np.bincount(values[moving], minlength=4)
-              for name, values in (("1e-8", steps.to_decimals), ("1e-10", steps.to_tolerance))}  # fmt: skip
     bars = {
         "most_steps_to_8_decimals": Bar(float(steps.to_decimals.max()), "steps", high=2.0),
         "fewest_steps_while_moving": Bar(float(steps.to_decimals[moving].min()), "steps", low=1.0),
@@ -108,8 +100,8 @@ def newton(progress: Progress) -> FigureResult:
         "ticks_moving": int(moving.sum()),
         "tool_speed_max_m_s": float(speed.max()),
         "servo_speed_max_rad_s": float(np.abs(np.diff(angles, axis=0)).max() / tick),
-        "ticks_by_steps_to_1e-8_m": {str(n): int(v) for n, v in enumerate(counts["1e-8"])},
-        "ticks_by_steps_to_1e-10_m": {str(n): int(v) for n, v in enumerate(counts["1e-10"])},
+        "ticks_by_steps_to_1e-8_m": _counted_steps(steps.to_decimals[moving]),
+        "ticks_by_steps_to_1e-10_m": _counted_steps(steps.to_tolerance[moving]),
         "mean_steps_to_1e-8_m": float(steps.to_decimals[moving].mean()),
         "closure_before_first_step_max_m": float(steps.residual[:, 0].max()),
         "closure_after_one_step_max_m": float(steps.residual[:, 1].max()),
@@ -119,23 +111,24 @@ def newton(progress: Progress) -> FigureResult:
     return FigureResult(title, bars, numbers, {"": _draw(steps, speed, tick, title)})
 
 
+def _counted_steps(values: Vector) -> dict[str, JsonValue]:
+    return {str(n): int(v) for n, v in enumerate(np.bincount(values, minlength=4))}
+
+
 def _draw(steps: Steps, speed: Vector, tick: float, title: str) -> Picture:
     sheet = picture(8.2, 5.6)
     top, middle, bottom = axes(sheet, 3, 1, sharex=True)
     time = np.arange(len(speed)) * tick
     top.plot(time, speed, color=DARK, lw=1.0)
-    top.set_ylabel("tool speed [m/s]", fontsize=9)
+    label(top, ylabel="tool speed [m/s]")
     top.set_title(f"{title} ({MOVE}, capturing)", fontsize=10)
     labels = ("start: solution of the last tick", "after 1 step", "after 2 steps")
-    for column, (label, colour) in enumerate(zip(labels, (GREY, WITHOUT, WITH), strict=True)):
+    for column, (name, colour) in enumerate(zip(labels, (GREY, WITHOUT, WITH), strict=True)):
         shown = np.where(steps.residual[:, column] > 0.0, steps.residual[:, column], np.nan)
-        middle.semilogy(time, shown, ".", ms=1.6, color=colour, label=label)
+        middle.semilogy(time, shown, ".", ms=1.6, color=colour, label=name)
     middle.axhline(DECIMALS, color=DARK, lw=0.8, ls="--")
-    middle.set_ylabel("|h| [m]", fontsize=9)
+    label(middle, ylabel="|h| [m]")
     middle.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, markerscale=5, frameon=False)
     bottom.plot(time, steps.to_decimals, ".", ms=1.6, color=WITHOUT)
-    bottom.set_yticks([0, 1, 2, 3])
-    bottom.set_ylim(-0.3, 3.3)
-    bottom.set_ylabel("steps to 1e-8 m", fontsize=9)
-    bottom.set_xlabel("time [s]", fontsize=9)
+    label(bottom, yticks=[0, 1, 2, 3], ylim=(-0.3, 3.3), ylabel="steps to 1e-8 m", xlabel="time [s]")
     return sheet

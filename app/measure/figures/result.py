@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,8 +15,10 @@ from pydantic import JsonValue
 from app import UserError
 
 Picture = Figure
+
+
 Progress = Callable[[str], None]
-"""Told what is being computed."""
+"""Told what is being done."""
 
 
 class Bar(NamedTuple):
@@ -39,21 +40,16 @@ class Bar(NamedTuple):
         return {"value": self.value, "unit": self.unit, "low": low, "high": high, "holds": self.holds}
 
 
-@dataclass(frozen=True, slots=True)
-class FigureResult:
-    """A figure as computed.
-
-    Attributes:
-        title: one line.
-        bars: by name; what the figure must show.
-        numbers: everything else worth keeping, with units in the names.
-        pictures: by suffix of the file's name; the main one has none.
-    """
+class FigureResult(NamedTuple):
+    """A figure as computed."""
 
     title: str
     bars: Mapping[str, Bar]
+    """By name; what the figure must show."""
     numbers: Mapping[str, JsonValue]
-    pictures: Mapping[str, Picture] = field(repr=False)
+    """Everything else worth keeping, with units in the names."""
+    pictures: Mapping[str, Picture]
+    """By suffix of the file's name; the main one has none."""
 
     @property
     def holds(self) -> bool:
@@ -69,12 +65,7 @@ class FolderUnusable(UserError):
 
 
 def save(name: str, result: FigureResult, folder: Path) -> dict[str, JsonValue]:
-    """Write the pictures and, beside them, the numbers as JSON.
-
-    Args:
-        name: of the figure; files are ``figure-NAME.png`` and ``figure-NAME.json``.
-        result: what to write.
-        folder: made if missing.
+    """Write ``figure-NAME.png`` and, beside it, the numbers as ``figure-NAME.json``; the folder is made if missing.
 
     Returns:
         What the JSON file holds.

@@ -5,13 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from app.measure.bench.beds.touchdown import FELT, WOOD, Pressed, Touchdown, set_down
-from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, picture
+from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, label, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
-from app.motion import PROFILES, Profile
-from hardware.parameters import load_parameters
 
 ERRORS: Final = 0.001 * np.linspace(-3.0, 3.0, 7)
 """How much higher the target is than believed [m]."""
@@ -28,13 +25,11 @@ LARGEST: Final = 10.0
 
 def touch(progress: Progress) -> FigureResult:
     """Set a king down in the simulated world, from every error, with and without each."""
-    settings, parameters = PROFILES[Profile.DEFAULT], load_parameters()
     found: dict[tuple[str, str], list[Pressed]] = {}
     for feet, stiffness in FEET.items():
         for way, (guard, schedule, _) in WAYS.items():
             progress(f"{feet}, {way}")
-            trials = [Touchdown(error, stiffness, guard, schedule) for error in ERRORS.tolist()]
-            found[feet, way] = [set_down(trial, settings, parameters) for trial in trials]
+            found[feet, way] = [set_down(Touchdown(error, stiffness, guard, schedule)) for error in ERRORS.tolist()]
     peak = max(pressed.peak for pressed in found["felt", "guard and schedule"])
     bars = {"felt_guard_and_schedule": Bar(peak, "N", high=LARGEST)}
     numbers = {
@@ -52,17 +47,12 @@ def _draw(found: dict[tuple[str, str], list[Pressed]]) -> Picture:
     )
     panels = axes(sheet, 1, 2)
     for panel, (feet, stiffness) in zip(panels, FEET.items(), strict=True):
-        _draw_feet(panel, feet, stiffness, found)
+        for way, (_, _, colour) in WAYS.items():
+            series = found[feet, way]
+            panel.plot(1e3 * ERRORS, [one.peak for one in series], color=colour, lw=1.4, label=way)
+            panel.plot(1e3 * ERRORS, [one.lasting for one in series], "o", color=colour, ms=4)
+        label(panel, xlabel="target higher than believed [mm]", ylabel="force [N]")
+        panel.set_title(f"{feet}, {1e-3 * stiffness:.0f} N/mm", fontsize=10)
+        panel.set_ylim(bottom=0.0)
     sheet.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncol=len(WAYS), fontsize=9)
     return sheet
-
-
-def _draw_feet(panel: Axes, feet: str, stiffness: float, found: dict[tuple[str, str], list[Pressed]]) -> None:
-    for way, (_, _, colour) in WAYS.items():
-        series = found[feet, way]
-        panel.plot(1e3 * ERRORS, [one.peak for one in series], color=colour, lw=1.4, label=way)
-        panel.plot(1e3 * ERRORS, [one.lasting for one in series], "o", color=colour, ms=4)
-    panel.set_title(f"{feet}, {1e-3 * stiffness:.0f} N/mm", fontsize=10)
-    panel.set_xlabel("target higher than believed [mm]", fontsize=9)
-    panel.set_ylabel("force [N]", fontsize=9)
-    panel.set_ylim(bottom=0.0)

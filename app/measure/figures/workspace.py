@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import JsonValue
 
-from app.measure.figures.drawing import TableGrid, axes, board_map, picture, table_grid
+from app.measure.figures.drawing import TableGrid, axes, board_map, label, picture, table_grid
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from app.motion import MotionSettings
 from app.motion.timing.reference import Vector
@@ -76,7 +76,7 @@ def workspace(progress: Progress) -> FigureResult:
     }
     grid = table_grid(table, MARGIN)
     found = {height: maps(model, grid, height) for height in working_heights()}
-    pictures = {"": _draw(table, grid, found), "-largest": _draw_largest(model, table, largest)}
+    pictures = {"": _draw(grid, found), "-largest": _draw_largest(model, table, largest)}
     return FigureResult("What the arm can do over board and trays", bars, numbers, pictures)
 
 
@@ -108,7 +108,7 @@ def _at(places: Survey, index: int) -> dict[str, JsonValue]:
 
 
 def _draw_largest(model: DeltaModel, table: TableSettings, largest: dict[str, LargestBoard]) -> Picture:
-    """Over the depth of the board, how large its squares can be; and the largest board with trays."""
+    """How large squares can be over the depth of the board; and the largest board with trays."""
     sheet = picture(9.0, 4.2)
     curve, board = axes(sheet, 1, 2)
     for (name, one), style in zip(largest.items(), ("-", "--"), strict=True):
@@ -125,20 +125,22 @@ def _draw_largest(model: DeltaModel, table: TableSettings, largest: dict[str, La
     big = table.model_copy(update={"square": best.square, "centre_in_base": (0.0, 0.0, best.depth)})
     grid, height = table_grid(big, MARGIN), working_heights()[1]
     here = maps(model, grid, height)
-    board_map(board, big, grid.x, grid.y, here.condition, "condition of J_c", (1.0, LARGEST_CONDITION), "viridis_r")
-    board.set_title(f"{1e3 * best.square:.1f} mm, tool {1e3 * height:.0f} mm over the board", fontsize=9)
+    board_map(board, grid, here.condition, "condition of J_c", (1.0, LARGEST_CONDITION), "viridis_r")
+    label(board, title=f"{1e3 * best.square:.1f} mm, tool {1e3 * height:.0f} mm over the board")
     return sheet
 
 
-def _draw(table: TableSettings, grid: TableGrid, found: dict[float, Maps]) -> Picture:
+def _draw(grid: TableGrid, found: dict[float, Maps]) -> Picture:
     sheet = picture(12.0, 7.4)
-    panels = axes(sheet, 2, 3)
-    for row, (height, here) in enumerate(found.items()):
-        where = f"tool {1e3 * height:.0f} mm over the board"
-        condition, margin, acceleration = panels[3 * row : 3 * row + 3]
-        board_map(condition, table, grid.x, grid.y, here.condition, "condition of J_c", (1.0, 6.0), "viridis_r")
-        board_map(margin, table, grid.x, grid.y, here.margin, "rated less holding torque [N m]", (0.0, 1.4))
-        board_map(acceleration, table, grid.x, grid.y, here.acceleration, "acceleration left [m/s²]", (20.0, 40.0))
-        for panel in (condition, margin, acceleration):
-            panel.set_title(where, fontsize=9)
+    panels = iter(axes(sheet, 2, 3))
+    for height, here in found.items():
+        quantities = (
+            (here.condition, "condition of J_c", (1.0, 6.0), "viridis_r"),
+            (here.margin, "rated less holding torque [N m]", (0.0, 1.4), "viridis"),
+            (here.acceleration, "acceleration left [m/s²]", (20.0, 40.0), "viridis"),
+        )
+        for quantity in quantities:
+            panel = next(panels)
+            board_map(panel, grid, *quantity)
+            label(panel, title=f"tool {1e3 * height:.0f} mm over the board")
     return sheet

@@ -1,27 +1,37 @@
-"""A folder with a game: pictures of it one by one, or a video."""
+"""A folder with a game: pictures of it one by one, or a video; and where the board is in each of them."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
+from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
 import chess
 
 from app import UserError
-from app.measure.photographs.corners import CornersFrom, CornerSource, FoundCorners, LabelledCorners
-from app.measure.photographs.follow import follow
+from app.measure.photographs.follow import CornerSource, follow
 from app.measure.photographs.labels import Labels, load_labels
-from app.measure.photographs.pictures import VIDEOS, Picture, picture_files, read_picture, read_video
+from app.measure.photographs.pictures import VIDEOS, Array, Picture, picture_files, read_picture, read_video
 from app.measure.photographs.report import VisionReport
+from vision.board.anchor import Anchor
+from vision.board.find import find_board
+from vision.board.orientation import orient
 from vision.board.view import BoardNotFound
 from vision.hands.stillness import VideoGate
 
 LOOKED_THROUGH: Final = 200
 """Frames at the beginning of a video in which the board is looked for: hands may be over it at first."""
 EVERY: Final = 5
-"""Every so manyth of them is tried."""
+"""One in so many of them is tried."""
+
+
+class CornersFrom(StrEnum):
+    """Who says where the board is."""
+
+    FIND = "find"
+    LABELS = "labels"
 
 
 def follow_folder(folder: Path, corners_from: CornersFrom, progress: Callable[[str], None]) -> VisionReport:
@@ -40,13 +50,67 @@ def follow_folder(folder: Path, corners_from: CornersFrom, progress: Callable[[s
         raise UserError(f"{folder} has no labels.json that says where the board is: use '--corners find'")
     start = chess.Board(labels.initial_fen) if labels is not None else chess.Board()
     marked = labels if corners_from is CornersFrom.LABELS else None
-    source = LabelledCorners(marked) if marked is not None else FoundCorners(start, progress)
+    source = labelled_corners(marked) if marked is not None else FoundCorners(start, progress)
     video = _video(folder, labels)
     if video is not None:
         views = _settled(video, labels.fps if labels is not None else None, source)
-        return follow(views, labels, source, progress)
-    files = picture_files(folder)
-    return follow(map(read_picture, files), labels, source, progress)
+    else:
+        views = map(read_picture, picture_files(folder))
+    return follow(views, labels, source, progress)
+
+
+def labelled_corners(labels: Labels) -> CornerSource:
+    """As people marked them."""
+    files = labels.by_file()
+
+    def corners(picture: Picture) -> Array:
+        label = files.get(picture.name)
+        found = (label.corners_px if label is not None else None) or labels.corners_px
+        if found is None:
+            raise BoardNotFound("the labels do not say where the board is: use '--corners find'")
+        return found.pixels()
+
+    return corners
+
+
+class FoundCorners:
+    """Found in the first picture, which shows the position ``start``, and followed from there.
+
+    ``progress`` is told where the corners are less exact than they should be, and what to do.
+    """
+
+    def __init__(self, start: chess.Board, progress: Callable[[str], None]) -> None:
+        self._start, self._progress = start, progress
+        self._anchor: Anchor | None = None
+        self._shape: tuple[int, ...] = ()
+
+    def __call__(self, picture: Picture) -> Array:
+        """As a ``CornerSource``."""
+        if self._anchor is None:
+            return self._begin(picture)
+        if picture.colour.shape != self._shape:
+            raise BoardNotFound(
+                f"this picture has {picture.colour.shape[1]}x{picture.colour.shape[0]} pixels and the first one had "
+                f"{self._shape[1]}x{self._shape[0]}: take all of them with one camera"
+            )
+        check = self._anchor.follow(picture.colour)
+        if check.moved:
+            self._anchor = Anchor(picture.colour, check.corners)
+        # where too little of the board is seen to tell, it is taken to be where it was; the squares then tell otherwise
+        return check.corners
+
+    def _begin(self, picture: Picture) -> Array:
+        board = find_board(picture.colour)
+        found = orient(picture.colour, board.corners, self._start)
+        if not found.sure:
+            raise BoardNotFound(
+                "the board is there, but which side is White's is not clear: does this picture show the position that "
+                "the game starts with?"
+            )
+        if board.doubt is not None:
+            self._progress(f"{picture.name}: {board.doubt}")
+        self._anchor, self._shape = Anchor(picture.colour, found.corners), picture.colour.shape
+        return found.corners
 
 
 def _video(folder: Path, labels: Labels | None) -> Path | None:
@@ -68,17 +132,15 @@ def _video(folder: Path, labels: Labels | None) -> Path | None:
 
 def _settled(path: Path, fps: float | None, source: CornerSource) -> Iterator[Picture]:
     """The settled views of a video, by its own frame times."""
-    corners = None
     trouble: BoardNotFound | None = None
     for picture in itertools.islice(read_video(path, fps), 0, LOOKED_THROUGH, EVERY):
         try:
-            corners = source.corners(picture)
+            gate = VideoGate(source(picture))
             break
         except BoardNotFound as error:
             trouble = error
-    if corners is None:
+    else:
         raise UserError(f"the board is not found in the first {LOOKED_THROUGH} frames of {path.name}: {trouble}")
-    gate = VideoGate(corners)
     for picture in read_video(path, fps):
         view = gate.update(picture.colour, picture.stamp)
         if view is not None:

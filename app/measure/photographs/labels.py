@@ -9,12 +9,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import chess
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from app import UserError
 from vision.board.view import CORNER_NAMES
@@ -74,7 +74,7 @@ class Interval(_Read):
 class Labels(_Read):
     """All that is known."""
 
-    schema_: Literal["chess-seq/1", "chess-video/1"]
+    schema_: Literal["chess-seq/1", "chess-video/1"] = Field(alias="schema")
     initial_fen: Fen = chess.STARTING_FEN
     corners_px: Corners | None = None
     frames: tuple[FrameLabel, ...] = ()
@@ -86,9 +86,7 @@ class Labels(_Read):
     def of_view(self, name: str, played: int) -> FrameLabel | None:
         """What is known of a settled view, None where nothing is.
 
-        Args:
-            name: of its file; of a video, the number of the frame.
-            played: plies that are known to have been played before it.
+        ``name``: its file's or, of a video, the number of the frame; ``played``: so many plies were played before it.
         """
         if self.video is None:
             return self.by_file().get(name)
@@ -112,19 +110,10 @@ def load_labels(folder: Path) -> Labels | None:
     if not path.exists():
         return None
     try:
-        content: dict[str, Any] = _renamed(path.read_text(encoding="utf-8"))
-        return Labels.model_validate(content)
+        return Labels.model_validate(json.loads(path.read_text(encoding="utf-8")))
     except ValidationError as error:
         first = error.errors()[0]
-        place = ".".join(str(part).removesuffix("_") for part in first["loc"])
+        place = ".".join(map(str, first["loc"])) or "labels"
         raise UserError(f"{path}: {place}: {first['msg']}: correct it, or move the file away") from error
     except (OSError, ValueError, RecursionError) as error:
         raise UserError(f"{path} cannot be read: {error}: correct it, or move the file away") from error
-
-
-def _renamed(text: str) -> dict[str, Any]:
-    """``schema`` is a name of pydantic's own."""
-    content = json.loads(text)
-    if not isinstance(content, dict):
-        raise ValueError("an object was expected")
-    return {("schema_" if key == "schema" else key): value for key, value in content.items()}

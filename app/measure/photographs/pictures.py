@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -18,8 +18,10 @@ PICTURES: Final = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", "
 VIDEOS: Final = frozenset({".avi", ".mp4", ".webm", ".mkv", ".mov", ".m4v"})
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Picture:
+Array = NDArray[np.float64]
+
+
+class Picture(NamedTuple):
     """One picture: its name, RGB pixels (h, w, 3), and in a video its time [s]."""
 
     name: str
@@ -35,7 +37,7 @@ def picture_files(folder: Path) -> list[Path]:
     """
     if not folder.is_dir():
         raise UserError(f"{folder} is no folder: name one with pictures or a video of a game")
-    files = sorted((one for one in folder.iterdir() if one.suffix.lower() in PICTURES), key=_natural)
+    files = sorted((one for one in folder.iterdir() if one.suffix.lower() in PICTURES), key=_by_numbers)
     if not files:
         raise UserError(f"there are no pictures in {folder}: {', '.join(sorted(PICTURES | VIDEOS))} are read")
     return files
@@ -54,11 +56,7 @@ def read_picture(path: Path) -> Picture:
 
 
 def read_video(path: Path, fps: float | None = None) -> Iterator[Picture]:
-    """Frames of a video, named by their numbers.
-
-    Args:
-        path: of the file.
-        fps: where the file's own rate is not to be believed [1/s].
+    """Frames of a video, named by their numbers; ``fps`` where the file's own rate is not to be believed [1/s].
 
     Raises:
         UserError: it cannot be read.
@@ -68,18 +66,16 @@ def read_video(path: Path, fps: float | None = None) -> Iterator[Picture]:
         rate = fps or video.get(cv2.CAP_PROP_FPS)
         if not video.isOpened() or not rate > 0.0:
             raise UserError(f"{path} is no video that can be read: save it as MP4 or WebM")
-        number = 0
-        while True:
+        for number in itertools.count():
             more, pixels = video.read()
             if not more:
                 return
             yield Picture(str(number), np.ascontiguousarray(pixels[..., ::-1], dtype=np.uint8), number / rate)
-            number += 1
     finally:
         video.release()
 
 
-def _natural(path: Path) -> tuple[list[tuple[int, int, str]], str]:
+def _by_numbers(path: Path) -> tuple[list[tuple[int, int, str]], str]:
     """Key for sorting: 2.jpg before 10.jpg."""
     parts = re.findall(r"\d+|\D+", path.name)
     return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts], path.name

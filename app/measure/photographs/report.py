@@ -46,7 +46,7 @@ class Score(Frozen):
 
 
 class VisionReport(Frozen):
-    """A game followed: ``score`` is None where nobody knows better.
+    """A game followed: ``score`` is None where the truth is not known.
 
     ``failed`` says why it could not be followed to the end.
     """

@@ -6,7 +6,7 @@ import chess
 import pytest
 
 from app.measure.bench.vision.actions import ClumsyHands
-from app.measure.bench.vision.games import Eye, Scene, open_studio, random_game
+from app.measure.bench.vision.games import BoardReader, Scene, open_studio, random_game
 from app.pieces.layout import start_layout
 from hardware.table import TableSettings
 from vision.pieces.verify import FaultKind, examine_board
@@ -20,19 +20,19 @@ OFF = 0.02
 def test_a_hidden_piece_that_was_knocked_over_does_not_look_as_it_did(seed: int, square: int) -> None:
     with open_studio(TABLE) as studio:
         scene, board = Scene(studio, TABLE, seed), chess.Board()
-        eye = Eye(scene.picture(board), board, TABLE)
+        reader = BoardReader(scene.picture(board), board, TABLE)
         for move in random_game(seed, 6 + seed % 40):
             board.push(move)
         frame = scene.picture(board)
-        eye.sight(frame)
+        reader.rectified(frame)
         expected = {piece.place.index: piece for piece in start_layout(board, TABLE) if piece.place.on_board}
-        first = examine_board(frame, eye.view, expected, tolerance=OFF)
+        first = examine_board(frame, reader.view, expected, tolerance=OFF)
         assert first.faults == ()
-        assert examine_board(scene.picture(), eye.view, expected, first.likeness, tolerance=OFF).faults == ()
+        assert examine_board(scene.picture(), reader.view, expected, first.likeness, tolerance=OFF).faults == ()
         hands = ClumsyHands(scene.table, TABLE, board, scene.rng)
         hands.knock(square)
         knocked = scene.photograph(hands.poses)
-        assert examine_board(knocked, eye.view, expected, tolerance=OFF).faults == (), "it is a hidden one"
-        (fault,) = examine_board(knocked, eye.view, expected, first.likeness, tolerance=OFF).faults
+        assert examine_board(knocked, reader.view, expected, tolerance=OFF).faults == (), "it is a hidden one"
+        (fault,) = examine_board(knocked, reader.view, expected, first.likeness, tolerance=OFF).faults
     assert (fault.kind, fault.square) == (FaultKind.FALLEN, square)
     assert "does not look as it did" in fault.sentence

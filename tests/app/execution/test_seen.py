@@ -13,8 +13,6 @@ from app.motion import MotionSettings, Plan, Planner, PlanRefused
 from app.pieces.inventory import Inventory, InventoryError, Transfer
 from app.pieces.layout import start_layout
 from app.play.hand_moves import hand_transfers
-from controller.law.task_space import TaskSpaceController
-from controller.model.constants import DeltaModel
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece
@@ -132,12 +130,9 @@ def test_the_arm_sets_pieces_right(off: tuple[float, float]) -> None:
     seen = {transfer.name: transfer.seen for transfer in plan}
     standing = [StandingPiece(p, *(seen.get(p.name) or TABLE.xy(p.place)), 0.3) for p in now]
     plant = Plant(build_model(PARAMETERS, TABLE, standing, HOME), PARAMETERS, tuple(p.name for p in now))
-    bed = Bed(plant, PARAMETERS, TABLE, TaskSpaceController(DeltaModel(PARAMETERS)))
-    supervisor = bed.supervisor
-    arm = bed.planner(MOTION, now.table).ply("set right", plan, now)
-    for index in range(len(arm.motions)):
-        motion = arm.motions[index].continued(supervisor.reference.position)
-        bed.carry_out(motion, followed=index < len(arm.motions) - 1)
+    bed = Bed(plant, TABLE, MOTION)
+    arm = bed.planner().ply("set right", plan, now)
+    bed.execute_plan(arm, joined=True)
     goals = {piece.name: piece.place for piece in now} | {transfer.name: transfer.target for transfer in plan}
     for pose in plant.truth(reset_peak=False).pieces:
         x, y = TABLE.xy(goals[pose.name])

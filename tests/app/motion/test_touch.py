@@ -40,7 +40,7 @@ def push(plant: Plant) -> float:
 def test_a_touch_ends_the_motion_at_its_force(place: tuple[float, float]) -> None:
     above = TABLE.base_from_board(np.array([*place, 0.010]))
     plant = Plant(build_model(PARAMETERS, TABLE, (), above, looks=False), PARAMETERS, ())
-    bed = Bed(plant, PARAMETERS, TABLE)
+    bed = Bed(plant, TABLE)
     start = bed.supervisor.reference.position.copy()
     samples = way(start, start + np.array([0.0, 0.0, 0.014]), 0.010)
     samples["guard"], samples["guard_level"] = int(Guard.TOUCH), LEVEL
@@ -61,7 +61,7 @@ def test_a_touch_ends_the_motion_at_its_force(place: tuple[float, float]) -> Non
 def test_a_touch_that_does_not_come_is_no_touch() -> None:
     above = TABLE.base_from_board(np.array([0.0, 0.0, 0.060]))
     plant = Plant(build_model(PARAMETERS, TABLE, (), above, looks=False), PARAMETERS, ())
-    bed = Bed(plant, PARAMETERS, TABLE)
+    bed = Bed(plant, TABLE)
     start = bed.supervisor.reference.position.copy()
     samples = way(start, start + np.array([0.0, 0.0, 0.030]), 0.20)
     samples["guard"], samples["guard_level"] = int(Guard.TOUCH), LEVEL

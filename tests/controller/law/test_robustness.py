@@ -14,10 +14,10 @@ from controller.model.kinematics import Status
 from controller.model.reach import posture_at
 from controller.model.workspace import working_heights
 from controller.offline import constrained
-from controller.offline.linear import linearise, sampled_loop
 from controller.offline.simulation import ConstrainedArm, Moment
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.table import TableSettings, square_place
+from tests.controller.linear import linearise, sampled_loop
 
 PARAMETERS = load_parameters()
 MODEL = DeltaModel(PARAMETERS)

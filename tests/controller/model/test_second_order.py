@@ -12,9 +12,9 @@ from controller.model.kinematics import arm_directions
 from controller.model.reach import jacobians_at, posture_at, tool_point_at
 from controller.model.second_order import arm_hessian, tool_drift, unmeasured_drift, velocity_torque
 from controller.offline import constrained
-from controller.offline.linear import linearise, pose_at, tool_hessian
 from controller.offline.simulation import ConstrainedArm
 from hardware.parameters import load_parameters
+from tests.controller.linear import linearise, pose_at, tool_hessian
 
 MODEL = DeltaModel(load_parameters())
 ARM = ConstrainedArm(MODEL)

@@ -13,10 +13,10 @@ from controller.model.constants import DeltaModel
 from controller.model.kinematics import Status
 from controller.model.reach import Unreachable
 from controller.offline import constrained
-from controller.offline.linear import linearise
 from controller.offline.simulation import ArmMotion, ConstrainedArm, Method, Moment, SimulationFailed, Trajectory
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.table import TableSettings, square_place
+from tests.controller.linear import linearise
 
 PARAMETERS = load_parameters()
 MODEL = DeltaModel(PARAMETERS)

@@ -5,14 +5,16 @@ So ticks repeat exactly, and a bench sees both sides of every one of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.motion import Motion, MotionSettings, Plan, Planner
+from app.motion.gains import critical
 from app.motion.path import Vector
+from app.motion.timing.reference import Bounds, dwell, join, line, to_samples
 from controller.law.task_space import TaskSpaceController
 from controller.loop.admission import Ended
 from controller.loop.supervisor import Supervisor
@@ -23,8 +25,7 @@ from controller.protocol.causes import explain
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import State
 from controller.settings import ControllerSettings
-from hardware.interfaces import Command, Measurement
-from hardware.parameters import RobotParameters
+from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.imperfections import Flaws
@@ -33,7 +34,7 @@ from hardware.table import TableSettings
 
 LEAD: Final = 8
 """Ticks between an announcement and the first sample, as on any lockstep bus."""
-_BOOT_TICKS = 400
+_BOOT_TICKS: Final = 400
 
 
 class Bed:
@@ -41,15 +42,14 @@ class Bed:
 
     Args:
         plant: arm and what stands around it.
-        parameters: robot.
-        table: from which the limits of the protection follow.
+        table: from which the limits of the protection follow, and by which motions are planned.
+        settings: by which motions are planned.
         law: estimator and law; by default a new one.
+        listeners: called after every tick.
 
     Attributes:
-        plant: arm and what stands around it.
-        parameters: robot.
         supervisor: states, protection, law.
-        watchers: called after every tick.
+        listeners: called after every tick; may be added to.
 
     Raises:
         RuntimeError: the arm does not get so far as to hold.
@@ -58,26 +58,32 @@ class Bed:
     def __init__(
         self,
         plant: Plant,
-        parameters: RobotParameters,
         table: TableSettings,
+        settings: MotionSettings | None = None,
         law: TaskSpaceController | None = None,
+        listeners: Sequence[Callable[[Supervisor], None]] = (),
     ) -> None:
-        self.plant, self.parameters = plant, parameters
-        law = law or TaskSpaceController(DeltaModel(parameters))
-        limits = default_limits(parameters, table)
-        self.supervisor = Supervisor(law, limits, ControllerSettings(), parameters.drive.tick, lockstep=True)
-        self.watchers: list[Callable[[], None]] = []
+        self.plant, self.table, self.settings = plant, table, settings or MotionSettings()
+        self.parameters = plant.parameters
+        law = law or TaskSpaceController(DeltaModel(self.parameters))
+        limits = default_limits(self.parameters, table)
+        self.supervisor = Supervisor(law, limits, ControllerSettings(), self.parameters.drive.tick, lockstep=True)
+        self.listeners = list(listeners)
         self._motions = 0
-        self._boot()
+        for _ in range(_BOOT_TICKS):
+            self.tick()
+            if self.supervisor.state is State.HOLD:
+                return
+        raise RuntimeError(f"the arm does not hold after {_BOOT_TICKS} ticks: it is in {self.supervisor.state.name}")
 
     @property
     def arm(self) -> tuple[Vector, float]:
         """Where the arm is to be, base frame (3,), and where its fingers are [m]."""
         return self.supervisor.reference.position.copy(), self.supervisor.measurement.finger_position
 
-    def planner(self, settings: MotionSettings, table: TableSettings) -> Planner:
-        """From where the arm is, with the table that is believed."""
-        return Planner.of(settings, self.parameters, table, *self.arm, LEAD)
+    def planner(self) -> Planner:
+        """From where the arm is."""
+        return Planner.of(self.settings, self.parameters, self.table, *self.arm, LEAD)
 
     def positions(self) -> dict[str, Vector]:
         """Where each piece stands, board frame (3,) [m]."""
@@ -85,27 +91,18 @@ class Bed:
 
     def tick(self) -> None:
         """One exchange: the measurement is of the plant before the command acts."""
-        self.supervisor.advance(self._exchange(self.supervisor.command()))
-        for watch in self.watchers:
-            watch()
-
-    def _exchange(self, command: Command) -> Measurement:
+        command = self.supervisor.command()
         measurement = self.plant.measure(standing=False)
         self.plant.apply(command)
         self.plant.step()
-        return measurement
+        self.supervisor.advance(measurement)
+        for listener in self.listeners:
+            listener(self.supervisor)
 
     def wait(self, duration: float) -> None:
         """Let so much time pass [s]."""
         for _ in range(round(duration / self.parameters.drive.tick)):
             self.tick()
-
-    def _boot(self) -> None:
-        for _ in range(_BOOT_TICKS):
-            self.tick()
-            if self.supervisor.state is State.HOLD:
-                return
-        raise RuntimeError(f"the arm does not hold after {_BOOT_TICKS} ticks: it is in {self.supervisor.state.name}")
 
     def begin(self, samples: NDArray[Any], followed: bool = False) -> None:
         """Announce a motion, shape (n,) of type ``SAMPLE``, and hand all of it over."""
@@ -138,25 +135,33 @@ class Bed:
         for index, motion in enumerate(plan.motions):
             yield motion.continued(self.arm[0]), index < len(plan.motions) - 1
 
+    def execute_plan(self, plan: Plan, *, joined: bool = False) -> None:
+        """All motions of a plan, each from rest or (``joined``) announced as followed; errors as of ``carry_out``."""
+        for motion, followed in self.continued(plan):
+            self.carry_out(motion, joined and followed)
+
+
+def straight(start: Vector, end: Vector, bounds: Bounds, frequency: float, tick: float) -> NDArray[Any]:
+    """Samples of a straight motion from a reference to a point, base frame (3,) [m], with the fingers at rest.
+
+    The gains are critically damped at a frequency [rad/s]; ``tick`` in [s].
+    """
+    path = join([dwell(start, 1), line(start, end, bounds, tick)])
+    return to_samples(path, critical((frequency,) * 3, len(path)), np.zeros(len(path)))
+
 
 def plant_of(
     standing: tuple[StandingPiece, ...],
     table: TableSettings,
     settings: MotionSettings,
-    parameters: RobotParameters,
     flaws: Flaws | None = None,
     *,
     looks: bool = False,
 ) -> Plant:
-    """The plant of a test bed with these pieces on its table and the arm at home.
+    """The plant of a test bed with these pieces on its table and the arm at home; flaws as of ``Plant``.
 
-    Args:
-        standing: pieces.
-        table: board and trays.
-        settings: say where home is.
-        parameters: robot.
-        flaws: as of ``Plant``.
-        looks: as of ``build_model``: as in a game, whose motion differs in its last digits from that of a bare world.
+    With ``looks`` as in a game, whose motion differs in its last digits from that of a bare world.
     """
+    parameters = load_parameters()
     model = build_model(parameters, table, standing, np.array(settings.home), looks=looks)
     return Plant(model, parameters, tuple(piece.spec.name for piece in standing), flaws=flaws)

@@ -10,12 +10,13 @@ from __future__ import annotations
 import random
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from typing import Final, NamedTuple
 
 import chess
 import numpy as np
 
 from app.measure.bench.beds.bed import Bed, plant_of
+from app.measure.bench.report import Progress
 from app.motion import MotionSettings, Plan
 from app.motion.path import Vector
 from app.pieces.inventory import Inventory, MoveKind, Ply
@@ -24,88 +25,67 @@ from app.pieces.manipulation import transfers
 from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Triple
-from hardware.parameters import RobotParameters
+from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.placed import StandingPiece
-from hardware.table import Kind, PieceSpec, TableSettings
+from hardware.table import PieceSpec, TableSettings
 
-PLIES_A_WORLD = 6
-MOST_OPENING = 60
+PLIES_A_WORLD: Final = 6
+GRASPS_A_WORLD: Final = 10
+MOST_OPENING: Final = 60
 """Random moves before the plies of a world."""
 
 
-@dataclass(frozen=True, slots=True)
-class Disorder:
-    """What is not as the controller believes.
-
-    Attributes:
-        offset: pieces stand up to so far off along x and y [m].
-        mass_error: masses of the arm are believed wrong by up to this share.
-    """
+class Disorder(NamedTuple):
+    """What is not as the controller believes."""
 
     offset: tuple[float, float] = (0.0, 0.0)
+    """Pieces stand up to so far off along x and y [m]."""
     mass_error: float = 0.0
+    """Masses of the arm are believed wrong by up to this share."""
 
 
-@dataclass(frozen=True, slots=True)
-class Done:
-    """One ply.
-
-    Attributes:
-        ply: the move.
-        plan: how it was planned.
-        planning: time that took [s, wall].
-        duration: from the first tick to the last [s].
-        torques: of each tick, (n, 3) [N m].
-        released: how far each piece stands from its place's centre, by name [m]; only of those not moved before.
-        tool: how far the tool was from the plan when each piece touched the board, seen from above [m].
-        disturbed: how far the farthest of the other pieces was moved [m].
-        peak_contact: the largest contact force [N].
-    """
+class Done(NamedTuple):
+    """One ply."""
 
     ply: Ply
     plan: Plan
     planning: float
+    """Time that planning took [s, wall]."""
     duration: float
+    """From the first tick to the last [s]."""
     torques: Vector
+    """Of each tick, (n, 3) [N m]."""
     released: dict[str, float]
-    kinds: dict[str, Kind]
-    tool: tuple[float, ...]
+    """How far each piece stands from its place's centre, by name [m]; only of those not moved before."""
+    tool: list[float]
+    """How far the tool was from the plan when each piece touched the board, seen from above [m]."""
     disturbed: float
+    """How far the farthest of the other pieces was moved [m]."""
     peak_contact: float
+    """The largest contact force [N]."""
 
 
 class GameBed(Bed):
     """A test bed with pieces set up, and how the game on it stands."""
 
     def __init__(
-        self,
-        board: chess.Board,
-        settings: MotionSettings,
-        parameters: RobotParameters,
-        table: TableSettings,
-        disorder: Disorder,
-        seed: int,
+        self, board: chess.Board, settings: MotionSettings, table: TableSettings, disorder: Disorder, seed: int
     ) -> None:
         rng = np.random.default_rng(seed)
-        self.board, self.settings = board, settings
+        self.board = board
         self.inventory = Inventory.of(start_layout(board, table), table)
         standing = stand_off(tuple(self.inventory), table, disorder, rng)
-        law = TaskSpaceController(DeltaModel(believed(parameters, disorder, rng)))
-        super().__init__(plant_of(standing, table, settings, parameters, looks=True), parameters, table, law)
+        law = TaskSpaceController(DeltaModel(believed(load_parameters(), disorder, rng)))
+        super().__init__(plant_of(standing, table, settings, looks=True), table, settings, law)
         self.moved: set[str] = set()
         self._torques: list[Triple] = []
-        self.watchers.append(lambda: self._torques.append(self.supervisor.torque))
-
-    @property
-    def table(self) -> TableSettings:
-        """As the planner believes it to be."""
-        return self.inventory.table
+        self.listeners.append(lambda supervisor: self._torques.append(supervisor.torque))
 
     def planned(self, move: chess.Move) -> tuple[Ply, Plan, float]:
-        """Plan a ply."""
+        """Plan a ply; and how long that took [s, wall]."""
         ply = transfers(self.board, move, self.inventory)
         since = time.perf_counter()
-        plan = self.planner(self.settings, self.table).ply(ply.san, ply.transfers, self.inventory)
+        plan = self.planner().ply(ply.san, ply.transfers, self.inventory)
         return ply, plan, time.perf_counter() - since
 
     def play(self, move: chess.Move) -> Done:
@@ -135,11 +115,28 @@ class GameBed(Bed):
         self.inventory = self.inventory.after(ply)
         self.moved |= changes.keys()
         peak = self.plant.truth(reset_peak=False).peak_contact_force
-        kinds = {transfer.name: transfer.kind for transfer in ply.transfers}
-        return Done(
-            ply, plan, planning, duration, np.array(self._torques), released, kinds, tuple(tool),
-            max(others, default=0.0), peak,
-        )  # fmt: skip
+        torques = np.array(self._torques)
+        return Done(ply, plan, planning, duration, torques, released, tool, max(others, default=0.0), peak)
+
+    def slide(self, move: chess.Move) -> float:
+        """Grasp the piece of a quiet move where it stands, let go of it and go home; how far it was pushed [m].
+
+        Raises:
+            RuntimeError: the piece was not gripped.
+        """
+        ply, plan, _ = self.planned(move)
+        name, kind = ply.transfers[0].name, ply.transfers[0].kind
+        before = self.positions()[name]
+        for motion in plan.motions[:2]:
+            self.carry_out(motion)
+        pushed = float(np.hypot(*(self.positions()[name] - before)[:2]))
+        for motion in self.planner().home(kind).motions:
+            self.carry_out(motion)
+        return pushed
+
+
+ALONG_THE_FINGERS: Final = Disorder(offset=(0.003, 0.0))
+"""Pieces stand off along the fingers' axis."""
 
 
 def stand_off(
@@ -177,9 +174,8 @@ def positions(seed: int) -> Iterator[chess.Board]:
             yield board
 
 
-@dataclass(slots=True)
 class Games:
-    """Plies of random games under the same circumstances.
+    """Plies of random games under the same circumstances, carried out until so many transfers are done.
 
     Attributes:
         done: in order; each world's follow each other.
@@ -187,25 +183,19 @@ class Games:
         worlds: how many plies each world did.
     """
 
-    settings: MotionSettings
-    parameters: RobotParameters
-    table: TableSettings
-    disorder: Disorder
-    seed: int
-    plies: int = PLIES_A_WORLD
-    done: list[Done] = field(default_factory=list)
-    failures: list[str] = field(default_factory=list)
-    worlds: list[int] = field(default_factory=list)
-
-    def run(self, transfers_wanted: int) -> None:
-        """Until so many transfers are done."""
-        rng, made = random.Random(self.seed), 0
-        for number, board in enumerate(positions(self.seed)):
+    def __init__(
+        self, transfers_wanted: int, settings: MotionSettings, table: TableSettings, disorder: Disorder, seed: int
+    ) -> None:
+        self.done: list[Done] = []
+        self.failures: list[str] = []
+        self.worlds: list[int] = []
+        rng, made = random.Random(seed), 0
+        for number, board in enumerate(positions(seed)):
             if made >= transfers_wanted:
                 return
-            bed = GameBed(board, self.settings, self.parameters, self.table, self.disorder, self.seed + number)
+            bed = GameBed(board, settings, table, disorder, seed + number)
             self.worlds.append(0)
-            for _ in range(self.plies):
+            for _ in range(PLIES_A_WORLD):
                 if board.is_game_over() or made >= transfers_wanted:
                     break
                 move = rng.choice(list(board.legal_moves))
@@ -222,3 +212,28 @@ class Games:
     def durations(self, kind: MoveKind) -> list[float]:
         """Of plies of a kind [s]."""
         return [one.duration for one in self.done if one.ply.kind is kind]
+
+
+def slides(count: int, settings: MotionSettings, seed: int, progress: Progress) -> list[float]:
+    """How far each of so many pieces is pushed before both fingers hold it, seen from above [m].
+
+    Raises:
+        RuntimeError: a piece was not gripped.
+    """
+    rng, found = random.Random(seed), list[float]()
+    for number, board in enumerate(positions(seed)):
+        bed = GameBed(board, settings, TableSettings(), ALONG_THE_FINGERS, seed + number)
+        for move in _one_a_piece(board, rng)[:GRASPS_A_WORLD]:
+            found.append(bed.slide(move))
+            if len(found) == count:
+                return found
+        if number % 10 == 0:
+            progress(f"{len(found)} of {count} grasps, k* = {settings.gains.tactile_gain:g}")
+    raise AssertionError("positions never end")
+
+
+def _one_a_piece(board: chess.Board, rng: random.Random) -> list[chess.Move]:
+    """A quiet move of every piece that has one."""
+    moves = [move for move in board.legal_moves if not board.is_capture(move) and not board.is_castling(move)]
+    rng.shuffle(moves)
+    return list({move.from_square: move for move in moves if move.promotion is None}.values())

@@ -1,7 +1,4 @@
-"""Ticks of a game as the controller lives them: its supervisor and the simulated plant in one process, in lockstep.
-
-Everything is what a demo in pace ``fast`` runs, but for the sockets between them; so the ticks repeat exactly.
-"""
+"""Ticks of a game as the controller lives them, on a test bed; so they repeat exactly."""
 
 from __future__ import annotations
 
@@ -17,6 +14,7 @@ from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.players.given_line import parse_line
 from controller.law.task_space import TaskSpaceController
+from controller.loop.supervisor import Supervisor
 from controller.model.compiled import FloatArray
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import Status
@@ -57,7 +55,6 @@ class TickRecording:
     parameters: RobotParameters
     boot: tuple[Tick, ...]
     ticks: tuple[Tick, ...]
-    plies: int
 
 
 class _Listening(TaskSpaceController):
@@ -82,46 +79,29 @@ def found(law: TaskSpaceController) -> FloatArray:
     return np.concatenate([law.state.position, law.state.velocity, law.state.quality[2:]])
 
 
-class _RecordedBed(Bed):
-    """Of which every tick is recorded."""
-
-    def __init__(self, inventory: Inventory, motion: MotionSettings, seed: int) -> None:
-        parameters, table = load_parameters(), inventory.table
-        world = WorldSettings(pieces=tuple(inventory), home=motion.home, table=table, seed=seed, cameras=False)
-        self.law = _Listening(DeltaModel(parameters))
-        plant = plant_of(stand_pieces(world), table, motion, parameters, looks=True)
-        super().__init__(plant, parameters, table, self.law)
-
-    def tick(self) -> None:
-        super().tick()
-        if self.law.ticks[-1].reference is not None:
-            self.law.ticks[-1] = replace(self.law.ticks[-1], torque=self.supervisor.torque)
-
-
 def record(ticks: int, seed: int) -> TickRecording:
-    """Play the line until so many ticks with torque are recorded.
-
-    Args:
-        ticks: wanted; the recording has exactly as many.
-        seed: decides how the pieces were set up.
+    """Play the line until so many ticks with torque are recorded; the seed decides how the pieces were set up.
 
     Raises:
         RuntimeError: the line is too short, or a motion of it failed.
     """
-    board, table, settings = chess.Board(), TableSettings(), MotionSettings()
+    board, table, motion = chess.Board(), TableSettings(), MotionSettings()
     inventory = Inventory.of(start_layout(board, table), table)
-    bed = _RecordedBed(inventory, settings, seed)
-    boot = sum(tick.reference is None for tick in bed.law.ticks)
-    plies = 0
+    world = WorldSettings(pieces=tuple(inventory), home=motion.home, table=table, seed=seed, cameras=False)
+    law = _Listening(DeltaModel(load_parameters()))
+
+    def note_torque(supervisor: Supervisor) -> None:
+        if law.ticks[-1].reference is not None:
+            law.ticks[-1] = replace(law.ticks[-1], torque=supervisor.torque)
+
+    bed = Bed(plant_of(stand_pieces(world), table, motion, looks=True), table, motion, law, [note_torque])
+    boot = sum(tick.reference is None for tick in law.ticks)
     for move in parse_line(LINE, board):
         ply = transfers(board, move, inventory)
-        plan = bed.planner(settings, table).ply(ply.san, ply.transfers, inventory)
-        for motion, followed in bed.continued(plan):
-            bed.carry_out(motion, followed)
-        plies += 1
+        bed.execute_plan(bed.planner().ply(ply.san, ply.transfers, inventory), joined=True)
         board.push(move)
         inventory = inventory.after(ply)
-        if len(bed.law.ticks) - boot >= ticks:
-            heard = tuple(bed.law.ticks)
-            return TickRecording(bed.parameters, heard[:boot], heard[boot : boot + ticks], plies)
-    raise RuntimeError(f"the line of {plies} plies gave {len(bed.law.ticks) - boot} ticks, {ticks} are wanted")
+        if len(law.ticks) - boot >= ticks:
+            heard = tuple(law.ticks)
+            return TickRecording(bed.parameters, heard[:boot], heard[boot : boot + ticks])
+    raise RuntimeError(f"the line {LINE} gave {len(law.ticks) - boot} ticks, {ticks} are wanted")

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.measure.bench.beds.bed import LEAD, Bed
-from app.motion import Motion, MotionSettings, Planner
+from app.motion import PROFILES, Motion, MotionSettings, Planner, Profile
 from app.pieces.inventory import Inventory, Stage, Transfer
 from controller.protocol import Guard
-from hardware.parameters import RobotParameters
+from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.touchdown_world import FELT_STIFFNESS, WOOD_STIFFNESS, board_force, build_touchdown_world
 from hardware.sim.plant.plant import Plant
@@ -24,23 +23,17 @@ _LASTING: Final = 0.01
 """The end of the motion, over which the force is averaged [s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Touchdown:
-    """One trial.
-
-    Attributes:
-        error: the target square is so much higher than believed [m].
-        stiffness: of the piece's foot on the board [N/m].
-        guard: the touch guard ends the way down.
-        schedule: z₃ is soft near the board, else as stiff as in the air.
-        kind: of the piece.
-        target: where it is set down.
-    """
+class Touchdown(NamedTuple):
+    """One trial."""
 
     error: float
+    """The target square is so much higher than believed [m]."""
     stiffness: float = FELT
+    """Of the piece's foot on the board [N/m]."""
     guard: bool = True
+    """The touch guard ends the way down."""
     schedule: bool = True
+    """z₃ is soft near the board, else as stiff as in the air."""
     kind: Kind = Kind.KING
     target: Place = TARGET
 
@@ -52,7 +45,7 @@ class Pressed(NamedTuple):
     lasting: float
 
 
-def set_down(trial: Touchdown, settings: MotionSettings, parameters: RobotParameters) -> Pressed:
+def set_down(trial: Touchdown) -> Pressed:
     """Set a piece down in the world.
 
     The piece comes from a square of the believed height, so that it hangs in the fingers as it should: what is wrong is
@@ -61,21 +54,20 @@ def set_down(trial: Touchdown, settings: MotionSettings, parameters: RobotParame
     Raises:
         RuntimeError: the piece was not gripped, or never met the board.
     """
+    settings, parameters = PROFILES[Profile.DEFAULT], load_parameters()
     nominal = TableSettings()
     z1, z2, z3 = nominal.centre_in_base
     believed = nominal.model_copy(update={"centre_in_base": (z1, z2, z3 - max(0.0, -trial.error))})
     spec = PieceSpec("piece", trial.kind, Colour.WHITE, SOURCE)
-    transfer = Transfer(spec.name, spec.kind, spec.colour, SOURCE, trial.target)
-    finger = parameters.gripper.stroke / 2.0
-    planner = Planner.of(settings, parameters, believed, np.array(settings.home), finger, LEAD)
-    plan = planner.ply("", [transfer], Inventory.of([spec], believed))
+    home, finger = np.array(settings.home), parameters.gripper.stroke / 2.0
+    planner = Planner.of(settings, parameters, believed, home, finger, LEAD)
+    plan = planner.ply("", [Transfer.of(spec, trial.target)], Inventory.of([spec], believed))
     x, y = nominal.xy(SOURCE)
     piece = StandingPiece(spec, x, y, height=max(0.0, -trial.error))
     raised = nominal.xy(trial.target) if trial.error > 0.0 else (x, y), abs(trial.error)
-    home = np.array(settings.home)
     world = build_touchdown_world(parameters, nominal, piece, raised, home, trial.stiffness)
     plant = Plant(world, parameters, (spec.name,))
-    bed = Bed(plant, parameters, believed)
+    bed = Bed(plant, believed)
     ways = {motion.stage: motion for motion in plan.motions}
     bed.carry_out(ways[Stage.APPROACH])
     bed.carry_out(ways[Stage.GRASP], followed=True)

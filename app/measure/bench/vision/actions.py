@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -11,11 +12,10 @@ import chess
 import numpy as np
 
 from app.measure.bench.report import Progress, Row, row
-from app.measure.bench.vision.games import Eye, GameTally, Scene, open_studio, random_game
-from app.measure.bench.vision.positions import RandomTable
+from app.measure.bench.vision.games import BoardReader, RandomTable, Scene, open_studio, random_game
 from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import PlacedPiece
-from hardware.table import PIECE_SHAPES, TableSettings, square_place
+from hardware.table import PIECE_SHAPES, Kind, TableSettings, square_place
 from vision.pieces.swapped import KnownPicture, looked_closer
 from vision.pieces.verify import examine_board
 from vision.reading.diagnosis import explain
@@ -37,64 +37,52 @@ LINES: Final = (
 
 
 class ClumsyHands:
-    """What a person's hands can do to a set-up.
-
-    Args:
-        table: how the pieces stand, and where they should.
-        settings: board and trays.
-        board: the position.
-        rng: chooses.
-    """
+    """What a person's hands can do to a position that is set up on a table."""
 
     def __init__(
         self, table: RandomTable, settings: TableSettings, board: chess.Board, rng: np.random.Generator
     ) -> None:
         self.board, self.rng = board, rng
-        self._table, self._settings = table, settings
+        self.table, self.settings = table, settings
         self.poses: Poses = dict(table.poses)
         self.touched: set[int] = set()
 
     def name(self, square: int) -> str:
         """Of the piece on a square."""
-        name = self._table.standing_on(square)
-        assert name is not None
-        return name
+        return self.table.standing_on(square)
 
     def put(self, name: str, square: int) -> None:
         """Put a piece on a square."""
-        self.poses[name] = self._table.put_down(name, square_place(square))
+        self.poses[name] = self.table.put_down(name, square_place(square))
         self.touched.add(square)
 
-    def lift(self, square: int) -> str:
-        """Take off what stands on a square; its name."""
-        name = self.name(square)
-        del self.poses[name]
+    def lift(self, square: int) -> None:
+        """Take off what stands on a square."""
+        del self.poses[self.name(square)]
         self.touched.add(square)
-        return name
 
     def carry(self, start: int, end: int) -> None:
         """Move a piece, and take off what stood there."""
-        name = self.lift(start)
+        self.lift(start)
         if self.board.piece_at(end) is not None:
             self.lift(end)
-        self.put(name, end)
+        self.put(self.name(start), end)
 
     def shift(self, square: int, share: float) -> None:
         """Push a piece towards a neighbour by a share of a square's side."""
-        pose, side = self.poses[self.name(square)], self._settings.square
+        pose, side = self.poses[self.name(square)], self.settings.square
         angle = 0.5 * np.pi * self.rng.integers(4)
-        x, y = self._settings.xy(square_place(square))
+        x, y = self.settings.xy(square_place(square))
         dx, dy = share * side * np.cos(angle), share * side * np.sin(angle)
         self.poses[pose.name] = replace(pose, x=float(x + dx), y=float(y + dy))
         self.touched.add(square)
 
     def knock(self, square: int) -> None:
         """Knock a piece over: it lies beside its place."""
-        pose = self.poses[self.name(square)]
-        piece = self.board.piece_at(square)
+        pose, piece = self.poses[self.name(square)], self.board.piece_at(square)
         assert piece is not None
-        kind = next(shape for kind, shape in PIECE_SHAPES.items() if kind.value == chess.piece_name(piece.piece_type))
-        self.poses[pose.name] = replace(pose, height=kind.foot_radius, tip=0.5 * np.pi)
+        shape = PIECE_SHAPES[Kind(chess.piece_name(piece.piece_type))]
+        self.poses[pose.name] = replace(pose, height=shape.foot_radius, tip=0.5 * np.pi)
         self.touched.add(square)
 
     def pick(self, these: Sequence[_T]) -> _T:
@@ -102,7 +90,7 @@ class ClumsyHands:
         return these[int(self.rng.integers(len(these)))]
 
     def side(self) -> chess.Color:
-        """One of them."""
+        """One of the two."""
         return bool(self.rng.random() < 0.5)
 
     def pieces(self, colour: chess.Color) -> list[int]:
@@ -143,10 +131,6 @@ def _own_piece_taken(hands: ClumsyHands) -> None:
     hands.carry(start, hands.pick([square for square in own if square != start]))
 
 
-def _wrong_side(hands: ClumsyHands) -> None:
-    hands.carry(hands.pick(hands.pieces(not hands.board.turn)), hands.empty())
-
-
 def _missing(hands: ClumsyHands) -> None:
     hands.lift(hands.piece())
 
@@ -181,14 +165,6 @@ def _taken_back(hands: ClumsyHands) -> None:
         hands.carry(last.to_square, last.from_square)
 
 
-def _half_castled(hands: ClumsyHands) -> None:
-    _first_piece_only(hands, hands.board.is_castling, _illegal)
-
-
-def _en_passant_left(hands: ClumsyHands) -> None:
-    _first_piece_only(hands, hands.board.is_en_passant, _extra)
-
-
 def _first_piece_only(
     hands: ClumsyHands, sort: Callable[[chess.Move], bool], otherwise: Callable[[ClumsyHands], None]
 ) -> None:
@@ -211,70 +187,58 @@ def _capture_begun(hands: ClumsyHands) -> None:
         hands.lift(move.from_square)
 
 
-def _between(hands: ClumsyHands) -> None:
-    hands.shift(hands.piece(), 0.5)
-
-
-def _knocked_over(hands: ClumsyHands) -> None:
-    hands.knock(hands.piece())
-
-
 def _swept(hands: ClumsyHands) -> None:
     for square in hands.pieces(True)[:4] + hands.pieces(False)[:4]:
         hands.lift(square)
 
 
 SORTS: Final[Mapping[str, Callable[[ClumsyHands], None]]] = {
-    "illegal move": _illegal, "own piece taken": _own_piece_taken, "wrong side": _wrong_side, "missing": _missing,
-    "extra": _extra, "recoloured": _recoloured, "both moved": partial(_twice, own=False),
-    "moved twice": partial(_twice, own=True), "taken back": _taken_back, "half castled": _half_castled,
-    "en passant left": _en_passant_left, "capture begun": _capture_begun, "between squares": _between,
-    "knocked over": _knocked_over, "swept off": _swept,
-}  # fmt: skip
+    "illegal move": _illegal,
+    "own piece taken": _own_piece_taken,
+    "wrong side": lambda hands: hands.carry(hands.pick(hands.pieces(not hands.board.turn)), hands.empty()),
+    "missing": _missing,
+    "extra": _extra,
+    "recoloured": _recoloured,
+    "both moved": partial(_twice, own=False),
+    "moved twice": partial(_twice, own=True),
+    "taken back": _taken_back,
+    "half castled": lambda hands: _first_piece_only(hands, hands.board.is_castling, _illegal),
+    "en passant left": lambda hands: _first_piece_only(hands, hands.board.is_en_passant, _extra),
+    "capture begun": _capture_begun,
+    "between squares": lambda hands: hands.shift(hands.piece(), 0.5),
+    "knocked over": lambda hands: hands.knock(hands.piece()),
+    "swept off": _swept,
+}
 
 
 def action_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """All sorts, in random positions, light and camera: whether one was accepted, whether its squares were named."""
-    accepted, unnamed = judge_actions(ACTIONS[quick], 0, progress)
+    accepted, unnamed = list[float](), list[float]()
+    settings, count = TableSettings(), ACTIONS[quick]
+    with open_studio(settings) as studio:
+        for seed in itertools.count():
+            scene = Scene(studio, settings, 5000 + seed)
+            board = chess.Board()
+            reader = BoardReader(scene.picture(board), board, settings)
+            for san in _line(seed):
+                board.push(san)
+            before = KnownPicture(scene.picture(board), reader.view)
+            reader.observer.confirm(reader.observer.look(reader.rectified(before.frame)), board)
+            for sort, act in list(SORTS.items())[: count - len(accepted)]:
+                hands = ClumsyHands(scene.table, settings, board, scene.rng)
+                act(hands)
+                if _is_legal(hands):
+                    continue
+                bad, named = _judge(reader, before, scene, hands)
+                accepted.append(float(bad))
+                unnamed.append(float(not named))
+                progress(f"set-up {seed}, {sort}{', ACCEPTED' if bad else ''}{'' if named else ', squares not named'}")
+            if len(accepted) >= count:
+                break
     return {
         "action accepted": row(accepted, "1", 0.0, "max"),
         "action unnamed": row(unnamed, "1", 0.0, "mean"),
     }
-
-
-def judge_actions(count: int, first: int, progress: Progress) -> tuple[list[float], list[float]]:
-    """Try so many actions, on set-ups with the seeds ``first``, ``first`` + 1 and so on.
-
-    Args:
-        count: of actions.
-        first: seed of the first set-up: parts of a long run can be made by themselves.
-        progress: told what is being done.
-
-    Returns:
-        For each action 1 where it was accepted; and 1 where not all of its squares were named.
-    """
-    accepted, unnamed = list[float](), list[float]()
-    settings, seed = TableSettings(), first
-    with open_studio(settings) as studio:
-        while len(accepted) < count:
-            scene = Scene(studio, settings, 5000 + seed)
-            board = chess.Board()
-            eye = Eye(scene.picture(board), board, settings)
-            for san in _line(seed):
-                board.push(san)
-            before = KnownPicture(scene.picture(board), eye.view)
-            eye.observer.confirm(eye.observer.look(eye.sight(before.frame)), board)
-            for sort, act in list(SORTS.items())[: count - len(accepted)]:
-                hands = ClumsyHands(scene.table, settings, board, scene.rng)
-                act(hands)
-                if _is_legal(hands, scene, board, settings):
-                    continue
-                bad, named = _judge(eye, before, scene, hands, board, settings)
-                accepted.append(float(bad))
-                unnamed.append(float(not named))
-                progress(f"set-up {seed}, {sort}{', ACCEPTED' if bad else ''}{'' if named else ', squares not named'}")
-            seed += 1
-    return accepted, unnamed
 
 
 def _line(seed: int) -> list[chess.Move]:
@@ -285,11 +249,11 @@ def _line(seed: int) -> list[chess.Move]:
     return [board.push_san(san) for san in LINES[(seed // 2) % len(LINES)].split()]
 
 
-def _is_legal(hands: ClumsyHands, scene: Scene, board: chess.Board, settings: TableSettings) -> bool:
+def _is_legal(hands: ClumsyHands) -> bool:
     """Whether the hands have, by chance, left what a legal move or none would."""
-    states = np.zeros(64, dtype=np.intp)
+    board, side, states = hands.board, hands.settings.square, np.zeros(64, dtype=np.intp)
     for name, pose in hands.poses.items():
-        file, rank = int(np.floor(pose.x / settings.square)) + 4, int(np.floor(pose.y / settings.square)) + 4
+        file, rank = int(np.floor(pose.x / side)) + 4, int(np.floor(pose.y / side)) + 4
         if 0 <= file < 8 and 0 <= rank < 8:
             states[8 * rank + file] = 1 if name.startswith("white") else 2
     legal = []
@@ -297,22 +261,18 @@ def _is_legal(hands: ClumsyHands, scene: Scene, board: chess.Board, settings: Ta
         board.push(move)
         legal.append(states_of(codes_of(board)))
         board.pop()
-    untouched = hands.poses == dict(scene.table.poses)
-    return untouched or any(np.array_equal(states, one) for one in legal)
+    return hands.poses == hands.table.poses or any(np.array_equal(states, one) for one in legal)
 
 
-def _judge(
-    eye: Eye, before: KnownPicture, scene: Scene, hands: ClumsyHands, board: chess.Board, settings: TableSettings
-) -> tuple[bool, bool]:
+def _judge(reader: BoardReader, before: KnownPicture, scene: Scene, hands: ClumsyHands) -> tuple[bool, bool]:
     """Whether what the hands did was taken for a move, and whether all its squares are named."""
-    frame = scene.photograph(hands.poses)
-    look, decision = eye.read(frame, GameTally())
-    bad = decision.verdict is ReadingOutcome.MOVE
+    frame, board = scene.photograph(hands.poses), hands.board
+    look, decision = reader.read(frame)
     known = codes_of(board)
-    expected = {piece.place.index: piece for piece in start_layout(board, settings) if piece.place.on_board}
+    expected = {piece.place.index: piece for piece in start_layout(board, hands.settings) if piece.place.on_board}
     seen = look.evidence.read(known)
     finding = explain(seen, board, look.evidence.altered(known))
-    named = set(looked_closer(finding, seen, board, before, KnownPicture(frame, eye.view), expected).squares)
+    named = set(looked_closer(finding, seen, board, before, KnownPicture(frame, reader.view), expected).squares)
     if not hands.touched <= named:
-        named |= {fault.square for fault in examine_board(frame, eye.view, expected).faults}
-    return bad, hands.touched <= named
+        named |= {fault.square for fault in examine_board(frame, reader.view, expected).faults}
+    return decision.verdict is ReadingOutcome.MOVE, hands.touched <= named

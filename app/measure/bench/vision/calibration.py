@@ -25,7 +25,7 @@ from app.pieces.layout import start_layout
 from app.rig.rig_file import WorldSection
 from app.rig.simulation.settings import NO_PIECES, own_rig
 from app.rig.simulation.sim import SimRig
-from hardware.interfaces import Frame, Pace
+from hardware.interfaces import Pace
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.process.scene_control import SceneControl
@@ -91,12 +91,7 @@ def random_position(
 
 
 def centre_rows(quick: bool, progress: Progress) -> dict[str, Row]:
-    """Errors of piece centres over random positions, offsets, light, shadows and camera poses.
-
-    Args:
-        quick: fewer pictures.
-        progress: told what is being done.
-    """
+    """Errors of piece centres over random positions, offsets, light, shadows and camera poses."""
     table, rng = TableSettings(), np.random.default_rng(11)
     pieces = [piece for piece in start_layout(chess.Board(), table) if piece.place.on_board]
     errors: dict[bool, list[float]] = {True: [], False: []}
@@ -108,25 +103,19 @@ def centre_rows(quick: bool, progress: Progress) -> dict[str, Row]:
             poses, expected = random_position(pieces, table, rng)
             frame = studio.frame(poses, looks, seed=number)
             view = BoardView(frame.intrinsics, _nearly(studio.camera_from_board(looks.mount), rng), table)
-            truth = {square: pose for (square, _piece), pose in zip(expected.items(), poses, strict=True)}
-            for depth in errors:
+            for depth, those in errors.items():
                 piece_centres(frame, view, expected, use_depth=depth)  # what is kept for a view is made
                 since = time.perf_counter()
-                errors[depth] += _errors(frame, view, expected, truth, depth=depth)
+                found = piece_centres(frame, view, expected, use_depth=depth)
                 times.append(time.perf_counter() - since)
+                for square, pose in zip(expected, poses, strict=True):
+                    those.append(math.hypot(found[square].x - pose.x, found[square].y - pose.y))
     return {
         "centre": row(1e3 * np.array(errors[True]), "mm", MEAN_LIMIT_MM, "mean"),
         "centre worst": row(1e3 * np.array(errors[True]), "mm", CENTRE_LIMIT_MM, "max"),
         "centre colour": row(1e3 * np.array(errors[False]), "mm"),
         "centre time": row(1e3 * np.array(times), "ms"),
     }
-
-
-def _errors(
-    frame: Frame, view: BoardView, expected: dict[int, PieceSpec], truth: dict[int, PlacedPiece], *, depth: bool
-) -> list[float]:
-    found = piece_centres(frame, view, expected, use_depth=depth)
-    return [math.hypot(found[square].x - pose.x, found[square].y - pose.y) for square, pose in truth.items()]
 
 
 def _nearly(pose: Array, rng: np.random.Generator) -> Array:
@@ -141,10 +130,6 @@ def calibration_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """Errors over the 64 squares after ``touchmove calibrate``, for cameras that hang off as the bar says.
 
     The whole way: world, controller, arm, camera.
-
-    Args:
-        quick: one camera.
-        progress: told what is being done.
 
     Raises:
         UserError: a process or device failed.
@@ -187,13 +172,9 @@ def calibration_rows(quick: bool, progress: Progress) -> dict[str, Row]:
 def square_errors(base_from_camera: Array, camera_from_board: Array, table: TableSettings) -> list[float]:
     """How far from where it is each square's centre comes out in the base frame [m].
 
-    Args:
-        base_from_camera: as calibrated, shape (4, 4).
-        camera_from_board: the truth, of a board that lies as the table settings say, shape (4, 4).
-        table: that board.
+    ``base_from_camera`` is as calibrated, ``camera_from_board`` the truth, both of shape (4, 4).
     """
     squares = np.array([[*table.xy(square_place(square)), 0.0, 1.0] for square in range(64)])
     found = squares @ (base_from_camera @ camera_from_board).T
-    true = table.base_from_board(squares[:, :3])
-    distance: list[float] = np.linalg.norm(found[:, :3] - true, axis=1).tolist()
+    distance: list[float] = np.linalg.norm(found[:, :3] - table.base_from_board(squares[:, :3]), axis=1).tolist()
     return distance

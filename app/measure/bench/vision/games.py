@@ -1,29 +1,29 @@
 """Rows of ``touchmove bench vision``: games of rendered pictures, in good light and bad, and what people do wrong.
 
-Positions are rendered one by one; nobody plays them. The board is found in the first picture of each game, as in a lab.
+Positions are rendered one by one, without an arm. The board is found in the first picture of each game, as in a lab.
 Truth is the game that the pictures were made from.
 """
 
 from __future__ import annotations
 
+import itertools
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Final
 
 import chess
 import numpy as np
 
-from app.measure.bench.report import Progress, Row, row
+from app.measure.bench.report import Progress, Row, Tally, row
 from app.measure.bench.vision.calibration import OFF, random_looks, random_mount
-from app.measure.bench.vision.positions import RandomTable
 from app.motion import MotionSettings
 from app.pieces.layout import start_layout
 from hardware.interfaces import Frame
 from hardware.sim.bodies.hand import HandPose
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio
-from hardware.sim.render.appearance import LightSettings, MountSettings, SceneState
-from hardware.table import Colour, TableSettings
+from hardware.sim.render.appearance import ExposureSettings, LightSettings, MountSettings, SceneState
+from hardware.table import Colour, Place, TableSettings, square_place
 from vision.board.anchor import Anchor
 from vision.board.find import find_board
 from vision.board.orientation import orient
@@ -44,33 +44,10 @@ TROUBLED_FIRST: Final = 1000
 """Seed of the first game in trouble."""
 KNOCKED: Final = 0.06
 """A camera that is knocked again and again stays within this of where it should hang, along both axes [m]."""
-SLOWEST_MS: Final = 25.0
-ASKED_LIMIT: Final = 0.01
-SQUARE_LIMIT: Final = 0.0005
-"""Share of squares that may be read wrong."""
 
 
-@dataclass(slots=True)
-class GameTally:
-    """What came of looks."""
-
-    plies: int = 0
-    wrong: list[float] = field(default_factory=list)
-    asked: list[float] = field(default_factory=list)
-    squares: list[float] = field(default_factory=list)
-    times: list[float] = field(default_factory=list)
-    """Of the processor, for a settled frame: watching, finding the board again, laying out, looking, deciding [ms]."""
-    watched: list[float] = field(default_factory=list)
-    """Of that, for what every frame goes through [ms]."""
-
-
-class Eye:
-    """Looks at a rendered board like the app: finds it, follows it, reads it.
-
-    Args:
-        frame: shows ``board``.
-        board: what stands there.
-        table: size of the squares.
+class BoardReader:
+    """Looks at a rendered board like the app: finds it in a frame that shows a known position, follows it, reads it.
 
     Attributes:
         observer: reads.
@@ -85,9 +62,9 @@ class Eye:
         self._watch = Watch()
         self._hold(frame, found.corners)
         self._watch.update(frame, self.view)
-        self.observer = Observer(board, self.sight(frame))
+        self.observer = Observer(board, self.rectified(frame))
 
-    def sight(self, frame: Frame) -> RectifiedView:
+    def rectified(self, frame: Frame) -> RectifiedView:
         """The board in a frame of the same camera."""
         check = self._anchor.follow(frame.colour)
         if check.moved:
@@ -98,28 +75,63 @@ class Eye:
         self._anchor = Anchor(frame.colour, corners)
         self.view = BoardView.from_corners(frame.intrinsics, corners, self._table)
 
-    def read(self, frame: Frame, tally: GameTally) -> tuple[Observation, MoveReading]:
-        """What a frame tells; its time is taken down.
+    def read(self, frame: Frame, tally: Tally | None = None) -> tuple[Observation, MoveReading]:
+        """What a settled frame tells.
 
-        Time is the processor's in all threads: that of one core, however busy the machine is.
+        Its time [ms] is that for watching, as for every frame, and with finding the board again, laying out, looking,
+        deciding; the processor's in all threads, so that of one core, however busy the machine is.
         """
         since = time.process_time()
         self._watch.update(frame, self.view)
         watched = time.process_time()
-        look = self.observer.look(self.sight(frame))
+        look = self.observer.look(self.rectified(frame))
         decision = self.observer.decide(look)
-        tally.watched.append(1e3 * (watched - since))
-        tally.times.append(1e3 * (time.process_time() - since))
+        if tally is not None:
+            tally["frame pair watched"].append(1e3 * (watched - since))
+            tally["frame pair"].append(1e3 * (time.process_time() - since))
         return look, decision
 
 
-class Scene:
-    """A table that is set up and photographed, in light and with a camera of its own.
+class RandomTable:
+    """A set of pieces on board and trays, each off its place and turned, as a person would put it down.
 
-    Args:
-        studio: draws.
-        table: board and trays.
-        seed: decides how pieces are put down, light, camera and noise.
+    They are off by up to ``off`` along both axes [m]; the seed decides how.
+
+    Attributes:
+        poses: how each piece stands, by name.
+    """
+
+    def __init__(self, table: TableSettings, off: float, seed: int) -> None:
+        self.poses: Mapping[str, PlacedPiece] = {}
+        self._places: Mapping[str, Place] = {}
+        self._table, self._off = table, off
+        self._rng = np.random.default_rng([seed, 77])
+
+    def set(self, board: chess.Board) -> None:
+        """Set up a position: what stands on its place stays untouched, everything else is put down anew."""
+        specs = start_layout(board, self._table)
+        self.poses = {
+            piece.name: self.poses[piece.name]
+            if self._places.get(piece.name) == piece.place
+            else self.put_down(piece.name, piece.place)
+            for piece in specs
+        }
+        self._places = {piece.name: piece.place for piece in specs}
+
+    def put_down(self, name: str, place: Place) -> PlacedPiece:
+        """A piece as a person puts it on a place."""
+        x, y = self._table.xy(place)
+        dx, dy = self._rng.uniform(-self._off, self._off, 2).tolist()
+        return PlacedPiece(name, x + dx, y + dy, yaw=float(self._rng.uniform(-math.pi, math.pi)))
+
+    def standing_on(self, square: chess.Square) -> str:
+        """Name of the piece on a square."""
+        place = square_place(square)
+        return next(name for name, where in self._places.items() if where == place)
+
+
+class Scene:
+    """A table that is set up and photographed, in light and with a camera of its own, all decided by a seed.
 
     Attributes:
         looks: light, exposure and how the camera hangs, in the next picture.
@@ -135,6 +147,10 @@ class Scene:
         self.square = table.square
         self.table = RandomTable(table, OFF * table.square, seed)
         self._studio, self._seed = studio, seed
+
+    def relook(self, **changed: LightSettings | ExposureSettings | MountSettings) -> None:
+        """Change light, exposure or mount from the next picture on."""
+        self.looks = self.looks.model_copy(update=changed)
 
     def picture(self, board: chess.Board | None = None) -> Frame:
         """Of a position, or of what stands there."""
@@ -172,42 +188,34 @@ def random_game(seed: int, plies: int) -> Iterator[chess.Move]:
 
 def game_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """Games in random light, with a random camera, pieces up to a fifth of a square off and a noisy sensor."""
-    tally = follow_games(PLIES[quick], 0, _steady, progress)
+    tally = follow_games(PLIES[quick], 0, lambda _: None, progress)
     return {
-        "game wrong": row(tally.wrong, "1", 0.0, "max"),
-        "game asked": row(tally.asked, "1", ASKED_LIMIT, "mean"),
-        "game squares": row(tally.squares, "1", SQUARE_LIMIT, "mean"),
-        "frame pair": row(tally.times, "ms", SLOWEST_MS, "p50"),
-        "frame pair watched": row(tally.watched, "ms"),
+        "game wrong": row(tally["wrong"], "1", 0.0, "max"),
+        "game asked": row(tally["asked"], "1", 0.01, "mean"),
+        "game squares": row(tally["squares"], "1", 0.0005, "mean"),
+        "frame pair": row(tally["frame pair"], "ms", 25.0, "p50"),
+        "frame pair watched": row(tally["frame pair watched"], "ms"),
     }
 
 
 def trouble_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     """The same while light, camera and hands make trouble, drawn anew for each picture; see ``TROUBLES``."""
     tally = follow_games(TROUBLED[quick], TROUBLED_FIRST, _troubled, progress)
-    return {"trouble wrong": row(tally.wrong, "1", 0.0, "max"), "trouble asked": row(tally.asked, "1")}
+    return {"trouble wrong": row(tally["wrong"], "1", 0.0, "max"), "trouble asked": row(tally["asked"], "1")}
 
 
-def follow_games(plies: int, first: int, change: Callable[[Scene], None], progress: Progress) -> GameTally:
+def follow_games(plies: int, first: int, change: Callable[[Scene], None], progress: Progress) -> Tally:
     """Follow so many plies of games with the seeds ``first``, ``first`` + 1 and so on.
 
-    Args:
-        plies: of all games together; none has more than ``A_GAME``.
-        first: seed of the first game: parts of a long run can be made by themselves.
-        change: what happens to the scene before each picture.
-        progress: told what is being done.
+    ``change`` happens to the scene before each picture.
     """
-    table, tally, seed = TableSettings(), GameTally(), first
+    table, tally = TableSettings(), Tally(list)
     with open_studio(table, hand=Colour.WHITE) as studio:
-        while tally.plies < plies:
-            scene = Scene(studio, table, seed)
-            _follow(scene, seed, min(A_GAME, plies - tally.plies), tally, progress, change)
-            seed += 1
-    return tally
-
-
-def _steady(_scene: Scene) -> None:
-    """Nothing happens."""
+        for seed in itertools.count(first):
+            _follow(Scene(studio, table, seed), seed, min(A_GAME, plies - len(tally["wrong"])), tally, progress, change)
+            if len(tally["wrong"]) >= plies:
+                return tally
+    raise AssertionError("seeds never end")
 
 
 def _troubled(scene: Scene) -> None:
@@ -219,35 +227,27 @@ def _troubled(scene: Scene) -> None:
 
 def _shadows(scene: Scene) -> None:
     """Light from elsewhere: every shadow on the board is another one."""
-    _relight(scene, random_looks(scene.rng, scene.looks.mount).light)
+    scene.relook(light=random_looks(scene.rng, scene.looks.mount).light)
 
 
 def _glare(scene: Scene) -> None:
     """A strong lamp across the board from the camera, so that the board throws it into the picture."""
     x, y = scene.rng.uniform(-0.3, 0.3, 2).tolist()
-    light = scene.looks.light.model_copy(
-        update={"direction": (x, y - 0.8, 0.8), "brightness": float(scene.rng.uniform(0.9, 1.5)), "radius": 0.0}
-    )
-    _relight(scene, light)
-
-
-def _relight(scene: Scene, light: LightSettings) -> None:
-    scene.looks = scene.looks.model_copy(update={"light": light})
+    lamp = {"direction": (x, y - 0.8, 0.8), "brightness": float(scene.rng.uniform(0.9, 1.5)), "radius": 0.0}
+    scene.relook(light=scene.looks.light.model_copy(update=lamp))
 
 
 def _exposure_step(scene: Scene) -> None:
     exposure = scene.looks.exposure
     factor = float(scene.rng.choice([scene.rng.uniform(0.5, 0.75), scene.rng.uniform(1.35, 1.7)]))
-    scene.looks = scene.looks.model_copy(
-        update={"exposure": exposure.model_copy(update={"time": exposure.time * factor})}
-    )
+    scene.relook(exposure=exposure.model_copy(update={"time": exposure.time * factor}))
 
 
 def _knock(scene: Scene) -> None:
     """The camera is knocked by up to half a square, and stays so."""
     mount = scene.looks.mount
     x, y = (np.array(mount.shift[:2]) + scene.rng.uniform(-0.5, 0.5, 2) * scene.square).clip(-KNOCKED, KNOCKED).tolist()
-    scene.looks = replace_mount(scene.looks, MountSettings(shift=(x, y, mount.shift[2]), turn=mount.turn))
+    scene.relook(mount=MountSettings(shift=(x, y, mount.shift[2]), turn=mount.turn))
 
 
 def _resting_hand(scene: Scene) -> None:
@@ -266,35 +266,30 @@ TROUBLES: Final[dict[str, Callable[[Scene], None]]] = {
 
 
 def _follow(
-    scene: Scene, seed: int, plies: int, tally: GameTally, progress: Progress, change: Callable[[Scene], None]
+    scene: Scene, seed: int, plies: int, tally: Tally, progress: Progress, change: Callable[[Scene], None]
 ) -> None:
     """Follow one game; where it is in doubt, the truth is the answer."""
     board = chess.Board()
-    eye = Eye(scene.picture(board), board, TableSettings())
+    reader = BoardReader(scene.picture(board), board, TableSettings())
     for move in random_game(seed, plies):
         board.push(move)
         start = scene.looks
         change(scene)
-        look, decision = eye.read(scene.picture(board), tally)
+        look, decision = reader.read(scene.picture(board), tally)
         for _ in range(LOOKS - 1):  # as in a game
             if decision.verdict is not ReadingOutcome.DOUBT:
                 break
-            look, decision = eye.read(scene.picture(), tally)
-        scene.looks, scene.hand = replace_mount(start, scene.looks.mount), None
-        tally.plies += 1
+            look, decision = reader.read(scene.picture(), tally)
+        # light and exposure are as they were; a camera that was knocked stays where it is now
+        scene.looks, scene.hand = start.model_copy(update={"mount": scene.looks.mount}), None
         asked = decision.verdict is ReadingOutcome.DOUBT or (decision.promotion_unsure and bool(move.promotion))
-        tally.asked.append(float(asked))
-        tally.wrong.append(float(not asked and decision.moves != (move,)))
-        read = look.evidence.read(codes_of(eye.observer.board))
-        tally.squares.append(float((read != states_of(codes_of(board))).mean()))
+        tally["asked"].append(float(asked))
+        tally["wrong"].append(float(not asked and decision.moves != (move,)))
+        read = look.evidence.read(codes_of(reader.observer.board))
+        tally["squares"].append(float((read != states_of(codes_of(board))).mean()))
         progress(
             f"game {seed}, ply {len(board.move_stack)}: {move.uci()}"
             + (f", asked ({decision.margin:.1f})" if asked else "")
-            + (f", WRONG: {decision}" if tally.wrong[-1] else "")
+            + (f", WRONG: {decision}" if tally["wrong"][-1] else "")
         )
-        eye.observer.confirm(look, board)
-
-
-def replace_mount(looks: SceneState, mount: MountSettings) -> SceneState:
-    """Light and exposure as they were; a camera that was knocked stays where it is now."""
-    return looks.model_copy(update={"mount": mount})
+        reader.observer.confirm(look, board)

@@ -31,7 +31,7 @@ from app.rig.simulation.settings import own_rig
 from app.rig.simulation.sim import SimRig
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import State
-from hardware.interfaces import Intrinsics, Pace
+from hardware.interfaces import Pace
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.hand import seen_from_above
 from hardware.sim.clients.camera import SimCamera
@@ -63,10 +63,7 @@ _T = TypeVar("_T")
 class HandScene:
     """A world of the start position, its controller, and what watches them.
 
-    Args:
-        run_dir: of the world.
-        seed: decides light, camera and how the pieces stand.
-        person: whose hand there is; None: nobody's.
+    The seed decides light, camera and how the pieces stand; ``person``: whose hand there is, None: no hand.
     """
 
     def __init__(self, run_dir: Path, seed: int, person: HandSettings | None) -> None:
@@ -76,27 +73,16 @@ class HandScene:
         self.run_dir, self.telemetry = run_dir, list[Telemetry]()
         self.history = ArmHistory(self.parameters.drive.tick)
         self.rig = SimRig(own_rig(run_dir, world), lambda _: None, self._listen)
-        self.view = nominal_view(self._intrinsics(), self.table)
-
-    def _intrinsics(self) -> Intrinsics:
         if not isinstance(self.rig.camera, SimCamera):
             raise UserError("this bench needs a world with cameras: 'apt-get install libegl1 libgl1-mesa-dri'")
-        return self.rig.camera.intrinsics
+        self.view = nominal_view(self.rig.camera.intrinsics, self.table)
 
     def _listen(self, telemetry: Telemetry) -> None:
         self.history.take(telemetry)
         self.telemetry.append(telemetry)
 
-    def guard(
-        self, listener: Listener | None = None, watch: Watch | None = None, interval: float = INTERVAL
-    ) -> HandGuard:
-        """A guard that is not started yet; see ``HandGuard``. Its camera has depth alone until it is woken up.
-
-        Args:
-            listener: told what is seen.
-            watch: what it sees with.
-            interval: from frame to frame [s].
-        """
+    def guard(self, watch: Watch, listener: Listener | None = None, interval: float = INTERVAL) -> HandGuard:
+        """A guard that is not started yet; see ``HandGuard``. Its camera has depth alone until it is woken up."""
         masks = ArmMasks(self.view, self.parameters, self.table, self.history)
         camera = SimWatchCamera(self.run_dir, interval, colour_asleep=False)
         return HandGuard(camera, self.view, masks, self.rig.client, watch, listener=listener)
@@ -147,9 +133,7 @@ def hand_scene(seed: int, person: HandSettings | None) -> Iterator[HandScene]:
 class Follower:
     """Asks the referee again and again where the hand is, in a thread of its own, while plant time runs.
 
-    Args:
-        scene: with a hand.
-        near: called once, as soon as the hand is nearer to the board than ``NEAR``.
+    ``near`` is called once, as soon as the hand is nearer to the board than ``NEAR``.
 
     Attributes:
         looks: plant time [s], and where the fingertips are and how the hand is turned, as in ``Truth.hand``.
@@ -184,11 +168,10 @@ class Follower:
                 self._near = None
 
     def crossings(self, half: tuple[float, float] | None = None) -> list[float]:
-        """Plant times at which a part of hand or arm began to be over the board and the last one ceased to be, by turns
-        [s]; seen from above, and between the last look before and the first one after by a straight line.
+        """When parts of hand or arm began to be over the board and the last one ceased to be, by turns, plant time [s].
 
-        Args:
-            half: half sizes along x and y, to ask of another part of the table [m].
+        Seen from above, and between the last look before and the first one after by a straight line; ``half``: half
+        sizes along x and y, to ask of another part of the table [m].
         """
         found = []
         outside = [(when, _outside(hand, half or self._board)) for when, hand in list(self.looks)]

@@ -21,10 +21,10 @@ import chess
 import numpy as np
 
 from app import UserError
-from app.measure.bench.loop import WAY, straight
+from app.measure.bench.loop import WAY, sweep_motion
 from app.measure.bench.report import Progress, Row, row
 from app.measure.bench.vision.hand_scene import INTERVAL, Follower, HandScene, hand_scene, until
-from app.motion import Motion, MotionSettings, Plan, Planner
+from app.motion import Motion, Plan, Planner
 from app.pieces.manipulation import transfers
 from app.rig.arm import ArmHeld
 from controller.protocol.causes import Cause
@@ -68,8 +68,6 @@ class HandFigures:
     force: list[float] = field(default_factory=list)
     """Of the robot on those hands [N]."""
     missed: int = 0
-    late: int = 0
-    """Hands that came when the motion was over, on a busy machine: they count for nothing and come again."""
     braked: int = 0
     """Hands that went on through the arm at rest, and pushed it to the end of its range: it was on its brakes then, and
     their world was left."""
@@ -83,48 +81,36 @@ class HandFigures:
 
 
 def hand_rows(quick: bool, progress: Progress) -> dict[str, Row]:
-    """Measure.
-
-    Args:
-        quick: few entries and plies.
-        progress: told what is being done.
+    """Measure; ``quick`` with few entries and plies.
 
     Raises:
         UserError: a process failed, or there is no OpenGL.
     """
-    return measure(ENTRIES[quick], PLIES[quick], progress)
-
-
-def measure(entries: int, plies: int, progress: Progress, seed: int = SEED) -> dict[str, Row]:
-    """Measure with so many entries of a hand, and so many plies without one; see ``hand_rows``."""
-    figures, rng = HandFigures(), random.Random(seed)
+    entries, plies, figures, rng = ENTRIES[quick], PLIES[quick], HandFigures(), random.Random(SEED)
     try:
         first = 0
         while figures.hands < entries:
             person = HandSettings(side=rng.choice(list(Colour)), speed=rng.uniform(0.4, 1.2))
-            with hand_scene(seed + first, person) as scene:
+            with hand_scene(SEED + first, person) as scene:
                 watch = Watch()
-                with scene.guard(watch=watch) as guard:
+                with scene.guard(watch) as guard:
                     guard.clear()
                 most = min(figures.hands + A_WORLD, entries)
                 while figures.hands < most and not scene.braked():
                     _enter(scene, watch, rng, figures)
-                    progress(f"{figures.hands} of {entries} hands: {_last(figures)}")
+                    rest = f"rest after {figures.rest[-1]:.3f} s" if figures.rest else "none"
+                    touched = f"{len(figures.yielded)} touched first, {figures.missed} missed"
+                    progress(f"{figures.hands} of {entries} hands: {rest}, {touched}")
                 figures.braked += scene.braked()
             first += A_WORLD
         world = 0
         while figures.plies < plies:  # a stop ends its world, so how many there are is not known beforehand
-            with hand_scene(seed + 1000 + world, None) as scene:
+            with hand_scene(SEED + 1000 + world, None) as scene:
                 _play(scene, min(A_WORLD, plies - figures.plies), rng, figures, progress)
             world += 1
     except HardwareError as error:
         raise UserError(str(error)) from error
     return _rows(figures)
-
-
-def _last(figures: HandFigures) -> str:
-    rest = f"rest after {figures.rest[-1]:.3f} s" if figures.rest else "none"
-    return f"{rest}, {len(figures.yielded)} touched first, {figures.missed} missed"
 
 
 def _rows(figures: HandFigures) -> dict[str, Row]:
@@ -150,7 +136,7 @@ def _enter(scene: HandScene, watch: Watch, rng: random.Random, figures: HandFigu
     hover = Hover(at=point, height=rng.uniform(0.07, 0.14), duration=rng.uniform(0.1, 0.5))
     delay = rng.uniform(0.0, 0.5)
     watch.pause()
-    guard = scene.guard(watch=watch)
+    guard = scene.guard(watch)
     with ExitStack() as stack:
         hand = stack.enter_context(closing(SimHand(scene.run_dir)))
         stack.callback(guard.close)
@@ -177,11 +163,12 @@ def _enter(scene: HandScene, watch: Watch, rng: random.Random, figures: HandFigu
 
 def _sweep(scene: HandScene, comer: threading.Thread) -> Cause:
     """Move to and fro in one motion that is longer than a hand's way; why it was stopped."""
-    arm = scene.rig.arm
-    state = arm.state()
-    plan = _round(state.reference, scene.motion)
+    at, motions = scene.rig.arm.state().reference, list[Motion]()
+    for target in map(np.array, 3 * WAY):
+        motions.append(sweep_motion(at, target, scene.motion))
+        at = target
     try:
-        arm.execute(plan, lambda _: comer.start() if comer.ident is None else None)
+        scene.rig.arm.execute(Plan("sweep", tuple(motions)), lambda _: comer.start() if comer.ident is None else None)
     except ArmHeld:
         return Cause.HOLD_COMMAND
     except (MotionStopped, MotionRefused) as error:
@@ -189,22 +176,12 @@ def _sweep(scene: HandScene, comer: threading.Thread) -> Cause:
     return Cause.NONE
 
 
-def _round(start: np.ndarray[tuple[int], np.dtype[np.float64]], settings: MotionSettings) -> Plan:
-    """Three times round, as one plan of straight motions."""
-    motions, at = list[Motion](), start
-    for target in (*WAY, *WAY, *WAY):
-        motions.extend(straight(at, np.array(target), settings).motions)
-        at = np.array(target)
-    return Plan("sweep", tuple(motions))
-
-
 def _note_stop(scene: HandScene, figures: HandFigures, follower: Follower, stopped: Cause) -> None:
     """How long the arm moved after the hand had crossed the edge."""
     crossed = until(lambda: follower.crossings()[:1], "a hand that crosses the board's edge")[0]
     if stopped is Cause.NONE:
-        ended = until(scene.at_rest_since, "an arm at rest")
-        figures.missed += crossed < ended
-        figures.late += crossed >= ended
+        # a hand that came when the motion was over, on a busy machine, counts for nothing and comes again
+        figures.missed += crossed < until(scene.at_rest_since, "an arm at rest")
         return
     rested = until(lambda: scene.rested(crossed), "an arm at rest")
     left_off = until(lambda: scene.left_off(crossed), "an arm that leaves off")
@@ -219,7 +196,7 @@ def _note_stop(scene: HandScene, figures: HandFigures, follower: Follower, stopp
 def _play(scene: HandScene, plies: int, rng: random.Random, figures: HandFigures, progress: Progress) -> None:
     """Random plies without a hand, all of them watched."""
     board, inventory = chess.Board(), scene.inventory
-    with scene.guard(watch=Watch(ALONE), interval=EVERY) as guard:
+    with scene.guard(Watch(ALONE), interval=EVERY) as guard:
         for _ in range(plies):
             move = rng.choice(list(board.legal_moves))
             ply = transfers(board, move, inventory)

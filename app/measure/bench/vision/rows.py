@@ -9,10 +9,9 @@ from typing import Final
 from app.measure.bench.report import BenchReport, Progress, Row
 from app.measure.bench.vision.actions import action_rows
 from app.measure.bench.vision.calibration import calibration_rows, centre_rows
-from app.measure.bench.vision.find import find_rows
 from app.measure.bench.vision.games import game_rows, trouble_rows
 from app.measure.bench.vision.hands import hand_rows
-from app.measure.bench.vision.photos import VARIABLE, photo_folder, photo_rows
+from app.measure.bench.vision.photos import VARIABLE, find_rows, photo_folder, photo_rows
 from app.measure.bench.vision.turns import turn_rows
 
 RENDERED: Final[dict[str, Callable[[bool, Progress], dict[str, Row]]]] = {
@@ -30,12 +29,9 @@ WHOLE_RIG: Final[dict[str, Callable[[bool, Progress], dict[str, Row]]]] = {
 
 
 def vision_bench(quick: bool, progress: Progress, photos: Path | None = None) -> BenchReport:
-    """Run the bench.
+    """Run the bench; ``quick``: few pictures, no whole rig and no photographs: ends within a minute.
 
-    Args:
-        quick: few pictures, no whole rig and no photographs: ends within a minute.
-        progress: told what is being done.
-        photos: folder with labelled photographs; where there is none, its rows are left out, and it is said why.
+    ``photos``: folder with labelled photographs; where there is none, its rows are left out, and it is said why.
     """
     rows: dict[str, Row] = {}
     for part in (RENDERED if quick else {**RENDERED, **WHOLE_RIG}).values():

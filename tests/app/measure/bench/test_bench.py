@@ -17,8 +17,7 @@ import app.measure.bench.law as law_bench
 from app.cli import app as command_line
 from app.measure.bench import BENCHES, UnknownBench, run_bench
 from app.measure.bench.beds.recording import TickRecording, found, record
-from app.measure.bench.law import Starts, start_once
-from app.measure.bench.parts import parts
+from app.measure.bench.law import Starts, start_once, tick_parts
 from app.measure.bench.report import BenchReport, Row, machine, row
 from controller.model.constants import DeltaModel
 
@@ -94,7 +93,7 @@ def test_the_parts_compute_what_the_tick_does(recording: TickRecording) -> None:
         expected["inertia"] += state.inertia[0, 0]
         expected["gravity"] += state.gravity[0]
         expected["friction"] += state.friction.sum()
-    for name, part in parts(model, poses).items():
+    for name, part in tick_parts(model, poses).items():
         # rods are found anew from the closed chain, within Newton's tolerance of those of the tick
         assert part(slice(0, 50)) == pytest.approx(expected[name], rel=1e-10 if name == "jacobian" else 1e-12), name
 

@@ -39,7 +39,7 @@ def test_the_finger_is_a_spring_of_its_stiffness_before_a_mass_that_rests_by_its
 @pytest.mark.parametrize("profile", PROFILES)
 def test_a_finger_feels_no_more_than_the_profile_says_and_is_freed(trial: FingerTrial, profile: str) -> None:
     limits, most = PROFILES[profile]
-    felt = meet(trial, limits, PARAMETERS)
+    felt = meet(trial, limits)
     assert RELEASED < felt.peak < most
     assert felt.freed < WITHIN
     assert felt.pressing < RELEASED
@@ -53,19 +53,19 @@ def without_protection(parameters: Any, table: Any) -> Limits:
 def test_without_the_protection_it_would_be_pressed(monkeypatch: pytest.MonkeyPatch) -> None:
     """So the bench can fail, and it is the protection that frees."""
     monkeypatch.setattr("app.measure.bench.beds.bed.default_limits", without_protection)
-    felt = meet(CLAMPED, PROFILES["default"][0], PARAMETERS)
+    felt = meet(CLAMPED, PROFILES["default"][0])
     assert felt.pressing > 4.0 * RELEASED
     assert felt.freed > WITHIN
 
 
 def test_a_finger_elsewhere_is_missed() -> None:
     with pytest.raises(Missed):
-        meet(FREE._replace(finger=Finger((0.0, 0.15, 0.02), clamped=False)), PROFILES["default"][0], PARAMETERS)
+        meet(FREE._replace(finger=Finger((0.0, 0.15, 0.02), clamped=False)), PROFILES["default"][0])
 
 
 def test_a_refused_move_is_told() -> None:
     with pytest.raises(RuntimeError, match="the controller did not carry the move out: a sample lies"):
-        meet(FREE._replace(end=np.array([0.35, 0.0, 0.1])), PROFILES["default"][0], PARAMETERS)
+        meet(FREE._replace(end=np.array([0.35, 0.0, 0.1])), PROFILES["default"][0])
 
 
 @pytest.mark.parametrize("kind", [in_the_air, on_the_board])

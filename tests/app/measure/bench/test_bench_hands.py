@@ -13,8 +13,9 @@ def quiet(_step: str) -> None:
     """Nobody looks."""
 
 
-def test_a_hand_stops_the_arm_and_a_ply_without_one_is_not_stopped():
-    rows = hands.measure(1, 1, quiet)
+def test_a_hand_stops_the_arm_and_a_ply_without_one_is_not_stopped(monkeypatch):
+    monkeypatch.setattr(hands, "ENTRIES", {True: 1})
+    rows = hands.hand_rows(True, quiet)
     assert rows["hand_missed"].max == 0.0
     stopped = rows.get("hand_to_rest") or rows["hand_to_give_way"]
     assert stopped.n == 1

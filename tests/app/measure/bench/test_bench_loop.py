@@ -19,7 +19,7 @@ import app.measure.bench.loop as loop_bench
 from app import UserError
 from app.commissioning.processor import ProcessorTime, stolen_share
 from app.measure.bench import run_bench
-from app.measure.bench.loop import WAY, loop_rows, straight, sweep, thinking
+from app.measure.bench.loop import WAY, loop_rows, sweep, sweep_motion, thinking
 from app.motion import MotionSettings
 from app.motion.plan import Plan
 from app.rig.arm import ArmAtRest
@@ -68,7 +68,7 @@ def test_without_real_time_only_the_arm_is_judged() -> None:
 def test_the_way_lies_above_every_piece_and_begins_and_ends_at_rest() -> None:
     table, settings = TableSettings(), MotionSettings()
     for start, end in zip(WAY, (*WAY[1:], WAY[0]), strict=True):
-        samples = straight(np.array(start), np.array(end), settings).motions[0].samples
+        samples = sweep_motion(np.array(start), np.array(end), settings).samples
         np.testing.assert_array_equal(samples["position"][0], start)
         np.testing.assert_allclose(samples["position"][-1], end)
         assert not samples["velocity"][[0, -1]].any()
@@ -136,8 +136,8 @@ def test_the_bench_is_put_together(monkeypatch: pytest.MonkeyPatch) -> None:
     def finish() -> RunEnd:
         calls.append("finish")
         end = an_end(False)
-        noted = end.pulse.realtime.model_copy(update={"notes": ("no SCHED_FIFO: run as root",)})
-        return RunEnd(end.pulse.model_copy(update={"realtime": noted}), True)
+        noted = end.statistics.realtime.model_copy(update={"notes": ("no SCHED_FIFO: run as root",)})
+        return RunEnd(end.statistics.model_copy(update={"realtime": noted}), True)
 
     monkeypatch.setattr(loop_bench, "timed_rig", lambda seed, progress: fake("rig", SimpleNamespace(finish=finish)))
     monkeypatch.setattr(loop_bench, "thinking", lambda progress: fake("thinking", None))

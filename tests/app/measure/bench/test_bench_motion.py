@@ -51,7 +51,7 @@ def test_the_optimum_along_a_line_is_the_known_one(length: float, expected: floa
 
 def test_pieces_that_stand_off_are_set_down_on_their_squares() -> None:
     board = chess.Board("4k3/8/8/8/8/8/P6R/4K3 w - - 0 1")
-    bed = GameBed(board, DEFAULT, PARAMETERS, TABLE, Disorder((0.003, 0.003), 0.05), 5)
+    bed = GameBed(board, DEFAULT, TABLE, Disorder((0.003, 0.003), 0.05), 5)
     stood = bed.positions()
     done = bed.play(chess.Move.from_uci("a2a4"))
     name = done.ply.transfers[0].name
@@ -69,7 +69,7 @@ def test_pieces_that_stand_off_are_set_down_on_their_squares() -> None:
 def test_a_square_at_another_height_than_the_others_is_touched_gently_and_surely(higher: float) -> None:
     """The piece comes down on a square that is higher than the plan believes: its way ends so much lower."""
     board = chess.Board("4k3/8/8/8/8/8/P6R/4K3 w - - 0 1")
-    bed = GameBed(board, DEFAULT, PARAMETERS, TABLE, Disorder(mass_error=0.05), 6)
+    bed = GameBed(board, DEFAULT, TABLE, Disorder(mass_error=0.05), 6)
     ply, plan, _ = bed.planned(chess.Move.from_uci("h2h6"))
     carry = plan.motions[2]
     assert carry.route is not None
@@ -97,16 +97,14 @@ def test_positions_are_of_running_games() -> None:
 
 @pytest.mark.parametrize("error", [-0.003, 0.003])
 def test_a_piece_is_set_down_softly_wherever_the_board_is_and_harder_on_bare_wood(error):
-    settings = DEFAULT
-    felt = set_down(Touchdown(error), settings, PARAMETERS)
-    wood = set_down(Touchdown(error, WOOD, kind=Kind.PAWN), settings, PARAMETERS)
+    felt = set_down(Touchdown(error))
+    wood = set_down(Touchdown(error, WOOD, kind=Kind.PAWN))
     assert 4.0 < felt.peak <= 10.0
     assert wood.peak > 1.05 * felt.peak  # not by much: the piece slips in the fingers
     assert felt.lasting < 8.0
 
 
 def test_without_the_guard_a_piece_is_pressed_until_the_way_ends():
-    settings = DEFAULT
-    guarded, pressed = (set_down(Touchdown(0.0, guard=on), settings, PARAMETERS) for on in (True, False))
+    guarded, pressed = (set_down(Touchdown(0.0, guard=on)) for on in (True, False))
     assert guarded.lasting < 3.0
     assert pressed.lasting > 1.5 * guarded.lasting

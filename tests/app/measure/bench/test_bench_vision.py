@@ -6,7 +6,8 @@ import chess
 import numpy as np
 import pytest
 
-from app.measure.bench import registry
+from app import UserError
+from app.measure.bench import run_bench
 from app.measure.bench.vision.actions import SORTS, action_rows
 from app.measure.bench.vision.games import (
     TROUBLES,
@@ -69,7 +70,7 @@ def test_a_long_run_is_the_sum_of_its_parts():
         """Good light."""
 
     said: list[str] = []
-    assert follow_games(2, 41, nothing, said.append).plies == 2
+    assert len(follow_games(2, 41, nothing, said.append)["wrong"]) == 2
     assert said[0].startswith("game 41, ply 1: " + next(random_game(41, 1)).uci())
 
 
@@ -91,8 +92,8 @@ def test_a_random_game_is_a_game_and_repeats():
 
 
 def test_photographs_are_looked_at_by_one_bench_only(tmp_path):
-    with pytest.raises(registry.UserError, match="looks at no photographs"):
-        registry.run_bench("law", quick=True, progress=quiet, photos=tmp_path)
-    with pytest.raises(registry.UserError, match="is no folder"):
-        registry.run_bench("vision", quick=True, progress=quiet, photos=tmp_path / "nowhere")
+    with pytest.raises(UserError, match="looks at no photographs"):
+        run_bench("law", quick=True, progress=quiet, photos=tmp_path)
+    with pytest.raises(UserError, match="is no folder"):
+        run_bench("vision", quick=True, progress=quiet, photos=tmp_path / "nowhere")
     assert photo_folder(tmp_path) == tmp_path

@@ -68,7 +68,7 @@ def test_an_unknown_figure_is_refused_with_the_choices(tmp_path: Path) -> None:
 def test_the_command_prints_one_object_and_says_by_its_status_whether_it_holds(
     value: float, status: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.measure.figures.registry.FIGURES", {"line": lambda progress: sketch(value)})
+    monkeypatch.setattr("app.measure.figures.FIGURES", {"line": lambda progress: sketch(value)})
     done = CliRunner().invoke(command_line, ["figures", "line", "--out", str(tmp_path), "--json"])
     assert done.exit_code == status
     assert json.loads(done.stdout) == json.loads((tmp_path / "figure-line.json").read_text())

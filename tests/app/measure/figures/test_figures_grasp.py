@@ -5,20 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.measure.figures.grasp import POINT, Block, Grasp, sliding
-from app.measure.figures.grasp_figures import Grasps, bars, both_grasps, figure_7, study
-from app.measure.figures.grasp_mujoco import run_mujoco
-from app.measure.figures.gripper import (
+from app.measure.figures.grasp import (
     BRISTLE,
     PACE,
     PLACE,
+    POINT,
     PRESLIDING,
     STATES,
     Z4,
+    Block,
+    Grasp,
     GraspedBlock,
     effective_mass,
     run_dae,
-)  # fmt: skip
+    run_mujoco,
+    sliding,
+)
+from app.measure.figures.grasp_figures import Grasps, bars, both_grasps, figure_7, study
 from controller.law.tactile import grip_force
 from controller.model.constants import DeltaModel
 from controller.offline.simulation import ConstrainedArm, Moment
@@ -39,7 +42,7 @@ def test_the_block_slides_4_mm_without_and_less_than_1_mm_with_feedback_in_both_
 
 
 def test_the_models_agree_also_on_the_way(grasps: Grasps) -> None:
-    for dae, (mujoco, _, _) in zip(grasps.dae, grasps.mujoco, strict=True):
+    for dae, mujoco in zip(grasps["dae"], grasps["mujoco"], strict=True):
         assert mujoco.farthest == pytest.approx(dae.farthest, abs=0.6e-3)
         assert np.abs(dae.arm - mujoco.arm).max() < 1.0e-3
         assert np.abs(dae.right - mujoco.right).max() < 1.0e-3
@@ -48,7 +51,7 @@ def test_the_models_agree_also_on_the_way(grasps: Grasps) -> None:
 
 def test_the_fingers_end_at_the_block_with_the_force_of_their_servo(grasps: Grasps) -> None:
     """The paper: a final contact force of ṙ4 k_v4."""
-    for run in (*grasps.dae, *(one.run for one in grasps.mujoco)):
+    for run in (*grasps["dae"], *grasps["mujoco"]):
         asked = grip_force(run.grasp.parameters.gripper, -run.grasp.finger_speed)
         assert run.forces[-1] == pytest.approx([asked, asked], rel=0.01)
         width = 2.0 * run.grasp.block.half_size[0]
@@ -58,7 +61,7 @@ def test_the_fingers_end_at_the_block_with_the_force_of_their_servo(grasps: Gras
 
 
 def test_the_closed_form_is_near(grasps: Grasps) -> None:
-    for run in grasps.dae:
+    for run in grasps["dae"]:
         final, farthest = sliding(run.grasp, MASS)
         assert run.final == pytest.approx(final, abs=0.4e-3)
         assert run.farthest == pytest.approx(farthest, abs=0.2e-3)
@@ -73,11 +76,11 @@ def test_the_closed_forms_limits() -> None:
 
 
 def test_smaller_steps_and_a_stiffer_bristle_change_nothing(grasps: Grasps) -> None:
-    without = grasps.dae[0]
+    without = grasps["dae"][0]
     finer = run_dae(without.grasp, substeps=16, presliding=PRESLIDING / 2.0)
     assert finer.final == pytest.approx(without.final, abs=0.02e-3)
-    for run, _, _ in grasps.mujoco:
-        assert run_mujoco(run.grasp, substeps=12).run.final == pytest.approx(run.final, abs=0.3e-3)
+    for run in grasps["mujoco"]:
+        assert run_mujoco(run.grasp, substeps=12).final == pytest.approx(run.final, abs=0.3e-3)
 
 
 def test_stiction_holds_below_its_limit_and_slips_above() -> None:
@@ -119,9 +122,9 @@ def test_finger_speed_and_shaft_friction_decide() -> None:
 
 
 def test_mujoco_repeats_to_the_bit(grasps: Grasps) -> None:
-    again = run_mujoco(grasps.mujoco[1].run.grasp).run
-    assert again.block.tobytes() == grasps.mujoco[1].run.block.tobytes()
-    assert again.forces.tobytes() == grasps.mujoco[1].run.forces.tobytes()
+    again = run_mujoco(grasps["mujoco"][1].grasp)
+    assert again.block.tobytes() == grasps["mujoco"][1].block.tobytes()
+    assert again.forces.tobytes() == grasps["mujoco"][1].forces.tobytes()
 
 
 @pytest.mark.slow

@@ -103,7 +103,7 @@ def test_numbers_in_names_count_as_numbers(tmp_path):
 @pytest.mark.parametrize(
     ("labels", "words"),
     [
-        ("[]", "an object was expected"),
+        ("[]", "labels: Input should be a valid dictionary"),
         ("{", "cannot be read"),
         ('{"schema": "other/1"}', "schema"),
         ('{"schema": "chess-seq/1", "initial_fen": "nonsense"}', "is no position"),

@@ -207,8 +207,8 @@ def test_in_the_world_a_pushed_piece_goes_as_far_as_it_is_pushed_and_does_not_fa
         PieceSpec("piece", kind, Colour.WHITE, square_place(27)), 0.02, 0.02, 0.4, shape.foot_radius if tip else 0.0,
         tip=tip,
     )  # fmt: skip
-    bed = Bed(Plant(build_model(PARAMETERS, TABLE, (piece,), HOME, looks=False), PARAMETERS, ("piece",)),
-                PARAMETERS, TABLE)  # fmt: skip
+    model = build_model(PARAMETERS, TABLE, (piece,), HOME, looks=False)
+    bed = Bed(Plant(model, PARAMETERS, ("piece",)), TABLE, SETTINGS)
     for _ in range(600):
         bed.tick()
     body = bed.plant.data.body("piece")
@@ -227,9 +227,8 @@ def test_in_the_world_a_pushed_piece_goes_as_far_as_it_is_pushed_and_does_not_fa
     touching = centre - (back + reach(PARAMETERS.pads, unit)) * unit
     begin, end = touching - 0.005 * unit, touching + way * unit
     nudge = Nudge("piece", direction, way, tips, (begin[0], begin[1]), (end[0], end[1]))
-    plan = plan_nudge(bed.planner(SETTINGS, TABLE), nudge, LoosePieces(tuple(standing), tuple(lying)))
-    for motion, _ in bed.continued(plan):
-        bed.carry_out(motion)
+    plan = plan_nudge(bed.planner(), nudge, LoosePieces(tuple(standing), tuple(lying)))
+    bed.execute_plan(plan)
     went = (body.xpos[:2] - (x, y)) @ unit
     print(f"{kind}: pushed by {1e3 * way:.0f} mm, went {1e3 * went:.1f} mm")
     assert body.xmat.reshape(3, 3)[2, 2] == pytest.approx(axis[2], abs=0.1), "it stands as it stood, lies as it lay"

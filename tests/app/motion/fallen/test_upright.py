@@ -137,7 +137,7 @@ def test_in_the_world_a_lying_piece_stands_up(kind: Kind, yaw: float, along: flo
         tip=0.5 * math.pi,
     )  # fmt: skip
     model = build_model(PARAMETERS, TABLE, (piece,), HOME, looks=False)
-    bed = Bed(Plant(model, PARAMETERS, ("piece",)), PARAMETERS, TABLE)
+    bed = Bed(Plant(model, PARAMETERS, ("piece",)), TABLE, SETTINGS)
     for _ in range(600):
         bed.tick()
     body = bed.plant.data.body("piece")
@@ -145,9 +145,8 @@ def test_in_the_world_a_lying_piece_stands_up(kind: Kind, yaw: float, along: flo
     assert axis[2] < 0.1  # it lies
     lying = Lying(kind, (float(body.xpos[0]), float(body.xpos[1])), math.atan2(axis[1], axis[0]))
     x, y = (np.array(lying.base) + along * lying.outwards).tolist()
-    plan, stands = plan_upright(bed.planner(SETTINGS, TABLE), Lying(kind, (x, y), lying.yaw), (), ())
-    for motion, _ in bed.continued(plan):
-        bed.carry_out(motion)
+    plan, stands = plan_upright(bed.planner(), Lying(kind, (x, y), lying.yaw), (), ())
+    bed.execute_plan(plan)
     (pose,) = bed.plant.truth(reset_peak=False).pieces
     print(f"{kind}: {math.degrees(pose.tilt):.1f}°, {1e3 * math.dist((pose.x, pose.y), stands):.1f} mm off")
     assert pose.tilt < math.radians(2.0)
