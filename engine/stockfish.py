@@ -151,7 +151,7 @@ class Engine:
         limit = limit or self.settings.limit
         if not self.settings.ponders or not any(board.legal_moves):
             return False
-        if self._ahead is not None and _same(self._ahead.board, board):
+        if self._ahead is not None and same_position(self._ahead.board, board):
             return True
         said, ahead = budget.told(limit, board.turn), board.copy()
         try:
@@ -248,7 +248,7 @@ class Engine:
     ) -> chess.engine.PlayResult:
         """One attempt at a move: by what is pondered, if that is it."""
         ahead, self._ahead = self._ahead, None
-        hit = options is None and ahead is not None and _same(ahead.board, board)
+        hit = options is None and ahead is not None and same_position(ahead.board, board)
         if ahead is None or not hit or not budget.still_holds(ahead.limit, limit, board.turn):
             hit = False
             self._settle(process)
@@ -280,7 +280,7 @@ class Engine:
         process.call(lambda uci: uci.ping(), self._patience)
 
 
-def _same(one: chess.Board, other: chess.Board) -> bool:
+def same_position(one: chess.Board, other: chess.Board) -> bool:
     """The same position with the same history."""
     return one == other and one.move_stack == other.move_stack
 

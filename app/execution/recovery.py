@@ -1,4 +1,4 @@
-"""The look after each job, and mending what is not as it should be: by the arm where it can, else by a person.
+"""The look after each job, and putting right what is not as it should be: by the arm where it can, else by a person.
 
 Each round looks at the board, finds out what stands where, and lets the arm carry what stands wrong; the next round
 looks again. Every round is in the record before the arm moves, so that a program that goes on with the game knows.
@@ -36,7 +36,7 @@ from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.verify import Fault, FaultKind
 
 MOST_ROUNDS: Final = 40
-"""Of mending by the arm, two or three for a piece that has fallen, and some more for each that is in its way; what is
+"""Of the arm, two or three for a piece that has fallen, and some more for each that is in its way; what is
 not right then, it will not get right."""
 _GONE: Final = frozenset({FaultKind.MISSING, FaultKind.FALLEN, FaultKind.OFF_CENTRE})
 """Off its centre may be what lies along the view: a closer look tells."""
@@ -77,7 +77,7 @@ class Recovery:
         self._tried = Counter[str]()
         """How often a piece could not be stood up."""
         self._handled: set[str] = set()
-        """Pieces that the arm has stood up or pushed since the mending began."""
+        """Pieces that the arm has stood up or pushed since it began."""
         self._pushed = Counter[str]()
         """How often a piece was."""
         self._loose: tuple[MisplacedPiece, ...] = ()
@@ -110,7 +110,7 @@ class Recovery:
                 can have.
 
         Raises:
-            UserError: a person is needed, and nobody is there; or it cannot be mended.
+            UserError: a person is needed, and nobody is there; or it cannot be put right.
         """
         rounds, duration = 0, 0.0
         self._handled.clear()

@@ -148,7 +148,7 @@ class Asker(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class RecoveryResult:
-    """What mending came to.
+    """What a recovery came to.
 
     Attributes:
         inventory: what stands where now.

@@ -96,7 +96,9 @@ class ChessClock(FrozenFinite):
             ClockError: it runs already, or the other side's move is under way.
         """
         if self.since is not None or self.mover not in (None, colour):
-            raise ClockError(f"{_name(colour)} cannot start: {self._doing()}; press, clear the arm or take back first")
+            raise ClockError(
+                f"{side_name(colour)} cannot start: {self._doing()}; press, clear the arm or take back first"
+            )
         return self.model_copy(update={"mover": colour, "since": now})
 
     def at(self, now: float) -> Self:
@@ -188,9 +190,9 @@ class ChessClock(FrozenFinite):
         colour = self.flag(now)
         if colour is None:
             return None
-        reason = f"{_name(colour)}'s time has run out"
+        reason = f"{side_name(colour)}'s time has run out"
         if board.has_insufficient_material(not colour):
-            return FlagFall(colour, "1/2-1/2", f"{reason}, and {_name(not colour)} has not enough to mate")
+            return FlagFall(colour, "1/2-1/2", f"{reason}, and {side_name(not colour)} has not enough to mate")
         return FlagFall(colour, "0-1" if colour == chess.WHITE else "1-0", reason)
 
     def limit(self, colour: chess.Color, now: float, arm: float = 0.0) -> chess.engine.Limit:
@@ -255,7 +257,7 @@ class ChessClock(FrozenFinite):
     def _doing(self) -> str:
         if self.mover is None:
             return "no move is under way"
-        return f"{_name(self.mover)}'s move is {'paused' if self.since is None else 'under way'}"
+        return f"{side_name(self.mover)}'s move is {'paused' if self.since is None else 'under way'}"
 
 
 def _after_arm(left: float, arm: float) -> float:
@@ -263,5 +265,6 @@ def _after_arm(left: float, arm: float) -> float:
     return max(left - arm, min(left, ARM_LEAVES))
 
 
-def _name(colour: chess.Color) -> str:
+def side_name(colour: chess.Color) -> str:
+    """White or Black."""
     return "White" if colour else "Black"

@@ -9,6 +9,7 @@ import chess
 from app import UserError
 from app.execution.state import WRONG, GameEnd, Remark
 from app.execution.table import Table
+from app.game.clock import side_name
 from app.game.human_turn import HumanTurn
 from app.game.person import GameLeft
 from app.game.timing import Timing
@@ -93,11 +94,11 @@ class Game:
             return self._human.take()
         decision = self._choose()
         if (fallen := self._timing.fallen(board)) is not None:
-            return GameEnd(fallen.result, fallen.reason, True)
+            return fallen
         if decision.resigns:
-            return GameEnd("0-1" if colour else "1-0", f"{_side(colour)} resigns", True)
+            return GameEnd("0-1" if colour else "1-0", f"{side_name(colour)} resigns", True)
         if decision.claims_draw:
-            return GameEnd("1/2-1/2", f"{_side(colour)} claims a draw", True)
+            return GameEnd("1/2-1/2", f"{side_name(colour)} claims a draw", True)
         if decision.move is None:
             return GameEnd(self._result or "*", "end of the given line", True)
         return self._make(decision, decision.move)
@@ -125,7 +126,7 @@ class Game:
     def _choose(self) -> Decision:
         """What the player to move decides; where its engine fails for good and a person is there, the game waits."""
         board = self._table.board
-        self._ui.phase(f"{_side(board.turn)} thinks ({self._players.name(board.turn)})")
+        self._ui.phase(f"{side_name(board.turn)} thinks ({self._players.name(board.turn)})")
         since = time.perf_counter()
         while True:
             self._timing.start(board.turn)
@@ -166,10 +167,6 @@ def require_empty_fingers(felt: float) -> None:
         raise UserError(
             "something is between the fingers: take it out by hand, or go on with its game by 'touchmove resume'"
         )
-
-
-def _side(colour: chess.Color) -> str:
-    return "White" if colour else "Black"
 
 
 def result_of(outcome: chess.Outcome) -> Result:

@@ -16,6 +16,7 @@ import chess
 from app import UserError
 from app.execution.state import LEFT, WRONG, GameEnd, Remark
 from app.execution.table import Table
+from app.game.clock import side_name
 from app.game.person import GameLeft, HandNotice, NeedsHand, ask
 from app.game.timing import Timing
 from app.pieces.manipulation import transfers
@@ -113,8 +114,7 @@ class HumanTurn:
         undecided = self._unsaid is not None or self._notice.leaving() or self._notice.untold
         if undecided or not self.plays(self._table.board.turn):
             return None
-        fallen = self._timing.fallen(self._table.board)
-        return None if fallen is None else GameEnd(fallen.result, fallen.reason, True)
+        return self._timing.fallen(self._table.board)
 
     def _tell(self, sentence: str) -> None:
         """Say what cannot be done; a camera that is lost is not told of five times a second."""
@@ -134,13 +134,13 @@ class HumanTurn:
     def left(self, word: Word) -> GameEnd:
         """How the game has ended for a person who said quit, resign or new."""
         if word is Word.RESIGN:
-            return GameEnd("0-1" if self._colour else "1-0", f"{_name(self._colour)} resigns", True)
+            return GameEnd("0-1" if self._colour else "1-0", f"{side_name(self._colour)} resigns", True)
         return LEFT if word is Word.QUIT else GameEnd("*", "given up for a new game", True, again=True)
 
     def _prompt(self) -> None:
         left = self._timing.left()
         clocks = "" if left is None else f" ({clock_text(left[chess.WHITE])} - {clock_text(left[chess.BLACK])})"
-        self._ui.prompt(f"{_name(self._colour)} to move{clocks}: your move")
+        self._ui.prompt(f"{side_name(self._colour)} to move{clocks}: your move")
 
     def _obey(self, command: Command) -> GameEnd | None:
         self._unsaid, self._told = None, ""
@@ -175,13 +175,13 @@ class HumanTurn:
         self._timing.pause()
         self._colour = not self._colour
         self._table.note_sides(self._colour)
-        self._ui.say(f"you play {_name(self._colour)} now")
+        self._ui.say(f"you play {side_name(self._colour)} now")
 
     def _draw(self) -> GameEnd | None:
         """A draw that can be claimed, or that the robot agrees to."""
         board = self._table.board
         if board.can_claim_draw():
-            return GameEnd("1/2-1/2", f"{_name(self._colour)} claims a draw", True)
+            return GameEnd("1/2-1/2", f"{side_name(self._colour)} claims a draw", True)
         if self._players.accepts_draw(board, not self._colour):
             return GameEnd("1/2-1/2", "draw agreed", True)
         self._ui.say("I would like to play on")
@@ -321,7 +321,7 @@ class HumanTurn:
 
     def _accept(self, move: chess.Move, then: float, reading: Reading | None = None) -> GameEnd | None:
         if (fallen := self._timing.fallen(self._table.board, then)) is not None:
-            return GameEnd(fallen.result, fallen.reason, True)
+            return fallen
         self._timing.press(then)
         if self._table.observer is not None and reading is not None:
             after = self._table.board.copy()
@@ -365,7 +365,3 @@ class HumanTurn:
                 return False
 
         return ask(self._human, self._ui, question, valid, other)
-
-
-def _name(colour: chess.Color) -> str:
-    return "White" if colour else "Black"

@@ -13,7 +13,8 @@ from contextlib import contextmanager
 import chess
 import chess.engine
 
-from app.game.clock import ChessClock, ClockMove, FlagFall
+from app.execution.state import GameEnd
+from app.game.clock import ChessClock, ClockMove
 from app.records import PlyEvent
 from hardware.table import Colour
 
@@ -93,9 +94,10 @@ class Timing:
         if self._clock is not None:
             self._clock = self._clock.take_back(min(plies, len(self._clock.moves)))
 
-    def fallen(self, board: chess.Board, then: float | None = None) -> FlagFall | None:
+    def fallen(self, board: chess.Board, then: float | None = None) -> GameEnd | None:
         """How the game has ended by time, if it has, at an instant of the game's time; None: now."""
-        return None if self._clock is None else self._clock.fallen(board, self.now() if then is None else then)
+        fallen = None if self._clock is None else self._clock.fallen(board, self.now() if then is None else then)
+        return None if fallen is None else GameEnd(fallen.result, fallen.reason, True)
 
     def left(self) -> dict[chess.Color, float] | None:
         """What both sides have [s]."""

@@ -11,6 +11,7 @@ import chess.engine
 from app.players.decision import Decision, Player, Thinker
 from app.players.engine_player import EnginePlayer
 from engine.errors import EngineRefused
+from engine.stockfish import same_position
 
 __all__ = ["Decision", "EnginePlayer", "LinePlayer", "Player", "Players", "Thinker"]
 
@@ -133,7 +134,7 @@ class Players:
 
     def ready(self, board: chess.Board) -> bool:
         """Whether ``choose`` would answer at once, by ``begin``."""
-        return self._ahead is not None and _same(self._ahead[0], board) and self._ahead[1].done()
+        return self._ahead is not None and same_position(self._ahead[0], board) and self._ahead[1].done()
 
     def move_now(self) -> None:
         """Hurry the players that think about a move."""
@@ -164,7 +165,7 @@ class Players:
         return isinstance(player, Thinker) and player.accepts_draw(board)
 
     def _ask(self, board: chess.Board, clock: chess.engine.Limit | None) -> None:
-        if self._ahead is not None and _same(self._ahead[0], board):
+        if self._ahead is not None and same_position(self._ahead[0], board):
             return
         if self._ahead is not None and not self._ahead[1].cancel():
             self.move_now()  # it thinks about a position that did not come
@@ -185,8 +186,3 @@ class Players:
             self._pondered[colour] = position, clock, certain
             # What goes wrong in it is not lost: ``choose`` meets it again, or it has passed.
             self._pools[colour].submit(player.ponder, position, clock, certain=certain)
-
-
-def _same(one: chess.Board, other: chess.Board) -> bool:
-    """The same position with the same history."""
-    return one == other and one.move_stack == other.move_stack

@@ -1,4 +1,4 @@
-"""What a look at the board says, as far as it matters for mending it."""
+"""What a look at the board says, as far as it matters for putting it right."""
 
 from __future__ import annotations
 
