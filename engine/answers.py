@@ -1,12 +1,16 @@
-"""What engines answer."""
+"""What engines answer; and the best moves of a position by an engine that names only one at a time."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import chess
 import chess.engine
+
+Search = Callable[[chess.Board, int], chess.engine.PlayResult]
+"""Searches a position by so many nodes; its answer was not checked to be legal where the score is what counts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +46,37 @@ def engine_move(played: chess.engine.PlayResult, wall: float, lost: float, troub
     """What python-chess says, and we of it; the move was checked to be legal."""
     assert played.move is not None, "checked to be legal"
     pv = tuple(played.info.get("pv", ()))
-    return EngineMove(
-        move=played.move,
-        ponder=played.ponder,
-        score=played.info.get("score"),
-        depth=played.info.get("depth"),
-        nodes=played.info.get("nodes"),
-        wall=wall,
-        pv=pv if pv[:1] == (played.move,) else (played.move,),  # a weakened engine plays other moves than its best
-        lost=lost,
-        troubles=troubles,
-    )
+    pv = pv if pv[:1] == (played.move,) else (played.move,)  # a weakened engine plays other moves than its best
+    said = played.info
+    score, depth, nodes = said.get("score"), said.get("depth"), said.get("nodes")
+    return EngineMove(played.move, played.ponder, score, depth, nodes, wall, pv, lost, troubles)
+
+
+def searched_alone(search: Search, board: chess.Board, lines: int, nodes: int) -> tuple[Candidate, ...]:
+    """The best moves of a position that is no end of a game, at most ``lines``, best first: each searched alone.
+
+    ``nodes`` are for all moves together. From an engine that tells no score only its own move comes, as an even one.
+    """
+    moves = list(board.legal_moves)
+    found = list[Candidate]()
+    for move in moves:
+        after = board.copy()
+        after.push(move)
+        score = _ended(after) or search(after, max(1, nodes // len(moves))).info.get("score")
+        if score is None:
+            own = search(board, nodes).move
+            return () if own is None else (Candidate(own, _even(board.turn)),)
+        found.append(Candidate(move, chess.engine.PovScore(score.pov(board.turn), board.turn)))
+    found.sort(key=lambda candidate: candidate.score.relative, reverse=True)  # moves of one score keep their order
+    return tuple(found[:lines])
+
+
+def _ended(board: chess.Board) -> chess.engine.PovScore | None:
+    """Score of a game that is over, where no engine has anything to search."""
+    if board.is_checkmate():
+        return chess.engine.PovScore(chess.engine.Mate(0), board.turn)
+    return None if any(board.legal_moves) else _even(board.turn)
+
+
+def _even(turn: chess.Color) -> chess.engine.PovScore:
+    return chess.engine.PovScore(chess.engine.Cp(0), turn)

@@ -10,19 +10,14 @@ import chess.engine
 
 GRACE: Final = 0.5
 """An engine may be so late against a time that it was told, before it is stopped [s]."""
-
 MARGIN: Final = 5.0
 """An engine that was stopped answers within this, however busy the machine [s]."""
-
 LEAST_MARGIN: Final = 1.0
 """And is granted at least this, also when its clock has less [s]."""
-
 SHARE: Final = 0.5
 """Of the clock: what one move may take before it is stopped. Engines that heed their clock take a third at most."""
-
 LAST_SHARE: Final = 0.9
 """The same for the last move before time is added."""
-
 TOLERANCE: Final = 0.05
 """A ponder search may think that it has so much more of its clock than it has, as a share."""
 
@@ -58,10 +53,7 @@ def stop_after(limit: chess.engine.Limit, turn: chess.Color) -> float | None:
 def give_up_after(limit: chess.engine.Limit, turn: chess.Color, deadline: float) -> float:
     """When a search that still runs has hung [s].
 
-    Args:
-        limit: of the search.
-        turn: of the side to move.
-        deadline: in all where the limit names no time; where it does, at most so much beyond it [s].
+    The deadline is in all where the limit names no time; where it does, at most so much beyond it [s].
     """
     stopped = stop_after(limit, turn)
     if stopped is None:

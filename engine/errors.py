@@ -32,15 +32,11 @@ class BookBroken(EngineProblem):
 
 
 class EngineFailed(EngineProblem):
-    """The engine failed again and again. It may be asked anew: whoever mends it can go on with the game."""
+    """The engine failed again and again. It may be asked anew: once it is repaired, the game can go on."""
 
     def __init__(self, path: str, doing: str, reasons: Sequence[str]) -> None:
-        """Build the sentence.
-
-        Args:
-            path: the binary.
-            doing: what was asked of it, such as "choosing a move".
-            reasons: what happened at each attempt, in order, each a phrase such as "it died with exit code 1".
+        """Build the sentence: the binary, what was asked of it such as "choosing a move", and what happened at each
+        attempt in order, each a phrase such as "it died with exit code 1".
         """
         super().__init__(
             f"engine {path} failed {len(reasons)} times in a row in {doing} "

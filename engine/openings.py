@@ -15,16 +15,12 @@ from engine.stockfish import Candidate, Engine, EngineSettings
 
 LINES = 6
 """Moves considered at each ply."""
-
 NODES = 20_000
 """Positions searched at each ply: some 30 ms."""
-
 TABLE_MB = 16
 """Of every opening engine [MiB], so that a player's settings do not change the opening of a seed."""
-
 WINDOW = 30
 """A move is sound when it loses at most this much against the best [centipawns]."""
-
 MATE = 100_000
 """Score of a mate [centipawns], so that a forced mate is only ever exchanged for another one."""
 

@@ -18,7 +18,6 @@ _BY_SETTING = {
     "ponder": "ponder",
 }
 """Options that have a setting of their own."""
-
 Configuration = dict[str, chess.engine.ConfigValue]
 
 

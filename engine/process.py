@@ -30,7 +30,6 @@ LOGGER = logging.getLogger(__name__)
 
 KILL_DEADLINE = 2.0
 """Longest wait for a killed process to be gone [s]; only the kernel can be slow here."""
-
 PR_SET_PDEATHSIG = 1
 
 _HINTS = {
@@ -40,11 +39,8 @@ _HINTS = {
 
 
 def exit_phrase(code: int, last_words: str) -> str:
-    """Say how a process ended.
-
-    Args:
-        code: exit code, or minus the signal.
-        last_words: last line that it wrote to stderr, or nothing.
+    """Say how a process ended, by its exit code, or minus the signal, and the last line that it wrote to stderr, if
+    any.
     """
     details = [text for text in (_HINTS.get(code), f"last words: {last_words!r}" if last_words else None) if text]
     return f"it died with exit code {code}" + (f" ({'; '.join(details)})" if details else "")
@@ -89,11 +85,9 @@ class UciProcess:
         return self._transport.get_pid()
 
     def call(self, question: Callable[[Uci], Awaitable[T]], deadline: float) -> T:
-        """Ask and wait for the answer, whatever happens no longer than the deadline.
+        """Ask and wait for the answer, whatever happens no longer than the deadline, in wall time [s].
 
-        Args:
-            question: makes the awaitable, run in the engine's thread.
-            deadline: wall time [s].
+        The question makes the awaitable, in the engine's thread.
 
         Raises:
             Hung: no answer in time.

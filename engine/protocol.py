@@ -34,19 +34,14 @@ logging.getLogger(chess.engine.__name__).addHandler(logging.NullHandler())
 
 PULSE = 1.0
 """Between two looks at whether a searching engine still listens [s]."""
-
 PULSE_DEADLINE = 5.0
 """An engine that listens answers within this, however busy the machine [s]."""
-
 TICK = 0.2
 """Between two looks at a search that should have ended [s]."""
-
 FLOOD = 8 << 20
 """More than this within a second is no chess [bytes]; Stockfish writes some 10^4."""
-
 LONGEST_LINE = 1 << 20
 """[bytes]; the longest lines hold a variation of some 10^3."""
-
 TOLD = chess.engine.INFO_BASIC | chess.engine.INFO_SCORE | chess.engine.INFO_PV
 """What is kept of what an engine says of its search."""
 

@@ -20,7 +20,6 @@ from pydantic import (
 THREADS: Final = 1
 HASH_MB: Final = 16
 """Of a player that says nothing else [MiB]: enough for some seconds of search on one thread."""
-
 OptionValue = StrictBool | StrictInt | str
 """Of a UCI option; True presses a button."""
 
@@ -81,14 +80,3 @@ class EngineSettings(BaseModel):
     def limited(self) -> bool:
         """Whether it plays below its strength."""
         return self.elo is not None or self.skill is not None
-
-    @property
-    def repeatable(self) -> bool:
-        """Whether the same line comes out each time after ``new_game``.
-
-        Time depends on the load of the machine, a limited strength draws from a generator seeded by the clock, and
-        several threads race each other: what is left is a node limit at full strength on one thread. Options of the
-        engine's own may change that, so that none are taken to be harmless.
-        """
-        alone = self.threads == 1 and not self.options and not self.limited
-        return self.nodes is not None and self.move_time is None and alone

@@ -8,28 +8,32 @@ go on.
 from __future__ import annotations
 
 import shutil
+import threading
 import time
-from typing import NamedTuple, Self
+from collections.abc import Callable
+from typing import Final, NamedTuple, Self, TypeVar
 
 import chess
 import chess.engine
 
 from engine import budget
-from engine.alone import searched_alone
-from engine.answers import Candidate, EngineMove, engine_move
-from engine.errors import EngineMissing, EngineRefused, Misbehaved
-from engine.options import at_full_strength
+from engine.answers import Candidate, EngineMove, engine_move, searched_alone
+from engine.errors import EngineFailed, EngineMissing, EngineRefused, Hung, Misbehaved
+from engine.options import at_full_strength, configuration
 from engine.process import UciProcess
 from engine.protocol import PULSE_DEADLINE, TOLD, Uci
 from engine.settings import EngineSettings
-from engine.supervised import EngineSupervisor
 
 __all__ = ["Candidate", "Engine", "EngineMove", "EngineSettings", "find_engine"]
 
+T = TypeVar("T")
+
 DEBIAN_PATH = "/usr/games/stockfish"
 """Where Debian installs Stockfish; not on the PATH of every account."""
-
-
+PAUSES: Final = (0.0, 0.2, 1.0)
+"""Before each further attempt at one question [s]: what is wrong with the machine may pass."""
+MOST_HANGS: Final = 2
+"""Attempts at one question that may end by a deadline: each costs its whole time."""
 ALONE = 0.25
 """A move that is searched alone is given this at most [s]: an engine that heeds no number of nodes is stopped then."""
 
@@ -117,7 +121,7 @@ class Engine:
                 longest that the move may take.
 
         Returns:
-            At the latest after ``keeper.MOST_HANGS`` deadlines (see ``budget``) and a start for each attempt.
+            At the latest after ``MOST_HANGS`` deadlines (see ``budget``) and a start for each attempt.
 
         Raises:
             EngineRefused: the game is over, nothing limits the search, or the engine is not open.
@@ -136,11 +140,9 @@ class Engine:
         return engine_move(played, time.monotonic() - began, lost if troubles else 0.0, troubles)
 
     def ponder(self, board: chess.Board, limit: chess.engine.Limit | None = None) -> bool:
-        """Begin to think about a position that is expected; returns at once, and the next question ends it.
+        """Begin to think about a position that is expected, with the engine's side to move; returns at once.
 
-        Args:
-            board: the position, with the engine's side to move, and its history; left as it is.
-            limit: what ``choose`` is expected to be asked with; None takes the settings'.
+        The next question ends it. ``limit`` is what ``choose`` is expected to be asked with; None takes the settings'.
 
         Returns:
             False when it does not: by the settings, as the engine offers no option Ponder, at the end of a game, or as
@@ -167,9 +169,7 @@ class Engine:
     def hint(self, board: chess.Board, seconds: float = 1.0) -> EngineMove:
         """What the engine would play at its full strength, whatever its settings; for the person on the other side.
 
-        Args:
-            board: the position with its history; left as it is.
-            seconds: to think, where the settings name no number of nodes [s].
+        It thinks so many ``seconds`` where the settings name no number of nodes; the board is left as it is.
 
         Raises:
             EngineProblem: as for ``choose``.
@@ -190,14 +190,10 @@ class Engine:
             process.tell("stop")
 
     def candidates(self, board: chess.Board, lines: int, nodes: int) -> tuple[Candidate, ...]:
-        """The best moves of a position, best first, from a cleared engine: on one thread they depend on it alone.
+        """The best moves of a position, at most ``lines``, best first, from a cleared engine: on one thread they depend
+        on it alone.
 
-        An engine without the option MultiPV searches each move alone.
-
-        Args:
-            board: the position with its history; left as it is.
-            lines: how many moves at most.
-            nodes: positions searched for all of them together.
+        ``nodes`` positions are searched for all of them together; an engine without MultiPV searches each move alone.
 
         Raises:
             EngineRefused: the game is over, or the engine is not open.
@@ -287,3 +283,99 @@ class Engine:
 def _same(one: chess.Board, other: chess.Board) -> bool:
     """The same position with the same history."""
     return one == other and one.move_stack == other.move_stack
+
+
+class EngineSupervisor:
+    """One engine, closed at first. One thread at a time may ask, any thread, and any may close it."""
+
+    def __init__(self, settings: EngineSettings) -> None:
+        self._settings = settings
+        self._lock = threading.Lock()
+        self._path: str | None = None
+        self._process: UciProcess | None = None
+
+    @property
+    def process(self) -> UciProcess | None:
+        """The process; None while there is none."""
+        return self._process
+
+    def open(self, path: str) -> None:
+        """Start the engine, so that what is wrong shows here.
+
+        Raises:
+            EngineRefused: it does not offer a setting, or not that value.
+            EngineFailed: it could not be started, several times.
+        """
+        self._path = path
+        self.ask("starting", lambda process: None)
+
+    def close(self) -> None:
+        """End the process at once, also while another thread asks. Harmless when already done."""
+        with self._lock:
+            self._path = None
+        self.drop()
+
+    def ask(self, doing: str, ask: Callable[[UciProcess], T]) -> tuple[T, tuple[str, ...]]:
+        """Ask, and after a failure ask a fresh process once more, several times.
+
+        ``doing`` is for the sentence, such as "choosing a move"; ``ask`` is one attempt, which raises ``Misbehaved``.
+
+        Returns:
+            The answer, and what went wrong on the way, a phrase each.
+
+        Raises:
+            EngineRefused: it is closed; or as ``ask``.
+            EngineFailed: every attempt failed.
+        """
+        reasons, hangs = list[str](), 0
+        while True:
+            try:
+                return ask(self.running()), tuple(reasons)
+            except Misbehaved as error:
+                self.drop()
+                reasons.append(str(error))
+                hangs += isinstance(error, Hung)
+            if hangs >= MOST_HANGS or len(reasons) > len(PAUSES):
+                path = self._path
+                if path is None:
+                    raise EngineRefused("the engine was closed while it was asked")
+                raise EngineFailed(path, doing, reasons)
+            time.sleep(PAUSES[len(reasons) - 1])
+
+    def running(self) -> UciProcess:
+        """The process, started if there is none.
+
+        Raises:
+            EngineRefused: it is closed, or does not offer what is to be set.
+            Misbehaved: it could not be started.
+        """
+        path, process = self._path, self._process
+        if path is None:
+            raise EngineRefused("the engine is not open: open it before asking")
+        if process is not None:
+            return process
+        process = self._start(path)
+        with self._lock:
+            if self._path is not None:
+                self._process = process
+                return process
+        process.kill()  # closed meanwhile
+        raise EngineRefused("the engine was closed while it was started")
+
+    def _start(self, path: str) -> UciProcess:
+        process = UciProcess(path, self._settings.start_deadline)
+        try:
+            options = configuration(self._settings, process.uci)
+            process.call(lambda uci: uci.configure(options), self._settings.start_deadline)
+            process.call(lambda uci: uci.ping(), self._settings.start_deadline)
+        except BaseException:
+            process.kill()
+            raise
+        return process
+
+    def drop(self) -> None:
+        """End the process; the next question starts another one."""
+        with self._lock:
+            process, self._process = self._process, None
+        if process:
+            process.kill()

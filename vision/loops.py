@@ -4,6 +4,10 @@ Nothing is decided here but what the arguments say. Sums are of double precision
 order in which it is written: the results are those of the same formulas in NumPy, to rounding. Compiled when the module
 is imported the first time, and kept on disk by Numba; no function here calls one of another file, whose edit Numba's
 cache would not notice.
+
+Arguments have these meanings: ``depth`` (h, w) is 0 where there is none [m]; ``square`` (h, w) is that of each pixel,
+``where`` (h, w) tells which pixels count; ``ray`` (3, h, w) are rays by pixel (``vision.hands.watched_zone.Space``)
+from the ``position`` (3,) of the camera [m]; ``hidden`` (h, w) is where something known is before the table.
 """
 
 from __future__ import annotations
@@ -15,9 +19,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Field = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+from vision.arrays import Array, Field, Mask, Picture, Whole
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _numba: Any = numba  # its own types are incomplete
@@ -44,15 +46,9 @@ _SQUARES: Final = types.int32[:, ::1]
 def lay_out(depth: Field, rows: Field, columns: Field, start: Field, reach: float) -> tuple[Any, Field, Mask]:
     """Over which square the points of a depth picture are, and how high.
 
-    A point's coordinate along an axis is depth · (rows + columns) + start: x and y in sides of a square from the outer
-    corner of a1, z in metres.
-
-    Args:
-        depth: shape (h, w) [m], 0 where there is none.
-        rows: shape (3, h).
-        columns: shape (3, w).
-        start: shape (3,).
-        reach: a point is over the middle of a square up to so far from its centre, along both axes.
+    A point's coordinate along an axis is depth · (rows + columns) + start, with shapes (3, h), (3, w) and (3,): x and y
+    in sides of a square from the outer corner of a1, z in metres. A point is over the middle of a square up to
+    ``reach`` from its centre, along both axes.
 
     Returns:
         Squares (h, w), 64 beside the board and where there is no depth; heights (h, w) [m]; and which points are over
@@ -81,14 +77,8 @@ def lay_out(depth: Field, rows: Field, columns: Field, start: Field, reach: floa
         types.uint8[:, :, :], types.float32[::1], _SQUARES, types.boolean[:, ::1],
     )
 )  # fmt: skip
-def colour_sums(picture: NDArray[np.uint8], level: Field, square: Any, where: Mask) -> tuple[Array, Any]:
-    """Sums over the pixels of each square.
-
-    Args:
-        picture: shape (h, w, 3).
-        level: what is added for each value of a pixel, shape (256,).
-        square: of each pixel, shape (h, w).
-        where: pixels that count, shape (h, w).
+def colour_sums(picture: Picture, level: Field, square: Any, where: Mask) -> tuple[Array, Any]:
+    """Sums over those pixels of each square that count; ``level`` is what is added for each value of a pixel, (256,).
 
     Returns:
         Sums (65, 3), and how many pixels they are of, (65,).
@@ -108,14 +98,7 @@ def colour_sums(picture: NDArray[np.uint8], level: Field, square: Any, where: Ma
     types.float64[::1](_SQUARES, types.boolean[:, ::1], types.float32[:, ::1], types.int64[::1], types.float64)
 )  # fmt: skip
 def tops(square: Any, where: Mask, value: Field, count: Any, share: float) -> Array:
-    """The value below which a share of each square's pixels are.
-
-    Args:
-        square: of each pixel, shape (h, w).
-        where: pixels that count, shape (h, w).
-        value: of each pixel, shape (h, w).
-        count: how many count in each square, shape (64,).
-        share: 0 to 1.
+    """The value below which a share of those pixels of each square are that count; ``count`` of them in each, (64,).
 
     Returns:
         Shape (64,); 0 where none count.
@@ -141,10 +124,7 @@ def tops(square: Any, where: Mask, value: Field, count: Any, share: float) -> Ar
     types.Tuple((types.float32[:, :, ::1], types.float32[:, ::1]))(types.float32[:, :, ::1])
 )  # fmt: skip
 def slopes_of(level: Field) -> tuple[Field, Field]:
-    """Gradients of three fields by Sobel's filter, mirrored at the border.
-
-    Args:
-        level: shape (h, w, 3).
+    """Gradients of three fields (h, w, 3) by Sobel's filter, mirrored at the border.
 
     Returns:
         Along columns, then along rows, shape (h, w, 6) [1/px]; and the length over all three, shape (h, w).
@@ -179,18 +159,10 @@ def changes(
     level: Field, old_level: Field, slopes: Field, old_slopes: Field, size: Field, old_size: Field,
     margin: int, side: int, edge: int,
 ) -> Array:  # fmt: skip
-    """How much two plans differ in the middle of each square.
+    """How much two plans differ in the middle of each square: levels (h, w, 3), slopes (h, w, 6) and their sizes
+    (h, w).
 
-    Args:
-        level: of the plan, shape (h, w, 3).
-        old_level: of the other one.
-        slopes: shape (h, w, 6).
-        old_slopes: of the other one.
-        size: shape (h, w).
-        old_size: of the other one.
-        margin: around the board [px].
-        side: of a square [px].
-        edge: of a square that is left out at each side [px].
+    There is a margin around the board; an edge is left out at each side of a square; all [px].
 
     Returns:
         Means of |Δlevel| over all colours, of the length of Δslopes, and of both sizes' sum; shape (64, 3), a1 first.
@@ -241,21 +213,14 @@ def _within(x: float, y: float, z: float, ends: Array, radii: Array) -> bool:
 def stand_out(
     depth: Field, ray: Field, position: Field, hidden: Mask, usual: Field, limits: Field, half: Field, ends: Array,
     radii: Array,
-) -> NDArray[np.uint8]:  # fmt: skip
+) -> Picture:  # fmt: skip
     """Pixels of a depth picture that show what is higher than it should be.
 
-    Args:
-        depth: shape (h, w) [m], 0 where there is none.
-        ray: shape (3, h, w), see ``vision.hands.watched_zone.Space``.
-        position: of the camera, shape (3,) [m].
-        hidden: where something known is before the table, shape (h, w).
-        usual: heights of the settled board, shape (h, w) [m]; infinite where they are not known.
-        limits: a tall thing is higher than the first of these and lower than the second; a low one is higher than the
-            third and by more than the fourth higher than usual; shape (4,) [m].
-        half: half sizes of what is watched along x and y, shape (2,) [m].
-        ends: of capsules in which what is known to be before the table is, shape (n, 2, 3) [m]; what ``hidden`` covers
-            is seen nevertheless if it is outside of all. None of them: it is not.
-        radii: of the capsules, shape (n,) [m].
+    ``usual`` are the heights of the settled board, (h, w) [m], infinite where they are not known. A tall thing is
+    higher than the first of ``limits`` and lower than the second; a low one is higher than the third and by more than
+    the fourth higher than usual, (4,) [m]. ``half`` are half sizes of what is watched along x and y, (2,) [m]. What
+    ``hidden`` covers is seen nevertheless if it is outside of all capsules, given by ``ends`` (n, 2, 3) and ``radii``
+    (n,) [m]; with none it is not.
 
     Returns:
         2 where something tall is, 1 where something low is, else 0; shape (h, w).
@@ -287,21 +252,14 @@ def stand_out(
     )
 )  # fmt: skip
 def measure_parts(
-    labels: NDArray[np.int32], count: int, found: NDArray[np.uint8], depth: Field, ray: Field, position: Field,
+    labels: Whole, count: int, found: Picture, depth: Field, ray: Field, position: Field,
     pixel: float, inner: Field, border: int,
 ) -> tuple[Array, Array, Mask]:  # fmt: skip
     """How large connected parts of a depth picture are.
 
-    Args:
-        labels: of the parts, shape (h, w), 0 beside them.
-        count: of labels.
-        found: see ``stand_out``.
-        depth: shape (h, w) [m].
-        ray: shape (3, h, w).
-        position: of the camera, shape (3,) [m].
-        pixel: area that a pixel covers at depth 1.
-        inner: what is further out than this along x and y comes in from outside, shape (2,) [m].
-        border: or so near to the picture's edge [px].
+    ``labels`` are those of the parts, 0 beside them, ``count`` their number, ``found`` as of `stand_out`, ``pixel`` the
+    area that a pixel covers at depth 1. What is further out than ``inner`` along x and y, (2,) [m], or as near to the
+    picture's edge as ``border`` [px], comes in from outside.
 
     Returns:
         Areas of the parts, and of what is tall in them [m²]; and which come in from outside. Shape (count,) each.
@@ -332,18 +290,10 @@ def measure_parts(
     )
 )  # fmt: skip
 def squares_under(
-    labels: NDArray[np.int32], chosen: Mask, depth: Field, ray: Field, position: Field, side: float, low: float
+    labels: Whole, chosen: Mask, depth: Field, ray: Field, position: Field, side: float, low: float
 ) -> NDArray[np.int64]:
-    """Over which squares some parts of a depth picture are.
-
-    Args:
-        labels: of the parts, shape (h, w).
-        chosen: which of them count, shape (count,).
-        depth: shape (h, w) [m].
-        ray: shape (3, h, w).
-        position: of the camera, shape (3,) [m].
-        side: of a square [m].
-        low: height [m].
+    """Over which squares, of a side [m], those parts of a depth picture (labels as of `measure_parts`) are that are
+    chosen.
 
     Returns:
         Pixels over each square, and those of them lower than ``low``: shape (2, 64).
@@ -368,15 +318,10 @@ def squares_under(
     types.void(_FIELD, types.float32[:, ::1], _MASK, types.float32[:, ::1], types.float32, types.float32)
 )  # fmt: skip
 def learn_heights(depth: Field, ray: Field, hidden: Mask, usual: Field, position: float, share: float) -> None:
-    """Take a picture of the settled board into its usual heights, in place.
+    """Take a picture of the settled board into its usual heights (h, w) [m], in place; infinite ones are not known.
 
-    Args:
-        depth: shape (h, w) [m], 0 where there is none.
-        ray: heights at depth 1 less that of the camera, shape (h, w).
-        hidden: pixels to be left alone, shape (h, w).
-        usual: shape (h, w) [m]; infinite where they are not known.
-        position: height of the camera [m].
-        share: of the new picture where heights are known already.
+    ``ray`` are heights at depth 1 less that of the camera, (h, w), whose height is ``position`` [m]; pixels that are
+    hidden are left alone. Where heights are known already the new picture has a ``share``.
     """
     for i in range(depth.shape[0]):
         for j in range(depth.shape[1]):

@@ -209,7 +209,7 @@ def _show_game(
     from rich.text import Text
 
     from app import UserError
-    from app.terminal.interface import Conversation, Quiet, Terminal
+    from app.terminal.interface import Conversation, Terminal, UserInterface
     from engine.errors import EngineProblem
 
     console = Console(stderr=True)
@@ -217,7 +217,7 @@ def _show_game(
         signal.signal(number, interrupt)
     try:
         if headless:
-            result = play(Quiet())
+            result = play(UserInterface())
         else:
             with Conversation(console, echoes=sys.stdin.isatty()) if talks else Terminal(console) as terminal:
                 result = play(terminal)

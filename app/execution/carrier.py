@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from app import UserError
 from app.execution.interruption import PieceLost, Progress, progress_of
-from app.execution.state import Clearance, Devices, Job, moved_all
+from app.execution.state import Clearance, Devices, Job
 from app.pieces.inventory import Inventory, Stage, Transfer
-from app.records import GameRecord
+from app.records import GameRecord, PlyOutcome
 from app.rig.arm import (
     FELT,
     ArmAtRest,
@@ -29,20 +29,16 @@ from hardware.parameters import RobotParameters
 from hardware.table import Kind
 
 if TYPE_CHECKING:
-    from app.execution.recovery_plans import Blocked, MisplacedPiece
+    from app.execution.recovery_plans import Blocked
     from app.motion import Motion, MotionSettings, Plan, Planner
+    from vision.pieces.pose_search import MisplacedPiece
 
 MOST_PAUSES = 20
 """Within one job; a computer that is late so often will not get better by itself."""
-
 GIVES = 0.0005
 """Fingers around a piece may be closed by so much more than its stem says [m]."""
-
-
 HELD_UP = 0.001
 """A tool that rests by so much above its reference lies on something: its reference comes there first [m]."""
-
-
 AT_HOME = 0.002
 """A reference that is no further from home is there [m]."""
 
@@ -63,7 +59,7 @@ class CarryFailed(Exception):
         loss: how.
         transfer: of the piece.
         done: so many transfers of the job were done before.
-        inventory: what stands where after those; where the piece is, only eyes can tell.
+        inventory: what stands where after those; where the piece is, only the camera can tell.
     """
 
     def __init__(self, loss: Loss, transfer: Transfer, done: int, inventory: Inventory, sentence: str) -> None:
@@ -91,6 +87,15 @@ class Carried:
     done: Outcome
     resumed: bool
 
+    @property
+    def outcome(self) -> PlyOutcome:
+        """What the record says of it."""
+        done = self.done
+        return PlyOutcome(
+            planned=self.planned, real=done.duration, peak_torque=done.peak_torque, peak_force=done.peak_force,
+            resumed=self.resumed,
+        )  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True)
 class PlannedPush:
@@ -109,7 +114,11 @@ class Begun:
 
 
 class Carrier:
-    """Uses the arm."""
+    """Uses the arm.
+
+    Where pieces lie or stand elsewhere, its methods are told which, as ``misplaced``; what should stand where, as
+    ``stands``; and up to which hand the board was looked at, as ``seen``.
+    """
 
     def __init__(
         self,
@@ -134,19 +143,16 @@ class Carrier:
         return self._step is None
 
     def carry(
-        self,
-        job: Job,
-        inventory: Inventory,
-        begun: Begun | None = None,
-        seen: Clearance | None = None,
+        self, job: Job, inventory: Inventory, begun: Begun | None = None, seen: Clearance | None = None
     ) -> Carried:
         """Do a job, or what is left of one that was broken off, from wherever the arm is; home at its end.
 
-        Where the arm had to stop because samples came too late, it goes on from where it is; a busy computer may cost
-        time, but no game. Nor does a hand over the board: the arm holds until it is gone.
+        Every part is recorded before it begins. Where the arm had to stop because samples came too late, it goes on
+        from where it is; a busy computer may cost time, but no game. Nor does a hand over the board: the arm holds
+        until it is gone.
 
         Args:
-            job: what to carry; every part of it is recorded before it begins.
+            job: what to carry.
             inventory: what stood where before the whole job.
             begun: how far another program was; None: nothing was begun.
             seen: up to which hand the board was looked at, as far as the job relies on that; None: on nothing.
@@ -163,7 +169,8 @@ class Carrier:
             progress: Progress | None = None
             try:
                 if self._step is not None:
-                    progress = self._progress(job, state, inventory)
+                    step = self._step
+                    progress = progress_of(job.transfers, step.transfer, step.stage, state, inventory.table)
                     self._ui.phase(_explain(job, progress))
                 self._interlock(seen if self._step is None else None)
                 planned, done = self._rest(job, state, inventory, progress)
@@ -185,12 +192,6 @@ class Carrier:
         self, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory, seen: Clearance | None
     ) -> float | None:
         """Stand a piece up where it lies; home at its end.
-
-        Args:
-            one: the piece.
-            misplaced: all that lie or stand elsewhere.
-            stands: what should stand where.
-            seen: up to which hand the board was looked at.
 
         Returns:
             How long it took [s]; None: the arm had to stop on the way, and is home.
@@ -216,11 +217,7 @@ class Carrier:
     ) -> PlannedPush:
         """How one of two pieces that are in each other's way can be pushed aside, with nothing in the arm's way now.
 
-        Args:
-            blocked: which the arm cannot take or stand up, and because of which.
-            misplaced: all that lie or stand elsewhere.
-            stands: what should stand where.
-            seen: up to which hand the board was looked at.
+        ``blocked`` are those that the arm cannot take or stand up, and because of which.
 
         Raises:
             BoardTouched: a hand was over the board since.
@@ -234,12 +231,7 @@ class Carrier:
         return PlannedPush(nudge.name, plan)
 
     def push_aside(self, push: PlannedPush, stands: Inventory) -> None:
-        """Push a piece; home at its end. Where the piece comes to be, only the camera can tell.
-
-        Args:
-            push: as planned just before.
-            stands: what should stand where.
-        """
+        """Push a piece as planned just before; home at its end. Where it comes to rest, only the camera can tell."""
         try:
             self._devices.arm.execute(push.plan)
         except ArmPaused as stop:
@@ -249,9 +241,6 @@ class Carrier:
     def bring_home(self, inventory: Inventory) -> None:
         """Where the arm is not at home, as another program has left it: straight up and home, the fingers as they are.
 
-        Args:
-            inventory: what stands where.
-
         Raises:
             UserError: it cannot go there.
         """
@@ -260,12 +249,7 @@ class Carrier:
             self._go_home(inventory, None)
 
     def way_for(self, blocks: str, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> Transfer:
-        """Where a piece may go that is in the way of the fingers.
-
-        Args:
-            blocks: its name.
-            misplaced: all that lie or stand elsewhere.
-            stands: what should stand where.
+        """Where a piece of a name may go that is in the way of the fingers.
 
         Raises:
             PlanRefused: nowhere.
@@ -286,11 +270,7 @@ class Carrier:
         )
 
     def _rest(
-        self,
-        job: Job,
-        state: ArmAtRest,
-        inventory: Inventory,
-        progress: Progress | None,
+        self, job: Job, state: ArmAtRest, inventory: Inventory, progress: Progress | None
     ) -> tuple[float, Outcome]:
         from app.execution.recovery_plans import loose_pieces
 
@@ -299,8 +279,8 @@ class Carrier:
         if rest := job.transfers[done:]:
             # what was carried already is no longer where it was seen
             misplaced = [one for one in job.misplaced if one.piece.name not in {each.name for each in job.transfers}]
-            strayed = {one.piece.name for one in misplaced}
-            now = Inventory.of((piece for piece in now if piece.name not in strayed), now.table)
+            elsewhere = {one.piece.name for one in misplaced}
+            now = Inventory.of((piece for piece in now if piece.name not in elsewhere), now.table)
             plan = self._planner(now, state).ply(
                 job.label, rest, now, holding=progress is not None and progress.holding, low=progress is not None,
                 loose=loose_pieces(misplaced),
@@ -325,29 +305,22 @@ class Carrier:
             for listener in self._listeners:
                 listener(job.uci)
 
-    def _progress(self, job: Job, state: ArmAtRest, inventory: Inventory) -> Progress:
-        assert self._step is not None
-        return progress_of(job.transfers, self._step.transfer, self._step.stage, state, inventory.table)
-
     def _failed(self, job: Job, inventory: Inventory, failure: UserError) -> CarryFailed:
         """Home after a loss, and what it was."""
+        from app.motion.obstacles import closed_position
+
         assert self._step is not None
         index = self._step.transfer
         transfer = job.transfers[index]
         missed = isinstance(failure, GraspFailed)
         state, touching = self._devices.arm.settle(), isinstance(failure, PieceSlipped)
         # perhaps it is, or something else, between the fingers yet: then it stands, and is let go of there
-        felt = state.felt >= FELT or (touching and state.finger > self._closed(transfer.kind))
+        empty = closed_position(transfer.kind, self._parameters.pads) - GIVES  # fingers that hold nothing close further
+        felt = state.felt >= FELT or (touching and state.finger > empty)
         self._go_home(inventory, transfer.kind if missed or felt else None, touching=touching)
         return CarryFailed(
             Loss.NOT_GRIPPED if missed else Loss.LOST, transfer, index, _after(inventory, job, index), str(failure)
         )
-
-    def _closed(self, kind: Kind) -> float:
-        """Fingers that close further than this have nothing of such a piece between them [m]."""
-        from app.motion.obstacles import closed_position
-
-        return closed_position(kind, self._parameters.pads) - GIVES
 
     def _go_home(self, inventory: Inventory, release: Kind | None, *, touching: bool = False) -> None:
         """Straight up and home, whatever holds it up on the way; the fingers open first from what they are around."""
@@ -384,7 +357,7 @@ class Carrier:
 
 def _after(inventory: Inventory, job: Job, done: int) -> Inventory:
     """What stands where after the first transfers of a job."""
-    return moved_all(inventory, job.transfers[:done])
+    return inventory.after_all(job.transfers[:done])
 
 
 def _explain(job: Job, progress: Progress) -> str:

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.execution.recovery_plans import MisplacedPiece
 from app.execution.repair import Repair
 from app.pieces.inventory import Inventory, Transfer
 from hardware.table import Place, TableSettings
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.verify import TOLERANCE
 
 
@@ -64,8 +64,7 @@ def unaided(
     goals = {one.piece.name: _goal(one, stands, wanted) for one in found}
     there = [one.piece.name for one in found if _is_there(one, goals[one.piece.name], stands.table)]
     believed = Inventory.of(
-        [replace(piece, place=goals[piece.name]) if piece.name in there else piece for piece in stands],
-        stands.table,
+        [replace(piece, place=goals[piece.name]) if piece.name in there else piece for piece in stands], stands.table
     )
     transfers = tuple(
         Transfer.of(one.piece, goals[one.piece.name], (one.pose.x, one.pose.y))

@@ -1,4 +1,4 @@
-"""How far an arm got with a ply when whoever led it was lost: from the record of what was begun, and from the arm.
+"""How far an arm got with a ply when its program was lost: from the record of what was begun, and from the arm.
 
 Every part of a transfer is recorded before it begins. Whether its piece stands at the source, is in the fingers or
 stands at the target, the arm itself can tell: by what the pads feel, and by where they are, since what is begun after
@@ -21,7 +21,7 @@ ABOVE = 0.003
 
 
 class PieceLost(UserError):
-    """The fingers lost a piece on its way: where it lies, only eyes can tell."""
+    """The fingers lost a piece on its way: where it lies, only the camera can tell."""
 
     def __init__(self, transfer: Transfer) -> None:
         super().__init__(
@@ -39,20 +39,11 @@ class Progress:
 
 
 def progress_of(
-    transfers: Sequence[Transfer],
-    transfer: int,
-    stage: Stage,
-    arm: ArmAtRest,
-    table: TableSettings,
+    transfers: Sequence[Transfer], transfer: int, stage: Stage, arm: ArmAtRest, table: TableSettings
 ) -> Progress:
-    """What is done of a ply, or of another job, whose execution was broken off.
+    """What is done of a ply, or of another job, whose execution was broken off with the arm at rest.
 
-    Args:
-        transfers: of the whole job.
-        transfer: of those, the one begun last, from 0.
-        stage: of that transfer, begun last.
-        arm: at rest.
-        table: board and trays.
+    ``transfer`` is that of the job's transfers which was begun last, from 0, and ``stage`` the stage of it.
 
     Raises:
         PieceLost: the piece is neither in the fingers nor set down.
@@ -64,7 +55,7 @@ def progress_of(
     following = transfers[transfer + 1] if transfer + 1 < len(transfers) else None
     if stage is Stage.RELEASE:
         # at the next piece the fingers close already before they are said to grasp: then that stands between them
-        held = holding and (following is None or not _down_at(following, arm, table))
+        held = holding and (following is None or not _is_down(following.grasped_at(table), following, arm, table))
         return Progress(transfer if held else transfer + 1, held)
     if stage is Stage.GRASP or holding:
         return Progress(transfer, holding)
@@ -73,18 +64,15 @@ def progress_of(
     raise PieceLost(carried)
 
 
-def _down_at(transfer: Transfer, arm: ArmAtRest, table: TableSettings) -> bool:
-    """Whether the tool is where the fingers take the piece."""
+def _is_down(at: tuple[float, float], transfer: Transfer, arm: ArmAtRest, table: TableSettings) -> bool:
+    """Whether the tool is at a point of the board, as low as where it takes a piece or sets it down."""
     x, y, z = table.board_from_base(arm.reference).tolist()
-    there_x, there_y = transfer.grasped_at(table)
-    return math.hypot(x - there_x, y - there_y) < ABOVE and z < transfer.shape.grip_height + ABOVE
+    return math.hypot(x - at[0], y - at[1]) < ABOVE and z < transfer.shape.grip_height + ABOVE
 
 
 def _over(transfer: Transfer, arm: ArmAtRest, table: TableSettings) -> bool:
     """Whether the tool is where it sets the piece down; or over the box, into which the piece falls from anywhere."""
-    x, y, z = table.board_from_base(arm.reference).tolist()
     if transfer.target.in_box:
+        x, y, _ = table.board_from_base(arm.reference).tolist()
         return table.box_of(transfer.target).holds(x, y)
-    there_x, there_y = table.xy(transfer.target)
-    height = transfer.shape.grip_height
-    return math.hypot(x - there_x, y - there_y) < ABOVE and z < height + ABOVE
+    return _is_down(table.xy(transfer.target), transfer, arm, table)

@@ -15,7 +15,6 @@ import chess
 import numpy as np
 from numpy.typing import NDArray
 
-from app.execution.recovery_plans import MisplacedPiece
 from app.execution.repair import BoardObservation, kinds_by_height
 from app.execution.repair.observed import HEIGHTS, Chances
 from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
@@ -31,8 +30,9 @@ from vision.board.orientation import orient
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.pieces.centres import piece_centres
 from vision.pieces.fallen import find_misplaced
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.swapped import KnownPicture, looked_closer
-from vision.pieces.verify import Fault, FaultKind, examine_board
+from vision.pieces.verify import Examination, Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, EMPTY, WHITE
 from vision.reading.diagnosis import Diagnosis, explain
 from vision.reading.evidence import codes_of
@@ -58,28 +58,12 @@ class Reading:
     Attributes:
         decision: what was played since the known position, or doubt.
         finding: what is the matter, and what to do; for people.
-        states: what stands on each square as it is seen, shape (64,): ``vision.reading.appearance`` EMPTY, WHITE,
-        BLACK.
         look: to be confirmed.
     """
 
     decision: MoveReading
     finding: Diagnosis
-    states: States
     look: Observation
-
-
-@dataclass(frozen=True, slots=True)
-class Verification:
-    """Whether the board is as it should be.
-
-    Attributes:
-        faults: what is not.
-        observation: what is seen, for mending it.
-    """
-
-    faults: tuple[Fault, ...]
-    observation: BoardObservation
 
 
 class GameObserver:
@@ -168,11 +152,8 @@ class GameObserver:
         """Up to which hand the newest frame shows the board; None: nothing was looked at."""
         return None if self._last is None else Clearance(self._arrivals)
 
-    def verify(self, stands: Inventory) -> Verification:
-        """Whether the board is as it should be, in a new frame.
-
-        Args:
-            stands: what should stand where.
+    def verify(self, stands: Inventory) -> BoardObservation:
+        """Whether the board is as it should be, in a new frame; ``stands`` says what should stand where.
 
         Raises:
             CannotSee: the board is not in the picture.
@@ -184,32 +165,44 @@ class GameObserver:
         frame = self.frame()
         self._follow(frame)
         expected = on_board(stands)
-        before = {
-            square: likeness
-            for square, (name, likeness) in self._likeness.items()
-            if square in expected and expected[square].name == name
-        }
-        examined = examine_board(frame, self.view, expected, before)
+        examined = self._examine(expected)
         faults = examined.faults
         self._doubted = frozenset(fault.square for fault in faults if fault.kind is FaultKind.FALLEN)
         self._wrong = frozenset(fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE)
         if not faults:
             self._strayed, self._assumed = {}, False
             self._likeness = {square: (expected[square].name, one) for square, one in examined.likeness.items()}
-            return Verification(faults, BoardObservation({}))
+            return BoardObservation({})
         look = self._known.look(sight_of_frame(frame, self.view))
         states = look.evidence.read(codes_of(self._known.board))
         wrong = {fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE}
         for square in examined.likeness.keys() - wrong:  # the outline of a piece says more than its square's colours
             states[square] = WHITE if expected[square].colour is Colour.WHITE else BLACK
         top = None if look.solids is None else look.solids.top
-        observation = BoardObservation.of(stands, states, faults, kinds=_kinds(stands, states, top, self._heights()))
-        return Verification(faults, observation)
+        return BoardObservation.of(stands, states, faults, kinds=_kinds(stands, states, top, self._heights()))
+
+    def _examine(self, expected: Mapping[int, PieceSpec]) -> Examination:
+        """Hold the newest frame against what should stand on the squares, and how the same pieces looked before."""
+        known = {square: likeness for square, (name, likeness) in self._likeness.items()
+                 if square in expected and expected[square].name == name}  # fmt: skip
+        return examine_board(self.last, self.view, expected, known)
 
     def _heights(self) -> dict[Kind, float]:
         """Of the kinds as this camera sees them [m]; as the settings say, where it has not."""
         seen = self._known.heights
         return {kind: seen.get(piece_type, HEIGHTS[kind]) for piece_type, kind in KINDS.items()}
+
+    def faults(self, stands: Inventory, *, centres: bool) -> tuple[Fault, ...]:
+        """What is not as it should be in the newest frame; without depth nobody can tell what lies, so nothing.
+
+        Args:
+            stands: what should stand where.
+            centres: pieces that stand, but off the centres of their squares, count as well.
+        """
+        if self.last.depth is None:
+            return ()
+        faults = self._examine(on_board(stands)).faults
+        return tuple(fault for fault in faults if centres or fault.kind is not FaultKind.OFF_CENTRE)
 
     def forget_likeness(self) -> None:
         """Pieces were touched: how they looked before says nothing any more."""
@@ -218,25 +211,19 @@ class GameObserver:
     def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
         """Where pieces stand in the newest frame, board frame (x, y) [m], by square; those alone that can be seen.
 
-        Args:
-            believed: what stands where.
+        ``believed`` says what stands where.
         """
         centres = piece_centres(self.last, self.view, on_board(believed))
         return {square: (one.x, one.y) for square, one in centres.items() if one.upright}
 
     def misplaced(self, stands: Inventory) -> list[MisplacedPiece]:
-        """Pieces that lie, or stand elsewhere, in the newest frame; on the board and beside it.
-
-        Args:
-            stands: what should stand where.
-        """
+        """Pieces that lie, or stand elsewhere than they should, in the newest frame; on the board and beside it."""
         # of several alike, what is found is rather the one that is missing on the board
         rows = sorted(stands, key=lambda piece: not piece.place.on_board)
         expected = {piece.place: piece for piece in rows if not piece.place.in_box}
         doubted = {square_place(square) for square in self._doubted}
         before = {place: self._strayed[piece.name] for place, piece in expected.items() if piece.name in self._strayed}
-        found = find_misplaced(self.last, self.view, expected, doubted=doubted, trays=True, before=before)
-        misplaced = [MisplacedPiece.of(one, one.place) for one in found]
+        misplaced = [*find_misplaced(self.last, self.view, expected, doubted=doubted, trays=True, before=before)]
         self._strayed |= {one.piece.name: (one.pose.x, one.pose.y) for one in misplaced}
         return misplaced
 
@@ -260,13 +247,12 @@ class GameObserver:
         if self._shows_known is not None:
             now, pieces = KnownPicture(frame, self.view), pieces_of(self._known.board)
             finding = looked_closer(finding, states, self._known.board, self._shows_known, now, pieces)
-        return Reading(decision, finding, states, look)
+        return Reading(decision, finding, look)
 
     def answered(self, reply: AwaitedReply) -> bool:
         """Whether the newest frame shows that somebody has made the next move already, or has begun to.
 
-        Args:
-            reply: the position that it follows is known from now on, if a hand can have made it.
+        The position that it follows is known from now on, if a hand can have made it.
         """
         if not reply.possible(self._guard):
             return False
@@ -290,11 +276,8 @@ class GameObserver:
         return True
 
     def confirm(self, board: chess.Board, look: Observation | None = None) -> None:
-        """The position is known: by the rules, a person, or since the arm has made it.
-
-        Args:
-            board: the position.
-            look: that shows it; None: the newest frame does.
+        """The position is known: by the rules, a person, or since the arm has made it; shown by a look, or the newest
+        frame.
         """
         if look is None:
             look = self._known.look(sight_of_frame(self.last, self.view))

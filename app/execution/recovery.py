@@ -17,14 +17,13 @@ import chess
 import numpy as np
 
 from app import UserError
-from app.execution.asking import Asker, RecoveryResult
 from app.execution.carrier import BoardTouched, Carrier, CarryFailed
 from app.execution.fallen import Fallen, unaided, with_missing
 from app.execution.observation import GameObserver
-from app.execution.recovery_plans import Blocked, MisplacedPiece, in_order, leant_on
+from app.execution.recovery_plans import Blocked, in_order, leant_on
 from app.execution.repair import Ask, Repair, mend
 from app.execution.repair.diagnosis import SEEN_WITHIN, repair_towards
-from app.execution.state import AwaitedReply, Job, changed, moved_all
+from app.execution.state import Asker, AwaitedReply, Job, RecoveryResult, changed
 from app.motion.plan import InTheWay, PlanRefused
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import rearrange
@@ -33,6 +32,7 @@ from app.records.events import Purpose
 from app.terminal.interface import UserInterface
 from hardware.interfaces import Clock
 from hardware.table import square_place
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.verify import Fault, FaultKind
 
 MOST_ROUNDS: Final = 40
@@ -98,11 +98,7 @@ class Recovery:
         self._record.trouble(failure.loss.value, squares, str(failure), None, self._clock.now())
 
     def mend(
-        self,
-        stands: Inventory,
-        wanted: Inventory,
-        board: chess.Board | None = None,
-        reply: AwaitedReply | None = None,
+        self, stands: Inventory, wanted: Inventory, board: chess.Board | None = None, reply: AwaitedReply | None = None
     ) -> RecoveryResult:
         """Until the board shows what is wanted.
 
@@ -160,15 +156,15 @@ class Recovery:
         if not found.faults:
             rest = rearrange(stands, wanted)
             return (), alone or (Repair(stands, rest, "the arm goes on") if rest else None)
-        step = mend(stands, found.observation, board)
+        step = mend(stands, found, board)
         if isinstance(alone, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
             return found.faults, alone or step
         self._loose = ()
-        places = {**found.observation.places, **self._places(stands, step.believed, misplaced)}
+        places = {**found.places, **self._places(stands, step.believed, misplaced)}
         lost = [name for name, place in changed(stands, step.believed).items() if place.index not in places]
         if lost:  # the fingers would run into it
             return found.faults, Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
-        step = repair_towards(step.believed, wanted, replace(found.observation, places=places))
+        step = repair_towards(step.believed, wanted, replace(found, places=places))
         if isinstance(step, Repair) and not step.transfers and step.rest is None and not changed(stands, step.believed):
             return found.faults, Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
         return found.faults, step
@@ -333,7 +329,7 @@ class Recovery:
             return step.believed, 0.0, self._around(error, step, faults)  # the fingers do not get at it
         # what a person would be asked for may be in sight now
         rest = None if isinstance(step.rest, Ask) else step.rest
-        return moved_all(step.believed, step.transfers), carried.done.duration, rest
+        return step.believed.after_all(step.transfers), carried.done.duration, rest
 
     def _around(self, refused: UserError, step: Repair, faults: Sequence[Fault]) -> Repair | Ask | None:
         """A piece that is in the way goes first where it has to go anyway, or else aside."""

@@ -1,13 +1,14 @@
 """Setting right what does not stand where it should: from what the camera finds to a plan of the arm; pure functions.
 
 One look, one plan: a piece that lies is stood up where it lies, one that stands elsewhere is carried to its place.
-Then look again. Pieces that lie come first, so that none is in the way of a carried one.
+Then look again. Pieces that lie come first, so that none is in the way of a carried one. The inventories say what
+should stand where, with all misplaced pieces at some place.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -21,9 +22,8 @@ from app.motion.plan import Plan, PlanRefused
 from app.motion.planner import Planner, fits_around
 from app.pieces.inventory import Inventory, Transfer
 from hardware.parameters import RobotParameters
-from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, square_place
-from vision.pieces.pose_search import FoundPiece
-from vision.pieces.poses import Pose
+from hardware.table import PIECE_SHAPES, Kind, PieceSpec, TableSettings
+from vision.pieces.pose_search import MisplacedPiece
 
 _CLEAR: Final = 0.11
 """What makes way goes so far from where pieces lie [m]: they are up to 60 mm long, and the fingers need as much."""
@@ -34,39 +34,6 @@ _ON_THE_PIECE: Final = 0.001
 """… one at which the pads end so far below the top of the piece [m]."""
 LEANS: Final = 0.005
 """A piece no further from another may lean on it [m]."""
-
-
-@dataclass(frozen=True, slots=True)
-class MisplacedPiece:
-    """A piece that is not where it should stand.
-
-    Attributes:
-        piece: which; its ``place`` is that in the inventory.
-        target: where it has to stand.
-        pose: how it is there.
-    """
-
-    piece: PieceSpec
-    target: Place
-    pose: Pose
-
-    @classmethod
-    def of(cls, stray: FoundPiece, target: Place) -> MisplacedPiece:
-        """What the camera found, of pieces that were given to it as ``PieceSpec``.
-
-        Raises:
-            TypeError: they were given as something else.
-        """
-        if not isinstance(stray.piece, PieceSpec):
-            raise TypeError(
-                f"the misplaced piece is a {type(stray.piece).__name__}: look for pieces given as PieceSpec"
-            )
-        return cls(stray.piece, target, stray.pose)
-
-    @property
-    def lies(self) -> bool:
-        """Whether it has fallen."""
-        return self.pose.yaw is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +57,7 @@ def in_order(misplaced: Sequence[MisplacedPiece]) -> list[MisplacedPiece]:
 
 
 def loose_pieces(misplaced: Sequence[MisplacedPiece]) -> LoosePieces:
-    """For whoever plans around them."""
+    """As a planner needs them, which plans around them."""
     return LoosePieces(
         tuple(
             Obstacle(one.piece.name, one.target, one.pose.x, one.pose.y, one.piece.kind)
@@ -124,26 +91,18 @@ def plan_stand_up(
 ) -> Plan:
     """Stand a piece up where it lies, or carry it from where it stands to its place; then home.
 
-    Args:
-        planner: of the arm.
-        one: the piece.
-        others: all other misplaced pieces.
-        inventory: what should stand where, with all misplaced pieces at some place.
-
     Raises:
         PlanRefused: something is in the way; of a piece that lies, ``InTheWay`` says which piece.
     """
-    gone = {stray.piece.name for stray in others if stray.piece.name != one.piece.name}
+    gone = {other.piece.name for other in others if other.piece.name != one.piece.name}
     rest = [piece for piece in inventory if piece.name not in gone]
     if not one.lies:
         carried = Transfer.of(one.piece, one.target, (one.pose.x, one.pose.y))
         label = f"{one.piece.name} to {one.target}"
         return planner.ply(label, [carried], Inventory.of(rest, inventory.table))
     table = inventory.table
-    loose = loose_pieces([stray for stray in others if stray.piece.name in gone])
-    near = [Obstacle.at(piece.name, piece.place, piece.kind, table) for piece in rest
-            if piece.name != one.piece.name and not piece.place.in_box]  # fmt: skip
-    near += loose.standing
+    loose = loose_pieces([other for other in others if other.piece.name in gone])
+    near = (*_kept(rest, gone | {one.piece.name}, table), *loose.standing)
     return plan_upright(planner, _lying(one), near, loose.lying).plan
 
 
@@ -152,13 +111,8 @@ def plan_making_way(
 ) -> tuple[Transfer, Plan]:
     """Carry a piece that stands in the way to a free place; once all is right it has to be carried back.
 
-    One that itself is where it should not be goes where it belongs, if that is clear of what lies about.
-
-    Args:
-        planner: of the arm.
-        blocks: name of the piece, as ``InTheWay`` has it.
-        misplaced: all misplaced pieces; the piece goes where it is clear of them.
-        inventory: what should stand where, with all misplaced pieces at some place.
+    ``blocks`` is its name, as ``InTheWay`` has it. It goes where it is clear of all misplaced pieces; one that itself
+    is where it should not be goes where it belongs, if that is clear of what lies about.
 
     Returns:
         Where it goes, for the inventory, and the plan.
@@ -167,17 +121,16 @@ def plan_making_way(
         PlanRefused: it lies, the fingers cannot take it either, or no place is free.
     """
     table, piece = inventory.table, inventory.find(blocks)
-    itself = next((stray for stray in misplaced if stray.piece.name == blocks), None)
+    itself = next((one for one in misplaced if one.piece.name == blocks), None)
     if itself is not None and itself.lies:
         raise PlanRefused(f"{blocks}, which is in the way, lies itself: take it off the board")
     seen = None if itself is None else (itself.pose.x, itself.pose.y)
-    misplaced = [stray for stray in misplaced if stray is not itself]
-    gone = {stray.piece.name for stray in misplaced}
-    targets = {stray.target for stray in misplaced}
+    misplaced = [one for one in misplaced if one is not itself]
+    gone = {one.piece.name for one in misplaced}
+    targets = {one.target for one in misplaced}
     rest = Inventory.of([one for one in inventory if one.name not in gone], table)
-    places = (*map(square_place, range(64)), *table.tray_places())
     free = [
-        place for place in places
+        place for place in inventory.places()
         if inventory.at(place) is None and place not in targets and _clear_of(table.xy(place), misplaced)
     ]  # fmt: skip
     # squares first: the camera sees whether it has come there
@@ -201,12 +154,6 @@ def plan_pushing(
 ) -> tuple[Nudge, Plan]:
     """Push one of two pieces aside that are in each other's way, so that one of them can be taken or stood up.
 
-    Args:
-        planner: of the arm.
-        blocked: which cannot be, and by what.
-        misplaced: all misplaced pieces.
-        inventory: what should stand where, with all misplaced pieces at some place.
-
     Returns:
         The push, and the plan; where the piece comes to rest, a look must tell.
 
@@ -214,13 +161,9 @@ def plan_pushing(
         PlanRefused: no push helps, or it leads out of the workspace.
     """
     table, cell = inventory.table, planner.cell
-    gone = {stray.piece.name for stray in misplaced}
+    gone = {one.piece.name for one in misplaced}
     loose = loose_pieces(misplaced)
-    kept = tuple(
-        Obstacle.at(piece.name, piece.place, piece.kind, table)
-        for piece in inventory
-        if piece.name not in gone and not piece.place.in_box
-    )
+    kept = _kept(inventory, gone, table)
     scene = LoosePieces((*kept, *loose.standing), loose.lying)
 
     def free(one: Blocked, scene: LoosePieces) -> bool:
@@ -245,6 +188,15 @@ def plan_pushing(
     return nudge, plan_nudge(planner, nudge, scene)
 
 
+def _kept(pieces: Iterable[PieceSpec], gone: Set[str], table: TableSettings) -> tuple[Obstacle, ...]:
+    """Pieces at the centres of their places, without those of some names and those in boxes."""
+    return tuple(
+        Obstacle.at(piece.name, piece.place, piece.kind, table)
+        for piece in pieces
+        if piece.name not in gone and not piece.place.in_box
+    )
+
+
 def _raised(kind: Kind, parameters: RobotParameters) -> Iterator[float]:
     """By how much the fingers may take a piece higher than usual, so that they pass over what lies beside it [m]."""
     shape = PIECE_SHAPES[kind]
@@ -255,9 +207,9 @@ def _raised(kind: Kind, parameters: RobotParameters) -> Iterator[float]:
 
 
 def _clear_of(point: tuple[float, float], misplaced: Sequence[MisplacedPiece]) -> bool:
-    return all(math.dist(point, (stray.pose.x, stray.pose.y)) > _CLEAR for stray in misplaced)
+    return all(math.dist(point, (one.pose.x, one.pose.y)) > _CLEAR for one in misplaced)
 
 
-def _lying(stray: MisplacedPiece) -> Lying:
-    assert stray.pose.yaw is not None
-    return Lying(stray.piece.kind, (stray.pose.x, stray.pose.y), stray.pose.yaw, stray.piece.name)
+def _lying(one: MisplacedPiece) -> Lying:
+    assert one.pose.yaw is not None
+    return Lying(one.piece.kind, (one.pose.x, one.pose.y), one.pose.yaw, one.piece.name)

@@ -1,16 +1,17 @@
-"""What a game stands on and where it stands: devices, position, jobs of the arm, and how it ended."""
+"""What a game stands on and where it stands: devices, position, jobs and their outcome, whom to ask, and the end."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 import chess
+import chess.engine
 
 from app import UserError
 from app.pieces.inventory import Inventory, Transfer
-from app.records import History
+from app.records import History, PlyOutcome
 from app.records.events import Result
 from app.records.history import Unfinished
 from app.rig.arm import Arm
@@ -20,8 +21,8 @@ from hardware.referee import Referee
 from hardware.table import Place
 
 if TYPE_CHECKING:
-    from app.execution.recovery_plans import MisplacedPiece
     from app.guard.game_guard import GameGuard
+    from vision.pieces.pose_search import MisplacedPiece
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +111,59 @@ LEFT: Final = GameEnd("*", "left by the person at the board", complete=True)
 
 
 @dataclass(frozen=True, slots=True)
+class Remark:
+    """What is recorded with a ply: what the player thinks of it, a comment, and what the clocks show after it [s], to
+    be asked for once the move stands on the board.
+    """
+
+    score: chess.engine.PovScore | None = None
+    comment: str = ""
+    clocks: Callable[[], dict[chess.Color, float] | None] = lambda: None
+
+
+NO_REMARK: Final = Remark()
+
+
+@dataclass(frozen=True, slots=True)
+class JobDone:
+    """What stands where after a job, what is known of it, and whether a person has made the next move already."""
+
+    inventory: Inventory
+    outcome: PlyOutcome
+    answered: bool = False
+
+
+class Asker(Protocol):
+    """A person who can put the board right by hand."""
+
+    def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> None:
+        """Ask for what has to be done on some squares; returns when they say that it is done.
+
+        ``stands`` says what should stand where now, as far as is known.
+
+        Raises:
+            UserError: nobody is there.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class RecoveryResult:
+    """What mending came to.
+
+    Attributes:
+        inventory: what stands where now.
+        jobs: rounds in which something had to be moved, by the arm or by a person.
+        duration: of what the arm did [s].
+        answered: a person has made the next move already, or has begun to; the newest frame shows it.
+    """
+
+    inventory: Inventory
+    jobs: int
+    duration: float
+    answered: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Job:
     """Something the arm does from home to home.
 
@@ -135,17 +189,6 @@ FRAME_AGE: Final = 10.0
 """A frame is no older than this: exposed when it was asked for, but drawn slowly by a busy machine [s]."""
 EXPECTED_FAILURES: Final = (UserError, ControllerError, HardwareError)
 """What may go wrong in a running game without a bug: each says in one sentence what and what to do."""
-
-
-def moved_all(inventory: Inventory, transfers: Iterable[Transfer]) -> Inventory:
-    """What stands where after some transfers.
-
-    Raises:
-        InventoryError: they were not planned for this inventory.
-    """
-    for transfer in transfers:
-        inventory = inventory.moved(transfer)
-    return inventory
 
 
 def changed(before: Inventory, after: Inventory) -> dict[str, Place]:

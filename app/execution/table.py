@@ -1,12 +1,12 @@
-"""The board and its pieces while a game is on: what the arm or a hand does to them, seen, mended, judged, recorded.
+"""The board and its pieces while a game is on: what the arm or a hand does to them, seen, put right, judged, recorded.
 
 The position advances only when the board shows it. After whatever the arm has done the camera looks; what is not as it
-should be is mended first, by the arm where it can, else by a person who is asked.
+should be is put right first, by the arm where it can, else by a person who is asked.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,13 +15,12 @@ import chess.engine
 
 from app import UserError
 from app.execution.carrier import Begun, BoardTouched, Carrier, CarryFailed
-from app.execution.outcome import NO_REMARK, JobDone, Remark, outcome_of, save_picture
-from app.execution.state import FRAME_AGE, AwaitedReply, Devices, Job, Position, changed, moved_all
+from app.execution.state import FRAME_AGE, NO_REMARK, AwaitedReply, Devices, Job, JobDone, Position, Remark, changed
 from app.pieces.inventory import Inventory, Ply, Transfer
 from app.pieces.judging import Verdict, judge
 from app.pieces.layout import colour_of
 from app.pieces.manipulation import move_kind, transfers
-from app.records import GameRecord, PlyOutcome
+from app.records import GameRecord, PlyOutcome, recording
 from app.records.events import Purpose
 from app.records.history import Unfinished, transfer_of
 from app.terminal.interface import UserInterface
@@ -31,8 +30,9 @@ from hardware.table import Place
 if TYPE_CHECKING:
     from app.execution.observation import GameObserver
     from app.execution.recovery import Recovery
-    from app.execution.recovery_plans import MisplacedPiece
     from app.guard.game_guard import GameGuard
+    from vision.pieces.pose_search import MisplacedPiece
+    from vision.pieces.verify import Fault
     from vision.reading.diagnosis import Diagnosis
 
 
@@ -88,18 +88,10 @@ class Table:
         """Plant time [s]."""
         return self._devices.clock.now()
 
-    def arm_ply(
-        self,
-        move: chess.Move,
-        remark: Remark = NO_REMARK,
-        answers: bool = False,
-    ) -> bool:
+    def arm_ply(self, move: chess.Move, remark: Remark = NO_REMARK, answers: bool = False) -> bool:
         """The arm makes a move, home to home; then a look at the board; and one before, if the last one was long ago.
 
-        Args:
-            move: a legal one.
-            remark: recorded with it.
-            answers: a person moves next, by themselves, and may do so before the arm has gone home.
+        ``answers``: a person moves next, by themselves, and may do so before the arm has gone home.
 
         Returns:
             False when the board came out wrong, by the referee's word.
@@ -113,7 +105,7 @@ class Table:
         return self._do_ply(ply, None, remark, answers=answers)
 
     def hand_ply(self, move: chess.Move, remark: Remark = NO_REMARK) -> bool:
-        """A move was made by hand, and seen or told; what stands badly since is mended. False as of ``arm_ply``."""
+        """A move was made by hand, and seen or told; what stands badly since is put right. False as of ``arm_ply``."""
         ply = transfers(self.board, move, self.inventory)
         outcome = PlyOutcome(by="hand", score=remark.score, clocks=remark.clocks(), comment=remark.comment)
         done = self._conclude_ply(ply, self.inventory.after(ply), outcome)
@@ -148,19 +140,33 @@ class Table:
         return self._do_task(Job(label, moved), None, board)
 
     def repair(self, reply: AwaitedReply | None = None) -> bool:
-        """The board is looked at, and put right where it is not as the game says; False as of ``arm_ply``.
-
-        Args:
-            reply: as of ``Recovery.mend``.
+        """The board is looked at, and put right where it is not as the game says; False as of ``arm_ply``, reply as of
+        ``Recovery.mend``.
         """
         if self._recovery is None:
             return True
-        mended = self._recovery.mend(self.inventory, self.inventory, self.board, reply)
-        self.replied = mended.answered
-        if not mended.jobs:
+        recovered = self._recovery.mend(self.inventory, self.inventory, self.board, reply)
+        self.replied = recovered.answered
+        if not recovered.jobs:
             return True
-        outcome = PlyOutcome(real=mended.duration)
-        return self._conclude_task(mended.inventory, outcome, self.board, answered=mended.answered)
+        outcome = PlyOutcome(real=recovered.duration)
+        return self._conclude_task(recovered.inventory, outcome, self.board, answered=recovered.answered)
+
+    def disturbed(self, *, centres: bool) -> tuple[Fault, ...]:
+        """What the newest frame shows to be wrong although the position is the same; as ``GameObserver.faults``."""
+        return () if self.observer is None else self.observer.faults(self.inventory, centres=centres)
+
+    def toppled(self, move: chess.Move) -> bool:
+        """Whether the newest frame shows that a piece which this move would have set down does not stand there.
+
+        A piece that was knocked over and lies on another square looks like a move; with depth it does not stand.
+        """
+        if self.observer is None:
+            return False
+        ply = transfers(self.board, move, self.inventory)
+        squares = {one.target.index for one in ply.transfers if one.target.on_board}
+        faults = self.observer.faults(self.inventory.after(ply), centres=False)
+        return any(fault.square in squares for fault in faults)
 
     def fallen(self) -> list[MisplacedPiece]:
         """Pieces that lie on the board, in the newest frame, as far as depth shows them."""
@@ -177,6 +183,11 @@ class Table:
         squares = [chess.square_name(square) for square in finding.squares]
         self._record.trouble(finding.situation.value, squares, finding.sentence, None, self.now())
 
+    def note_faults(self, faults: Sequence[Fault]) -> None:
+        """Something was disturbed by hand: in the record as ``note``."""
+        for fault in faults:
+            self._record.trouble(fault.kind.value, (chess.square_name(fault.square),), fault.sentence, None, self.now())
+
     def note_sides(self, person: chess.Color) -> None:
         """The person at the board plays this colour from now on."""
         self._record.sides_changed(colour_of(person), self.now())
@@ -185,8 +196,7 @@ class Table:
         """First of all: what another program has begun and not finished is finished, and whether the board is as its
         record says is looked at; False as of ``arm_ply``.
 
-        Args:
-            by_hand: colours that a person plays by hand, who may have moved while nobody looked.
+        A person plays the colours ``by_hand``, and may have moved while nobody looked.
         """
         if not self._begun:
             if self.observer is not None:
@@ -223,14 +233,7 @@ class Table:
 
     # jobs
 
-    def _do_ply(
-        self,
-        ply: Ply,
-        begun: Begun | None,
-        remark: Remark,
-        *,
-        answers: bool = False,
-    ) -> bool:
+    def _do_ply(self, ply: Ply, begun: Begun | None, remark: Remark, *, answers: bool = False) -> bool:
         self._reset_peak()
         wanted, after = self.inventory.after(ply), self.board.copy()
         after.push_uci(ply.uci)
@@ -246,7 +249,7 @@ class Table:
         """Carry out a task that is in the record already, after which a position stands on the board."""
         self._reset_peak()
         try:
-            wanted = moved_all(self.inventory, job.transfers)
+            wanted = self.inventory.after_all(job.transfers)
             carried = self._carry(job, wanted, begun, self._left_with(board))
         except UserError as error:
             if self._carrier.untouched:
@@ -260,7 +263,7 @@ class Table:
         goal = self._goal(unfinished)
         # one that was not begun is thought over: what it was planned around, or refused for, only a look can tell
         repair = unfinished.repair if begun is not None or self._recovery is None else ()
-        wanted = moved_all(self.inventory, repair)
+        wanted = self.inventory.after_all(repair)
         reply = self._left_with(goal) if not _arranged(wanted, goal) else None
         carried = self._carry(Job("put the board right", repair), wanted, begun, reply)
         rest = () if carried.answered else _arranged(carried.inventory, goal)
@@ -269,7 +272,7 @@ class Table:
         if rest:
             self._record.found(carried.inventory, "a repair was broken off", self.now())
             self._record.task(Purpose.REPAIR, "put the board right", rest, self.now())
-            wanted = moved_all(self.inventory, rest)
+            wanted = self.inventory.after_all(rest)
             carried = self._carry(Job("put the board right", rest), wanted, None, self._left_with(goal))
         outcome = replace(carried.outcome, resumed=True)
         self.inventory = stands
@@ -298,9 +301,9 @@ class Table:
         if job.transfers:
             try:
                 seen = None if self.observer is None else self.observer.seen
-                outcome = outcome_of(self._carrier.carry(job, self.inventory, begun, seen))
+                outcome = self._carrier.carry(job, self.inventory, begun, seen).outcome
             except BoardTouched:
-                stands = self.inventory  # as far as is known: the mender looks first, then carries
+                stands = self.inventory  # as far as is known: recovery looks first, then carries
             except CarryFailed as failure:
                 if self._recovery is None:
                     raise UserError(str(failure)) from failure
@@ -308,10 +311,10 @@ class Table:
                 self._recovery.note_loss(failure)
         if self._recovery is None:
             return JobDone(wanted, outcome)
-        mended = self._recovery.mend(stands, wanted, reply=reply)
-        if mended.jobs:
-            outcome = replace(outcome, real=(outcome.real or 0.0) + mended.duration, resumed=True)
-        return JobDone(mended.inventory, outcome, mended.answered)
+        recovered = self._recovery.mend(stands, wanted, reply=reply)
+        if recovered.jobs:
+            outcome = replace(outcome, real=(outcome.real or 0.0) + recovered.duration, resumed=True)
+        return JobDone(recovered.inventory, outcome, recovered.answered)
 
     # after a job
 
@@ -342,7 +345,7 @@ class Table:
         return verdict is None or verdict.ok
 
     def _look(self, *, learns: bool = True) -> Frame | None:
-        """The picture of the position; eyes that follow the game have looked already, and learn from it."""
+        """The picture of the position; an observer that follows the game has looked already, and learns from it."""
         if self.observer is not None:
             if learns:
                 self.observer.confirm(self.board)
@@ -372,10 +375,19 @@ class Table:
         return judged, verdict
 
     def _keep(self, frame: Frame | None) -> str | None:
+        """Write a frame's colours as JPEG, and say the name."""
         if frame is None:
             return None
+        import cv2  # only where there is a camera
+
         name = f"frames/ply-{len(self.board.move_stack):03d}.jpg"
-        save_picture(self._record.folder / name, frame)
+        path, colour = self._record.folder / name, cv2.cvtColor(frame.colour, cv2.COLOR_RGB2BGR)
+        done, encoded = cv2.imencode(".jpg", colour, [cv2.IMWRITE_JPEG_QUALITY, 88])
+        if not done:
+            raise RuntimeError(f"OpenCV could not encode {path.name}")
+        with recording(path):
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(encoded.tobytes())
         return name
 
 

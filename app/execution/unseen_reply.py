@@ -1,7 +1,7 @@
 """The move that a person has made while nobody looked, from the board as it stands afterwards.
 
-Eyes that have followed a game know what the board looked like before a move. A program that goes on with a game of
-another one has no such picture; but it knows the position, and of all moves that are legal there one may explain all
+An observer that has followed a game knows what the board looked like before a move. A program that goes on with a game
+of another one has no such picture; but it knows the position, and of all moves that are legal there one may explain all
 that the picture shows, outline by outline.
 """
 
@@ -31,13 +31,9 @@ natural logarithms: an outline tells that a piece fits there, but so it does whe
 
 
 def reply_shown(frame: Frame, view: BoardView, board: chess.Board, wrong: Collection[int]) -> chess.Move | None:
-    """The only legal move after which the board would be just as it looks.
+    """The only legal move after which the board would be just as it looks in a frame with nothing over it.
 
-    Args:
-        frame: with nothing over the board.
-        view: of the board.
-        board: the position before it.
-        wrong: squares that do not look as in that position.
+    Squares that are ``wrong`` do not look as in the position before it.
 
     Returns:
         None: nothing is wrong, or no move explains it, or more than one does. Of promotions on one square the first

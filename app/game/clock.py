@@ -24,13 +24,10 @@ from hardware.frozen import FrozenFinite
 
 ARM_LEAVES: Final = 5.0
 """The arm's motion never takes the last of a side's time: this much, or what there was, is left [s]."""
-
 OVERHEAD: Final = 0.05
 """From the engine's answer to the instant at which the game knows of it [s]; an engine is told so much less."""
-
 HORIZON: Final = 30
 """Moves that the rest of a game is taken to last where the arm's motion must be paid out of the time left."""
-
 LEAST_SHARE: Final = 0.1
 """An engine is told at least this share of what its side has, however much the arm will need."""
 
@@ -221,10 +218,6 @@ class ChessClock(FrozenFinite):
     def made(self, colour: chess.Color) -> int:
         """Moves that a side has made by this clock."""
         return sum(move.white == colour for move in self.moves)
-
-    def clk(self, ply: int) -> float:
-        """PGN's ``%clk`` after a ply, counted from 0: what its side had left, never below zero [s]."""
-        return max(0.0, self.moves[ply].after)
 
     # ----------------------------------------------------------------------------------------------------------- parts
 

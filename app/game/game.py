@@ -1,4 +1,4 @@
-"""The game loop: whoever is to move moves, by the arm or by hand, until the game is over."""
+"""The game loop: the side to move moves, by the arm or by hand, until the game is over."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import time
 import chess
 
 from app import UserError
-from app.execution.outcome import Remark
-from app.execution.state import WRONG, GameEnd
+from app.execution.state import WRONG, GameEnd, Remark
 from app.execution.table import Table
 from app.game.human_turn import HumanTurn
 from app.game.person import GameLeft
@@ -158,10 +157,7 @@ class Game:
 
 
 def require_empty_fingers(felt: float) -> None:
-    """Before a game begins.
-
-    Args:
-        felt: by both pads [N].
+    """Before a game begins: ``felt`` by both pads [N].
 
     Raises:
         UserError: something is between them.

@@ -14,18 +14,15 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
-from app.execution.outcome import Remark
-from app.execution.state import LEFT, WRONG, GameEnd
+from app.execution.state import LEFT, WRONG, GameEnd, Remark
 from app.execution.table import Table
-from app.game.person import GameLeft, NeedsHand, ask
+from app.game.person import GameLeft, HandNotice, NeedsHand, ask
 from app.game.timing import Timing
-from app.guard.hand_notice import HandNotice
 from app.pieces.manipulation import transfers
 from app.players.commands import Command, CommandError, MoveHand, PlayMove, Word, help_text, parse_command
 from app.players.person import Human, PersonGone
 from app.players.players import Players
 from app.records import RecordError
-from app.records.events import Result
 from app.rig.arm import ArmPaused
 from app.settings.time_control import clock_text
 from app.terminal.interface import UserInterface
@@ -35,7 +32,6 @@ from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 
 if TYPE_CHECKING:
     from app.execution.observation import Reading
-    from app.execution.recovery_plans import MisplacedPiece
     from vision.reading.diagnosis import Diagnosis
 
 POLL: Final = 0.2
@@ -101,11 +97,7 @@ class HumanTurn:
             except _Interjected as instead:
                 other, end = instead.command, None
                 self._timing.start(self._colour)
-            except (
-                UserError,
-                HardwareError,
-                EngineProblem,
-            ) as error:  # it cannot be done: the game stands where it stood
+            except (UserError, HardwareError, EngineProblem) as error:  # the game stands where it stood
                 self._tell(str(error))
                 self._timing.start(self._colour)
                 end = None
@@ -142,7 +134,7 @@ class HumanTurn:
     def left(self, word: Word) -> GameEnd:
         """How the game has ended for a person who said quit, resign or new."""
         if word is Word.RESIGN:
-            return GameEnd(_lost(self._colour), f"{_name(self._colour)} resigns", True)
+            return GameEnd("0-1" if self._colour else "1-0", f"{_name(self._colour)} resigns", True)
         return LEFT if word is Word.QUIT else GameEnd("*", "given up for a new game", True, again=True)
 
     def _prompt(self) -> None:
@@ -209,12 +201,13 @@ class HumanTurn:
                 return self._judge(reading, None, then)
             return None
         seen = self._look()
-        then = self._timing.at(
-            max(gone_at, self._notice.last_gone or gone_at)
-        )  # it may have come again before the look
-        if seen is None or seen.decision.verdict is ReadingOutcome.NOTHING:
+        then = self._timing.at(max(gone_at, self._notice.last_gone or gone_at))  # it may have come again since
+        if seen is None:
             return None
-        if seen.decision.verdict is ReadingOutcome.MOVE and not seen.decision.promotion_unsure:
+        verdict = seen.decision.verdict
+        if verdict is ReadingOutcome.NOTHING and not self._table.disturbed(centres=False):
+            return None
+        if verdict is ReadingOutcome.MOVE and not seen.decision.promotion_unsure:
             return self._judge(seen, None, then)
         self._unsaid = seen, then, time.monotonic()
         return None
@@ -259,29 +252,51 @@ class HumanTurn:
         if reading is None:
             self._ui.say("this rig has no camera: type the move")
             return None
-        if reading.decision.verdict is ReadingOutcome.NOTHING:
+        if reading.decision.verdict is not ReadingOutcome.NOTHING:
+            return self._judge(reading, said, then)
+        if not self._complain_of_faults(centres=True):
             self._ui.say("I see no change on the board" if said is None else f"I do not see {said.uci()} on the board")
-            return None
-        return self._judge(reading, said, then)
+        return None
 
     def _judge(self, reading: Reading, said: chess.Move | None, then: float) -> GameEnd | None:
         """Something has changed on the board; ``said`` and ``then`` as for ``_read``."""
         decision, finding = reading.decision, reading.finding
+        if decision.verdict is ReadingOutcome.NOTHING:
+            self._complain_of_faults(centres=False)
+            return None
         if decision.verdict is ReadingOutcome.MOVE:
             (move,) = decision.moves
+            if self._table.toppled(move):
+                self._complain(finding)
+                return None
             if decision.promotion_unsure:
                 move = chess.Move(move.from_square, move.to_square, self._promotion(said))
             return self._accept(move, then, reading)
         if finding.situation is Situation.LEGAL:
             return self._ask_move(decision.moves[0], said, then, reading)
-        self._complain(finding)
+        if finding.situation is not Situation.NOTHING:
+            self._complain(finding)
+        elif not self._complain_of_faults(centres=True):
+            self._ui.say("I am not sure of what I see: make your move, or say 'fix' and the arm looks the board over")
         return None
 
     def _complain(self, finding: Diagnosis) -> None:
         self._table.note(finding)
+        self._ask_to_fix(finding.sentence)
+
+    def _complain_of_faults(self, *, centres: bool) -> bool:
+        """Of what lies, or stands off its place, where the position is the same; whether there was any."""
+        faults = self._table.disturbed(centres=centres)
+        if faults:
+            self._table.note_faults(faults)
+            self._ask_to_fix(" and ".join(fault.sentence for fault in faults))
+        return bool(faults)
+
+    def _ask_to_fix(self, sentence: str) -> None:
         look = "" if self._notice.watches else " and say 'look'"
-        what = " and ".join(_lies(one) for one in self._table.fallen()) or finding.sentence
-        self._ui.say(f"{what}. Put it right by hand{look}, or say 'fix' and the arm does it")
+        lying = [(one.piece, one.target) for one in self._table.fallen()]
+        what = " and ".join(f"the {piece.colour} {piece.kind} of {at} has fallen over" for piece, at in lying)
+        self._ui.say(f"{what or sentence}. Put it right by hand{look}, or say 'fix' and the arm does it")
 
     def _look(self) -> Reading | None:
         """Again while in doubt."""
@@ -296,16 +311,10 @@ class HumanTurn:
         return reading
 
     def _ask_move(
-        self,
-        move: chess.Move,
-        said: chess.Move | None,
-        then: float,
-        reading: Reading,
+        self, move: chess.Move, said: chess.Move | None, then: float, reading: Reading,
         question: str = "this looks like {}, but not clearly: was that it?",
-    ) -> GameEnd | None:
-        if said is not None and said == move:
-            return self._accept(move, then, reading)
-        if self._yes(question.format(self._table.board.san(move))):
+    ) -> GameEnd | None:  # fmt: skip
+        if said == move or self._yes(question.format(self._table.board.san(move))):
             return self._accept(move, then, reading)
         self._ui.say("then put the pieces back as they were, or type the move that you have made")
         return None
@@ -360,11 +369,3 @@ class HumanTurn:
 
 def _name(colour: chess.Color) -> str:
     return "White" if colour else "Black"
-
-
-def _lies(one: MisplacedPiece) -> str:
-    return f"the {one.piece.colour} {one.piece.kind} of {one.target} has fallen over"
-
-
-def _lost(colour: chess.Color) -> Result:
-    return "0-1" if colour else "1-0"

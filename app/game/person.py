@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from app import UserError
 from app.pieces.inventory import Inventory, Ply
@@ -18,6 +18,9 @@ from app.rig.arm import Arm
 from app.terminal.interface import UserInterface
 from hardware.interfaces import HardwareError
 from hardware.table import Place
+
+if TYPE_CHECKING:
+    from app.guard.game_guard import GameGuard
 
 POLL: Final = 0.2
 """How long is waited for words at a time [s, wall]."""
@@ -80,6 +83,58 @@ def ask(human: Human, ui: UserInterface, question: str, valid: Collection[str], 
         elif not other(line):
             ui.say(f"'{line.strip()}' is no answer: say {' or '.join(valid)}, or quit or resign")
         ui.prompt(question)
+
+
+class HandNotice:
+    """Notices that a hand was over the board and has gone, also one that came and went while nobody asked.
+
+    Args:
+        guard: that watches for hands; None: nothing is noticed.
+    """
+
+    def __init__(self, guard: GameGuard | None) -> None:
+        self._guard = guard
+        self._known = 0 if guard is None else guard.departures
+
+    @property
+    def watches(self) -> bool:
+        """Whether anything is noticed at all."""
+        return self._guard is not None
+
+    def there(self) -> bool:
+        """Whether a hand is over the board.
+
+        Raises:
+            UserError: hands cannot be seen any more.
+        """
+        seen = None if self._guard is None else self._guard.newest()
+        return seen is not None and seen.hand_present
+
+    def leaving(self) -> bool:
+        """Whether a hand has gone of which ``gone`` will tell once the board lies still."""
+        return self._guard is not None and self._guard.leaving
+
+    def gone(self) -> float | None:
+        """When a hand has gone [s, plant], if one has, and the board lies still, since this was last said."""
+        if self._guard is None or (at := self._guard.gone_at) is None or not self.untold:
+            return None
+        self._known = self._guard.departures
+        return at
+
+    @property
+    def untold(self) -> bool:
+        """Whether ``gone`` would tell of a hand."""
+        return self._guard is not None and self._guard.departures != self._known
+
+    @property
+    def last_gone(self) -> float | None:
+        """When the last hand had gone [s, plant], told or not."""
+        return None if self._guard is None else self._guard.gone_at
+
+    def wake(self, awake: bool) -> None:
+        """Whether somebody waits for a hand; see ``GameGuard.wake``."""
+        if self._guard is not None:
+            self._guard.wake(awake)
 
 
 class UnattendedAsker:

@@ -31,10 +31,7 @@ class Timing:
     """
 
     def __init__(
-        self,
-        clock: ChessClock | None,
-        plant_time: Callable[[], float],
-        wall_time: Callable[[], float] = time.monotonic,
+        self, clock: ChessClock | None, plant_time: Callable[[], float], wall_time: Callable[[], float] = time.monotonic
     ) -> None:
         self._clock, self._plant_time, self._wall_time = clock, plant_time, wall_time
         self._shift = 0.0
@@ -122,12 +119,7 @@ class Timing:
 
 
 def clock_of(clock: ChessClock | None, plies: Sequence[PlyEvent]) -> ChessClock | None:
-    """The clock of a game that goes on, from what it showed after each ply.
-
-    Args:
-        clock: as it was at the beginning.
-        plies: that were played and count.
-    """
+    """The clock of a game that goes on: as it was at the beginning, with the plies that were played and count."""
     if clock is None:
         return None
     left = {Colour.WHITE: clock.white_left, Colour.BLACK: clock.black_left}

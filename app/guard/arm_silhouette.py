@@ -60,12 +60,7 @@ class ArmPose(NamedTuple):
 
 
 def arm_capsules(parameters: RobotParameters, table: TableSettings, pose: ArmPose) -> Capsules:
-    """All links of an arm, board frame.
-
-    Args:
-        parameters: lengths of the robot, and its pads.
-        table: where the board is below its base.
-        pose: of the arm.
+    """All links of an arm in a pose, board frame, by the lengths of the robot and where the board is below its base.
 
     Raises:
         PoseError: no tool point belongs to these angles.

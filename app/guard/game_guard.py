@@ -1,4 +1,4 @@
-"""The guard against hands in a game: put together from what a rig has, and following the board where eyes find it."""
+"""The guard against hands in a game: put together from what a rig has; it follows the board where that is found."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ FIRST_FRAME_AGE: Final = 60.0
 class GameGuard:
     """Watches for hands from when it is known where the board is. A context manager.
 
-    Until then nothing but the controller's own protection looks after people: whoever knows beforehand where the board
-    is, by calibration, says so at once.
+    Until then nothing but the controller's own protection looks after people: a caller that knows beforehand where
+    the board is, by calibration, says so at once.
 
     Args:
         frames: begins to read the board's camera.
@@ -63,10 +63,7 @@ class GameGuard:
         """Each time the arm was asked to hold, until the board was looked for last."""
 
     def look(self, view: BoardView) -> None:
-        """From now on the board is there.
-
-        Args:
-            view: of the board's camera.
+        """From now on the board is where this view of its camera has it.
 
         Raises:
             HardwareError: the camera cannot be read.
@@ -78,11 +75,6 @@ class GameGuard:
         holding = before is not None and before.holding  # once its thread has ended
         self._guard = HandGuard(frames, view, masks, self._holder, progress=self._progress, holding=holding)
         self._guard.start()
-
-    @property
-    def watching(self) -> bool:
-        """Whether it is known where the board is."""
-        return self._guard is not None
 
     def clear(self) -> None:
         """Wait until no hand is over the board, then admit motions; see ``HandGuard.clear``.
@@ -104,7 +96,7 @@ class GameGuard:
                 time.sleep(AGAIN)
                 self._look_again()
 
-    def glance(self) -> Seen | None:
+    def newest(self) -> Seen | None:
         """What the newest frame showed; see ``HandGuard.seen``. None before the first one.
 
         Raises:
@@ -123,7 +115,7 @@ class GameGuard:
         """Perhaps the camera is there again."""
         self._tried = time.monotonic()
         assert self._view is not None
-        with suppress(HardwareError):  # it is not: whoever has asked is told of that already
+        with suppress(HardwareError):  # it is not: who has asked was told already
             self.look(self._view)
 
     @property
@@ -166,7 +158,7 @@ class GameGuard:
         until = time.monotonic() + SIGHT_PATIENCE
         try:
             with suppress(Blind):
-                while (seen := self.glance()) is not None and seen.hand_present:
+                while (seen := self.newest()) is not None and seen.hand_present:
                     if time.monotonic() > until:
                         return False
                     time.sleep(SIGHT_POLL)

@@ -1,8 +1,8 @@
 """A hand over the board stops the arm: a thread that watches the camera's frames and asks the controller to hold.
 
 The guard looks at every frame, masks the arm's links as they were when it was exposed, and asks for a hold at the first
-frame that confirms a hand. The controller then refuses every motion until the board is clear again and whoever leads
-the game calls ``clear``, so that no motion can slip in between. From the hand being seen until the arm rests it
+frame that confirms a hand. The controller then refuses every motion until the board is clear again and the game
+calls ``clear``, so that no motion can slip in between. From the hand being seen until the arm rests it
 takes, in plant time: up to one frame's interval until the next exposure, ``WatchSettings.confirm`` − 1 more of
 them, the camera's latency, and at most 0.1 s of the controlled stop; at 30 frames a second and 60 ms of
 latency 0.23 s.
@@ -37,8 +37,6 @@ APART: Final = 0.020
 full speed moves in the time by which a frame's stamp errs."""
 GROW: Final = 4
 """… and so much wider in the picture: edges that a depth camera smears [px]."""
-
-
 Listener = Callable[[Frame | DepthFrame, Seen], None]
 
 
@@ -195,17 +193,6 @@ class HandGuard:
         """Stamp of the first frame without the hand that was seen last [s]; None: there is one, or there was none."""
         with self._news:
             return self._gone_at
-
-    @property
-    def hand_present(self) -> bool:
-        """Whether a hand is over the board, as far as frames tell; a hold is in force then.
-
-        Raises:
-            Blind: there are no frames any more.
-        """
-        with self._news:
-            self._check()
-            return self._holding or (self._newest is not None and self._newest[1].hand_present)
 
     def clear(self) -> Seen:
         """Wait until no hand is over the board and the board is settled, then admit motions again.

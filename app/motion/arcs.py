@@ -14,12 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.motion.continuation import Continuation
 from app.motion.curves import STRAIGHT, turns, widest_corner
-from app.motion.drop import tool_height
 from app.motion.obstacles import Crowd, Moving, needed_heights
 from app.motion.path import Vector
-from app.motion.plan import PlanRefused
+from app.motion.plan import Continuation, PlanRefused
 from app.motion.route import NEAR, Route
 from app.motion.settings import MotionSettings
 from app.motion.timing.time_law import Bounds
@@ -27,7 +25,7 @@ from app.motion.timing.torque import TorqueModel
 from controller.model.compiled import PAIR, ROW, FloatArray, compiled, compiled_as
 from controller.protection.limits import Limits, default_limits
 from hardware.parameters import RobotParameters
-from hardware.table import Kind, PieceShape, Place, TableSettings
+from hardware.table import PIECE_SHAPES, Kind, PieceShape, Place, TableSettings
 
 _STEP = 0.0015
 """Ways over the board are looked at so closely [m]."""
@@ -64,8 +62,12 @@ class Workcell:
         return Continuation(self.settings, self.table, self.tick, route)
 
     def height(self, kind: Kind, place: Place) -> float:
-        """Of the tool over the board where it takes a piece from a place or lets go of it there [m]."""
-        return tool_height(kind, place, self.table, self.settings)
+        """Of the tool over the board where it takes a piece from a place or lets go of it there [m].
+
+        Over a box the foot stays clear of whatever may lie in it, so that nothing of the arm is ever between the walls.
+        """
+        height = PIECE_SHAPES[kind].grip_height
+        return height + self.table.box_fill + self.settings.clearance if place.in_box else height
 
     def base(self, points: Sequence[tuple[float, float, float]]) -> Vector:
         """Tool points with the pads' centre at heights over points (x, y) of the board, (n, 3) [m]."""
@@ -77,8 +79,8 @@ class Workcell:
         return x, y, height
 
 
-class Hop(NamedTuple):
-    """A way from one point of the board to another; heights of the tool over the board [m].
+class Arc(NamedTuple):
+    """A pick-and-place arc from one point of the board to another; heights of the tool over the board [m].
 
     Attributes:
         start: (x, y), height.
@@ -97,7 +99,7 @@ class Hop(NamedTuple):
     drops: bool = False
 
 
-class Way(NamedTuple):
+class Waypoints(NamedTuple):
     """Corners in the base frame, (n, 3) [m]; how far before each inner one the path leaves it, (n - 2,) [m]; bounds of
     each line.
     """
@@ -107,39 +109,39 @@ class Way(NamedTuple):
     bounds: tuple[Bounds, ...]
 
 
-def over(cell: Workcell, hop: Hop, others: Crowd) -> Way:
+def over(cell: Workcell, arc: Arc, others: Crowd) -> Waypoints:
     """Up, over and down.
 
     Raises:
         PlanRefused: what stands there is higher than the workspace.
     """
     settings = cell.settings
-    (x0, y0, z0), (x1, y1, z1) = hop.start, hop.end
+    (x0, y0, z0), (x1, y1, z1) = arc.start, arc.end
     way = math.hypot(x1 - x0, y1 - y0)
     if way < _ASIDE:
         # there already: a carried piece comes down from above all the same, as its way ends with a touch
-        top = max(z0, z1 + (settings.lift if hop.carried is not None and not hop.drops else 0.0))
-        return polygon(cell, cell.base([hop.start, (x1, y1, top), hop.end]), [0.0], hop.carried)
+        top = max(z0, z1 + (settings.lift if arc.carried is not None and not arc.drops else 0.0))
+        return polygon(cell, cell.base([arc.start, (x1, y1, top), arc.end]), [0.0], arc.carried)
     count = max(math.ceil(way / _STEP) + 1, 5)  # also of the shortest way some points are within it
     share = np.linspace(0.0, 1.0, count)
-    moving = Moving.of(cell.parameters.pads, hop.opening, hop.carried)
+    moving = Moving.of(cell.parameters.pads, arc.opening, arc.carried)
     needed = needed_heights(share, (x0, y0), (x1, y1), moving, others, settings.beside, settings.clearance)
-    np.maximum(needed, hop.least, out=needed)
-    needed[0], needed[-1] = min(z0, hop.least), min(z1, hop.least)  # straight over either place it may stand there
-    first, last = _heights(share, needed, hop, settings)
-    swing = 0.0 if hop.carried is not None else settings.swing
+    np.maximum(needed, arc.least, out=needed)
+    needed[0], needed[-1] = min(z0, arc.least), min(z1, arc.least)  # straight over either place it may stand there
+    first, last = _heights(share, needed, arc, settings)
+    swing = 0.0 if arc.carried is not None else settings.swing
     first, last = (first + swing if first > z0 else first), (last + swing if last > z1 else last)
-    _check_height(cell, max(first, last), hop, float(share[int(needed.argmax())]), others)
+    _check_height(cell, max(first, last), arc, float(share[int(needed.argmax())]), others)
     at, slope = share * way, (last - first) / way
     tangents = [
         _corner(at, needed, first - z0, first, slope, settings.corner),
         _corner(way - at[::-1], needed[::-1].copy(), last - z1, last, -slope, settings.corner),
     ]
-    corners = cell.base([hop.start, (x0, y0, first), (x1, y1, last), hop.end])
-    return polygon(cell, corners, tangents, hop.carried)
+    corners = cell.base([arc.start, (x0, y0, first), (x1, y1, last), arc.end])
+    return polygon(cell, corners, tangents, arc.carried)
 
 
-def polygon(cell: Workcell, corners: Vector, tangents: Sequence[float], carried: PieceShape | None) -> Way:
+def polygon(cell: Workcell, corners: Vector, tangents: Sequence[float], carried: PieceShape | None) -> Waypoints:
     """A way along points (n, 3), without those that coincide or that it does not turn at; with bounds of each line."""
     points, sizes = [corners[0].tolist()], list[float]()
     last = len(corners) - 1
@@ -152,32 +154,39 @@ def polygon(cell: Workcell, corners: Vector, tangents: Sequence[float], carried:
         if i < last:
             sizes.append(tangents[i - 1])
     if len(points) < 2:
-        return Way(np.array(points), np.zeros(0), ())
+        return Waypoints(np.array(points), np.zeros(0), ())
     sizes = sizes[len(sizes) - (len(points) - 2) :]
     turn = turns(np.array(points)).tolist()
     bends = [i for i, angle in enumerate(turn) if angle >= STRAIGHT]
     points = [points[0], *(points[i + 1] for i in bends), points[-1]]
     points, sizes = _divided(cell, points, [sizes[i] for i in bends])
     bounds = tuple(_bounds(cell, a, b, carried) for a, b in pairwise(points))
-    return Way(np.array(points), np.array(sizes, dtype=float), bounds)
+    return Waypoints(np.array(points), np.array(sizes, dtype=float), bounds)
 
 
-def _heights(share: Vector, needed: Vector, hop: Hop, settings: MotionSettings) -> tuple[float, float]:
+def homewards(cell: Workcell, point: Vector) -> Waypoints:
+    """From a tool point, base frame (3,) [m], straight up to a safe height, then over to home."""
+    home = np.asarray(cell.settings.home, dtype=float)
+    above = np.array([point[0], point[1], min(point[2], home[2])])
+    return polygon(cell, np.array([point, above, home]), [0.0], None)
+
+
+def _heights(share: Vector, needed: Vector, arc: Arc, settings: MotionSettings) -> tuple[float, float]:
     """Heights at both ends of the way over, as low as what it passes over admits.
 
     From high above it begins with the way down to the target; else both ends are balanced: the line lies on the
     highest edge of the hull of all that is needed, half way.
     """
-    lift = settings.lift if hop.carried is not None else 0.0
-    least_first, least_last = hop.start[2] + lift, hop.end[2] + (0.0 if hop.drops else lift)
+    lift = settings.lift if arc.carried is not None else 0.0
+    least_first, least_last = arc.start[2] + lift, arc.end[2] + (0.0 if arc.drops else lift)
     inner, asked = share[1:-1], needed[1:-1]
-    if hop.start[2] >= asked[0] and not lift:
-        first = hop.start[2]
+    if arc.start[2] >= asked[0] and not lift:
+        first = arc.start[2]
         last = float(((asked - (1.0 - inner) * first) / inner).max(initial=least_last))
         if last <= first or last <= least_last:
             return first, last
-    if hop.end[2] >= asked[-1] and not lift:
-        last = hop.end[2]
+    if arc.end[2] >= asked[-1] and not lift:
+        last = arc.end[2]
         first = float(((asked - inner * last) / (1.0 - inner)).max(initial=least_first))
         if first <= last or first <= least_first:
             return first, last
@@ -214,13 +223,9 @@ def _crest(share: FloatArray, heights: FloatArray) -> tuple[float, float]:
 def _corner(at: Vector, needed: Vector, upright: float, height: float, slope: float, most: float) -> float:
     """How far before its point a corner may begin, between an upright line of a length and a line over the board [m].
 
-    Args:
-        at: ways over the board from the corner's point, rising, (n,) [m]; it may take half of them.
-        needed: heights the tool needs there, (n,) [m].
-        upright: length of the upright line [m].
-        height: of the corner's point [m].
-        slope: of the line over the board, upwards positive.
-        most: the answer is not larger [m].
+    ``at`` are ways over the board from the corner's point, rising, (n,) [m], of which it may take half, ``needed`` the
+    heights of the tool there; ``slope`` of the line over the board is positive upwards, and the answer is at most
+    ``most``.
     """
     along = math.hypot(1.0, slope)
     largest = min(most, upright - _VERTICAL, 0.97 * 0.5 * float(at[-1]) * along)
@@ -230,12 +235,12 @@ def _corner(at: Vector, needed: Vector, upright: float, height: float, slope: fl
     return widest_corner(at, needed, height, slope, turn, largest * _SHARES)
 
 
-def _check_height(cell: Workcell, height: float, hop: Hop, share: float, others: Crowd) -> None:
+def _check_height(cell: Workcell, height: float, arc: Arc, share: float, others: Crowd) -> None:
     """Refuse a height above the workspace, which something needs that stands near a share of the way."""
     top = cell.table.centre_in_base[2] - float(cell.limits.centre[2] - cell.limits.half_size[2])
     if height <= top:
         return
-    x, y = (a + share * (b - a) for a, b in zip(hop.start[:2], hop.end[:2], strict=True))
+    x, y = (a + share * (b - a) for a, b in zip(arc.start[:2], arc.end[:2], strict=True))
     if not others.pieces:
         raise PlanRefused(
             f"the way over a box needs a height of {height * 1e3:.0f} mm, the workspace ends at {top * 1e3:.0f} mm: "

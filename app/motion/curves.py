@@ -69,11 +69,9 @@ def _tangent(turn: float) -> float:
 
 @compiled_as(TABLE(TABLE, ROW))
 def pieces(points: FloatArray, tangents: FloatArray) -> FloatArray:
-    """Pieces of a path along a polygon with blended corners; none if corners do not fit.
+    """Pieces of a path along a polygon (n, 3) [m] with blended corners; none if corners do not fit.
 
-    Args:
-        points: corners of the polygon, (n, 3) [m].
-        tangents: how far before each inner point its corner begins, (n - 2,) [m].
+    ``tangents`` say how far before each inner point its corner begins, (n - 2,) [m].
     """
     count, turn = points.shape[0], turns(points)
     table = np.zeros((3 * count, PIECE))
@@ -199,11 +197,7 @@ def _took(length: float, b0: float, b1: float, b2: float) -> float:
 
 @compiled_as(ROW(TABLE))
 def begins(rows: FloatArray) -> FloatArray:
-    """When each interval of a law begins, and the last one ends, (n + 1,) [s].
-
-    Args:
-        rows: columns as of ``ROWS``.
-    """
+    """When each interval of a law (rows as of ``ROWS``) begins, and the last one ends, (n + 1,) [s]."""
     times = np.zeros(rows.shape[0] + 1)
     for k in range(rows.shape[0]):
         times[k + 1] = times[k] + _took(rows[k, 5], rows[k, 6], rows[k, 7], rows[k, 8])

@@ -34,11 +34,7 @@ def critical(frequency: tuple[float, float, float], count: int) -> Vector:
 
 @compiled_as(ROW(TABLE))
 def progress(motion: FloatArray) -> FloatArray:
-    """Share of the whole way that is done at each row, (n,); 0 where there is none.
-
-    Args:
-        motion: (n, 9), of which the first three columns are the position.
-    """
+    """Share of the whole way that is done at each row of a motion, (n, 9) to (n,); 0 where there is no way."""
     gone = np.zeros(motion.shape[0])
     for i in range(1, motion.shape[0]):
         x, y, z = (

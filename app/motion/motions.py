@@ -1,4 +1,4 @@
-"""Motions from routes: inside the workspace, timed, and no quicker than the drives can follow."""
+"""Motions: from routes, inside the workspace, timed, and no quicker than the drives can follow; and from samples."""
 
 from __future__ import annotations
 
@@ -9,25 +9,22 @@ from typing import Final
 import numpy as np
 
 from app.motion.arcs import Workcell
+from app.motion.path import Vector
 from app.motion.plan import Motion, PlanRefused
 from app.motion.route import Route, Timed, timed
+from app.motion.timing.reference import Segment, dwell, eased, join, to_samples
 from app.pieces.inventory import Stage
 
 _ATTEMPTS: Final = 6
-"""So often a motion is slowed down until its torques are feasible."""
+"""A motion is slowed down at most so often until its torques are feasible."""
+_LOOSENING: Final = 0.4
+"""For the way up from what holds the tool, and as long again until the tool, as soft as it is, comes to rest [s]."""
 
 
 def motion_of(
-    cell: Workcell, label: str, route: Route, transfer: int | None, stage: Stage | None
+    cell: Workcell, label: str, route: Route, transfer: int | None = None, stage: Stage | None = None
 ) -> tuple[Motion, float]:
-    """Time a route; with it where the fingers are in the end [m].
-
-    Args:
-        cell: what is moved.
-        label: what the motion does, for people.
-        route: where it goes.
-        transfer: of the plan's transfers, the one it belongs to; None: to none.
-        stage: of that transfer.
+    """Time a route, as a stage of one of the plan's transfers or of none; with it where the fingers end up [m].
 
     Raises:
         PlanRefused: it leads out of the workspace, or takes more torque than the drives have.
@@ -39,6 +36,41 @@ def motion_of(
         continuation=cell.continuation(route), paths=done.paths, transfer=transfer, stage=stage,
     )  # fmt: skip
     return motion, done.finger
+
+
+def sampled_motion(cell: Workcell, label: str, way: Vector, start: Vector, resting: float, upright: Vector) -> Motion:
+    """A motion that follows from no route, with the fingers as they are and stiff but along z₃.
+
+    Args:
+        cell: what is moved.
+        label: what the motion does, for people.
+        way: position, velocity and acceleration a tick apart, from the second sample on, base frame (n, 9).
+        start: where it begins, (3,) [m].
+        resting: it rests so long at its end [s].
+        upright: natural frequency along z₃ [rad/s], one for all samples or each its own.
+    """
+    tick, gains = cell.tick, cell.settings.gains
+    path = join([dwell(start, 1), Segment(way), dwell(way[-1, 0:3], math.ceil(resting / tick))])
+    soft, stiff = np.broadcast_to(upright, len(path)), np.full(len(path), gains.frequency_in_air)
+    double = 2.0 * gains.damping_ratio
+    rows = np.stack([stiff**2, stiff**2, soft**2, double * stiff, double * stiff, double * soft], axis=1)
+    samples = to_samples(path, rows, np.zeros(len(path)))
+    samples.flags.writeable = False
+    return Motion(label, samples, (len(path) - 1) * tick, continuation=cell.continuation())
+
+
+def loosened(cell: Workcell, start: Vector, tool: Vector) -> Motion:
+    """Up from what holds the tool up: the reference comes to the tool before the arm moves off, both base frame (3,)
+    [m].
+
+    As soft in height as at a touch, slowly, and nowhere but up.
+    """
+    share = eased(math.ceil(_LOOSENING / cell.tick), cell.tick)
+    up = np.array([0.0, 0.0, min(0.0, float(tool[2] - start[2]))])  # z₃ points down
+    way = np.hstack([np.outer(share[:, part], up) for part in range(3)])
+    way[:, 0:3] += start
+    soft = np.array(cell.settings.gains.frequency_at_contact)
+    return sampled_motion(cell, "up from what was touched", way, start, _LOOSENING, soft)
 
 
 def _within_torque(cell: Workcell, label: str, route: Route) -> tuple[Route, Timed]:

@@ -168,14 +168,8 @@ def needed_heights(
 ) -> Vector:
     """How high the tool must be on a straight way over the board, so that what moves passes over what stands there.
 
-    Args:
-        share: of the way, (n,).
-        start: (x, y), board frame [m].
-        end: (x, y) [m].
-        moving: fingers and piece.
-        others: pieces that stand.
-        beside: pieces closer than this are passed over [m].
-        clearance: above them [m].
+    At shares (n,) of the way from one point (x, y) of the board to another [m]; pieces closer than ``beside`` are
+    passed over with a ``clearance`` [m].
 
     Returns:
         Heights of the tool over the board, (n,), 0 where nothing stands [m].
@@ -209,15 +203,8 @@ def closed_position(kind: Kind, pads: Pads) -> float:
 def blocking_neighbour(
     x: float, y: float, finger_position: float, tip_height: float, others: Crowd, pads: Pads
 ) -> Obstacle | None:
-    """The first piece that open fingers would touch on their way down, or None.
-
-    Args:
-        x: centre of the grasp, board frame [m].
-        y: the same along the ranks [m].
-        finger_position: of the open fingers [m].
-        tip_height: of the finger tips above the board at the lowest [m].
-        others: pieces that stay where they are.
-        pads: shape of the fingers.
+    """The first piece that open fingers around a point of the board would touch on their way down, or None;
+    ``tip_height`` is that of their tips above the board at the lowest; all [m].
     """
     moving = Moving.of(pads, finger_position)
     found = _first_touched(x, y, tip_height, others.table, moving.half_x, moving.half_y)

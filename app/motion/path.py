@@ -7,25 +7,15 @@ middle of the corner and falls again, so it is continuous everywhere, and the to
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fresnel
 
 from app.motion.curves import STRAIGHT, pieces, turns
 
-__all__ = ["STRAIGHT", "Derivatives", "Path", "Vector", "blend", "clothoid", "turns"]
+__all__ = ["STRAIGHT", "Path", "Vector", "blend", "turns"]
 
 Vector = NDArray[np.float64]
-
-
-class Derivatives(NamedTuple):
-    """Of the path by the way along it, (n, 3) each: unit tangent, curvature vector [1/m] and its rate [1/m²]."""
-
-    first: Vector
-    second: Vector
-    third: Vector
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +55,7 @@ class Path:
 
     @property
     def begins(self) -> Vector:
-        """Way from the start to the begin of each piece, (n,) [m]."""
+        """Waypoints from the start to the begin of each piece, (n,) [m]."""
         return self.table[:, 9]
 
     @property
@@ -80,9 +70,8 @@ class Path:
 
     @property
     def ends(self) -> Vector:
-        """Way from the start to the end of each piece, (n,) [m]."""
-        ends: Vector = self.begins + self.length
-        return ends
+        """Waypoints from the start to the end of each piece, (n,) [m]."""
+        return self.begins + self.length
 
     @property
     def total(self) -> float:
@@ -99,50 +88,12 @@ class Path:
         """Which piece each way along the path lies on; the earlier one where two meet."""
         return np.minimum(np.searchsorted(self.ends, way - 1e-12), len(self.length) - 1)
 
-    def position(self, way: Vector) -> Vector:
-        """Points (n, 3) at ways (n,) along the path [m]."""
-        piece = self.piece_at(way)
-        sigma = self._from_flat(way, piece)
-        sharpness = self.sharpness[piece]
-        x, y = np.array(sigma), np.zeros_like(sigma)
-        bent = sharpness > 0.0
-        x[bent], y[bent] = clothoid(sharpness[bent], sigma[bent])
-        along = (self.sign[piece] * x)[:, None] * self.tangent[piece]
-        points: Vector = self.flat[piece] + along + y[:, None] * self.normal[piece]
-        return points
-
-    def derivatives(self, way: Vector, piece: NDArray[np.int64]) -> Derivatives:
-        """At ways (n,) along the path; which piece each belongs to decides where two meet."""
-        sigma = self._from_flat(way, piece)
-        sharpness, sign = self.sharpness[piece], self.sign[piece]
-        heading = 0.5 * sharpness * sigma * sigma
-        cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None] * sign[:, None]
-        tangent, normal = self.tangent[piece], self.normal[piece]
-        t = cos * tangent + sin * normal
-        n = cos * normal - sin * tangent
-        curvature = (sharpness * sigma)[:, None]
-        rate = (sharpness * sign)[:, None]
-        return Derivatives(t, curvature * n, rate * n - curvature * curvature * t)
-
-    def _from_flat(self, way: Vector, piece: NDArray[np.int64]) -> Vector:
-        on = np.clip(way - self.begins[piece], 0.0, self.length[piece])
-        return np.where(self.sign[piece] > 0.0, on, self.length[piece] - on)
-
-
-def clothoid(sharpness: Vector, way: Vector) -> tuple[Vector, Vector]:
-    """Point of a clothoid that starts straight along x and bends towards y, after a way from its start [m]."""
-    scale = np.sqrt(np.pi / sharpness)
-    sine, cosine = fresnel(way / scale)
-    return scale * cosine, scale * sine
-
 
 def blend(points: Vector, tangents: Vector) -> Path:
-    """A path along a polygon with blended corners.
+    """A path along a polygon (n, 3) [m] with blended corners; no two points that follow each other coincide.
 
-    Args:
-        points: corners of the polygon, (n, 3) [m]; no two that follow each other coincide.
-        tangents: how far before each inner point its corner begins, (n - 2,) [m]; unused where the polygon hardly
-            turns. On each line there must be room for both of its ends.
+    ``tangents`` say how far before each inner point its corner begins, (n - 2,) [m]; they are unused where the polygon
+    hardly turns. On each line there must be room for both of its ends.
 
     Raises:
         ValueError: two corners overlap, or one that turns has no room.

@@ -1,21 +1,32 @@
-"""A plan is data: motions made of timed samples, ready to be streamed, stored, drawn or replayed."""
+"""A plan is data: motions made of timed samples, ready to be streamed, stored, drawn or replayed.
+
+A motion carries how it goes where it begins elsewhere than planned, as a guard ended the one before it wherever the
+board is: its `Continuation`.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 from numpy.typing import NDArray
 
 from app import UserError
-from app.motion.continuation import Continuation, Continued
 from app.motion.path import Path, Vector
+from app.motion.route import Route, timed
+from app.motion.settings import MotionSettings
 from app.pieces.inventory import Stage
 from controller.protocol import Result
+from hardware.table import TableSettings
 
 if TYPE_CHECKING:
     from app.motion.obstacles import Obstacle
-    from app.motion.route import Route
+
+SAME: Final = 1e-9
+"""A reference this close to where a motion begins is the same [m]."""
+FURTHEST: Final = 0.020
+"""Samples are moved up or down by no more than this, to where a touch ended the motion before [m]."""
 
 
 class PlanRefused(UserError):
@@ -33,6 +44,23 @@ class InTheWay(PlanRefused):
     def __init__(self, sentence: str, piece: Obstacle, around: Obstacle | None = None) -> None:
         super().__init__(sentence)
         self.piece, self.around = piece, around
+
+
+@dataclass(frozen=True, slots=True)
+class Continuation:
+    """All that a motion's samples follow from, planned with it and handed over with it.
+
+    Attributes:
+        settings: speeds, gains, heights.
+        table: board and trays.
+        tick: of the samples [s].
+        route: where it goes; None: its samples do not follow from a route.
+    """
+
+    settings: MotionSettings
+    table: TableSettings
+    tick: float
+    route: Route | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,16 +102,24 @@ class Motion:
         return None if self.continuation is None else self.continuation.route
 
     def continued(self, reference: Vector) -> Motion:
-        """The motion as it must be where the one before it ended.
+        """The motion as it must be where the one before it ended, at a reference in the base frame (3,) [m].
 
-        Args:
-            reference: the arm's present one, base frame (3,) [m].
+        It is timed again from there; if it has no route, its samples are moved up or down by as much. Where that is too
+        far the planned ones stay, and the controller refuses them.
         """
-        if self.continuation is None:
+        off = reference - self.samples["position"][0]
+        if self.continuation is None or np.abs(off).max() < SAME:
             return self
-        planned = Continued(self.samples, self.paths, self.expected)
-        done = self.continuation.at(reference, planned)
-        return self if done is planned else replace(self, **done._asdict())
+        if self.route is not None:
+            how = self.continuation
+            done = timed(self.route.from_point(reference), how.settings, how.table, how.tick)
+            return replace(self, samples=done.samples, paths=done.paths, expected=done.expected)
+        if np.abs(off[:2]).max() > 1e-6 or abs(off[2]) > FURTHEST:
+            return self
+        samples = self.samples.copy()
+        samples["position"] += off
+        samples.flags.writeable = False
+        return replace(self, samples=samples)
 
 
 @dataclass(frozen=True, slots=True)

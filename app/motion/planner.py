@@ -6,28 +6,29 @@ with corners as wide as that leaves room for. Fingers move while the arm travels
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 
-from app.motion.arcs import Hop, Workcell, over, polygon
-from app.motion.drop import fall_time
+from app.motion.arcs import Arc, Workcell, homewards, over
 from app.motion.fallen.lying import NO_LOOSE_PIECES, LoosePieces, standing_near
 from app.motion.gains import Softness
-from app.motion.lift_off import loosened
-from app.motion.motions import motion_of
+from app.motion.motions import loosened, motion_of
 from app.motion.obstacles import Crowd, Obstacle, blocking_neighbour, box_in_the_way, closed_position
 from app.motion.path import Vector
 from app.motion.plan import InTheWay, Motion, Plan, PlanRefused
 from app.motion.route import Route
 from app.motion.settings import MotionSettings
 from app.pieces.inventory import Inventory, PieceBoxed, Stage, Transfer
-from hardware.parameters import RobotParameters
+from hardware.parameters import Pads, RobotParameters
 from hardware.table import PIECE_SHAPES, Kind, Place, TableSettings
 
-_OPENINGS = 4
+GRAVITY: Final = 9.81
+"""[m/s²]"""
+_OPENINGS: Final = 4
 """So many openings of the fingers are tried, from the widest to the least."""
 
 
@@ -123,17 +124,16 @@ class Planner:
                 there first. None: nothing does.
         """
         cell, finger = self.cell, self.finger
-        point, home = np.asarray(self.start, dtype=float), np.asarray(cell.settings.home, dtype=float)
+        point = np.asarray(self.start, dtype=float)
         before: tuple[Motion, ...] = ()
         if held_up_at is not None:
             before = (loosened(cell, point, np.asarray(held_up_at, dtype=float)),)
             point = before[0].samples["position"][-1].astype(float)
-        above = np.array([point[0], point[1], min(point[2], home[2])])
         opens = finger if release is None else max(finger, _least_opening(cell, release))
         wait = (opens - finger) / cell.settings.grip.opening_speed
         low = 0.0 if release is None else PIECE_SHAPES[release].grip_height
         route = Route(
-            *polygon(cell, np.array([point, above, home]), [0.0], None), contact=(low, 0.0), finger=finger, wait=wait,
+            *homewards(cell, point), contact=(low, 0.0), finger=finger, wait=wait,
             opens=opens, soft_start=Softness.STIFF if release is None else Softness.LASTS,
         )  # fmt: skip
         motion, _ = motion_of(cell, "home", route, 0, Stage.RETURN)
@@ -209,6 +209,12 @@ def _grip_time(cell: Workcell, transfer: Transfer, finger: float) -> float:
     return (finger - closed_position(transfer.kind, cell.parameters.pads)) / cell.settings.grip.closing_speed + rise
 
 
+def fall_time(kind: Kind, pads: Pads) -> float:
+    """From let go in the air until all of a piece has fallen out of the fingers: s = g t² / 2 [s]."""
+    shape = PIECE_SHAPES[kind]
+    return math.sqrt(2.0 * (shape.height - shape.grip_height + pads.half_height) / GRAVITY)
+
+
 # routes
 
 
@@ -219,9 +225,9 @@ def _approach(cell: Workcell, transfer: Transfer, stands: Crowd, point: Vector, 
     opening = _opening(cell, transfer, transfer.source, there, stands.without(transfer.name))
     x, y, height = cell.board(point)
     wait = max(0.0, opening - finger) / cell.settings.grip.opening_speed if low else 0.0
-    hop = Hop((x, y, height), (*there, shape.grip_height), 0.0, None, max(opening, finger))
+    arc = Arc((x, y, height), (*there, shape.grip_height), 0.0, None, max(opening, finger))
     return Route(
-        *over(cell, hop, stands), contact=(shape.grip_height, shape.grip_height), finger=finger, wait=wait,
+        *over(cell, arc, stands), contact=(shape.grip_height, shape.grip_height), finger=finger, wait=wait,
         opens=max(opening, finger) if low else opening, then=opening if low else None,
         closes=_beside(cell, transfer.kind),
     )  # fmt: skip
@@ -246,9 +252,9 @@ def _carry(cell: Workcell, transfer: Transfer, others: Crowd, point: Vector, *, 
     _opening(cell, transfer, transfer.target, there, others)
     low, drops = shape.grip_height, transfer.target.in_box
     end = _height(cell, transfer, transfer.target) + (0.0 if drops else settings.touch_height)
-    hop = Hop((x, y, height), (*there, end), low + settings.clearance, shape, closed, drops)
+    arc = Arc((x, y, height), (*there, end), low + settings.clearance, shape, closed, drops)
     return Route(
-        *over(cell, hop, others), contact=(low, low), finger=closed, wait=settings.grip.settle,
+        *over(cell, arc, others), contact=(low, low), finger=closed, wait=settings.grip.settle,
         soft_start=Softness.LASTS if fresh else Softness.STIFF, touches=not drops, holds=True,
     )  # fmt: skip
 
@@ -259,10 +265,7 @@ def _release(cell: Workcell, transfer: Transfer, following: Transfer | None, sta
     pads = cell.parameters.pads
     beside, drops = stands.without(transfer.name), transfer.target.in_box
     place = table.xy(transfer.target)
-    opening, closed = (
-        _opening(cell, transfer, transfer.target, place, beside),
-        closed_position(transfer.kind, pads),
-    )
+    opening, closed = (_opening(cell, transfer, transfer.target, place, beside), closed_position(transfer.kind, pads))
     wait = settings.release_wait + settings.grip.freed / settings.grip.opening_speed
     wait += cell.parameters.gripper.reflected_mass / cell.parameters.gripper.velocity_gain
     wait += fall_time(transfer.kind, pads) if drops else 0.0
@@ -274,9 +277,9 @@ def _release(cell: Workcell, transfer: Transfer, following: Transfer | None, sta
         there = following.grasped_at(table)
         then = _opening(cell, following, following.source, there, stands.without(following.name))
         end = (*there, low)
-    hop = Hop(here, end, 0.0, None, max(opening, then or 0.0))
+    arc = Arc(here, end, 0.0, None, max(opening, then or 0.0))
     return Route(
-        *over(cell, hop, stands), contact=(shape.grip_height, low), finger=closed, wait=wait, opens=opening,
+        *over(cell, arc, stands), contact=(shape.grip_height, low), finger=closed, wait=wait, opens=opening,
         then=then, closes=None if following is None else _beside(cell, following.kind),
         soft_start=Softness.STIFF if drops else Softness.BEGINS,
     )  # fmt: skip

@@ -21,6 +21,7 @@ from hardware.table import (
     PieceSpec,
     Place,
     TableSettings,
+    square_place,
 )
 
 _TIE = 6
@@ -36,7 +37,7 @@ class PieceBoxed(UserError):
 
     def __init__(self, name: str, place: Place) -> None:
         super().__init__(
-            f"{name} was dropped into the box ({place}) and lies there anyhow: take it out by hand, "
+            f"{name} was dropped into the box ({place}) and lies there in no known way: take it out by hand, "
             'or play with captured = "tray", where pieces can be taken back'
         )
 
@@ -229,15 +230,23 @@ class Inventory:
         return Inventory(self.table, MappingProxyType(standing))
 
     def after(self, ply: Ply) -> Inventory:
-        """The inventory after all transfers of a ply.
+        """The inventory after all transfers of a ply; raises as ``after_all``."""
+        return self.after_all(ply.transfers)
+
+    def after_all(self, transfers: Iterable[Transfer]) -> Inventory:
+        """The inventory after some transfers.
 
         Raises:
-            InventoryError: the ply was not planned for this inventory.
+            InventoryError: they were not planned for this inventory.
         """
         inventory = self
-        for transfer in ply.transfers:
+        for transfer in transfers:
             inventory = inventory.moved(transfer)
         return inventory
+
+    def places(self) -> tuple[Place, ...]:
+        """Where pieces can stand: all squares, and the places of the trays."""
+        return (*map(square_place, range(64)), *self.table.tray_places())
 
     def check_against(self, board: chess.Board) -> None:
         """Make sure that every square holds what the game says.

@@ -40,9 +40,9 @@ class Verdict:
 
 def judge(truth: Truth, inventory: Inventory) -> Verdict:
     """Compare every piece with where the game says it stands: within a quarter square of the centre,
-    upright; in a box, anyhow within its walls.
+    upright; in a box in any way within its walls.
 
-    Pieces alike may have changed places: no eye can tell, and the board is right all the same.
+    Pieces alike may have changed places: nobody can see that, and the board is right all the same.
     """
     table = inventory.table
     poses = _as_named(truth, inventory)

@@ -22,19 +22,11 @@ Two of each kind serve two under-promotions to it with every original still aliv
 promotions are to a queen. The number is bounded by the trays: both colours' spares are 18, at most 30 pieces can be
 captured or promoted away (all but the kings), and 18 + 30 = 48 is what two trays of 24 places hold.
 """
-
-KINDS: Mapping[chess.PieceType, Kind] = MappingProxyType(
-    {
-        chess.PAWN: Kind.PAWN,
-        chess.KNIGHT: Kind.KNIGHT,
-        chess.BISHOP: Kind.BISHOP,
-        chess.ROOK: Kind.ROOK,
-        chess.QUEEN: Kind.QUEEN,
-        chess.KING: Kind.KING,
-    }
-)
+KINDS: Mapping[chess.PieceType, Kind] = MappingProxyType({
+    chess.PAWN: Kind.PAWN, chess.KNIGHT: Kind.KNIGHT, chess.BISHOP: Kind.BISHOP, chess.ROOK: Kind.ROOK,
+    chess.QUEEN: Kind.QUEEN, chess.KING: Kind.KING,
+})  # fmt: skip
 """python-chess's piece types in the words of the table."""
-
 PIECE_TYPES: Mapping[Kind, chess.PieceType] = MappingProxyType({kind: number for number, kind in KINDS.items()})
 """The other way round."""
 _BACK_RANK = (Kind.ROOK, Kind.KNIGHT, Kind.BISHOP, Kind.QUEEN, Kind.KING, Kind.BISHOP, Kind.KNIGHT, Kind.ROOK)
@@ -87,9 +79,13 @@ def colour_of(colour: chess.Color) -> Colour:
 
 def physical_set() -> tuple[SetPiece, ...]:
     """All 50 pieces: the 32 of the usual start first, then the spares; white before black."""
-    both = tuple(Colour)
-    originals = (piece for colour in both for piece in _originals(colour))
-    return (*originals, *(piece for colour in both for piece in _spares(colour)))
+    originals = tuple(piece for colour in Colour for piece in _originals(colour))
+    return originals + tuple(
+        SetPiece(f"{colour}-{kind}-spare-{number}", kind, colour, None)
+        for colour in Colour
+        for kind, count in SPARES.items()
+        for number in range(1, count + 1)
+    )
 
 
 def start_layout(board: chess.Board, table: TableSettings) -> tuple[PieceSpec, ...]:
@@ -131,12 +127,6 @@ def _originals(colour: Colour) -> Iterable[SetPiece]:
         yield SetPiece(f"{colour}-{kind}{letter}", kind, colour, chess.square(file, back))
     for file, letter in enumerate(chess.FILE_NAMES):
         yield SetPiece(f"{colour}-{Kind.PAWN}-{letter}", Kind.PAWN, colour, chess.square(file, front))
-
-
-def _spares(colour: Colour) -> Iterable[SetPiece]:
-    for kind, count in SPARES.items():
-        for number in range(1, count + 1):
-            yield SetPiece(f"{colour}-{kind}-spare-{number}", kind, colour, None)
 
 
 def _check_room(pieces: tuple[SetPiece, ...], table: TableSettings) -> None:

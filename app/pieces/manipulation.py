@@ -18,12 +18,7 @@ import chess
 from app import UserError
 from app.pieces.inventory import Inventory, MoveKind, Ply, Transfer
 from app.pieces.layout import KINDS, colour_of
-from hardware.table import (
-    Colour,
-    Kind,
-    Place,
-    square_place,
-)
+from hardware.table import Colour, Kind, Place, square_place
 
 _PROMOTED = (Kind.QUEEN, Kind.ROOK, Kind.BISHOP, Kind.KNIGHT)
 
@@ -160,6 +155,5 @@ def _castled(board: chess.Board, move: chess.Move) -> tuple[Place, Place]:
 
 def _detour(inventory: Inventory, source: Place, target: Place) -> Place:
     """The free place, square or tray, with the shortest way from source to target over it."""
-    places = (*map(square_place, chess.SQUARES), *inventory.table.tray_places())
-    free = [place for place in places if inventory.at(place) is None]
+    free = [place for place in inventory.places() if inventory.at(place) is None]
     return min(free, key=lambda place: (inventory.travel(source, place) + inventory.travel(place, target), place))

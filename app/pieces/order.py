@@ -16,11 +16,10 @@ from typing import Final, NamedTuple
 
 from app import UserError
 from app.pieces.inventory import Inventory, InventoryError, PieceBoxed, Transfer
-from hardware.table import PieceSpec, Place, square_place
+from hardware.table import PieceSpec, Place
 
 Point = tuple[float, float]
 """On the board (x, y) [m]."""
-
 NOWHERE_ELSE: Final[Mapping[str, Point]] = MappingProxyType({})
 
 
@@ -69,7 +68,7 @@ def rearrange(
     transfers = [Transfer.of(piece, place, seen.get(piece.name)) for piece, place in pieces.values()]
     rings = rings_of({t.name: (t.source, t.target) for t in transfers})
     ringed = {name for ring in rings for name in ring}
-    places = _places(now) if aside is None else tuple(aside)
+    places = now.places() if aside is None else tuple(aside)
     by_name = {transfer.name: transfer for transfer in transfers}
     steps = [_step([transfer], now) for transfer in (*right, *transfers) if transfer.name not in ringed]
     steps += [_step(_broken([by_name[name] for name in ring], now, places), now) for ring in rings]
@@ -79,8 +78,7 @@ def rearrange(
 def rings_of(ways: Mapping[str, tuple[Place, Place]]) -> list[list[str]]:
     """Names of pieces that wait for each other in a ring: each for the next one, the last for the first.
 
-    Args:
-        ways: source and target of each piece that moves.
+    ``ways`` are source and target of each piece that moves.
     """
     standing = {source: name for name, (source, _) in ways.items()}
     rings, met = list[list[str]](), set[str]()
@@ -109,10 +107,6 @@ def _moving(now: Inventory, target: Inventory) -> dict[str, tuple[PieceSpec, Pla
     return moving
 
 
-def _places(inventory: Inventory) -> tuple[Place, ...]:
-    return (*map(square_place, range(64)), *inventory.table.tray_places())
-
-
 def _broken(ring: list[Transfer], now: Inventory, places: Collection[Place]) -> list[Transfer]:
     """The transfers of a ring with the shortest way of one piece over a free place."""
     free = [place for place in places if now.at(place) is None]
@@ -137,10 +131,6 @@ def _step(transfers: Sequence[Transfer], now: Inventory) -> Step:
     return Step(tuple(transfers), transfers[0].grasped_at(now.table), now.table.xy(transfers[-1].target))
 
 
-def _stays(step: Step) -> bool:
-    return step.transfers[0].source == step.transfers[-1].target
-
-
 def _waits(steps: Sequence[Step]) -> list[set[int]]:
     """For which others each step has to wait: the one that frees its target, and rings that set a piece aside there."""
     frees = {step.transfers[0].source: {i} for i, step in enumerate(steps)}
@@ -157,7 +147,7 @@ def _nearest_first(steps: Sequence[Step], rest: Point) -> list[Step]:
     """An order in which no step has to wait, with the nearest one that can be done next."""
     waits, left, order, at = _waits(steps), set(range(len(steps))), list[Step](), rest
     # a piece that is set right comes first: its neighbours then have the room they count on
-    right = {i for i, step in enumerate(steps) if _stays(step)}
+    right = {i for i, step in enumerate(steps) if step.transfers[0].source == step.transfers[-1].target}
     while left:
         ready = [i for i in left & (right or left) if not waits[i] & left]
         i = min(ready, key=lambda i: (round(math.dist(at, steps[i].start), 6), steps[i].transfers[0].source))

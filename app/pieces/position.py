@@ -7,7 +7,7 @@ all. Rings in which pieces block each other cost a transfer each, and are opened
 from __future__ import annotations
 
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
@@ -26,7 +26,6 @@ from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square
 Array = NDArray[np.float64]
 Ways = dict[str, tuple[Place, Place]]
 """Source and target of each piece that moves, by name."""
-
 _MOVED: Final = 10.0
 """What a transfer counts, whatever its way: more than all ways of a plan [m]."""
 _INNER: Final = 2.0
@@ -64,7 +63,9 @@ class PiecesMissing(UserError):
 
     def __init__(self, lacks: Sequence[Lack]) -> None:
         needs = ", and ".join(
-            f"{lack.needed} {lack.colour} {lack.kind}{'s' * (lack.needed != 1)}, {_only(lack.there)} on board and trays"
+            f"{lack.needed} {lack.colour} {lack.kind}{'s' * (lack.needed != 1)}, "
+            + (f"only {lack.there} stand{'s' * (lack.there == 1)}" if lack.there else "none stands")
+            + " on board and trays"
             for lack in lacks
         )
         super().__init__(f"the position needs {needs}: {_remedy(lacks)}")
@@ -85,11 +86,7 @@ class PlacesMissing(UserError):
 
 
 def set_up(now: Inventory, board: chess.BaseBoard) -> tuple[Transfer, ...]:
-    """Plan the transfers that put a position on the board.
-
-    Args:
-        now: what stands where.
-        board: any position, also one that no game leads to.
+    """Plan the transfers that put any position on the board, also one that no game leads to.
 
     Raises:
         PiecesMissing: a piece that the position needs is neither on the board nor in a tray.
@@ -167,8 +164,7 @@ def _assigned(now: Inventory, pieces: Sequence[PieceSpec], squares: Sequence[Pla
 def _ways(table: TableSettings, starts: Sequence[Place], ends: Sequence[Place]) -> Array:
     """Lengths of all ways, shape (starts, ends) [m]; to a micrometre, so that equal ones tie on every machine."""
     here, there = (np.array([table.xy(place) for place in places]) for places in (starts, ends))
-    ways: Array = cdist(here, there).round(6)
-    return ways
+    return cdist(here, there).round(6)
 
 
 def _left(now: Inventory, goals: Mapping[str, Place], leaving: Sequence[PieceSpec]) -> dict[str, Place]:
@@ -225,16 +221,10 @@ def _opened(now: Inventory, ways: Ways) -> Ways:
         ways[one], ways[two] = (a, other), (b, goal)
 
 
-def _only(count: int) -> str:
-    return f"only {count} stand{'s' * (count == 1)}" if count else "none stands"
-
-
 def _remedy(lacks: Sequence[Lack]) -> str:
     """What to do: boxed pieces are taken out by hand; more than the set holds, no table can show."""
     boxed = [name for lack in lacks for name in lack.boxed]
-    held = {(p.colour, p.kind): 0 for p in physical_set()}
-    for piece in physical_set():
-        held[piece.colour, piece.kind] += 1
+    held = Counter((piece.colour, piece.kind) for piece in physical_set())
     if any(lack.needed > held[lack.colour, lack.kind] for lack in lacks):
         most = " and ".join(f"{held[lack.colour, lack.kind]} {lack.colour} {lack.kind}s" for lack in lacks)
         return f"choose a position with at most {most}"

@@ -28,8 +28,7 @@ from app.records.events import EndEvent
 from app.records.files import GAMES
 from app.settings.files import keep_settings, kept_settings
 from app.settings.tree import BOARD, PlayerKind, Settings
-from app.terminal.interface import UserInterface
-from app.terminal.typed_lines import TypedLines
+from app.terminal.interface import TypedLines, UserInterface
 from hardware.interfaces import Intrinsics
 from hardware.table import Colour
 

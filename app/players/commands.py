@@ -90,11 +90,7 @@ class CommandError(UserError):
 
 
 def parse_command(text: str, board: chess.Board) -> Command:
-    """Understand a line.
-
-    Args:
-        text: as typed.
-        board: the position, in which a move must be legal.
+    """Understand a line as typed in a position, in which a move must be legal.
 
     Raises:
         CommandError: it is neither a word nor a legal move.
@@ -126,10 +122,7 @@ def word_of(text: str) -> Word | None:
 
 
 def parse_hand(words: list[str]) -> MoveHand:
-    """Understand what the simulated hand is to do.
-
-    Args:
-        words: after ``hand``.
+    """Understand what the simulated hand is to do, from the words after ``hand``.
 
     Raises:
         CommandError: that is nothing that a hand can do.

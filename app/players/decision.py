@@ -45,11 +45,9 @@ class Player(Protocol):
         """For the record."""
 
     def choose(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> Decision:
-        """The move in this position; the board is not changed.
+        """The move in a position with its history; the board is not changed.
 
-        Args:
-            board: the position with its history.
-            clock: what the chess clock leaves (``ChessClock.limit``); None, or not given, where there is none.
+        ``clock`` is what the chess clock leaves (``ChessClock.limit``); None, or not given, where there is none.
         """
 
 
@@ -69,4 +67,4 @@ class Thinker(Protocol):
         """What it would play at its best."""
 
     def accepts_draw(self, board: chess.Board) -> bool:
-        """Whether it agrees to a draw in this position, whoever is to move."""
+        """Whether it agrees to a draw in this position, whichever side is to move."""

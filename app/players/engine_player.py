@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import chess
@@ -47,19 +48,10 @@ class EnginePlayer:
         self._remember(board, answer)
         scores = self._own_scores(board, board.ply())
         policy = self._policy
-        return Decision(
-            move=answer.move,
-            score=answer.score,
-            pv=answer.pv,
-            ponder=answer.ponder,
-            depth=answer.depth,
-            thought=answer.wall,
-            lost=answer.lost,
-            troubles=answer.troubles,
-            resigns=policy.resigns(scores),
-            offers_draw=policy.offers_draw(scores, board),
+        return replace(
+            _decision(answer), resigns=policy.resigns(scores), offers_draw=policy.offers_draw(scores, board),
             claims_draw=policy.claims_draw(scores, board),
-        )
+        )  # fmt: skip
 
     def ponder(self, board: chess.Board, clock: chess.engine.Limit | None, *, certain: bool) -> None:
         """As ``Thinker``; nothing unless the engine's settings say that it ponders."""
@@ -83,8 +75,7 @@ class EnginePlayer:
         Raises:
             EngineProblem: as ``Engine.hint``.
         """
-        answer = self._engine.hint(board)
-        return Decision(answer.move, answer.score, answer.pv, answer.ponder, answer.depth, answer.wall)
+        return _decision(self._engine.hint(board))
 
     def accepts_draw(self, board: chess.Board) -> bool:
         """By its last scores; the engine is not asked."""
@@ -115,3 +106,9 @@ class EnginePlayer:
         if self._expected is not None and self._expected[0] == board.fen():
             return self._expected[1]
         return self._engine.choose(board, chess.engine.Limit(time=EXPECTING)).move
+
+
+def _decision(answer: EngineMove) -> Decision:
+    return Decision(
+        answer.move, answer.score, answer.pv, answer.ponder, answer.depth, answer.wall, answer.lost, answer.troubles
+    )

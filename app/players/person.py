@@ -34,11 +34,7 @@ class Hands(Protocol):
     """A person's hands, where somebody has to be told: those of a simulated world."""
 
     def play(self, ply: Ply, inventory: Inventory) -> None:
-        """Make a move; returns when the hand is drawn back.
-
-        Args:
-            ply: the move.
-            inventory: what stands where before it.
+        """Make a move, before which the inventory says what stands where; returns when the hand is drawn back.
 
         Raises:
             HardwareError: it cannot be done; the sentence says why.

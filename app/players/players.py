@@ -109,9 +109,7 @@ class Players:
     def ponder(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> None:
         """Let the side that has moved think about the reply it expects, if its settings say so; returns at once.
 
-        Args:
-            board: after its move; the other side is to move.
-            clock: what it will be asked with (``ChessClock.limit`` of its colour).
+        After its move, ``clock`` is what it will be asked with (``ChessClock.limit`` of its colour).
         """
         if self._thinks_ahead:
             self._ponder(not board.turn, board, clock, certain=False)
@@ -119,9 +117,7 @@ class Players:
     def choose(self, board: chess.Board, clock: chess.engine.Limit | None = None) -> Decision:
         """The move, as soon as the side to move knows it; what was thought about another position is dropped.
 
-        Args:
-            board: the position with its history.
-            clock: what the chess clock leaves; None: without one.
+        The board has its history; ``clock`` is what the chess clock leaves; None: without one.
 
         Raises:
             EngineProblem: as the player; asked again, it is started again, so that a game can wait until it is mended.
@@ -140,7 +136,7 @@ class Players:
         return self._ahead is not None and _same(self._ahead[0], board) and self._ahead[1].done()
 
     def move_now(self) -> None:
-        """Hurry whoever thinks for a move."""
+        """Hurry the players that think about a move."""
         for player in self._players.values():
             if isinstance(player, Thinker):
                 player.move_now()

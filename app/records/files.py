@@ -74,11 +74,9 @@ def recording(path: Path) -> Iterator[None]:
 
 
 def new_folder(parent: Path, now: datetime) -> Path:
-    """Make a folder named after the time, with ``-2``, ``-3``, ... after it where that name is taken.
+    """Make a folder named after a time in UTC in the folder of all games, which is made if it is missing.
 
-    Args:
-        parent: the folder of all games; made if it is missing.
-        now: the time in UTC.
+    Where that name is taken, ``-2``, ``-3``, ... follow it.
 
     Raises:
         RecordError: it cannot be made.
@@ -100,7 +98,7 @@ def new_folder(parent: Path, now: datetime) -> Path:
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Replace a file as a whole: whoever reads it, also after a crash, finds the old content or the new one.
+    """Replace a file as a whole: a reader, also after a crash, finds the old content or the new one.
 
     Raises:
         RecordError: it cannot be written; the old file is as it was.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import chess
 import chess.engine
@@ -15,7 +16,9 @@ from app.records.events import (
     AnyEvent,
     EndEvent,
     FoundEvent,
+    GameSetup,
     PlyEvent,
+    PlyOutcome,
     Purpose,
     RepairedBy,
     Result,
@@ -27,11 +30,14 @@ from app.records.events import (
     TaskDroppedEvent,
     TaskEvent,
     TroubleEvent,
+    own_clock,
+    ply_event,
+    score_of,
+    start_event,
     transfer_records,
 )
 from app.records.files import LineLog, recording, write_atomically
-from app.records.history import History, counted_plies, open_task, places_of
-from app.records.outcome import GameSetup, PlyOutcome, own_clock, ply_event, score_of, start_event
+from app.records.history import History, RecordState
 from app.records.pgn import PgnFile, PgnMove
 from app.records.report import Report, summarise
 from hardware.table import Colour
@@ -62,9 +68,7 @@ class GameRecord:
         self._log = log
         self._pgn = pgn
         self._events = list(events)
-        self._counted = counted_plies(events)
-        self._task = open_task(events)
-        self._places = places_of(events)
+        self._state = RecordState.after(events)
 
     @classmethod
     def begin(
@@ -100,13 +104,7 @@ class GameRecord:
 
     @classmethod
     def go_on(cls, folder: Path, history: History, *, now: Callable[[], datetime] = utc_now) -> GameRecord:
-        """Go on with a record that was broken off.
-
-        Args:
-            folder: of the record.
-            history: as read from it.
-            now: wall time, for tests.
-        """
+        """Go on with a record that was broken off, by its history; ``now`` is the wall time, for tests."""
         log = LineLog(folder / EVENTS_FILE, go_on=True)
         try:
             moves = [_pgn_move(event) for event in history.plies]
@@ -138,11 +136,11 @@ class GameRecord:
 
     def resumed(self, plant_time: float) -> None:
         """Record that another program goes on with the game."""
-        self._append(ResumeEvent(wall_time=self._now(), plant_time=plant_time, ply=self._plies()))
+        self._add(ResumeEvent, plant_time)
 
     def sides_changed(self, person: Colour, plant_time: float) -> None:
         """Record that the person at the board plays another side from now on."""
-        self._append(SideEvent(wall_time=self._now(), plant_time=plant_time, ply=self._plies(), person=person))
+        self._add(SideEvent, plant_time, person=person)
         self._pgn.change_sides()
 
     def step(self, uci: str | None, transfer: int, stage: Stage, plant_time: float, *, durable: bool = False) -> None:
@@ -155,10 +153,8 @@ class GameRecord:
             plant_time: [s].
             durable: wait until it is on the disk; else return at once, as between two motions that belong together.
         """
-        step = StepEvent(
-            wall_time=self._now(), plant_time=plant_time, ply=self._plies() + 1, uci=uci, transfer=transfer, stage=stage
-        )
-        self._append(step, durable=durable)
+        number = self._plies() + 1
+        self._add(StepEvent, plant_time, durable=durable, ply=number, uci=uci, transfer=transfer, stage=stage)
 
     def task(
         self,
@@ -180,59 +176,36 @@ class GameRecord:
             fen: the position that is set up, if it is another one than the game's.
             taken_back: so many plies do not count any more once it is done.
         """
-        event = TaskEvent(
-            wall_time=self._now(), plant_time=plant_time, ply=self._plies(), purpose=purpose, label=label,
-            transfers=transfer_records(transfers), fen=fen, taken_back=taken_back,
-        )  # fmt: skip
-        self._append(event)
-        if purpose is not Purpose.REPAIR:
-            self._task = event
+        carried = transfer_records(transfers)
+        self._add(
+            TaskEvent, plant_time, purpose=purpose, label=label, transfers=carried, fen=fen, taken_back=taken_back
+        )
 
     def task_done(self, stands: Inventory, outcome: PlyOutcome, plant_time: float) -> None:
-        """Record that the task begun last was done, or that what was found was put right.
-
-        Args:
-            stands: what stands where now.
-            outcome: what is known of it.
-            plant_time: [s].
-        """
-        task, self._task = self._task, None
-        taken_back = 0 if task is None else task.taken_back
-        self._append(
-            TaskDoneEvent(
-                wall_time=self._now(), plant_time=plant_time, ply=self._plies() - taken_back, real_s=outcome.real,
-                inventory=self._moved(stands),
-                physical_ok=outcome.physical_ok, failures=outcome.failures, resumed=outcome.resumed,
-            )
+        """Record that the task begun last was done, or that what was found was put right; and what stands where now."""
+        taken_back = self._state.taken_back
+        self._add(
+            TaskDoneEvent, plant_time, ply=self._plies() - taken_back, real_s=outcome.real,
+            inventory=self._moved(stands), physical_ok=outcome.physical_ok, failures=outcome.failures,
+            resumed=outcome.resumed,
         )  # fmt: skip
         if taken_back:
-            del self._counted[-taken_back:]
             self._pgn.take_back(taken_back)
 
     def task_dropped(self, reason: str, plant_time: float) -> None:
         """Record that the task begun last cannot be done, and nothing was moved for it."""
-        self._task = None
-        self._append(TaskDroppedEvent(wall_time=self._now(), plant_time=plant_time, ply=self._plies(), reason=reason))
+        self._add(TaskDroppedEvent, plant_time, reason=reason)
 
     def found(self, stands: Inventory, reason: str, plant_time: float) -> None:
         """Record that pieces were seen elsewhere than the game wants them: what stands where, as far as it does."""
-        self._append(
-            FoundEvent(
-                wall_time=self._now(), plant_time=plant_time, ply=self._plies(), reason=reason,
-                inventory=self._moved(stands),
-            )
-        )  # fmt: skip
+        self._add(FoundEvent, plant_time, reason=reason, inventory=self._moved(stands))
 
     def trouble(
         self, kind: str, squares: Sequence[str], sentence: str, mended_by: RepairedBy | None, plant_time: float
     ) -> None:
         """Record something that went wrong at the board, and who has put it right."""
-        self._append(
-            TroubleEvent(
-                wall_time=self._now(), plant_time=plant_time, ply=self._plies(), kind=kind, squares=tuple(squares),
-                sentence=sentence, mended_by=mended_by,
-            )
-        )  # fmt: skip
+        squares = tuple(squares)
+        self._add(TroubleEvent, plant_time, kind=kind, squares=squares, sentence=sentence, mended_by=mended_by)
 
     def ply(self, ply: Ply, outcome: PlyOutcome, plant_time: float, stands: Inventory | None = None) -> PlyEvent:
         """Record a ply after it was done.
@@ -250,11 +223,9 @@ class GameRecord:
         after.push_uci(ply.uci)
         event = ply_event(
             self._now(), plant_time, number=self._plies() + 1, ply=ply, outcome=outcome, fen=after.fen(),
-            places=self._after(ply) if stands is None else self._moved(stands),
+            places={n: str(p) for n, p in ply.changes().items()} if stands is None else self._moved(stands),
         )  # fmt: skip
         self._append(event)
-        self._task = None
-        self._counted.append(event)
         self._pgn.add(PgnMove(ply.uci, own_clock(event), outcome.score, outcome.comment))
         return event
 
@@ -280,8 +251,7 @@ class GameRecord:
             world_state: digest of the world's final state.
             details: more for the report.
         """
-        wall, plies = self._now(), self._plies()
-        self._append(EndEvent(wall_time=wall, plant_time=plant_time, ply=plies, result=result, reason=reason))
+        self._add(EndEvent, plant_time, result=result, reason=reason)
         self._pgn.finish(result, reason)
         report = summarise(self._events, failures=failures, speed=speed, world_state=world_state, details=details)
         write_atomically(self.folder / REPORT_FILE, report.model_dump_json(indent=2) + "\n")
@@ -293,37 +263,28 @@ class GameRecord:
         self._log.close()
 
     def _moved(self, stands: Inventory) -> dict[str, str]:
-        """Where the pieces stand that the record has elsewhere; from now on it has them there."""
-        moved = {p.name: str(p.place) for p in stands if self._places[p.name] != str(p.place)}
-        self._places |= moved
-        return moved
-
-    def _after(self, ply: Ply) -> dict[str, str]:
-        """Where the pieces stand that a ply has moved."""
-        moved = {name: str(place) for name, place in ply.changes().items()}
-        self._places |= moved
-        return moved
+        """Where the pieces stand that the record has elsewhere."""
+        return {p.name: str(p.place) for p in stands if self._state.places[p.name] != str(p.place)}
 
     def _plies(self) -> int:
-        return len(self._counted)
+        return len(self._state.plies)
+
+    def _add(self, event: Callable[..., AnyEvent], plant_time: float, /, *, durable: bool = True, **what: Any) -> None:
+        """An event, now; its ply is the last one done unless ``what`` says another."""
+        stamps = {"wall_time": self._now(), "plant_time": plant_time, "ply": self._plies()}
+        self._append(event(**(stamps | what)), durable=durable)
 
     def _append(self, event: AnyEvent, *, durable: bool = True) -> None:
         self._log.append(event.model_dump_json(), durable=durable)
         self._events.append(event)
+        self._state.take(event)
 
 
 def _pgn(folder: Path, start: StartEvent, site: str, moves: Sequence[PgnMove] = ()) -> PgnFile:
-    board = chess.Board(start.fen, chess960=start.chess960)
     return PgnFile(
-        folder / PGN_FILE,
-        board,
-        white=start.white,
-        black=start.black,
-        site=site,
-        date=start.wall_time,
-        moves=moves,
-        time_control=start.time_control,
-    )
+        folder / PGN_FILE, chess.Board(start.fen, chess960=start.chess960), white=start.white, black=start.black,
+        site=site, date=start.wall_time, moves=moves, time_control=start.time_control,
+    )  # fmt: skip
 
 
 def _pgn_move(event: PlyEvent) -> PgnMove:

@@ -13,7 +13,6 @@ from app.records.events import (
     AnyEvent,
     EndEvent,
     FoundEvent,
-    PieceRecord,
     PlyEvent,
     Purpose,
     SideEvent,
@@ -74,20 +73,45 @@ class History:
 
 
 @dataclass(slots=True)
-class _Reading:
-    """What the events up to one say."""
+class RecordState:
+    """What the events of a game up to one say.
 
-    board: chess.Board
+    Attributes:
+        places: where each piece stands, by name.
+        board: the position, with the moves that led to it; None: it is not followed.
+        plies: those that count, in their order.
+        unfinished: what the arm had begun and not finished.
+        ended: the game was over, or was left in good order.
+    """
+
     places: dict[str, str]
+    board: chess.Board | None = None
     plies: list[PlyEvent] = field(default_factory=list)
     unfinished: Unfinished | None = None
     ended: bool = False
 
+    @classmethod
+    def after(cls, events: Sequence[AnyEvent], board: chess.Board | None = None) -> RecordState:
+        """After the events of one game, of which the first one starts it, at a position that is followed."""
+        start = events[0]
+        assert isinstance(start, StartEvent)
+        state = cls({piece.name: piece.place for piece in start.inventory}, board)
+        for event in events[1:]:
+            state.take(event)
+        return state
+
+    @property
+    def taken_back(self) -> int:
+        """The number of plies that do not count any more once the task that was begun is done."""
+        return 0 if self.unfinished is None or self.unfinished.task is None else self.unfinished.task.taken_back
+
     def take(self, event: AnyEvent) -> None:
+        """One event more; ValueError or IndexError if it contradicts the position."""
         self.ended = isinstance(event, EndEvent)
         match event:
             case PlyEvent():
-                self.board.push_uci(event.uci)
+                if self.board is not None:
+                    self.board.push_uci(event.uci)
                 self.plies.append(event)
                 self.places.update(event.inventory)
                 self.unfinished = None
@@ -97,8 +121,11 @@ class _Reading:
             case FoundEvent():
                 self.places.update(event.inventory)
                 self.unfinished = replace(self.unfinished or Unfinished(), repair=(), transfer=None, stage=None)
+            case TaskEvent() if event.purpose is Purpose.REPAIR and self.unfinished is not None:
+                transfers = tuple(transfer_of(one) for one in event.transfers)
+                self.unfinished = replace(self.unfinished, repair=transfers, transfer=None, stage=None)
             case TaskEvent():
-                self._begin(event)
+                self.unfinished = Unfinished(task=event)
             case TaskDoneEvent():
                 self._finish(event)
             case TaskDroppedEvent():
@@ -106,21 +133,16 @@ class _Reading:
             case _:
                 pass
 
-    def _begin(self, event: TaskEvent) -> None:
-        if event.purpose is Purpose.REPAIR and self.unfinished is not None:
-            transfers = tuple(transfer_of(one) for one in event.transfers)
-            self.unfinished = replace(self.unfinished, repair=transfers, transfer=None, stage=None)
-        else:
-            self.unfinished = Unfinished(task=event)
-
     def _finish(self, event: TaskDoneEvent) -> None:
         self.places.update(event.inventory)
         task = None if self.unfinished is None else self.unfinished.task
         self.unfinished = None
-        if task is not None:
+        if task is None:
+            return
+        del self.plies[len(self.plies) - task.taken_back :]
+        if self.board is not None:
             for _ in range(task.taken_back):
                 self.board.pop()
-                self.plies.pop()
             if task.fen is not None:
                 self.board = chess.Board(task.fen, chess960=self.board.chess960)
 
@@ -131,12 +153,7 @@ def persons_side(events: Iterable[AnyEvent]) -> Colour | None:
 
 
 def read_history(path: Path, table: TableSettings, said: Callable[[str], None] = unsaid) -> History:
-    """Read ``events.jsonl`` of a game that was played on this table.
-
-    Args:
-        path: of the file.
-        table: on which the game was played.
-        said: told in a sentence what was left out at the end.
+    """Read ``events.jsonl`` of a game that was played on this table; ``said`` is told what was left out at the end.
 
     Raises:
         RecordError: the file cannot be read, does not begin with a start, or contradicts itself.
@@ -147,83 +164,24 @@ def read_history(path: Path, table: TableSettings, said: Callable[[str], None] =
     start = events[0]
     try:
         board = chess.Board(start.fen, chess960=start.chess960)
-        reading = _Reading(board, {piece.name: piece.place for piece in start.inventory})
-        for event in events[1:]:
-            reading.take(event)
-        pieces = [_piece(piece, reading.places[piece.name]) for piece in start.inventory]
-        inventory = Inventory.of(pieces, table)
-        _agree(reading, inventory)
+        state = RecordState.after(events, board)
+        inventory = Inventory.of(
+            (PieceSpec(p.name, p.kind, p.colour, Place.parse(state.places[p.name])) for p in start.inventory), table
+        )
+        # where the pieces stand is what the game says, unless a repair was on its way to that
+        if state.unfinished is None or state.unfinished.repair is None:
+            inventory.check_against(state.board or board)
     except (ValueError, RuntimeError, IndexError) as error:
         raise RecordError(f"{path} contradicts itself: {error}") from error
-    return History(
-        start, events, reading.board, inventory, reading.unfinished, tuple(reading.plies), reading.ended
-    )  # fmt: skip
+    return History(start, events, state.board or board, inventory, state.unfinished, tuple(state.plies), state.ended)
 
 
-def counted_plies(events: Iterable[AnyEvent]) -> list[PlyEvent]:
+def counted_plies(events: Sequence[AnyEvent]) -> list[PlyEvent]:
     """Plies of a game that were not taken back, in their order."""
-    plies: list[PlyEvent] = []
-    task: TaskEvent | None = None
-    for event in events:
-        if isinstance(event, PlyEvent):
-            plies.append(event)
-        elif isinstance(event, TaskDoneEvent) and task is not None and task.taken_back:
-            del plies[-task.taken_back :]
-        task = _after(task, event)
-    return plies
-
-
-def places_of(events: Sequence[AnyEvent]) -> dict[str, str]:
-    """Where each piece stands by the record, by name."""
-    places: dict[str, str] = {}
-    for event in events:
-        match event:
-            case StartEvent():
-                places = {piece.name: piece.place for piece in event.inventory}
-            case PlyEvent() | FoundEvent() | TaskDoneEvent():
-                places.update(event.inventory)
-            case _:
-                pass
-    return places
-
-
-def open_task(events: Iterable[AnyEvent]) -> TaskEvent | None:
-    """The task, no repair, that was begun last and is not done."""
-    task: TaskEvent | None = None
-    for event in events:
-        task = _after(task, event)
-    return task
-
-
-def _after(task: TaskEvent | None, event: AnyEvent) -> TaskEvent | None:
-    """The open task after an event."""
-    match event:
-        case TaskEvent() if event.purpose is not Purpose.REPAIR:
-            return event
-        case PlyEvent() | TaskDoneEvent() | TaskDroppedEvent():
-            return None
-        case _:
-            return task
-
-
-def _agree(reading: _Reading, inventory: Inventory) -> None:
-    """Where the pieces stand is what the game says, unless a repair was on its way to that."""
-    if reading.unfinished is None or reading.unfinished.repair is None:
-        inventory.check_against(reading.board)
-
-
-def _piece(record: PieceRecord, place: str) -> PieceSpec:
-    return PieceSpec(record.name, record.kind, record.colour, Place.parse(place))
+    return RecordState.after(events).plies
 
 
 def transfer_of(record: TransferRecord) -> Transfer:
     """As it was recorded."""
-    return Transfer(
-        record.piece,
-        record.kind,
-        record.colour,
-        Place.parse(record.source),
-        Place.parse(record.target),
-        record.seen,
-        record.raised,
-    )
+    source, target = Place.parse(record.source), Place.parse(record.target)
+    return Transfer(record.piece, record.kind, record.colour, source, target, record.seen, record.raised)

@@ -30,17 +30,9 @@ class PgnFile:
     """A PGN file that grows by plies; each change replaces the file atomically."""
 
     def __init__(
-        self,
-        path: Path,
-        board: chess.Board,
-        *,
-        white: str,
-        black: str,
-        site: str,
-        date: datetime,
-        moves: Sequence[PgnMove] = (),
-        time_control: str | None = None,
-    ) -> None:
+        self, path: Path, board: chess.Board, *, white: str, black: str, site: str, date: datetime,
+        moves: Sequence[PgnMove] = (), time_control: str | None = None,
+    ) -> None:  # fmt: skip
         """Write the game so far.
 
         Args:

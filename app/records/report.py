@@ -120,14 +120,17 @@ def summarise(
         details: more to keep.
 
     Raises:
-        RecordError: the events do not begin with a start.
+        RecordError: the events do not begin with a start, or contradict themselves.
     """
     if not events or not isinstance(events[0], StartEvent):
         raise RecordError("the events do not begin with the start of a game: there is nothing to report")
     start, last = events[0], events[-1]
-    plies = counted_plies(events)
+    try:
+        plies = counted_plies(events)
+    except ValueError as error:
+        raise RecordError(f"the events contradict themselves: {error}") from error
     tasks = [event for event in events if isinstance(event, TaskDoneEvent)]
-    ended = isinstance(last, EndEvent)
+    others = [*failures, *([] if isinstance(last, EndEvent) else [UNFINISHED])]
     return Report(
         result=last.result if isinstance(last, EndEvent) else "*",
         exit_reason=last.reason if isinstance(last, EndEvent) else UNFINISHED,
@@ -141,7 +144,7 @@ def summarise(
         peak_torque_Nm=max((ply.peak_torque_Nm for ply in plies if ply.peak_torque_Nm is not None), default=None),
         peak_force_N=max((ply.peak_force_N for ply in plies if ply.peak_force_N is not None), default=None),
         physical_ok=_all_ok([*plies, *tasks]),
-        failures=(*_ply_failures(plies), *_task_failures(tasks), *_other_failures(failures, ended)),
+        failures=(*_failures(plies), *_failures(tasks), *(Failure(ply=None, san=None, reason=r) for r in others)),
         troubles=tuple(
             Trouble(ply=one.ply, kind=one.kind, squares=one.squares, sentence=one.sentence, mended_by=one.mended_by)
             for one in events
@@ -177,14 +180,9 @@ def _all_ok(done: Sequence[PlyEvent | TaskDoneEvent]) -> bool | None:
     return True if verdicts == {True} else None
 
 
-def _ply_failures(plies: Sequence[PlyEvent]) -> list[Failure]:
-    return [Failure(ply=ply.ply, san=ply.san, reason=reason) for ply in plies for reason in ply.failures]
-
-
-def _task_failures(tasks: Sequence[TaskDoneEvent]) -> list[Failure]:
-    return [Failure(ply=task.ply, san=None, reason=reason) for task in tasks for reason in task.failures]
-
-
-def _other_failures(failures: Sequence[str], ended: bool) -> list[Failure]:
-    reasons = [*failures, *([] if ended else [UNFINISHED])]
-    return [Failure(ply=None, san=None, reason=reason) for reason in reasons]
+def _failures(done: Sequence[PlyEvent | TaskDoneEvent]) -> list[Failure]:
+    return [
+        Failure(ply=one.ply, san=one.san if isinstance(one, PlyEvent) else None, reason=reason)
+        for one in done
+        for reason in one.failures
+    ]

@@ -17,7 +17,6 @@ import time
 from collections.abc import Iterator
 from enum import IntEnum
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Any, Final, NamedTuple, Self
 
 from mcap.exceptions import EndOfFile, McapError
@@ -62,11 +61,7 @@ class TelemetryRecorder:
     """Writes telemetry in a thread of its own. Use as a context manager, or call ``close``."""
 
     def __init__(self, path: Path, period: float) -> None:
-        """Begin a file.
-
-        Args:
-            path: of the file; it must not exist.
-            period: length of a tick [s].
+        """Begin a file, which must not exist; ``period`` is the length of a tick [s].
 
         Raises:
             RecordError: the file cannot be made, or there is one already.
@@ -86,9 +81,7 @@ class TelemetryRecorder:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
         try:
             self.close()
         except RecordError:
@@ -259,13 +252,8 @@ def _property(field: Field) -> dict[str, Any]:
     kind = "number" if field.code[-1] == "d" else "integer"
     if field.count == 1:
         return {"type": kind, "description": meaning}
-    return {
-        "type": "array",
-        "items": {"type": kind},
-        "minItems": field.count,
-        "maxItems": field.count,
-        "description": meaning,
-    }
+    count = field.count
+    return {"type": "array", "items": {"type": kind}, "minItems": count, "maxItems": count, "description": meaning}
 
 
 def _log_schema() -> dict[str, Any]:
@@ -307,14 +295,8 @@ def _news(before: Telemetry | None, now: Telemetry) -> Iterator[tuple[int, str]]
 
 def _log_entry(level: int, message: str, stamp: int) -> bytes:
     seconds, rest = divmod(stamp, 10**9)
-    entry = {
-        "timestamp": {"sec": seconds, "nsec": rest},
-        "level": level,
-        "message": message,
-        "name": "controller",
-        "file": "",
-        "line": 0,
-    }
+    when = {"sec": seconds, "nsec": rest}
+    entry = {"timestamp": when, "level": level, "message": message, "name": "controller", "file": "", "line": 0}
     return json.dumps(entry).encode()
 
 

@@ -1,9 +1,14 @@
-"""What people see of a running game in the terminal."""
+"""What people see of a running game in the terminal, and what they, or a script, type there."""
 
 from __future__ import annotations
 
+import io
+import queue
+import threading
 import time
-from typing import Protocol, Self
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Final, Self, TextIO
 
 import chess
 from rich.console import Console, Group
@@ -12,11 +17,12 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from app.players.person import PersonGone
 from app.records import PlyEvent
 
 
-class UserInterface(Protocol):
-    """Told what happens; shows it or not."""
+class UserInterface:
+    """Told what happens; this one shows nothing."""
 
     def phase(self, text: str) -> None:
         """What is being done now."""
@@ -37,29 +43,7 @@ class UserInterface(Protocol):
         """Somebody has."""
 
 
-class Quiet:
-    """Shows nothing."""
-
-    def phase(self, text: str) -> None:
-        """Nothing."""
-
-    def position(self, board: chess.Board) -> None:
-        """Nothing."""
-
-    def ply(self, event: PlyEvent, board: chess.Board) -> None:
-        """Nothing."""
-
-    def say(self, sentence: str) -> None:
-        """Nothing."""
-
-    def prompt(self, sentence: str) -> None:
-        """Nothing."""
-
-    def heard(self, line: str) -> None:
-        """Nothing."""
-
-
-class Terminal:
+class Terminal(UserInterface):
     """Board, present phase and the last plies on a terminal; plain lines where the output is none."""
 
     def __init__(self, console: Console) -> None:
@@ -110,9 +94,6 @@ class Terminal:
         """See ``UserInterface.prompt``."""
         self.say(sentence)
 
-    def heard(self, line: str) -> None:
-        """Nothing: nobody types here."""
-
     def _show(self) -> None:
         if self._live is not None:
             self._live.update(self._picture())
@@ -125,7 +106,7 @@ class Terminal:
         return Group(table, Text(f"{self._phase}   ({wall:.0f} s)", style="cyan"))
 
 
-class Conversation:
+class Conversation(UserInterface):
     """A game with a person at the keyboard: line by line, so that what they type stays in order.
 
     Args:
@@ -195,10 +176,7 @@ _LIGHT, _DARK, _MOVED = "#bd9b6a", "#80553a", "#7f8f2f"
 def board_text(board: chess.Board, last: chess.Move | None = None, *, plain: bool = False) -> Text:
     """The board, White below, with coordinates; the squares of the last move stand out.
 
-    Args:
-        board: the position.
-        last: move that led to it.
-        plain: nothing is shown in colours, so that the pieces themselves have to differ.
+    ``plain``: nothing is shown in colours, so that the pieces themselves have to differ.
     """
     text = Text()
     touched = set() if last is None else {last.from_square, last.to_square}
@@ -251,3 +229,44 @@ def _plies(rows: list[PlyEvent]) -> Table:
         verdict = {True: "[green]ok", False: "[red]wrong", None: "-"}[event.physical_ok]
         table.add_row(_number(event), event.san, event.kind, _duration(event), _placement(event), verdict)
     return table
+
+
+_NO_MORE: Final = None
+
+
+class TypedLines:
+    """``Lines`` of a stream, read in a thread of its own so that nobody is kept waiting.
+
+    Args:
+        stream: is read to its end.
+        heard: told each line when it is taken.
+    """
+
+    def __init__(self, stream: TextIO, heard: Callable[[str], None] = lambda _: None) -> None:
+        self._heard = heard
+        self._lines: queue.Queue[str | None] = queue.Queue()
+        self._stream = stream
+        self._thread = threading.Thread(target=self._read, name="typed lines", daemon=True)
+        self._thread.start()
+
+    def next(self, timeout: float) -> str | None:
+        """See ``Lines.next``; empty lines and what comes after ``#`` are left out: a script can be explained."""
+        try:
+            line = self._lines.get(timeout=timeout)
+        except queue.Empty:
+            return None
+        if line is _NO_MORE:
+            self._lines.put(_NO_MORE)
+            raise PersonGone
+        self._heard(line)
+        return line
+
+    def _read(self) -> None:
+        if isinstance(self._stream, io.TextIOWrapper):
+            self._stream.reconfigure(errors="replace")  # what is no text is answered like any other nonsense
+        with suppress(OSError):  # the terminal was closed, or its computer is gone: the same as the end of input
+            for raw in self._stream:
+                line = raw.split("#", 1)[0].strip()
+                if line:
+                    self._lines.put(line)
+        self._lines.put(_NO_MORE)

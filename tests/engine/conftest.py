@@ -108,7 +108,7 @@ def fake(tmp_path: Path) -> MakeFake:
 @pytest.fixture(autouse=True)
 def _without_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
     """Attempts follow each other at once."""
-    monkeypatch.setattr("engine.supervised.PAUSES", (0.0, 0.0, 0.0))
+    monkeypatch.setattr("engine.stockfish.PAUSES", (0.0, 0.0, 0.0))
 
 
 @pytest.fixture(scope="session")

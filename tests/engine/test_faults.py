@@ -196,7 +196,7 @@ def test_an_engine_that_is_mended_goes_on_with_the_game(tmp_path: Path, stockfis
 
 
 def test_pauses_lie_between_attempts(fake: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("engine.supervised.PAUSES", (0.0, 0.5))
+    monkeypatch.setattr("engine.stockfish.PAUSES", (0.0, 0.5))
     made = fake(on_go="os._exit(1)")
     with Engine(EngineSettings(path=made.path, nodes=9)) as engine:
         began = time.monotonic()

@@ -308,7 +308,7 @@ def test_whatever_is_answered_only_legal_moves_come_out(answering: tuple[Engine,
 def answering(
     fake: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[tuple[Engine, Path]]:
-    monkeypatch.setattr("engine.supervised.PAUSES", ())  # one attempt each
+    monkeypatch.setattr("engine.stockfish.PAUSES", ())  # one attempt each
     engine_file = fake(on_go=f'say("bestmove", open({str(tmp_path / "answer")!r}).read())')
     with Engine(settings_for(engine_file.path)) as engine:
         yield engine, tmp_path / "answer"
@@ -327,12 +327,6 @@ def test_how_an_end_is_told() -> None:
     assert exit_phrase(-9, "oh") == (
         "it died with exit code -9 (killed from outside, perhaps for want of memory; last words: 'oh')"
     )
-
-
-def test_repeatable_settings() -> None:
-    assert EngineSettings(nodes=100).repeatable
-    for changes in ({"nodes": None}, {"move_time": 1.0}, {"elo": 1500}, {"threads": 2}):
-        assert not EngineSettings.model_validate({"nodes": 100} | changes).repeatable
 
 
 @pytest.mark.parametrize(

@@ -108,5 +108,3 @@ def test_limits_by_a_clock() -> None:
     assert EngineSettings(move_time=3.0).limit_by(None) == chess.engine.Limit(time=3.0)
     assert EngineSettings(ponder=True).ponders
     assert not EngineSettings(ponder=True, nodes=9).ponders
-    assert not EngineSettings(nodes=9, options={"Contempt": 1}).repeatable
-    assert not EngineSettings(nodes=9, skill=1).repeatable

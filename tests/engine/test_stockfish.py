@@ -43,7 +43,6 @@ def test_a_move_and_what_stockfish_says_of_it(stockfish: str) -> None:
 
 def test_a_node_limit_on_one_thread_repeats_a_game(stockfish: str) -> None:
     settings = EngineSettings(path=stockfish, nodes=3000)
-    assert settings.repeatable
     with Engine(settings) as engine:
         first = line_of_play(engine)
         engine.new_game()

@@ -154,7 +154,11 @@ STATE = {
 """State and forces of ``MjData``: what only the simulation itself may change."""
 
 MAY_WRITE = {
-    ("render.drawing", "Easel.draw", "qpos"),  # the renderer's own copy, in its own process: it is drawn, never stepped
+    (
+        "render.drawing",
+        "SceneDrawer.draw",
+        "qpos",
+    ),  # the renderer's own copy, in its own process: it is drawn, never stepped
     ("clients.viewer", "watch_world", "qpos"),  # the viewer's likewise
     ("bodies.scene", "_start_positions", "qpos"),  # the key frame from which the world starts
     ("bodies.scene", "build_model", "qpos"),
@@ -176,9 +180,9 @@ MAY_CALL = {
         ("plant.live_state", "LiveState.__init__"),
         ("plant.live_state", "LiveState.keep"),
     },
-    "mj_forward": {("plant.plant", "Plant.__init__"), ("render.drawing", "Easel.__init__")},
-    "mj_kinematics": {("render.drawing", "Easel.draw"), ("clients.viewer", "watch_world")},
-    "mj_camlight": {("render.drawing", "Easel._prepared"), ("clients.viewer", "watch_world")},
+    "mj_forward": {("plant.plant", "Plant.__init__"), ("render.drawing", "SceneDrawer.__init__")},
+    "mj_kinematics": {("render.drawing", "SceneDrawer.draw"), ("clients.viewer", "watch_world")},
+    "mj_camlight": {("render.drawing", "SceneDrawer._prepared"), ("clients.viewer", "watch_world")},
     "mj_saveModel": {
         ("process.server", "World.__init__"),
         ("render.still", "StillRenderer.__init__"),

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from vision.brightness import LOGARITHM
 from vision.hands.arm_mask import Capsules
 from vision.loops import (
     changes,
@@ -22,6 +21,7 @@ from vision.loops import (
     stand_out,
     tops,
 )
+from vision.reading.solids import LOGARITHM
 
 NO_ENDS, NO_RADII = np.zeros((0, 2, 3)), np.zeros(0)
 Field = NDArray[np.float32]

@@ -14,14 +14,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.arrays import Array, Field, Picture
 from vision.board.grid import Grid
-
-Array = NDArray[np.float64]
-Picture = NDArray[np.float32]
 
 Look = Callable[[Array], Array]
 """Gives lightness at points (..., 2) [px], shape (...), light less dark squares about 1; not a number outside."""
-
 ALONG: Final = np.array([0.12, 0.24, 0.37, 0.5, 0.63, 0.76, 0.88])
 """Where along a side [sides of a square]."""
 ACROSS: Final = 0.13
@@ -44,14 +41,9 @@ class Sides:
 
 
 def compare_sides(look: Look, grid: Grid, bright: int, low: tuple[int, int], high: tuple[int, int]) -> Sides:
-    """Compare the squares on either side of all sides in a range.
+    """Compare the squares on either side of all sides from a first column and row to one beyond the last ones.
 
-    Args:
-        look: into the picture.
-        grid: where the lines are in it.
-        bright: 1 where square (0, 0) is a light one, otherwise -1.
-        low: first column and row.
-        high: one beyond the last column and row.
+    ``bright`` is 1 where square (0, 0) is a light one, otherwise -1.
     """
     return rate_sides(look(grid.project(side_places(low, high))), bright, low)
 
@@ -83,7 +75,7 @@ def rate_sides(values: Array, bright: int, low: tuple[int, int]) -> Sides:
     return Sides((int(low[0]), int(low[1])), marks[0], marks[1])
 
 
-def sample(picture: Picture | NDArray[np.uint8], points: Array) -> Array:
+def sample(picture: Field | Picture, points: Array) -> Array:
     """Values at points (..., 2) [px] in between pixels, shape (..., channels); not a number outside."""
     height, width = picture.shape[:2]
     flat = points.reshape(-1, 2)
@@ -97,7 +89,7 @@ def sample(picture: Picture | NDArray[np.uint8], points: Array) -> Array:
     return np.asarray(values.reshape(*points.shape[:-1], -1))
 
 
-def look_into(picture: NDArray[np.float32], weights: Array) -> Look:
+def look_into(picture: Field, weights: Array) -> Look:
     """Lightness in a picture (h, w, channels) with weights of its channels."""
     grey = np.ascontiguousarray(picture @ weights.astype(np.float32))
 
@@ -107,7 +99,7 @@ def look_into(picture: NDArray[np.float32], weights: Array) -> Look:
     return look
 
 
-def channel_weights(picture: Picture, grid: Grid, bright: int, places: Array) -> Array:
+def channel_weights(picture: Field, grid: Grid, bright: int, places: Array) -> Array:
     """Weights that make light less dark 1 at the median of crossings (n, 2), shape (channels,)."""
     direction = bright * light_less_dark(sample(picture, beside_crossings(grid, places)), places)
     length = float(np.linalg.norm(direction))
@@ -122,9 +114,7 @@ def beside_crossings(grid: Grid, places: Array) -> Array:
 def light_less_dark(values: Array, places: Array) -> Array:
     """Median difference between squares of both shades around crossings, as if a1 were light: shape (channels,).
 
-    Args:
-        values: looked up at ``beside_crossings``, shape (n, 4, channels).
-        places: of the crossings, shape (n, 2).
+    Values were looked up at ``beside_crossings``, shape (n, 4, channels); places of the crossings, shape (n, 2).
     """
     parity = 1.0 - 2.0 * (places.sum(axis=1) % 2)
     difference = 0.5 * parity[:, None] * (values[:, 0] + values[:, 2] - values[:, 1] - values[:, 3])

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from vision.arrays import Array, Picture
 from vision.board.alternation import beside_crossings, light_less_dark, rate_sides, sample, side_places
 from vision.board.crossings import PLACES, Crossings, crossings_in, window_places
 from vision.board.find import find_board
@@ -22,9 +23,6 @@ from vision.board.grid import CORNERS, Grid
 from vision.board.lattice import fit_homography
 from vision.board.view import BoardNotFound
 from vision.board.window import judge
-
-Array = NDArray[np.float64]
-Colour = NDArray[np.uint8]
 
 TOLERANCE: Final = 0.06
 """A corner that is off by more has moved [sides of a square]."""
@@ -60,12 +58,12 @@ class AnchorCheck:
 class Anchor:
     """The board's place in a reference picture."""
 
-    def __init__(self, colour: Colour, corners: ArrayLike) -> None:
+    def __init__(self, colour: Picture, corners: ArrayLike) -> None:
         """Remember what the board looks like.
 
         Args:
             colour: RGB, shape (h, w, 3).
-            corners: a1, h1, h8, a8, shape (4, 2) [px], sub-pixel as ``find_board`` and ``refine_corners`` give them.
+            corners: a1, h1, h8, a8, shape (4, 2) [px], sub-pixel as ``find_board`` gives them.
 
         Raises:
             BoardNotFound: there is no board at these corners.
@@ -93,11 +91,8 @@ class Anchor:
         """Of the reference, shape (4, 2) [px]; read-only."""
         return self._corners
 
-    def check(self, colour: Colour) -> AnchorCheck:
+    def check(self, colour: Picture) -> AnchorCheck:
         """Whether the board is where it was, by the crossings alone: quick, and never searches.
-
-        Args:
-            colour: RGB, of the shape of the reference.
 
         Raises:
             ValueError: the picture has another shape.
@@ -120,11 +115,8 @@ class Anchor:
         corners = self._grid.project(CORNERS + offset) if moved else self._corners
         return AnchorCheck(shift, moved, seen, corners)
 
-    def follow(self, colour: Colour) -> AnchorCheck:
+    def follow(self, colour: Picture) -> AnchorCheck:
         """The same, but searches for a board that is not where it was; ``moved`` is None only if none is sure.
-
-        Args:
-            colour: RGB, of the shape of the reference.
 
         Raises:
             ValueError: the picture has another shape.
@@ -144,7 +136,7 @@ class Anchor:
             return AnchorCheck(shift, False, first.seen, self._corners)
         return AnchorCheck(shift, True, first.seen, found.corners)
 
-    def _look(self, colour: Colour) -> tuple[Crossings, bool]:
+    def _look(self, colour: Picture) -> tuple[Crossings, bool]:
         """Crossings, and whether squares go on beyond a border but not at the one across: a shift by whole squares."""
         values = np.log1p(sample(colour, self._points) / 20.0) @ self._weights
         windows, sides = self._shapes
@@ -153,7 +145,7 @@ class Anchor:
         return crossings_in(values[:count].reshape(windows), self._dark), judge(marks, 1, 1).margin < GONE_ON
 
 
-def _weights(colour: Colour, grid: Grid, inner: Array) -> tuple[Array, int]:
+def _weights(colour: Picture, grid: Grid, inner: Array) -> tuple[Array, int]:
     """Weights of the logarithms of red, green and blue, and 1 where the square of a1 is dark."""
     direction = -light_less_dark(np.log1p(sample(colour, beside_crossings(grid, inner)) / 20.0), inner)
     dark = 1 if direction.sum() > 0.0 else -1

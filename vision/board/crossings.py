@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Array, Mask
 from vision.board.alternation import Look
 from vision.board.grid import CORNERS, Grid, GridFit, fit_grid
-
-Array = NDArray[np.float64]
 
 HALF_WINDOW: Final = 0.24
 """Half of the window around a crossing [sides of a square]; pieces that stand in the middle begin at about 0.3."""
@@ -48,16 +46,13 @@ class Crossings:
 
     places: Array
     found: Array
-    border: NDArray[np.bool_]
+    border: Mask
 
 
 def refine_grid(look: Look, grid: Grid, dark: int) -> GridFit | None:
-    """Fit a grid to all crossings of its board that can be seen; None if they are too few.
+    """Fit a grid that is right to a fifth of a square to all crossings that can be seen; None if they are too few.
 
-    Args:
-        look: into the picture.
-        grid: about right, to a fifth of a square.
-        dark: 1 where the square of a1 is dark, -1 where it is light.
+    ``dark`` is 1 where the square of a1 is dark, -1 where it is light.
     """
     fit: GridFit | None = None
     for _ in range(2):
@@ -80,12 +75,10 @@ def working_scale(grid: Grid) -> float:
 
 
 def find_crossings(look: Look, grid: Grid, dark: int) -> Crossings:
-    """Where the lines of a grid cross in the picture, those that can be seen.
+    """Where the lines of a grid, which is right to a fifth of a square, cross in the picture, as far as that can be
+    seen.
 
-    Args:
-        look: into the picture.
-        grid: about right, to a fifth of a square.
-        dark: 1 where the square of a1 is dark, -1 where it is light.
+    ``dark`` is as of ``refine_grid``.
     """
     window = window_places(WINDOW)
     places = PLACES
@@ -122,7 +115,7 @@ def window_places(samples: int) -> Array:
     return np.stack(np.meshgrid(step, step, indexing="ij"), axis=-1)
 
 
-def _select(found: Array, kept: NDArray[np.bool_]) -> Crossings:
+def _select(found: Array, kept: Mask) -> Crossings:
     border = ((PLACES == 0.0) | (PLACES == 8.0)).any(axis=1)
     return Crossings(PLACES[kept], found[kept], border[kept])
 

@@ -15,20 +15,18 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from vision.arrays import Array, Field, Picture
 from vision.board.alternation import channel_weights, compare_sides, look_into
 from vision.board.crossings import refine_grid, working_scale
 from vision.board.grid import Grid, fit_grid
 from vision.board.joint_fit import JointFit, fit_jointly
 from vision.board.lattice import Lattice, grow_lattices
 from vision.board.orientation import orient
-from vision.board.saddles import Picture, find_saddles, levels
+from vision.board.saddles import find_saddles, levels
 from vision.board.view import BoardNotFound
 from vision.board.window import Window, best_window, judge
-
-Array = NDArray[np.float64]
-Colour = NDArray[np.uint8]
 
 PASSES: Final = ((640, 0.0), (1280, 0.0), (400, 0.0), (640, 3.0))
 """Longer side and blur of the pictures that are searched one after another [px]: boards near, small, out of focus, and
@@ -103,7 +101,7 @@ class _Candidate:
     dark: int
 
 
-def find_board(colour: Colour, *, near: ArrayLike | None = None) -> FoundBoard:
+def find_board(colour: Picture, *, near: ArrayLike | None = None) -> FoundBoard:
     """Find the board in a picture.
 
     Args:
@@ -139,7 +137,7 @@ def find_board(colour: Colour, *, near: ArrayLike | None = None) -> FoundBoard:
     return found.board(oriented.corners, oriented.sure)
 
 
-def _find_at(colour: Colour, factor: float, blur: float, doubts: list[str]) -> _Measured | None:
+def _find_at(colour: Picture, factor: float, blur: float, doubts: list[str]) -> _Measured | None:
     """Corners, dark a1 first; searched in a picture resized by a factor, then blurred [px]."""
     picture = levels(_resize(colour, factor))
     if blur > 0.0:
@@ -156,7 +154,7 @@ def _find_at(colour: Colour, factor: float, blur: float, doubts: list[str]) -> _
     return None
 
 
-def _find_near(colour: Colour, near: Array, doubts: list[str]) -> _Measured | None:
+def _find_near(colour: Picture, near: Array, doubts: list[str]) -> _Measured | None:
     side = float(np.linalg.norm(np.roll(near, -1, axis=0) - near, axis=1).max()) / 8.0
     low = np.maximum(np.floor(near.min(axis=0) - NEAR_MARGIN * side), 0).astype(int)
     high = np.minimum(np.ceil(near.max(axis=0) + NEAR_MARGIN * side) + 1, colour.shape[1::-1]).astype(int)
@@ -169,7 +167,7 @@ def _find_near(colour: Colour, near: Array, doubts: list[str]) -> _Measured | No
     return None if found is None else replace(found, corners=found.corners + low)
 
 
-def _place(picture: Picture, lattice: Lattice, doubts: list[str]) -> _Candidate | None:
+def _place(picture: Field, lattice: Lattice, doubts: list[str]) -> _Candidate | None:
     """The board of a lattice, if it has one."""
     places = lattice.places.astype(float)
     grid = fit_grid(places, lattice.points, (picture.shape[1], picture.shape[0])).grid
@@ -191,7 +189,7 @@ def _believed(window: Window, doubts: list[str]) -> bool:
     return doubt is None
 
 
-def _measure(colour: Colour, grid: Grid, candidate: _Candidate, doubts: list[str]) -> _Measured | None:
+def _measure(colour: Picture, grid: Grid, candidate: _Candidate, doubts: list[str]) -> _Measured | None:
     """Corners from a dark a1 on, in the picture of full size; None if they are too uncertain."""
     factor = working_scale(grid)
     picture = levels(_resize(colour, factor) if factor != 1.0 else colour)
@@ -211,19 +209,19 @@ def _measure(colour: Colour, grid: Grid, candidate: _Candidate, doubts: list[str
     return found if candidate.dark > 0 else replace(found, corners=np.roll(found.corners, -1, axis=0))
 
 
-def _in_full(fit: JointFit, resized: Picture, colour: Colour) -> _Measured:
+def _in_full(fit: JointFit, resized: Field, colour: Picture) -> _Measured:
     """From a resized picture; its size is in whole pixels, so its factor is not quite the one that was asked for."""
     factor = np.array(resized.shape[1::-1]) / np.array(colour.shape[1::-1])
     scale = float(factor.mean())
     return _Measured((fit.corners + 0.5) / factor - 0.5, fit.error(scale), float(fit.sides.min()) / scale)
 
 
-def _resize(colour: Colour, factor: float) -> Colour:
+def _resize(colour: Picture, factor: float) -> Picture:
     size = (round(colour.shape[1] * factor), round(colour.shape[0] * factor))
     resized = cv2.resize(colour, size, interpolation=cv2.INTER_AREA if factor < 1.0 else cv2.INTER_CUBIC)
     return np.asarray(resized, dtype=np.uint8)
 
 
-def _softened(picture: Picture) -> Picture:
+def _softened(picture: Field) -> Field:
     """Noise of single pixels and of the resizing taken off."""
     return np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.8), dtype=np.float32)

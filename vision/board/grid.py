@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from vision.arrays import Array
 from vision.board.lattice import fit_homography, project, steps
-
-Array = NDArray[np.float64]
 
 LEVEL: Final = 4.0
 """How early the bending levels off [1/half diagonal²]."""

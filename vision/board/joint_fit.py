@@ -12,15 +12,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Array
 from vision.board.alternation import Look
 from vision.board.crossings import find_crossings
 from vision.board.grid import CORNERS, Grid
 from vision.board.lattice import fit_homography, project
 from vision.board.side_edges import SideEdges, measure_edges
-
-Array = NDArray[np.float64]
 
 PLANE, LENS, BOW = slice(0, 8), slice(8, 9), slice(9, 23)
 """Where the parameters of each part are; the last one is the light's."""
@@ -74,8 +72,7 @@ class JointFit:
     def error(self, factor: float = 1.0) -> float:
         """What the worst corner's error stays below for nineteen boards of twenty [sides of a square].
 
-        Args:
-            factor: by which the camera's picture was resized for the fit: no pixels were added by that.
+        ``factor`` is that by which the picture was resized for the fit: no pixels were added by that.
         """
         statistical = TRUST * np.hypot(self.sigma, self.halves)
         pixels = PIXELS * factor / self.sides
@@ -95,10 +92,8 @@ class _Rows:
 def fit_jointly(look: Look, grid: Grid, dark: int) -> JointFit | None:
     """Fit a board to all that can be seen of it; None if too few crossings within it can be.
 
-    Args:
-        look: into the picture, light less dark squares about 1.
-        grid: about right, to a tenth of a square.
-        dark: 1 where the square of a1 is dark, -1 where it is light.
+    In ``look`` light less dark squares are about 1; the grid is right to a tenth of a square; ``dark`` as of
+    ``refine_grid``.
     """
     crossings = find_crossings(look, grid, dark)
     inner = ~crossings.border

@@ -13,13 +13,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from vision.arrays import Array, Indices
 from vision.board.saddles import Saddles
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 NEIGHBOURS: Final = 16
 """How many saddles around one are looked at for the next crossing of a line."""
@@ -55,10 +52,7 @@ class Lattice:
 def fit_homography(places: Array, points: Array, weights: Array | None = None) -> Array:
     """Homography with the least algebraic error, in coordinates of unit size (Hartley).
 
-    Args:
-        places: shape (n, 2) with at least four, no three of four on one line.
-        points: where they go, shape (n, 2).
-        weights: of each, shape (n,).
+    It takes places (n, 2), at least four and no three of four on one line, to points (n, 2), with weights (n,).
 
     Returns:
         Shape (3, 3), the last entry 1 unless it vanishes.
@@ -97,11 +91,8 @@ def steps(homography: Array, places: Array) -> Array:
 def grow_lattices(saddles: Saddles, least: int, enough: int, most_seeds: int) -> list[Lattice]:
     """Lattices of at least so many crossings, the largest first; no saddle begins two.
 
-    Args:
-        saddles: of one picture.
-        least: crossings below which a lattice is chance.
-        enough: crossings above which no other is looked for.
-        most_seeds: how many beginnings are tried.
+    With fewer than ``least`` crossings a lattice is chance; above ``enough`` no other is looked for; ``most_seeds``
+    beginnings are tried.
     """
     if len(saddles) < max(4, least):
         return []

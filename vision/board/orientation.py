@@ -12,13 +12,12 @@ from typing import Final
 
 import chess
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from vision.arrays import Array, Picture
 from vision.board.alternation import sample
 from vision.board.grid import CORNERS
 from vision.board.lattice import fit_homography, project
-
-Array = NDArray[np.float64]
 
 LUMA: Final = np.array([0.299, 0.587, 0.114])
 """How much red, green and blue count for lightness (ITU-R BT.601)."""
@@ -43,15 +42,11 @@ class Orientation:
     margin: float
 
 
-def orient(colour: NDArray[np.uint8], corners: ArrayLike, placement: chess.BaseBoard | None = None) -> Orientation:
-    """Turn the corners of a board until its pieces stand where they should.
+def orient(colour: Picture, corners: ArrayLike, placement: chess.BaseBoard | None = None) -> Orientation:
+    """Turn the outer corners of a board, counter-clockwise (4, 2) [px], until its pieces stand where they should.
 
-    All four turns are tried: people do lay boards with a light a1.
-
-    Args:
-        colour: RGB, shape (h, w, 3).
-        corners: outer corners counter-clockwise from any on, shape (4, 2) [px].
-        placement: what stands on the board; the start position if None.
+    All four turns are tried: people do lay boards with a light a1. ``placement`` is what stands on the board; None: the
+    start position.
     """
     given = np.asarray(corners, dtype=float)
     board = chess.BaseBoard() if placement is None else placement
@@ -73,7 +68,7 @@ def _expected(board: chess.BaseBoard) -> Array:
     return result
 
 
-def _squares(colour: NDArray[np.uint8], corners: Array) -> tuple[Array, Array]:
+def _squares(colour: Picture, corners: Array) -> tuple[Array, Array]:
     """How much the middle of each square differs from its corners, and how much lighter it is, each shape (8, 8)."""
     homography = fit_homography(CORNERS, corners)
     step = np.linspace(0.06, 0.94, 23)
@@ -96,10 +91,7 @@ def _fit(relief: Array, lightness: Array, expected: Array) -> float:
     """How well occupied squares stand out and white is lighter than black [standard errors]."""
     occupied = expected != 0.0
     result = 0.0
-    for one, other, values in (
-        (occupied, ~occupied, np.sqrt(relief)),
-        (expected > 0.0, expected < 0.0, lightness),
-    ):
+    for one, other, values in ((occupied, ~occupied, np.sqrt(relief)), (expected > 0.0, expected < 0.0, lightness)):
         if one.sum() >= 2 and other.sum() >= 2:
             a, b = values[one], values[other]
             spread = np.sqrt(a.var(ddof=1) / len(a) + b.var(ddof=1) / len(b))

@@ -13,10 +13,8 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Picture = NDArray[np.float32]
+from vision.arrays import Array, Field, Indices, Picture
 
 BLUR: Final = 1.3
 """Width of the Gaussian before the second derivatives [px]."""
@@ -52,27 +50,19 @@ class Saddles:
         return len(self.points)
 
 
-def levels(colour: NDArray[np.uint8]) -> Picture:
-    """Channels in steps of equal ratio: the contrast of two squares is then the same in light and in shadow.
-
-    Args:
-        colour: shape (h, w, 3).
-
-    Returns:
-        Shape (h, w, 3), 0 to 255 as the picture.
+def levels(colour: Picture) -> Field:
+    """Channels (h, w, 3) in steps of equal ratio, 0 to 255: two squares then have the same contrast in light and
+    shadow.
     """
     table = 255.0 * np.log1p(np.arange(256) / 20.0) / np.log1p(255.0 / 20.0)
     return np.asarray(cv2.LUT(colour, table.astype(np.float32)), dtype=np.float32)
 
 
-def find_saddles(picture: Picture, most: int) -> Saddles:
-    """Saddle points of a picture of several channels; each is looked for in the channel that shows it best.
-
-    Args:
-        picture: shape (h, w, channels), as of ``levels``.
-        most: how many to return at most.
+def find_saddles(picture: Field, most: int) -> Saddles:
+    """At most so many saddle points of a picture (h, w, channels) as of ``levels``; each is looked for in the channel
+    that shows it best.
     """
-    blurred: Picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), BLUR), dtype=np.float32)
+    blurred: Field = np.asarray(cv2.GaussianBlur(picture, (0, 0), BLUR), dtype=np.float32)
     xx, yy, xy = (_derivative(blurred, *orders) for orders in ((2, 0), (0, 2), (1, 1)))
     response = xy * xy - xx * yy
     channel = response.argmax(axis=2)
@@ -94,14 +84,14 @@ def find_saddles(picture: Picture, most: int) -> Saddles:
     return Saddles(points[kept], bright[kept], edges[kept], quality[kept])
 
 
-def _derivative(picture: Picture, across: int, down: int) -> Picture:
+def _derivative(picture: Field, across: int, down: int) -> Field:
     kernels = {
         0: np.array([1.0, 2.0, 1.0]) / 4.0, 1: np.array([-1.0, 0.0, 1.0]) / 2.0, 2: np.array([1.0, -2.0, 1.0])
     }  # fmt: skip
     return np.asarray(cv2.sepFilter2D(picture, cv2.CV_32F, kernels[across], kernels[down]), dtype=np.float32)
 
 
-def _peak_offset(response: Picture, u: NDArray[np.intp], v: NDArray[np.intp]) -> Array:
+def _peak_offset(response: Field, u: Indices, v: Indices) -> Array:
     """Where the parabola through a peak and its neighbours is highest, along each axis, shape (n, 2) [px]."""
     offsets = []
     for du, dv in ((1, 0), (0, 1)):
@@ -111,7 +101,7 @@ def _peak_offset(response: Picture, u: NDArray[np.intp], v: NDArray[np.intp]) ->
     return np.stack(offsets, axis=1)
 
 
-def _rings(picture: Picture, points: Array, channel: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+def _rings(picture: Field, points: Array, channel: Indices) -> tuple[Array, Array, Array]:
     """Symmetry, contrast [levels] and direction of the brighter sectors [rad] around points, each shape (n,)."""
     angles = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -138,7 +128,7 @@ def _rings(picture: Picture, points: Array, channel: NDArray[np.intp]) -> tuple[
     return symmetry, contrast, -0.5 * np.angle(phase)
 
 
-def _edge_directions(xx: Picture, xy: Picture, yy: Picture) -> Array:
+def _edge_directions(xx: Field, xy: Field, yy: Field) -> Array:
     """Directions in which a quadratic form vanishes, shape (n, 2) [rad]: there the blurred picture stays level."""
     half = 0.5 * (xx.astype(float) - yy)
     middle = 0.5 * (xx.astype(float) + yy)

@@ -12,14 +12,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Array, Indices, Mask
 from vision.board.alternation import Look
 from vision.board.grid import Grid
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 REACH: Final = 0.26
 """How far across a side the picture is looked at, either way [sides of a square]."""
@@ -71,13 +67,7 @@ class SideEdges:
 
 
 def measure_edges(look: Look, grid: Grid, dark: int) -> SideEdges:
-    """All sides of squares that can be seen.
-
-    Args:
-        look: into the picture, light less dark squares about 1.
-        grid: about right, to a tenth of a square.
-        dark: 1 where the square of a1 is dark, -1 where it is light.
-    """
+    """All sides of squares that can be seen; arguments as of ``joint_fit.fit_jointly``."""
     axis, line, along, end = (one.ravel() for one in np.indices((2, 9, 8, 2)))
     slope = _slopes(look, grid, axis, line, along[:, None] + ENDS[end])
     usable = np.isfinite(slope).all(axis=1)

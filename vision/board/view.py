@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hardware.interfaces import Intrinsics
-from hardware.table import TableSettings, square_place
-
-Array = NDArray[np.float64]
+from hardware.interfaces import DepthFrame, Frame, Intrinsics
+from hardware.table import TableSettings
+from vision.arrays import Array
 
 CORNER_NAMES = ("a1", "h1", "h8", "a8")
 """Outer corners of the playing area in the order used throughout: counter-clockwise seen from above."""
@@ -95,6 +94,15 @@ class BoardView:
                 f"at most {CORNER_TOLERANCE:.0f} px are accepted: point at the corners again, or check the intrinsics"
             )
 
+    def require_camera(self, frame: Frame | DepthFrame) -> None:
+        """Make sure that a frame is by the camera of this view.
+
+        Raises:
+            ValueError: it is not.
+        """
+        if frame.intrinsics != self.intrinsics:
+            raise ValueError(f"the frame is by a camera with {frame.intrinsics}, this view is of {self.intrinsics}")
+
     @property
     def camera_position(self) -> Array:
         """The pinhole in the board frame, shape (3,) [m]."""
@@ -110,13 +118,8 @@ class BoardView:
         return np.asarray(points, dtype=float) @ rotation.T + shift
 
     def project(self, points: ArrayLike) -> Array:
-        """Where points of the board frame are in the picture, also where they lie outside of it.
-
-        Args:
-            points: shape (..., 3) [m].
-
-        Returns:
-            Shape (..., 2) [px].
+        """Where points (..., 3) [m] of the board frame are in the picture, (..., 2) [px], also where they lie outside
+        of it.
 
         Raises:
             ValueError: a point lies behind the camera and has no picture.
@@ -128,27 +131,13 @@ class BoardView:
                 f"{behind} of {seen[..., 2].size} points lie behind the camera: project only what it faces"
             )
         focal, centre = (self.intrinsics.fx, self.intrinsics.fy), (self.intrinsics.cx, self.intrinsics.cy)
-        pixels: Array = seen[..., :2] / seen[..., 2:] * focal + centre
-        return pixels
-
-    def square_polygon(self, square: int) -> Array:
-        """Corners of a square (0 = a1 … 63 = h8) in the picture, shape (4, 2) [px], in the order of the board's.
-
-        Raises:
-            ValueError: there is no such square, or it lies behind the camera.
-        """
-        x, y = self.table.xy(square_place(square))
-        half = self.table.square / 2.0
-        return self.project(_rectangle(half, half) + np.array([x, y, 0.0]))
+        return seen[..., :2] / seen[..., 2:] * focal + centre
 
 
 def playing_area(table: TableSettings) -> Array:
     """Outer corners of the playing area in the order of ``CORNER_NAMES``, board frame, shape (4, 3) [m]."""
-    return _rectangle(4.0 * table.square, 4.0 * table.square)
-
-
-def _rectangle(half_x: float, half_y: float) -> Array:
-    return np.array([[-half_x, -half_y, 0.0], [half_x, -half_y, 0.0], [half_x, half_y, 0.0], [-half_x, half_y, 0.0]])
+    half = 4.0 * table.square
+    return np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]])
 
 
 def _is_rigid(pose: Array) -> bool:

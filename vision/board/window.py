@@ -13,11 +13,9 @@ from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from vision.arrays import Array
 from vision.board.alternation import Sides
-
-Array = NDArray[np.float64]
 
 LEAST_LINE: Final = 0.1
 """Mark below which a row of the board cannot be told from what is beside the board."""

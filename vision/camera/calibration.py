@@ -12,12 +12,10 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from hardware.interfaces import Intrinsics
-
-Array = NDArray[np.float64]
+from vision.arrays import Array, Mask
 
 LEAST_POINTS: Final = 8
 """The marker has to be seen at so many points at least."""
@@ -53,7 +51,7 @@ class CameraPose:
 
     intrinsics: Intrinsics
     camera_from_base: Array
-    used: NDArray[np.bool_]
+    used: Mask
     residual: Array
     aside: Array
     covariance: Array
@@ -80,12 +78,7 @@ class CameraPose:
 
 
 def solve_pose(intrinsics: Intrinsics, points: Array, pixels: Array) -> CameraPose:
-    """The camera's pose from pictures of known points.
-
-    Args:
-        intrinsics: of the camera.
-        points: where the marker was, base frame (n, 3) [m].
-        pixels: its pictures, (n, 2) [px].
+    """The camera's pose from pictures (n, 2) [px] of the marker at known points, base frame (n, 3) [m].
 
     Raises:
         CalibrationFailed: too few points, too close together, or no pose explains them.
@@ -97,7 +90,7 @@ def solve_pose(intrinsics: Intrinsics, points: Array, pixels: Array) -> CameraPo
         raise CalibrationFailed(_NO_POSE)
     start = np.concatenate([np.ravel(turn), np.ravel(shift)])
 
-    def misses(pose: Array, taken: NDArray[np.bool_]) -> Array:
+    def misses(pose: Array, taken: Mask) -> Array:
         return (_projected(intrinsics, pose, points[taken]) - pixels[taken]).ravel()
 
     everything = np.ones(len(points), dtype=bool)
@@ -121,10 +114,8 @@ def solve_pose(intrinsics: Intrinsics, points: Array, pixels: Array) -> CameraPo
 def depth_factor(pose: CameraPose, points: Array, measured: Array) -> tuple[float, float]:
     """By what a camera's depth has to be multiplied, from depth measured at the marker.
 
-    Args:
-        pose: calibrated.
-        points: where the marker was, base frame (n, 3) [m].
-        measured: depth there, (n,) [m]; 0 or NaN where there is none.
+    The marker was at points of the base frame (n, 3) [m]; depth measured there, (n,) [m], is 0 or NaN where there is
+    none.
 
     Returns:
         Factor, and how much single measurements scatter about it (standard deviation, as a share); (1, 0) where depth
@@ -163,8 +154,7 @@ def _check_points(points: Array) -> None:
 def _projected(intrinsics: Intrinsics, pose: Array, points: Array) -> Array:
     seen = points @ cv2.Rodrigues(pose[:3])[0].T + pose[3:]
     near = np.maximum(seen[:, 2:], 1e-3)
-    pixels: Array = seen[:, :2] / near * (intrinsics.fx, intrinsics.fy) + (intrinsics.cx, intrinsics.cy)
-    return pixels
+    return seen[:, :2] / near * (intrinsics.fx, intrinsics.fy) + (intrinsics.cx, intrinsics.cy)
 
 
 def _covariance(intrinsics: Intrinsics, pose: Array, points: Array, residual: Array) -> Array:
@@ -183,8 +173,7 @@ def _covariance(intrinsics: Intrinsics, pose: Array, points: Array, residual: Ar
     moved = np.concatenate([turned, np.broadcast_to(np.eye(3), turned.shape)], axis=2)
     jacobian = (across @ moved).reshape(-1, 6)
     noise = max(LEAST_NOISE**2, float(np.sum(residual**2)) / (2 * len(points) - 6))
-    covariance: Array = noise * np.linalg.inv(jacobian.T @ jacobian)
-    return covariance
+    return noise * np.linalg.inv(jacobian.T @ jacobian)
 
 
 def _cross_matrix(vector: Array) -> Array:

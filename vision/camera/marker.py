@@ -8,9 +8,8 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vision.arrays import Array, Picture
 
 LEAST_SIDE: Final = 14.0
 """A marker with a shorter side is too small to be measured [px]."""
@@ -38,12 +37,9 @@ def _detector() -> Any:
     return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50), settings)
 
 
-def find_marker(colour: NDArray[np.uint8], number: int) -> SeenMarker | None:
-    """The marker of a number (4×4 bits, dictionary of 50), None where it is not in sight as a whole.
-
-    Args:
-        colour: RGB, shape (h, w, 3).
-        number: of the marker; others are passed over.
+def find_marker(colour: Picture, number: int) -> SeenMarker | None:
+    """The marker of a number (4×4 bits, dictionary of 50) in a picture (h, w, 3), None where it is not in sight as a
+    whole.
     """
     corners, numbers, _ = _detector().detectMarkers(cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY))
     if numbers is None:

@@ -10,14 +10,12 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
 from hardware.table import TableSettings
+from vision.arrays import Array, Field
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.camera.calibration import CameraPose
-
-Array = NDArray[np.float64]
 
 _STEP: Final = 3
 """Every so many pixels one is taken."""
@@ -147,7 +145,7 @@ def _triple(point: Array) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _points_on_board(depth: NDArray[np.float32], pose: CameraPose, table: TableSettings) -> Array:
+def _points_on_board(depth: Field, pose: CameraPose, table: TableSettings) -> Array:
     """Points in the base frame of the pixels where the board should be seen, (n, 3) [m]."""
     view = nominal_view(pose, table)
     mask = np.zeros(depth.shape, dtype=np.uint8)

@@ -2,7 +2,7 @@
 
 A capsule is all that lies within a radius of a segment. Its picture is the convex hull of the pictures of the two
 spheres at its ends, and a sphere's picture is that of the circle where lines of sight touch it. Vision knows nothing of
-robots: whoever knows where the links are says so as capsules.
+robots: a caller that knows where the links are says so as capsules.
 """
 
 from __future__ import annotations
@@ -13,12 +13,10 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from vision.arrays import Array, Indices, Mask
 from vision.board.view import BoardView
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 NEAREST: Final = 0.05
 """What is nearer to the camera's plane than this, beyond its radius, is not drawn [m]."""
@@ -89,16 +87,10 @@ class Hidden:
 
 
 def draw_mask(view: BoardView, capsules: Capsules, margin: float = 0.0, grow: int = 0) -> Mask:
-    """Pixels in which a capsule is seen, or would be if nothing stood before it.
+    """Pixels (height, width) in which a capsule is seen, or would be if nothing stood before it.
 
-    Args:
-        view: the camera and where it looks.
-        capsules: what hides the table.
-        margin: by which every radius is larger [m]: what is not known of where the links are.
-        grow: by which the mask is larger [px]: edges that a depth camera smears.
-
-    Returns:
-        Shape (height, width).
+    Every radius is larger by a margin [m], which is not known of where the links are, and the mask by ``grow`` [px]:
+    edges that a depth camera smears.
     """
     height, width = view.intrinsics.height, view.intrinsics.width
     mask = np.zeros(
@@ -117,12 +109,9 @@ def draw_mask(view: BoardView, capsules: Capsules, margin: float = 0.0, grow: in
     return mask[grow : grow + height, grow : grow + width].astype(np.bool_)
 
 
-def clip(ends: Array, radii: Array) -> tuple[Array, Array, NDArray[np.intp]]:
-    """The parts of axes that are far enough before the camera for all of their capsule to have a picture.
-
-    Args:
-        ends: camera frame, (n, 2, 3) [m].
-        radii: (n,) [m].
+def clip(ends: Array, radii: Array) -> tuple[Array, Array, Indices]:
+    """The parts of axes (n, 2, 3), camera frame [m], that are far enough before the camera for all of their capsule to
+    have a picture.
 
     Returns:
         Ends (m, 2, 3), radii (m,), and which of the capsules these are (m,).

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, TableSettings
+from vision.arrays import Field, Mask
 from vision.hands.arm_mask import Capsules
-from vision.hands.watched_zone import Floats, Mask, Space
+from vision.hands.watched_zone import Space
 from vision.loops import learn_heights, measure_parts, squares_under, stand_out
 
 TALLEST: Final = max(shape.height for shape in PIECE_SHAPES.values())
@@ -87,7 +88,7 @@ class Heights:
         self._usual = np.full(shape, np.inf, dtype=np.float32)
         self._nothing = np.zeros(shape, dtype=np.bool_)
 
-    def look(self, depth: Floats, hidden: Mask | None, known: Capsules | None = None) -> Relief:
+    def look(self, depth: Field, hidden: Mask | None, known: Capsules | None = None) -> Relief:
         """Take a picture in.
 
         Args:
@@ -119,15 +120,11 @@ class Heights:
         before = bool(over or chosen[parts[space.board]].any())
         return Relief(float(areas[chosen].sum()), over, low, before)
 
-    def learn(self, depth: Floats, hidden: Mask | None, *, moved: bool) -> None:
+    def learn(self, depth: Field, hidden: Mask | None, *, moved: bool) -> None:
         """A picture of the settled board; arguments as of ``Differences.learn``."""
         space = self._space
         share = 1.0 if moved else _LEARNING
         learn_heights(depth, space.ray[2], self._mask(hidden), self._usual, float(space.position[2]), share)
-
-    def forget(self) -> None:
-        """The table is no longer where it was."""
-        self._usual.fill(np.inf)
 
     def _mask(self, hidden: Mask | None) -> Mask:
         return self._nothing if hidden is None else hidden

@@ -3,7 +3,7 @@
 Frame by frame and without any clock of its own: time is what frames are stamped with. With depth a hand is what stands
 higher than any piece, or reaches in from outside (:mod:`vision.hands.depth_changes`); without, it is what differs from
 the settled board, whatever the light does, and reaches in from outside (:mod:`vision.hands.colour_changes`). What is
-known to be before the table, such as the arm's links, is masked by whoever knows where it is. A frame of depth alone
+known to be before the table, such as the arm's links, is masked by the caller. A frame of depth alone
 tells of hands just as well, but not whether anything moves: the board is not settled in it.
 """
 
@@ -17,18 +17,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hardware.interfaces import DepthFrame, Frame
+from vision.arrays import Field, Mask, Picture
 from vision.board.view import BoardView
 from vision.hands.arm_mask import Hidden
 from vision.hands.colour_changes import ColourObservation, Differences
 from vision.hands.depth_changes import Heights, Relief
-from vision.hands.watched_zone import Floats, Mask, Space, Zone, shrink
+from vision.hands.watched_zone import Space, Zone, shrink
 
-Picture = NDArray[np.uint8]
 _T = TypeVar("_T", bound=np.generic)
 
 _NOBODY: Final = frozenset[int]()
 _DARK: Final = 12.0
 """A board whose lightest parts are darker than this is not seen: a camera that starts, a lamp that is out."""
+STABLE_TIME = 0.1
+"""Players of a quick game leave the board alone for hardly longer between two moves [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +107,7 @@ class _StillnessTrack:
     settled: bool = False
     touched: frozenset[int] = _NOBODY
     still_since: float | None = None
-    pending: deque[tuple[float, Picture, Floats | None, Mask | None]] = field(default_factory=deque)
+    pending: deque[tuple[float, Picture, Field | None, Mask | None]] = field(default_factory=deque)
     moved: bool = True
 
 
@@ -132,8 +134,7 @@ class Watch:
         Raises:
             ValueError: the frame is by another camera, older than the last, or the mask has another size.
         """
-        if frame.intrinsics != view.intrinsics:
-            raise ValueError(f"the frame is by a camera with {frame.intrinsics}, this view is of {view.intrinsics}")
+        view.require_camera(frame)
         if self._senses is None or view is not self._view:
             zone = Zone.of_view(view, self._settings.margin)
             heights = Heights(Space.of_view(view, self._settings.space_margin), view.table)
@@ -141,10 +142,6 @@ class Watch:
         colour = frame.colour if isinstance(frame, Frame) else None
         known = hidden if isinstance(hidden, Hidden) or hidden is None else Hidden(hidden)
         return self._senses.take(colour, frame.depth, frame.stamp, known)
-
-    def forget(self) -> None:
-        """Begin anew: the camera or the board was moved."""
-        self._view = self._senses = None
 
     def pause(self) -> None:
         """Nobody looks for a while: the last frames will say nothing of the next one, but the board stays known."""
@@ -167,12 +164,7 @@ class ColourWatch:
         self._size: tuple[int, ...] = ()
 
     def update(self, colour: Picture, stamp: float, hidden: Mask | None = None) -> Seen:
-        """Take a frame in; see ``Watch.update``.
-
-        Args:
-            colour: RGB, shape (h, w, 3).
-            stamp: of its exposure [s].
-            hidden: where something known is before the table, shape (h, w).
+        """Take a frame in, RGB (h, w, 3), exposed at a stamp [s]; see ``Watch.update``.
 
         Raises:
             ValueError: frames come in another order or size, or the corners are no board.
@@ -186,6 +178,58 @@ class ColourWatch:
         return self._senses.take(colour, None, stamp, None if hidden is None else Hidden(hidden))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SettledView:
+    """A picture of a settled board.
+
+    Attributes:
+        colour: RGB, shape (h, w, 3).
+        stamp: of its exposure [s].
+        since: the board has looked like this since then [s].
+        touched: squares at which a hand was since the last settled view.
+    """
+
+    colour: Picture
+    stamp: float
+    since: float
+    touched: frozenset[int]
+
+
+class VideoGate:
+    """Gates a video, frame by frame. Not thread-safe.
+
+    Args:
+        corners: outer corners of the playing area a1, h1, h8, a8 in its frames, shape (4, 2) [px].
+        settings: of the watch; by default with a shorter stable time than a game at a camera has.
+
+    Attributes:
+        seen: what the last frame showed; None before the first one.
+    """
+
+    def __init__(self, corners: ArrayLike, settings: WatchSettings | None = None) -> None:
+        self.seen: Seen | None = None
+        self._watch = ColourWatch(corners, settings or WatchSettings(stable_time=STABLE_TIME))
+        self._told = False
+
+    def update(self, colour: Picture, stamp: float) -> SettledView | None:
+        """Take a frame in, RGB (h, w, 3), all of one size, with a stamp later than those before [s].
+
+        Returns:
+            The frame if the board is settled from here on; None otherwise, and while it stays settled.
+
+        Raises:
+            ValueError: frames come in another order or size, or the corners are no board.
+        """
+        seen = self.seen = self._watch.update(colour, stamp)
+        if not seen.settled:
+            self._told = False
+            return None
+        if self._told or seen.stable_since is None:
+            return None
+        self._told = True
+        return SettledView(colour, stamp, seen.stable_since, seen.touched)
+
+
 class _Senses:
     """The watch of one view."""
 
@@ -193,54 +237,53 @@ class _Senses:
         self._settings, self._zone, self._heights = settings, zone, heights
         self._differences = Differences(zone)
         self._square = square
-        self._course = _StillnessTrack()
+        self._track = _StillnessTrack()
         self._stamp = float("-inf")
 
     def pause(self) -> None:
         """See ``Watch.pause``."""
-        self._course = _StillnessTrack()
+        self._track = _StillnessTrack()
 
-    def take(
-        self, colour: Picture | None, depth: NDArray[np.float32] | None, stamp: float, hidden: Hidden | None
-    ) -> Seen:
+    def take(self, colour: Picture | None, depth: Field | None, stamp: float, hidden: Hidden | None) -> Seen:
         """See ``Watch.update``; ``colour`` None: depth must be there."""
         if stamp <= self._stamp:
             raise ValueError(f"a frame of {stamp:.3f} s came after one of {self._stamp:.3f} s: give them in order")
         shape = next(picture.shape[:2] for picture in (colour, depth) if picture is not None)
         if hidden is not None and hidden.mask.shape != shape:
             raise ValueError(f"a mask of shape {hidden.mask.shape} does not fit a picture of shape {shape}")
-        if self._course.settled:
-            self._course.touched = _NOBODY  # told with that frame
+        if self._track.settled:
+            self._track.touched = _NOBODY  # told with that frame
         before, self._stamp = self._stamp, stamp
         covered, bodies = (None, None) if hidden is None else (self._every(hidden.mask), hidden.bodies)
         distance = None if depth is None or self._heights is None else self._every(depth)
         relief = None if distance is None or self._heights is None else self._heights.look(distance, covered, bodies)
         small = None if colour is None else shrink(colour, self._zone.step)
-        glance = None if small is None else self._differences.look(small, covered, reaching=distance is None)
-        area, over, low = self._evidence(glance, relief)
-        if low and (relief is not None or (glance is not None and glance.moving > 0.0)):
-            self._course.touched |= low
+        colours = None if small is None else self._differences.look(small, covered, reaching=distance is None)
+        area, over, low = self._evidence(colours, relief)
+        if low and (relief is not None or (colours is not None and colours.moving > 0.0)):
+            self._track.touched |= low
         self._judge_hand(area > 0.0)
-        moving = glance is None or glance.moving > self._settings.motion
+        moving = colours is None or colours.moving > self._settings.motion
         # a hand over a tray, where it ends what it has to do, leaves the board as it is
         over_board = area > 0.0 if relief is None else relief.before
         free = not (over_board or small is None or self._dark(small))
         # a frame that differs in nothing from the one before shows what that one showed: it has been so since then
-        since = before if self._course.free else stamp
-        self._judge_rest(free and not moving, since, nobody=not (area > 0.0 or self._course.hand))
-        self._course.free = free
+        since = before if self._track.free else stamp
+        self._judge_rest(free and not moving, since, nobody=not (area > 0.0 or self._track.hand))
+        self._track.free = free
         if small is not None:
             self._learn(small, distance, covered, still=not moving and relief is None)
-        return self._tell(area, over, moving)
+        track = self._track
+        return Seen(stamp, track.hand, area, over, moving, track.since, track.settled, track.touched)
 
     def _evidence(
-        self, glance: ColourObservation | None, relief: Relief | None
+        self, colours: ColourObservation | None, relief: Relief | None
     ) -> tuple[float, frozenset[int], frozenset[int]]:
         """Area of a hand [squares], squares it is over, and those where it may touch something."""
         if relief is not None:
             return relief.area / self._square**2, relief.over, relief.low
-        assert glance is not None  # a frame has colour or depth
-        return glance.reaching, glance.over, glance.over
+        assert colours is not None  # a frame has colour or depth
+        return colours.reaching, colours.over, colours.over
 
     def _every(self, pixels: NDArray[_T]) -> NDArray[_T]:
         """Each ``step``-th pixel along both axes, as many as the small picture has."""
@@ -251,48 +294,40 @@ class _Senses:
         return float(np.percentile(small[::4, ::4][self._zone.board[::4, ::4]], 90)) < _DARK
 
     def _judge_hand(self, shown: bool) -> None:
-        course = self._course
-        course.against = course.against + 1 if shown is not course.hand else 0
-        if course.against >= self._settings.confirm:
-            course.hand, course.against = shown, 0
+        track = self._track
+        track.against = track.against + 1 if shown is not track.hand else 0
+        if track.against >= self._settings.confirm:
+            track.hand, track.against = shown, 0
 
     def _judge_rest(self, quiet: bool, since: float, *, nobody: bool) -> None:
-        course = self._course
+        track = self._track
         if not (quiet and nobody):
-            if course.settled:
-                course.moved = True
-            course.settled = False
-            course.pending.clear()
+            if track.settled:
+                track.moved = True
+            track.settled = False
+            track.pending.clear()
         if not quiet:
-            course.since = None
-        elif course.since is None:
-            course.since = since
-        course.settled = (
-            nobody and course.since is not None and self._stamp - course.since >= self._settings.stable_time - 1e-6
+            track.since = None
+        elif track.since is None:
+            track.since = since
+        track.settled = (
+            nobody and track.since is not None and self._stamp - track.since >= self._settings.stable_time - 1e-6
         )
 
-    def _learn(self, small: Picture, depth: Floats | None, hidden: Mask | None, *, still: bool) -> None:
+    def _learn(self, small: Picture, depth: Field | None, hidden: Mask | None, *, still: bool) -> None:
         """What is settled, and stays so, is what the board looks like."""
-        course, delay = self._course, self._settings.learning_delay
-        if course.settled:
-            course.pending.append((self._stamp, small, depth, hidden))
+        track, delay = self._track, self._settings.learning_delay
+        if track.settled:
+            track.pending.append((self._stamp, small, depth, hidden))
             if not self._differences.knows_the_board:
                 delay = 0.0
-        while course.pending and self._stamp - course.pending[0][0] >= delay:
-            _, picture, distance, mask = course.pending.popleft()
-            self._differences.learn(picture, mask, moved=course.moved)
+        while track.pending and self._stamp - track.pending[0][0] >= delay:
+            _, picture, distance, mask = track.pending.popleft()
+            self._differences.learn(picture, mask, moved=track.moved)
             if self._heights is not None and distance is not None:
-                self._heights.learn(distance, mask, moved=course.moved)
-            course.moved = False
-        course.still_since = (course.still_since or self._stamp) if still else None
-        if (
-            course.hand
-            and course.still_since is not None
-            and self._stamp - course.still_since > self._settings.patience
-        ):
+                self._heights.learn(distance, mask, moved=track.moved)
+            track.moved = False
+        track.still_since = (track.still_since or self._stamp) if still else None
+        if track.hand and track.still_since is not None and self._stamp - track.still_since > self._settings.patience:
             self._differences.forget()
-            self._course = _StillnessTrack()
-
-    def _tell(self, area: float, over: frozenset[int], moving: bool) -> Seen:
-        course = self._course
-        return Seen(self._stamp, course.hand, area, over, moving, course.since, course.settled, course.touched)
+            self._track = _StillnessTrack()

@@ -10,14 +10,12 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hardware.interfaces import Intrinsics
 from hardware.table import PIECE_SHAPES
+from vision.arrays import Array, Field, Indices, Mask, Picture
 from vision.board.view import BoardView, playing_area
-
-Mask = NDArray[np.bool_]
-Floats = NDArray[np.float32]
 
 SMALL: Final = 320
 """Pictures are made smaller by a whole number, to about this width [px]."""
@@ -33,7 +31,7 @@ def step_of(width: int) -> int:
     return max(1, round(width / SMALL))
 
 
-def shrink(colour: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
+def shrink(colour: Picture, step: int) -> Picture:
     """The small picture of a full one: means of ``step`` × ``step`` pixels."""
     if step == 1:
         return colour
@@ -59,7 +57,7 @@ class Zone:
     board: Mask
     around: Mask
     rim: Mask
-    square: NDArray[np.intp]
+    square: Indices
     square_area: float
 
     @classmethod
@@ -95,7 +93,7 @@ class Zone:
         return cls._on_grid(step, x, y, margin, area)
 
     @classmethod
-    def _on_grid(cls, step: int, x: NDArray[np.float64], y: NDArray[np.float64], margin: float, area: float) -> Zone:
+    def _on_grid(cls, step: int, x: Array, y: Array, margin: float, area: float) -> Zone:
         board = (x >= 0.0) & (x < 8.0) & (y >= 0.0) & (y < 8.0)
         around = (x >= -margin) & (x < 8.0 + margin) & (y >= -margin) & (y < 8.0 + margin)
         inner = margin - _RIM
@@ -132,8 +130,8 @@ class Space:
         board: small mask of where the board and the pieces on it are seen.
     """
 
-    ray: Floats
-    position: Floats
+    ray: Field
+    position: Field
     pixel: float
     half: tuple[float, float]
     board: Mask
@@ -162,7 +160,7 @@ def _board_and_pieces(view: BoardView, step: int) -> Mask:
     return np.asarray(cv2.fillConvexPoly(seen, outline, 1) > 0)
 
 
-def _rays(pinhole: Intrinsics, step: int) -> NDArray[np.float64]:
+def _rays(pinhole: Intrinsics, step: int) -> Array:
     """Through the pixels that ``depth[::step, ::step]`` takes, camera frame, depth 1: (h, w, 3)."""
     width, height = pinhole.width // step, pinhole.height // step
     u, v = np.meshgrid(np.arange(width) * step, np.arange(height) * step)

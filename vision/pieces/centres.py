@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from hardware.interfaces import Frame
-from hardware.table import Place, square_place
+from hardware.table import PieceSpec, Place, square_place
 from vision.board.view import BoardView
-from vision.pieces.fit import LEAST_AGREEMENT, LEAST_SUPPORT, Fit, PieceLike
+from vision.pieces.fit import LEAST_AGREEMENT, LEAST_SUPPORT, Fit
 
 FLOOR: Final = 0.0002
 """No place is known better than this: shapes are not exact [m]."""
@@ -63,7 +63,7 @@ class Centre:
 
 
 def piece_centres(
-    frame: Frame, view: BoardView, expected: Mapping[int, PieceLike], *, use_depth: bool = True
+    frame: Frame, view: BoardView, expected: Mapping[int, PieceSpec], *, use_depth: bool = True
 ) -> dict[int, Centre]:
     """Centres of all expected pieces.
 
@@ -79,24 +79,14 @@ def piece_centres(
     """
     if not expected:
         return {}
-    require_camera(frame, view)
+    view.require_camera(frame)
     fit = Fit(frame, view, on_squares(expected), use_depth=use_depth)
     return {place.index: centre for place, centre in centres_of(fit).items()}
 
 
-def on_squares(expected: Mapping[int, PieceLike]) -> dict[Place, PieceLike]:
+def on_squares(expected: Mapping[int, PieceSpec]) -> dict[Place, PieceSpec]:
     """The same by places."""
     return {square_place(square): piece for square, piece in expected.items()}
-
-
-def require_camera(frame: Frame, view: BoardView) -> None:
-    """Make sure that a frame is by the camera of a view.
-
-    Raises:
-        ValueError: it is not.
-    """
-    if frame.intrinsics != view.intrinsics:
-        raise ValueError(f"the frame is by a camera with {frame.intrinsics}, this view is of {view.intrinsics}")
 
 
 def centres_of(fit: Fit) -> dict[Place, Centre]:
@@ -104,16 +94,8 @@ def centres_of(fit: Fit) -> dict[Place, Centre]:
     support, agreement, seen = fit.support().tolist(), fit.agreement().tolist(), fit.in_sight().tolist()
     low = fit.too_low().tolist()
     return {
-        place: Centre(
-            x,
-            y,
-            (FLOOR**2 + (_NEIGHBOURS * spread) ** 2) ** 0.5,
-            support[index],
-            agreement[index],
-            seen[index],
-            low[index],
-        )
-        for index, (place, (x, y), spread) in enumerate(
-            zip(fit.stands, fit.places.tolist(), fit.spread.tolist(), strict=True)
+        place: Centre(x, y, (FLOOR**2 + (_NEIGHBOURS * spread) ** 2) ** 0.5, *judged)
+        for place, (x, y), spread, *judged in zip(
+            fit.stands, fit.places.tolist(), fit.spread.tolist(), support, agreement, seen, low, strict=True
         )
     }

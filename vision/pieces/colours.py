@@ -10,9 +10,8 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Field = NDArray[np.float32]
+from vision.arrays import Field, Picture, Whole
 
 _BITS: Final = 5
 _BINS: Final = 1 << _BITS
@@ -26,13 +25,13 @@ MOST: Final = 2.5
 """One pixel decides at most so much (natural logarithm of the ratio)."""
 
 
-def colour_bins(colour: NDArray[np.uint8]) -> NDArray[np.int32]:
+def colour_bins(colour: Picture) -> Whole:
     """Bin of each pixel of a picture (h, w, 3)."""
     shifted = (colour >> (8 - _BITS)).astype(np.int32)
     return (shifted[..., 0] << (2 * _BITS)) | (shifted[..., 1] << _BITS) | shifted[..., 2]
 
 
-def shares(bins: NDArray[np.int32]) -> Field:
+def shares(bins: Whole) -> Field:
     """Share of each bin among pixels, smoothed, shape (bins³,)."""
     counts = np.bincount(bins.ravel(), minlength=_BINS**3).astype(np.float32).reshape(_BINS, _BINS, _BINS)
     smooth = cv2.GaussianBlur(counts, (0, 0), _BLUR, borderType=cv2.BORDER_REPLICATE)  # along the first two channels
@@ -56,7 +55,6 @@ def evidence(piece: Field, others: Field, grounds: list[Field]) -> Field:
     return table
 
 
-def looked_up(table: Field, ground: NDArray[np.int32], bins: NDArray[np.int32]) -> Field:
+def looked_up(table: Field, ground: Whole, bins: Whole) -> Field:
     """The evidence at each pixel."""
-    found: Field = table.take(ground * _BINS**3 + bins)
-    return found
+    return table.take(ground * _BINS**3 + bins)

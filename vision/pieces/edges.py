@@ -7,11 +7,8 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Field = NDArray[np.float32]
-Whole = NDArray[np.int32]
+from vision.arrays import Array, Field, Indices, Mask, Whole
 
 _REACH: Final = 5.0
 _STEP: Final = 0.5
@@ -34,7 +31,7 @@ class Edges:
 
     offset: Array
     sure: Array
-    open: NDArray[np.bool_]
+    open: Mask
 
 
 def line_samples() -> Field:
@@ -42,13 +39,10 @@ def line_samples() -> Field:
     return np.arange(-_REACH, _REACH + 1e-9, _STEP, dtype=np.float32)
 
 
-def edges_on_lines(value: Field, counted: NDArray[np.bool_], reach: Field) -> Edges:
-    """Where on lines the evidence falls the most.
+def edges_on_lines(value: Field, counted: Mask, reach: Field) -> Edges:
+    """Where on lines across outlines (n, points, samples as of ``line_samples``) the evidence falls the most.
 
-    Args:
-        value: evidence along lines, (n, points, samples); 0 where it does not count.
-        counted: whether it does.
-        reach: as of ``line_samples``.
+    ``value`` is the evidence, 0 where it does not count, ``counted`` whether it does.
     """
     middle, n = len(reach) // 2, _WINDOW
     opened = counted[:, :, middle - 3 : middle + 4].all(axis=2)
@@ -69,14 +63,13 @@ def slopes(one: Field) -> tuple[Field, Field]:
     return along_u, np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=0.125), dtype=np.float32)
 
 
-def along(slope: tuple[Field, Field], flat: Whole, normal: NDArray[np.float32]) -> Field:
+def along(slope: tuple[Field, Field], flat: Whole, normal: Field) -> Field:
     """Slope along normals at pixels."""
     u, v = slope
-    found: Field = u.ravel().take(flat) * normal[..., 0] + v.ravel().take(flat) * normal[..., 1]
-    return found
+    return u.ravel().take(flat) * normal[..., 0] + v.ravel().take(flat) * normal[..., 1]
 
 
-def _peak(score: Field, place: Array) -> tuple[Array, NDArray[np.intp]]:
+def _peak(score: Field, place: Array) -> tuple[Array, Indices]:
     """Place of the highest value along the last axis, between samples by a parabola; and the sample's number."""
     best = np.clip(score.argmax(axis=2), 1, score.shape[2] - 2)
     low, top, high = (np.take_along_axis(score, (best + i)[:, :, None], axis=2)[:, :, 0] for i in (-1, 0, 1))

@@ -13,14 +13,14 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
-from hardware.table import PIECE_SHAPES, Place
+from hardware.table import PIECE_SHAPES, PieceSpec, Place
+from vision.arrays import Field, Mask
 from vision.board.view import BoardView
-from vision.pieces.centres import Centre, centres_of, require_camera
-from vision.pieces.fit import Fit, PieceLike
-from vision.pieces.pose_search import Field, FoundPiece, PoseSearch
+from vision.pieces.centres import Centre, centres_of
+from vision.pieces.fit import Fit
+from vision.pieces.pose_search import MisplacedPiece, PoseSearch
 from vision.pieces.poses import Pose
 from vision.pieces.surface import raised
 from vision.pieces.verify import TOLERANCE
@@ -37,10 +37,10 @@ _SAME: Final = 0.008
 
 
 def find_misplaced(
-    frame: Frame, view: BoardView, expected: Mapping[Place, PieceLike], *,
+    frame: Frame, view: BoardView, expected: Mapping[Place, PieceSpec], *,
     use_depth: bool = True, tolerance: float = TOLERANCE, doubted: Collection[Place] = (), trays: bool = False,
     before: Mapping[Place, tuple[float, float]] = MappingProxyType({}),
-) -> tuple[FoundPiece, ...]:  # fmt: skip
+) -> tuple[MisplacedPiece, ...]:  # fmt: skip
     """Find the pieces on the board, or beside it, that do not stand where they should.
 
     Args:
@@ -61,7 +61,7 @@ def find_misplaced(
     Raises:
         ValueError: the frame is by another camera, or the board is not in the picture.
     """
-    require_camera(frame, view)
+    view.require_camera(frame)
     around = _around(view, trays=trays)
     fit = Fit(frame, view, expected, use_depth=use_depth, around=around)
     centres = centres_of(fit) if expected else {}
@@ -75,13 +75,13 @@ def find_misplaced(
     ]
     points = None if fit.rises is None else raised(fit.part, fit.rises, view)
     search = PoseSearch(fit, view, _taken(fit, points, [stands[place] for place in fit.stands]), around, points)
-    found = list[FoundPiece]()
+    found = list[MisplacedPiece]()
     while left:
         stray = search.best(left)
         if stray is None:
             break
         found.append(stray)
-        left.remove((stray.place, stray.piece))
+        left.remove((stray.target, stray.piece))
         search.take_out(stray)
     if len(found) > 1:
         found = search.again().told_apart(found, before)
@@ -89,15 +89,15 @@ def find_misplaced(
     return tuple(sorted(found, key=lambda one: -one.support * one.seen))
 
 
-def _sharper(stray: FoundPiece, centres: Mapping[Place, Centre]) -> FoundPiece:
+def _sharper(stray: MisplacedPiece, centres: Mapping[Place, Centre]) -> MisplacedPiece:
     """Where a standing piece's outline was found as well, its place is known better."""
-    one = centres[stray.place]
+    one = centres[stray.target]
     if stray.lies or not one.upright or math.dist((one.x, one.y), (stray.pose.x, stray.pose.y)) > _SAME:
         return stray
     return replace(stray, pose=Pose(one.x, one.y), std=one.std)
 
 
-def _is_in_picture(view: BoardView, place: Place, piece: PieceLike) -> bool:
+def _is_in_picture(view: BoardView, place: Place, piece: PieceSpec) -> bool:
     """Whether all of a piece that stands at a place would be seen."""
     shape, (x, y) = PIECE_SHAPES[piece.kind], view.table.xy(place)
     radius = shape.foot_radius
@@ -116,9 +116,9 @@ def _around(view: BoardView, *, trays: bool) -> tuple[float, float]:
     return furthest - 4.0 * view.table.square + ends, ends
 
 
-def _taken(fit: Fit, points: Field | None, stands: Sequence[bool]) -> NDArray[np.bool_]:
+def _taken(fit: Fit, points: Field | None, stands: Sequence[bool]) -> Mask:
     """Pixels of pieces that stand as expected, but for those that depth shows to be of something before them."""
-    taken: NDArray[np.bool_] = np.array([False, *stands])[fit.owner]
+    taken: Mask = np.array([False, *stands])[fit.owner]
     if points is not None and fit.places.size:
         reach = np.array([0.0, *(PIECE_SHAPES[kind].foot_radius for kind in fit.kinds)])[fit.owner] + _BEFORE
         off = points[..., :2] - np.vstack([np.zeros((1, 2)), fit.places])[fit.owner]

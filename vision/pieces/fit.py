@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Final, Protocol
+from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
-from hardware.table import PIECE_SHAPES, Colour, Kind, Place
+from hardware.table import PIECE_SHAPES, Colour, PieceSpec, Place
+from vision.arrays import Array, Field, Mask, Whole
 from vision.board.view import BoardView
 from vision.pieces.colours import MOST, colour_bins, evidence, looked_up, shares
 from vision.pieces.edges import Edges, along, edges_on_lines, line_samples, slopes
-from vision.pieces.silhouettes import Shapes, Silhouettes, labels
+from vision.pieces.outline import Shapes, Silhouettes, labels
 from vision.pieces.surface import GROUNDS, Surface, heights, surface
-
-Array = NDArray[np.float64]
-Field = NDArray[np.float32]
-Whole = NDArray[np.int32]
 
 SEARCH: Final = 0.010
 """A piece is looked for so far around its square's centre, and found further away only by the last bit [m]."""
@@ -57,18 +53,6 @@ _AGREES: Final = 1.5
 """An edge so near to the fitted outline agrees with it [px]."""
 
 
-class PieceLike(Protocol):
-    """What has to be known of a piece; ``hardware.table.PieceSpec`` is one."""
-
-    @property
-    def kind(self) -> Kind:
-        """Its shape."""
-
-    @property
-    def colour(self) -> Colour:
-        """Its side."""
-
-
 class Fit:
     """One frame's fit.
 
@@ -94,7 +78,7 @@ class Fit:
         self,
         frame: Frame,
         view: BoardView,
-        expected: Mapping[Place, PieceLike],
+        expected: Mapping[Place, PieceSpec],
         *,
         use_depth: bool,
         around: tuple[float, float] = (0.0, 0.0),
@@ -130,7 +114,7 @@ class Fit:
             self._search_again(lost)
         self._refine(_ROUNDS[1])
 
-    def _search_again(self, lost: NDArray[np.bool_]) -> None:
+    def _search_again(self, lost: Mask) -> None:
         """Look for these pieces once more, from their places' centres; the others stay."""
         kept = self.places.copy()
         self.places = np.where(lost[:, None], self._nominal, kept)
@@ -149,10 +133,8 @@ class Fit:
     def _learn(self, seen: Silhouettes, margin: int, inner: int) -> None:
         """Colours of the two sides and of the ground, from the outlines as they are believed to lie.
 
-        Args:
-            seen: those outlines.
-            margin: so near to them nothing is learnt about the ground [px].
-            inner: so near to their edges nothing is learnt about pieces [px].
+        Nothing is learnt about the ground within ``margin`` of them, nor about pieces within ``inner`` of their edges
+        [px].
         """
         self.owner = labels(seen, self.part.ground.shape)
         taken = (self.owner > 0).astype(np.uint8)
@@ -209,7 +191,7 @@ class Fit:
         steep: Array = (edge * free).sum(axis=2) / np.maximum(free.sum(axis=2), least)
         return steep
 
-    def _flat(self, at: Whole) -> tuple[Whole, NDArray[np.bool_]]:
+    def _flat(self, at: Whole) -> tuple[Whole, Mask]:
         """Indices into the window of pixels (n, …, 2), and whether they count: within it, and of no other piece."""
         h, w = self.part.ground.shape
         u, v = at[..., 0], at[..., 1]
@@ -290,7 +272,7 @@ class Fit:
         share: Array = self.edges.open.mean(axis=1)
         return share
 
-    def too_low(self) -> NDArray[np.bool_]:
+    def too_low(self) -> Mask:
         """Whether depth shows each piece's silhouette, and nothing in it as high as if the piece stood, (n,).
 
         Half way between what stands and what lies; false where there is no depth, or too little of the piece.

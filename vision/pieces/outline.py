@@ -1,4 +1,4 @@
-"""What the outline of a standing piece looks like from an elevation, from the profile that the table settings give.
+"""Outlines of standing pieces from an elevation, by the profile that the table settings give; and in the picture.
 
 Frame ``aside``: origin at the centre of the foot's underside; right as the camera sees it, away from the camera along
 the board, up [m].
@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, Kind, piece_profile
-
-Array = NDArray[np.float64]
+from vision.arrays import Array, Picture
+from vision.board.view import BoardView
+from vision.pieces.surface import Surface
 
 CONTOUR_POINTS: Final = 56
 """Of each outline."""
@@ -34,6 +35,8 @@ _SCALE: Final = 6000.0
 _RING_STEP: Final = 0.0005
 """Between rings of the drawing [m]."""
 _RING_POINTS: Final = 40
+_STEP: Final = 1e-3
+"""For derivatives, and to see which way a normal points in the picture [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,7 +104,7 @@ def _surface(kind: Kind) -> Array:
     return np.concatenate([plane, np.broadcast_to(height[:, None, None], (*plane.shape[:2], 1))], axis=2).reshape(-1, 3)
 
 
-def _drawn(across: Array, origin: Array) -> NDArray[np.uint8]:
+def _drawn(across: Array, origin: Array) -> Picture:
     """Rings filled one over the other: the silhouette."""
     pixels = np.rint((across - origin) * _SCALE).astype(np.int32)
     width, height = (pixels.max(axis=0) + 5).tolist()
@@ -124,7 +127,7 @@ def _evenly(chain: Array) -> tuple[Array, Array]:
     return smooth[take], normal[take] * (1.0 if area > 0.0 else -1.0)
 
 
-def _spread(mask: NDArray[np.uint8]) -> Array:
+def _spread(mask: Picture) -> Array:
     """``INSIDE_POINTS`` points spread evenly over a silhouette, (n, 2) in pixels of the drawing."""
     inner = cv2.erode(mask, np.ones((7, 7), dtype=np.uint8))
     rows, columns = np.nonzero(inner)
@@ -133,3 +136,79 @@ def _spread(mask: NDArray[np.uint8]) -> Array:
     order = np.lexsort((np.random.default_rng(7).random(len(rows)), rows))
     picked = order[take]
     return np.column_stack([columns[picked], rows[picked]]).astype(float)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Silhouettes:
+    """Of n pieces that stand at places (n, 2) [m], in pixels of the surface's window.
+
+    Attributes:
+        contour: (n, points, 2).
+        normal: outwards, unit vectors, (n, points, 2).
+        inside: (n, samples, 2).
+        jacobian: pixels per metre along x and y of the board, at half height, (n, 2, 2).
+        distance: of the pieces from the camera, (n,) [m].
+    """
+
+    contour: Array
+    normal: Array
+    inside: Array
+    jacobian: Array
+    distance: Array
+
+
+class Shapes:
+    """The expected pieces' outlines, as seen about their nominal places.
+
+    Args:
+        view: of the board.
+        kinds: of n pieces.
+        places: nominal, (n, 2), board frame [m].
+        part: window of the picture.
+    """
+
+    def __init__(self, view: BoardView, kinds: list[Kind], places: Array, part: Surface) -> None:
+        self._view = view
+        self._origin = np.array([part.columns.start, part.rows.start], dtype=float)
+        eye = view.camera_position
+        away = places - eye[:2]
+        reach = np.linalg.norm(away, axis=1)
+        elevations = np.arctan2(eye[2], reach)
+        outlines = [outline(kind, float(angle)) for kind, angle in zip(kinds, elevations, strict=True)]
+        forward = away / np.maximum(reach, 1e-9)[:, None]
+        self._axes = np.zeros((len(kinds), 3, 3))  # right, forward and up of each, as rows
+        self._axes[:, 0, 0], self._axes[:, 0, 1] = forward[:, 1], -forward[:, 0]
+        self._axes[:, 1, :2], self._axes[:, 2, 2] = forward, 1.0
+        self._contour = self._turned([one.contour for one in outlines], CONTOUR_POINTS)
+        self._outer = self._turned([one.contour + _STEP * one.normal for one in outlines], CONTOUR_POINTS)
+        self._inside = self._turned([one.inside for one in outlines], INSIDE_POINTS)
+        self.weight = np.array([one.weight for one in outlines]).reshape(-1, CONTOUR_POINTS)
+
+    def _turned(self, points: list[Array], count: int) -> Array:
+        turned: Array = np.einsum("nki,nij->nkj", np.array(points).reshape(-1, count, 3), self._axes)
+        return turned
+
+    def at(self, places: Array) -> Silhouettes:
+        """Where outlines are when the pieces stand at these places, (n, 2) [m]."""
+        foot = np.zeros((len(places), 1, 3))
+        foot[:, 0, :2] = places
+        contour = self._pixels(self._contour + foot)
+        normal = self._pixels(self._outer + foot) - contour
+        normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+        middle = foot + self._inside.mean(axis=1, keepdims=True)
+        steps = self._pixels(middle + np.array([[0.0, 0, 0], [_STEP, 0, 0], [0, _STEP, 0]]))
+        jacobian = np.stack([steps[:, 1] - steps[:, 0], steps[:, 2] - steps[:, 0]], axis=2) / _STEP
+        distance = self._view.depth(foot[:, 0])
+        return Silhouettes(contour, normal, self._pixels(self._inside + foot), jacobian, distance)
+
+    def _pixels(self, points: Array) -> Array:
+        pixels: Array = self._view.project(points) - self._origin
+        return pixels
+
+
+def labels(seen: Silhouettes, shape: tuple[int, ...]) -> NDArray[np.int16]:
+    """Whose silhouette is foremost at each pixel: 1 + index of a piece, 0 none."""
+    drawn = np.zeros(shape, dtype=np.int16)
+    for index in np.argsort(-seen.distance).tolist():
+        cv2.fillPoly(drawn, [np.rint(seen.contour[index] * 8.0).astype(np.int32)], 1 + index, shift=3)
+    return drawn

@@ -15,16 +15,13 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from hardware.table import PIECE_SHAPES, Colour, Kind, Place
+from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, Place
+from vision.arrays import Field, Mask
 from vision.board.view import BoardView
-from vision.pieces.fit import FLAT, Fit, PieceLike
-from vision.pieces.pose_trials import PoseTrial, apart, middles, moved, neighbours
-from vision.pieces.poses import Pose, drawn, off_surface
+from vision.pieces.fit import FLAT, Fit
+from vision.pieces.poses import Pose, PoseTrial, apart, drawn, middles, moved, neighbours, off_surface
 
-Array = NDArray[np.float64]
-Field = NDArray[np.float32]
 _RISEN: Final = 0.006
 """What rises higher above the board is no board [m]."""
 _BY_DEPTH: Final = 2.0
@@ -73,12 +70,12 @@ _FLOOR: Final = 0.0005, 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class FoundPiece:
+class MisplacedPiece:
     """A piece that is not where it should stand.
 
     Attributes:
         piece: which of the missing ones; of several alike, the first.
-        place: where it should stand.
+        target: where it should stand.
         pose: how it is there.
         std: expected error of its place, as a standard deviation, each of x and y [m].
         yaw_std: of its direction [rad]; 0 for one that stands.
@@ -88,14 +85,14 @@ class FoundPiece:
             missing ones would in any, as a share of its own; 0 where another one does as well.
     """
 
-    piece: PieceLike
-    place: Place
+    piece: PieceSpec
+    target: Place
     pose: Pose
-    std: float
-    yaw_std: float
-    support: float
-    seen: float
-    lead: float
+    std: float = 0.0
+    yaw_std: float = 0.0
+    support: float = 0.0
+    seen: float = 0.0
+    lead: float = 0.0
 
     @property
     def lies(self) -> bool:
@@ -115,7 +112,7 @@ class PoseSearch:
     """
 
     def __init__(
-        self, fit: Fit, view: BoardView, taken: NDArray[np.bool_], around: tuple[float, float], points: Field | None
+        self, fit: Fit, view: BoardView, taken: Mask, around: tuple[float, float], points: Field | None
     ) -> None:
         self._made_of = fit, view, taken, around, points
         self._ways: dict[tuple[Kind, Colour], list[PoseTrial]] = {}
@@ -146,7 +143,7 @@ class PoseSearch:
             self._solid = self._open & (fit.rises > _RISEN) & (cv2.dilate(taken.astype(np.uint8), fat) == 0)
         self._felt: Field = np.maximum(*self._maps.values())
 
-    def best(self, missing: Sequence[tuple[Place, PieceLike]]) -> FoundPiece | None:
+    def best(self, missing: Sequence[tuple[Place, PieceSpec]]) -> MisplacedPiece | None:
         """The missing piece that explains the most, or None if none explains anything."""
         alike = {(piece.kind, piece.colour): (place, piece) for place, piece in reversed(missing)}
         for key, (_, piece) in alike.items():
@@ -163,14 +160,16 @@ class PoseSearch:
             lead = 1.0 - max([0.0, *others]) / best.score
             place, piece = alike[key]
             best, std, yaw_std = self._spread(piece, best)
-            return FoundPiece(piece, place, best.pose, std, yaw_std, best.support, best.seen, lead)
+            return MisplacedPiece(piece, place, best.pose, std, yaw_std, best.support, best.seen, lead)
         return None
 
     def again(self) -> PoseSearch:
         """The same with nothing taken out."""
         return PoseSearch(*self._made_of)
 
-    def told_apart(self, found: list[FoundPiece], before: Mapping[Place, tuple[float, float]]) -> list[FoundPiece]:
+    def told_apart(
+        self, found: list[MisplacedPiece], before: Mapping[Place, tuple[float, float]]
+    ) -> list[MisplacedPiece]:
         """Of pieces of one side that were found one after the other, each might as well be the other: both are tried.
 
         The greedy search takes first whatever explains the most, and a larger piece explains more. Together, two pieces
@@ -185,8 +184,8 @@ class PoseSearch:
                 if self._far(one, other, before) + self._far(other, one, before) < (
                     self._far(one, one, before) + self._far(other, other, before)
                 ):
-                    found[i] = replace(one, piece=other.piece, place=other.place)
-                    found[j] = replace(other, piece=one.piece, place=one.place)
+                    found[i] = replace(one, piece=other.piece, target=other.target)
+                    found[j] = replace(other, piece=one.piece, target=one.target)
                 continue
             as_is = self._near(one.piece, one.pose), self._near(other.piece, other.pose)
             swapped = self._near(one.piece, other.pose), self._near(other.piece, one.pose)
@@ -206,22 +205,22 @@ class PoseSearch:
                 )  # fmt: skip
         return found
 
-    def _far(self, piece: FoundPiece, at: FoundPiece, before: Mapping[Place, tuple[float, float]]) -> float:
+    def _far(self, piece: MisplacedPiece, at: MisplacedPiece, before: Mapping[Place, tuple[float, float]]) -> float:
         """From where a piece was before, or should stand, to where another was found [m]."""
-        return math.dist(before.get(piece.place, self._view.table.xy(piece.place)), (at.pose.x, at.pose.y))
+        return math.dist(before.get(piece.target, self._view.table.xy(piece.target)), (at.pose.x, at.pose.y))
 
-    def _likely(self, stray: FoundPiece, pose: Pose, before: Mapping[Place, tuple[float, float]]) -> float:
+    def _likely(self, stray: MisplacedPiece, pose: Pose, before: Mapping[Place, tuple[float, float]]) -> float:
         """Evidence for a pose by where the piece was before, or where it should stand."""
-        was = before.get(stray.place, self._view.table.xy(stray.place))
+        was = before.get(stray.target, self._view.table.xy(stray.target))
         away = math.dist(was, (pose.x, pose.y))
         at_home = _AT_HOME if pose.yaw is None and away <= _NEAR_HOME else 0.0
         return at_home + _STAYED * max(0.0, 1.0 - away / _STRAYED)
 
-    def _near(self, piece: PieceLike, pose: Pose) -> PoseTrial:
+    def _near(self, piece: PieceSpec, pose: Pose) -> PoseTrial:
         """The best way for a piece to be about there, lying or standing as in a pose."""
         return self._climb(piece, self._try(piece, pose), _STEPS)
 
-    def take_out(self, stray: FoundPiece) -> None:
+    def take_out(self, stray: MisplacedPiece) -> None:
         """What this one explains is explained."""
         seen = drawn(stray.piece.kind, stray.pose, self._view, self._shape, self._origin)
         fat = cv2.dilate(seen.mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
@@ -234,11 +233,11 @@ class PoseSearch:
         # what else was found stays as it is where nothing of it is gone
         self._ways = {key: ways for key, ways in self._ways.items() if not self._meets(key[0], ways, gone)}
 
-    def _meets(self, kind: Kind, ways: list[PoseTrial], gone: NDArray[np.bool_]) -> bool:
+    def _meets(self, kind: Kind, ways: list[PoseTrial], gone: Mask) -> bool:
         drawings = (drawn(kind, way.pose, self._view, self._shape, self._origin) for way in ways)
         return any(bool((gone[one.rows, one.columns] & one.mask).any()) for one in drawings)
 
-    def _of_piece(self, piece: PieceLike) -> list[PoseTrial]:
+    def _of_piece(self, piece: PieceSpec) -> list[PoseTrial]:
         """The best way for it to lie and to stand, the better one first; none where nothing looks like its side."""
         spots = self._spots(piece.colour)
         lying, standing = list[PoseTrial](), list[PoseTrial]()
@@ -266,7 +265,7 @@ class PoseSearch:
             ways.reverse()
         return ways
 
-    def _is_high(self, piece: PieceLike, pose: Pose) -> bool:
+    def _is_high(self, piece: PieceSpec, pose: Pose) -> bool:
         """Whether depth shows what would be the upper half of a piece that stands, higher than any that lies."""
         if self._rises is None:
             return False
@@ -276,12 +275,12 @@ class PoseSearch:
         high = np.count_nonzero((rises > 2.0 * shape.foot_radius + _RISEN) & (rises < shape.height + _RISEN))
         return bool(high >= _HIGH)
 
-    def _climbed(self, piece: PieceLike, trials: list[PoseTrial]) -> PoseTrial:
+    def _climbed(self, piece: PieceSpec, trials: list[PoseTrial]) -> PoseTrial:
         """From the best of some, step by step to the best near them."""
         near = [self._climb(piece, self._try(piece, one.pose), _STEPS[:2]) for one in apart(trials, _KEPT)]
         return max((self._climb(piece, one, _STEPS) for one in apart(near, _CLOSER)), key=lambda one: one.score)
 
-    def _climb(self, piece: PieceLike, trial: PoseTrial, steps: Sequence[tuple[float, float]]) -> PoseTrial:
+    def _climb(self, piece: PieceSpec, trial: PoseTrial, steps: Sequence[tuple[float, float]]) -> PoseTrial:
         for step, turn in steps:
             for _ in range(20):
                 around = (self._try(piece, pose) for pose in neighbours(trial.pose, step, turn))
@@ -291,7 +290,7 @@ class PoseSearch:
                 trial = better
         return trial
 
-    def _try(self, piece: PieceLike, pose: Pose, blur: float = 1.0) -> PoseTrial:
+    def _try(self, piece: PieceSpec, pose: Pose, blur: float = 1.0) -> PoseTrial:
         """How well a pose explains the picture; ``blur``: points may be so many times further off the surface."""
         rows, columns, mask, felt = drawn(piece.kind, pose, self._view, self._shape, self._origin)
         count = int(np.count_nonzero(mask))
@@ -309,7 +308,7 @@ class PoseSearch:
         seen = int(np.count_nonzero(self._open[rows, columns] & mask))
         return PoseTrial(total, pose, total / (_MOST * max(seen, 1)), seen / count)
 
-    def _spread(self, piece: PieceLike, best: PoseTrial) -> tuple[PoseTrial, float, float]:
+    def _spread(self, piece: PieceSpec, best: PoseTrial) -> tuple[PoseTrial, float, float]:
         """The mean pose around the best one, weighted by how well each explains the picture, and its spread."""
         pose = best.pose
         ticks = (-0.003, -0.0015, 0.0, 0.0015, 0.003)
@@ -341,7 +340,7 @@ class PoseSearch:
         return spots
 
 
-def _boxes(view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> NDArray[np.bool_]:
+def _boxes(view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> Mask:
     """Where boxes are in a part of the picture, with all that may lie in them."""
     seen = np.zeros(shape, dtype=np.uint8)
     for box in view.table.boxes():

@@ -1,7 +1,7 @@
 """Silhouettes of pieces that lie, or stand anywhere, as a camera sees them; from the profile that the settings give.
 
 A turned piece is a row of discs. Seen from anywhere, each pair of neighbours shows a convex spot; together they are
-its silhouette.
+its silhouette. Poses are tried near each other, and some of them count as one.
 """
 
 from __future__ import annotations
@@ -14,12 +14,10 @@ from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, Kind, piece_profile
+from vision.arrays import Array, Field, Mask
 from vision.board.view import BoardView
-
-Array = NDArray[np.float64]
 
 _RINGS: Final = 15
 _ANGLES: Final = 2.0 * np.pi * np.arange(16) / 16
@@ -33,6 +31,8 @@ _CELL: Final = 0.00025
 """… in steps of this [m]."""
 _RESTS: Final = 0.92
 """A foot's rim is rounded: so far from the axis does it rest, in radii of the foot."""
+_APART: Final = 0.016, 0.7
+"""Poses that differ by so much in place [m] or in direction [rad] are two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ def _axes(kind: Kind, pose: Pose) -> tuple[Array, Array]:
     return np.array([pose.x, pose.y, height]), np.stack([across, cos * up + sin * ahead, cos * ahead - sin * up])
 
 
-def off_surface(points: NDArray[np.float32], kind: Kind, pose: Pose) -> Array:
+def off_surface(points: Field, kind: Kind, pose: Pose) -> Array:
     """How far points (n, 3) of the board frame are from the surface of a piece, whether within or without, (n,) [m]."""
     start, axes = _axes(kind, pose)
     table = _distances(kind)
@@ -131,19 +131,13 @@ class Drawn(NamedTuple):
 
     rows: slice
     columns: slice
-    mask: NDArray[np.bool_]
-    underside: NDArray[np.bool_]
+    mask: Mask
+    underside: Mask
 
 
 def drawn(kind: Kind, pose: Pose, view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> Drawn:
-    """A piece's silhouette in a part of a picture.
-
-    Args:
-        kind: of piece.
-        pose: of it.
-        view: of the board.
-        shape: height and width of the part [px].
-        origin: column and row of the whole picture at which the part begins [px].
+    """A piece's silhouette in a part of a picture, of a height and width, that begins at a column and row of the whole
+    one [px].
     """
     start, axes = _axes(kind, pose)
     rings, round_ = _rings(kind), _CIRCLE @ axes[:2]
@@ -161,3 +155,59 @@ def drawn(kind: Kind, pose: Pose, view: BoardView, shape: tuple[int, int], origi
         if (view.camera_position - start) @ axes[2] < 0.0:
             cv2.fillConvexPoly(underside, local[0], 1, shift=4)
     return Drawn(slice(top, bottom), slice(left, right), mask.astype(bool), underside.astype(bool))
+
+
+class PoseTrial(NamedTuple):
+    """A pose that was tried: what speaks for it, how much of that a full silhouette has, and how much of it is seen."""
+
+    score: float
+    pose: Pose
+    support: float
+    seen: float
+
+
+def middles(places: Array) -> list[tuple[float, float]]:
+    """Of a spot: its middle; of a long one, several along it."""
+    middle = places.mean(axis=0)
+    off = places - middle
+    long = np.linalg.svd(off[:: max(1, len(off) // 200)], full_matrices=False)[2][0]
+    along = off @ long
+    low, high = np.percentile(along, [5, 95]).tolist()
+    parts = max(1, round((high - low) / 0.045))
+    at = [low + (2 * i + 1) * (high - low) / (2 * parts) for i in range(parts)] if parts > 1 else [0.0]
+    return [(float(middle[0] + t * long[0]), float(middle[1] + t * long[1])) for t in at]
+
+
+def apart(trials: list[PoseTrial], most: int) -> list[PoseTrial]:
+    """The best ones that differ."""
+    kept = list[PoseTrial]()
+    for one in sorted(trials, key=lambda one: -one.score):
+        if not any(alike(one.pose, other.pose) for other in kept):
+            kept.append(one)
+            if len(kept) == most:
+                break
+    return kept
+
+
+def alike(one: Pose, other: Pose) -> bool:
+    """Whether two poses count as one."""
+    turned = 0.0 if one.yaw is None or other.yaw is None else abs(math.remainder(one.yaw - other.yaw, 2.0 * math.pi))
+    return math.dist((one.x, one.y), (other.x, other.y)) < _APART[0] and turned < _APART[1]
+
+
+def moved(pose: Pose, dx: float, dy: float, turn: float) -> Pose:
+    """A pose shifted [m] and turned [rad]; one that stands has no direction."""
+    return Pose(pose.x + dx, pose.y + dy, None if pose.yaw is None else pose.yaw + turn)
+
+
+def neighbours(pose: Pose, step: float, turn: float) -> list[Pose]:
+    """Around a pose, along and across it, and turned; a lying one about its middle as well as about its base."""
+    around = [moved(pose, a * step, b * step, 0.0) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
+    if pose.yaw is not None:
+        for sign in (-turn, turn):
+            around.append(moved(pose, 0.0, 0.0, sign))
+            half = 0.02
+            dx = half * (math.cos(pose.yaw) - math.cos(pose.yaw + sign))
+            dy = half * (math.sin(pose.yaw) - math.sin(pose.yaw + sign))
+            around.append(moved(pose, dx, dy, sign))
+    return around

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES
+from vision.arrays import Field, Whole
 from vision.board.view import BoardView, playing_area
-
-Field = NDArray[np.float32]
 
 LIGHT, DARK, BESIDE, SEAM = 0, 1, 2, 3
 """What a pixel would show if nothing stood there: a light square, a dark one, what is beside the board, or
@@ -40,7 +39,7 @@ class Surface:
 
     rows: slice
     columns: slice
-    ground: NDArray[np.int32]
+    ground: Whole
     square: NDArray[np.int16]
     place: Field
     depth: Field
@@ -49,11 +48,7 @@ class Surface:
 
 @lru_cache(maxsize=4)
 def surface(view: BoardView, around: tuple[float, float] = (0.0, 0.0)) -> Surface:
-    """Of a view.
-
-    Args:
-        view: of the board.
-        around: so far beyond the board things are looked at, along x and along y [m].
+    """Of a view; things are looked at so far beyond the board along x and along y [m].
 
     Raises:
         ValueError: the board is not in the picture.
@@ -77,15 +72,8 @@ def surface(view: BoardView, around: tuple[float, float] = (0.0, 0.0)) -> Surfac
     within = ((place > -pixel) & (place < 8.0 + pixel)).all(axis=-1)
     seam = within & (to_line < _SEAM * pixel).any(axis=-1)
     ground[seam] = SEAM
-    return Surface(
-        rows,
-        columns,
-        ground,
-        square,
-        ((place - 4.0) * view.table.square).astype(np.float32),
-        depth.astype(np.float32),
-        (-(ray @ up)).astype(np.float32),
-    )
+    points = ((place - 4.0) * view.table.square).astype(np.float32)
+    return Surface(rows, columns, ground, square, points, depth.astype(np.float32), (-(ray @ up)).astype(np.float32))
 
 
 def _window(view: BoardView, around: tuple[float, float]) -> tuple[slice, slice]:

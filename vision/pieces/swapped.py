@@ -13,9 +13,9 @@ from typing import Final, NamedTuple
 import chess
 
 from hardware.interfaces import Frame
+from hardware.table import PieceSpec
 from vision.board.view import BoardView
 from vision.pieces.centres import piece_centres
-from vision.pieces.fit import PieceLike
 from vision.reading.diagnosis import Diagnosis, States, explain
 from vision.reading.outcome import Situation
 
@@ -38,17 +38,12 @@ def looked_closer(
     board: chess.Board,
     before: KnownPicture,
     now: KnownPicture,
-    expected: Mapping[int, PieceLike],
+    expected: Mapping[int, PieceSpec],
 ) -> Diagnosis:
     """Where all that is known is that one piece is missing: it may stand in the place of one of its own side.
 
-    Args:
-        finding: what was found without.
-        seen: state of each square as it is seen, shape (64,).
-        board: the last known position.
-        before: shows that position.
-        now: shows what is seen.
-        expected: the pieces of the position, by square.
+    ``finding`` was found without that, from the states of squares as they are seen, (64,). The pictures ``before`` and
+    ``now`` show the last known position and what is seen; ``expected`` are its pieces by square.
     """
     if finding.situation is not Situation.MISSING or len(finding.squares) != 1:
         return finding
@@ -56,17 +51,12 @@ def looked_closer(
     return explain(seen, board, squares) if squares else finding
 
 
-def replaced(before: KnownPicture, now: KnownPicture, expected: Mapping[int, PieceLike], gone: int) -> tuple[int, ...]:
-    """Squares on which another piece of the gone one's side may stand, the likeliest first.
+def replaced(before: KnownPicture, now: KnownPicture, expected: Mapping[int, PieceSpec], gone: int) -> tuple[int, ...]:
+    """Squares on which another piece of the gone one's side may stand, the likeliest first; pieces were expected by
+    square.
 
     Measured over rendered positions, 979 looks at pieces that nobody had touched: of a thousand one shifts by 1.5 mm or
     more, none loses 0.25; of 36 that were put in another's place all but one shifted by 1.8 mm or more.
-
-    Args:
-        before: when all stood as expected.
-        now: with one gone.
-        expected: what stood where, by square.
-        gone: the square from which a piece is missing.
 
     Raises:
         ValueError: a frame is by another camera than its view.

@@ -11,16 +11,14 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
-from hardware.table import square_place
+from hardware.table import PieceSpec, square_place
+from vision.arrays import Array, Mask
 from vision.board.view import BoardView
-from vision.pieces.centres import Centre, centres_of, on_squares, require_camera
-from vision.pieces.fit import Fit, PieceLike
+from vision.pieces.centres import Centre, centres_of, on_squares
+from vision.pieces.fit import Fit
 from vision.pieces.surface import surface
-
-Array = NDArray[np.float64]
 
 TOLERANCE: Final = 0.005
 """Of a piece's centre from that of its square: the fingers close on pieces up to 8 mm off [m]."""
@@ -62,14 +60,12 @@ class Fault:
         square: 0 = a1 … 63 = h8.
         sentence: for people.
         place: of the piece or the thing, board frame [m]; None where nothing is there.
-        offset_mm: of the piece from its square's centre; None where no piece stands.
     """
 
     kind: FaultKind
     square: int
     sentence: str
     place: tuple[float, float] | None
-    offset_mm: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,17 +82,10 @@ class Examination:
     likeness: Mapping[int, float]
 
 
-def verify_board(
-    frame: Frame, view: BoardView, expected: Mapping[int, PieceLike], tolerance: float = TOLERANCE
-) -> tuple[Fault, ...]:
-    """The faults of ``examine_board``, with nothing to hold them against."""
-    return examine_board(frame, view, expected, tolerance=tolerance).faults
-
-
 def examine_board(
     frame: Frame,
     view: BoardView,
-    expected: Mapping[int, PieceLike],
+    expected: Mapping[int, PieceSpec],
     before: Mapping[int, float] = MappingProxyType({}),
     *,
     tolerance: float = TOLERANCE,
@@ -116,7 +105,7 @@ def examine_board(
     Raises:
         ValueError: the frame is by another camera, or the board is not in the picture.
     """
-    require_camera(frame, view)
+    view.require_camera(frame)
     fit = Fit(frame, view, on_squares(expected), use_depth=True)
     centres = {place.index: centre for place, centre in centres_of(fit).items()} if expected else {}
     spots = _spots(fit, centres, view)
@@ -130,7 +119,7 @@ def examine_board(
     ]
     taken = {fault.square for fault in faults} | set(expected)
     faults += [
-        Fault(FaultKind.FOREIGN, square, f"something lies on {square_place(square)}", place, None)
+        Fault(FaultKind.FOREIGN, square, f"something lies on {square_place(square)}", place)
         for square, place in spots.items()
         if square not in taken
     ]
@@ -140,15 +129,15 @@ def examine_board(
     return Examination(tuple(sorted(faults, key=lambda fault: fault.square)), likeness)
 
 
-def _changed(square: int, piece: PieceLike, drop: float) -> Fault | None:
+def _changed(square: int, piece: PieceSpec, drop: float) -> Fault | None:
     if drop < _DROP:
         return None
     sentence = f"the {piece.colour} {piece.kind} on {square_place(square)} does not look as it did"
-    return Fault(FaultKind.FALLEN, square, sentence, None, None)
+    return Fault(FaultKind.FALLEN, square, sentence, None)
 
 
 def _judge(
-    square: int, piece: PieceLike, centre: Centre, spots: Mapping[int, tuple[float, float]], view: BoardView,
+    square: int, piece: PieceSpec, centre: Centre, spots: Mapping[int, tuple[float, float]], view: BoardView,
     tolerance: float,
 ) -> Fault | None:  # fmt: skip
     name, where = f"{piece.colour} {piece.kind}", square_place(square)
@@ -157,15 +146,15 @@ def _judge(
     if not centre.upright:
         if square in spots:
             sentence = f"something lies on {where}, where a {name} should stand"
-            return Fault(FaultKind.FALLEN, square, sentence, spots[square], None)
-        return Fault(FaultKind.MISSING, square, f"{where} is empty, a {name} should stand there", None, None)
+            return Fault(FaultKind.FALLEN, square, sentence, spots[square])
+        return Fault(FaultKind.MISSING, square, f"{where} is empty, a {name} should stand there", None)
     x, y = view.table.xy(where)
     dx, dy = centre.x - x, centre.y - y
     off = math.hypot(dx, dy)
     if off <= tolerance:
         return None
     sentence = f"the {name} on {where} stands {1e3 * off:.1f} mm off towards {_direction(dx, dy)}"
-    return Fault(FaultKind.OFF_CENTRE, square, sentence, (centre.x, centre.y), 1e3 * off)
+    return Fault(FaultKind.OFF_CENTRE, square, sentence, (centre.x, centre.y))
 
 
 def _direction(dx: float, dy: float) -> str:
@@ -188,7 +177,7 @@ def _spots(fit: Fit, centres: Mapping[int, Centre], view: BoardView) -> dict[int
     return _risen(fit, free, view) if fit.rises is not None else _coloured(fit, free, view)
 
 
-def _risen(fit: Fit, free: NDArray[np.bool_], view: BoardView) -> dict[int, tuple[float, float]]:
+def _risen(fit: Fit, free: Mask, view: BoardView) -> dict[int, tuple[float, float]]:
     """By depth: what stands out of the board's plane."""
     part, rises = surface(view), fit.rises
     assert rises is not None
@@ -200,7 +189,7 @@ def _risen(fit: Fit, free: NDArray[np.bool_], view: BoardView) -> dict[int, tupl
     return _by_square(high, _LEAST_AREA, places, view.table.square)
 
 
-def _coloured(fit: Fit, free: NDArray[np.bool_], view: BoardView) -> dict[int, tuple[float, float]]:
+def _coloured(fit: Fit, free: Mask, view: BoardView) -> dict[int, tuple[float, float]]:
     """By colour alone: what looks like pieces on the board; its foot counts, the rest leans away from the camera."""
     looks = np.maximum(*fit.maps)
     mean = np.asarray(cv2.boxFilter(looks, cv2.CV_32F, (7, 7)))
@@ -208,7 +197,7 @@ def _coloured(fit: Fit, free: NDArray[np.bool_], view: BoardView) -> dict[int, t
     return _by_square(seen, _LEAST_COLOURED, fit.part.place.astype(float), view.table.square)
 
 
-def _by_square(mask: NDArray[np.bool_], least: int, places: Array, square: float) -> dict[int, tuple[float, float]]:
+def _by_square(mask: Mask, least: int, places: Array, square: float) -> dict[int, tuple[float, float]]:
     """Connected spots of a mask by the square of their middle; of several on one, the largest."""
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), dtype=np.uint8))
     count, numbers, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=8)

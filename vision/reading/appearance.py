@@ -11,14 +11,13 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-States = NDArray[np.intp]
+from vision.arrays import Array, Indices
+
+States = Indices
 
 EMPTY, WHITE, BLACK = 0, 1, 2
 """States of a square."""
-
 MEMORY: Final = 0.9
 """Share of what was known that one more position leaves: light changes within ten plies."""
 DIAGONAL: Final = 0.3
@@ -30,7 +29,6 @@ TEMPERATURE: Final = 12.0
 with it, states given 95 % are right at least as often."""
 BOUND: Final = 6.0
 """No square's look counts for more than this, in natural logarithms: anything may look odd once."""
-
 _LIGHT_SQUARES: Final = np.array([(square % 8 + square // 8) % 2 == 1 for square in range(64)])
 
 
@@ -45,12 +43,10 @@ class Appearance:
         self._shades = (_Normal(size), _Normal(size))
 
     def learn(self, descriptions: list[Array], states: States, memory: float = MEMORY) -> None:
-        """Take in a position that is known.
+        """Take in a position whose states (64,) are known, by descriptions of one sight, each (64, n): in place, and
+        shifted.
 
-        Args:
-            descriptions: of one sight, each of shape (64, n): in place, and shifted.
-            states: of the squares, shape (64,).
-            memory: share of earlier positions that is kept.
+        ``memory`` is the share of earlier positions that is kept.
         """
         for shade, of_shade in enumerate((~_LIGHT_SQUARES, _LIGHT_SQUARES)):
             self._shades[shade].fade(memory)

@@ -12,13 +12,13 @@ from typing import Final
 
 import chess
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Indices, Mask
 from vision.reading.appearance import BLACK, EMPTY, WHITE
 from vision.reading.evidence import codes_of, states_of
 from vision.reading.outcome import Situation
 
-States = NDArray[np.intp]
+States = Indices
 
 MANY: Final = 6
 """With more squares wrong than this, they are counted rather than explained."""
@@ -54,6 +54,10 @@ class _Difference:
     def squares(self) -> tuple[int, ...]:
         return tuple(sorted({*self.gone, *self.new, *self.turned}))
 
+    def says(self, situation: Situation, sentence: str) -> Diagnosis:
+        """About all of its squares."""
+        return Diagnosis(situation, self.squares, sentence)
+
 
 def explain(seen: States, board: chess.Board, altered: tuple[int, ...] = ()) -> Diagnosis:
     """Name what is seen.
@@ -83,11 +87,8 @@ def explain(seen: States, board: chess.Board, altered: tuple[int, ...] = ()) -> 
 def _legal(at: _Difference) -> Diagnosis | None:
     for move in _moves(at.board):
         if _shows(at, _played(at.board, move)):
-            return Diagnosis(
-                Situation.LEGAL,
-                _touched(move, at),
-                f"this looks like {at.board.san(move)}, but not clearly: was that it?",
-            )
+            sentence = f"this looks like {at.board.san(move)}, but not clearly: was that it?"
+            return Diagnosis(Situation.LEGAL, _touched(move, at), sentence)
     return None
 
 
@@ -97,8 +98,8 @@ def _taken_back(at: _Difference) -> Diagnosis | None:
         before.pop()
         if _shows(at, before):
             moves = "the last move is" if count == 1 else "the last two moves are"
-            return Diagnosis(
-                Situation.TAKEN_BACK, at.squares, f"{moves} taken back: say so if that is meant, or play on from "
+            return at.says(
+                Situation.TAKEN_BACK, f"{moves} taken back: say so if that is meant, or play on from "
                 f"the position before ({_names(at.squares)} differ)",
             )  # fmt: skip
     return None
@@ -154,10 +155,8 @@ def _two_moves(at: _Difference) -> Diagnosis | None:
                 if _shows(at, _played(board, second)):
                     names = f"{at.board.san(first)} and {board.san(second)}"
                     whose = f"{_side(at.board.turn)} has moved twice" if own else "both sides have moved"
-                    return Diagnosis(
-                        Situation.TWO_MOVES, at.squares, f"{whose}, {names}: put back the piece that now stands on "
-                        f"{_name(second.to_square)}, to {_name(second.from_square)}",
-                    )  # fmt: skip
+                    back = f"that now stands on {_name(second.to_square)}, to {_name(second.from_square)}"
+                    return at.says(Situation.TWO_MOVES, f"{whose}, {names}: put back the piece {back}")
     return None
 
 
@@ -175,14 +174,10 @@ def _moved(at: _Difference) -> Diagnosis | None:
     if taken is not None:
         back += f", and the {_piece(taken)} on {_name(end)}"
     if piece.color != at.board.turn:
-        return Diagnosis(
-            Situation.WRONG_SIDE,
-            at.squares,
-            f"{name} was moved to {_name(end)}, but it is {_side(at.board.turn)}'s move: {back}",
-        )
-    move = chess.Move(start, end)
-    reason = _why_not(at.board, move, piece)
-    return Diagnosis(Situation.ILLEGAL, at.squares, f"{name} must not go to {_name(end)}, {reason}: {back}")
+        turn = f"it is {_side(at.board.turn)}'s move"
+        return at.says(Situation.WRONG_SIDE, f"{name} was moved to {_name(end)}, but {turn}: {back}")
+    reason = _why_not(at.board, chess.Move(start, end), piece)
+    return at.says(Situation.ILLEGAL, f"{name} must not go to {_name(end)}, {reason}: {back}")
 
 
 def _castled(at: _Difference) -> Diagnosis | None:
@@ -194,10 +189,8 @@ def _castled(at: _Difference) -> Diagnosis | None:
             states[chess.square(end, rank)] = states[chess.square(start, rank)]
             states[chess.square(start, rank)] = EMPTY
         if np.array_equal(states, at.seen):
-            return Diagnosis(
-                Situation.ILLEGAL, at.squares, f"{san} is not allowed here: put king and rook back on "
-                f"{_name(chess.square(4, rank))} and {_name(chess.square(rook[0], rank))}",
-            )  # fmt: skip
+            homes = f"{_name(chess.square(4, rank))} and {_name(chess.square(rook[0], rank))}"
+            return at.says(Situation.ILLEGAL, f"{san} is not allowed here: put king and rook back on {homes}")
     return None
 
 
@@ -224,30 +217,26 @@ def _single(at: _Difference) -> Diagnosis | None:
         pieces = _list(f"the {_piece(at.board.piece_at(square))} on {_name(square)}" for square in at.gone)
         them, places = ("it", "there") if len(at.gone) == 1 else ("them", "on their squares")
         verb = "is" if len(at.gone) == 1 else "are"
-        return Diagnosis(
-            Situation.MISSING, at.squares, f"{pieces} {verb} missing: put {them} back {places}, or finish your move"
-        )
+        return at.says(Situation.MISSING, f"{pieces} {verb} missing: put {them} back {places}, or finish your move")
     if at.new and not at.gone and not at.turned and len(at.new) <= MANY:
-        pieces = _list(f"a {_colour(at.seen[square])} piece on {_name(square)}" for square in at.new)
+        pieces = _list(
+            f"a {'white' if at.seen[square] == WHITE else 'black'} piece on {_name(square)}" for square in at.new
+        )
         verb, them = ("is", "it") if len(at.new) == 1 else ("are", "them")
-        return Diagnosis(Situation.EXTRA, at.squares, f"there {verb} {pieces}, where none should be: take {them} off")
+        return at.says(Situation.EXTRA, f"there {verb} {pieces}, where none should be: take {them} off")
     if at.turned and not at.gone and not at.new and len(at.turned) <= MANY:
         pieces = _list(f"{_name(square)} ({_piece(at.board.piece_at(square))})" for square in at.turned)
-        return Diagnosis(
-            Situation.RECOLOURED, at.squares, f"a piece of the other colour stands on {pieces}: put the right one there"
-        )
+        return at.says(Situation.RECOLOURED, f"a piece of the other colour stands on {pieces}: put the right one there")
     return None
 
 
 def _wrong_board(at: _Difference) -> Diagnosis:
     if len(at.squares) > MANY:
-        return Diagnosis(
-            Situation.WRONG_BOARD, at.squares,
-            f"{len(at.squares)} squares are not as they should be ({_names(at.squares)}): set the position up again",
-        )  # fmt: skip
+        wrong = f"{len(at.squares)} squares are not as they should be ({_names(at.squares)})"
+        return at.says(Situation.WRONG_BOARD, f"{wrong}: set the position up again")
     actions = [f"the {_piece(at.board.piece_at(square))} belongs on {_name(square)}" for square in at.gone + at.turned]
     actions += [f"nothing belongs on {_name(square)}" for square in at.new]
-    return Diagnosis(Situation.WRONG_BOARD, at.squares, f"the board is not as it should be: {_list(iter(actions))}")
+    return at.says(Situation.WRONG_BOARD, f"the board is not as it should be: {_list(iter(actions))}")
 
 
 _ATTEMPTS: Final[tuple[Callable[[_Difference], Diagnosis | None], ...]] = (
@@ -292,7 +281,7 @@ def _touched(move: chess.Move, at: _Difference) -> tuple[int, ...]:
     return tuple(sorted({move.from_square, move.to_square, *at.squares}))
 
 
-def _squares(mask: NDArray[np.bool_]) -> tuple[int, ...]:
+def _squares(mask: Mask) -> tuple[int, ...]:
     return tuple(int(square) for square in np.flatnonzero(mask))
 
 
@@ -310,10 +299,6 @@ def _piece(piece: chess.Piece | None) -> str:
 
 def _side(colour: chess.Color) -> str:
     return "White" if colour else "Black"
-
-
-def _colour(state: int) -> str:
-    return "white" if state == WHITE else "black"
 
 
 def _list(words: Iterator[str]) -> str:

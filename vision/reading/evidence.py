@@ -14,13 +14,12 @@ import chess
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.arrays import Array, Indices, Mask
 from vision.reading.appearance import BLACK, EMPTY, WHITE
-from vision.reading.change import BOUND
+from vision.reading.features import BOUND
 
-Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
 """Pieces by square: 0 empty, 1 to 6 white pawn to king, -1 to -6 black; shape (..., 64)."""
-
 NUDGE: Final = -4.0
 """Nothing that looks changed counts for more than this against the same piece, or none, still being there: people brush
 past pieces, and shadows wander."""
@@ -71,11 +70,11 @@ class Evidence:
     solid: Array | None = None
     measured: Cover | None = None
 
-    def read(self, before: Codes) -> NDArray[np.intp]:
+    def read(self, before: Codes) -> Indices:
         """The likeliest state of each square by its looks and by whether it has changed, whatever the rules: (64,)."""
         looks, did, kept = (one[0] for one in self._terms(before[None], before))
         as_before = np.arange(3) == states_of(before)[:, None]
-        read: NDArray[np.intp] = (looks + np.where(as_before, kept[:, None], did[:, None])).argmax(axis=1)
+        read: Indices = (looks + np.where(as_before, kept[:, None], did[:, None])).argmax(axis=1)
         return read
 
     def altered(self, before: Codes) -> tuple[int, ...]:
@@ -89,11 +88,7 @@ class Evidence:
         return tuple(int(square) for square in squares[np.argsort(-self.changed[squares], kind="stable")])
 
     def scores(self, codes: Codes, before: Codes) -> Array:
-        """How well positions explain the look, square by square.
-
-        Args:
-            codes: positions, shape (n, 64).
-            before: the last known one, shape (64,).
+        """How well positions (n, 64) explain the look after the last known one (64,), square by square.
 
         Returns:
             Shape (n, 64), natural logarithms, at most 0.
@@ -104,11 +99,8 @@ class Evidence:
         )
 
     def doubt(self, codes: Codes, before: Codes) -> Array:
-        """By how much other states explain each square better than a position does, everything else being as it says.
-
-        Args:
-            codes: the position, shape (64,).
-            before: the last known one, shape (64,).
+        """By how much other states explain each square better than a position (64,) does, everything else being as it
+        says.
 
         Returns:
             Shape (64, 3), natural logarithms; minus infinity for the position's own states.
@@ -147,20 +139,18 @@ class Evidence:
         kept = np.maximum(-np.logaddexp(0.0, self.changed), kept)
         return looks, did, kept
 
-    def _passed(self, measured: Cover) -> NDArray[np.bool_]:
+    def _passed(self, measured: Cover) -> Mask:
         """Squares whose looks may well change without their content: shape (64,)."""
         most = np.maximum(measured.now, measured.before)
         # what hides a part of a square may change its looks and not move
-        passed: NDArray[np.bool_] = (measured.differs > PASSED) | ((most > COVERED) & (self.changed > 0.0))
-        return passed
+        return (measured.differs > PASSED) | ((most > COVERED) & (self.changed > 0.0))
 
     def _weight(self) -> Array:
         """What looks count for beside depth: in full where it says nothing, shape (64, 1)."""
         if self.solid is None:
             return np.ones((64, 1))
         told = 1.0 - np.exp(np.partition(self.solid, 1, axis=1)[:, 1:2])
-        weight: Array = 1.0 - (1.0 - BESIDE_DEPTH) * told
-        return weight
+        return 1.0 - (1.0 - BESIDE_DEPTH) * told
 
     def hidden(self, codes: Codes) -> Array:
         """Share of each square's middle that other pieces of a position cover, or that is measured: shape (..., 64)."""
@@ -176,13 +166,12 @@ def codes_of(board: chess.BaseBoard) -> Codes:
     kinds = (board.pawns, board.knights, board.bishops, board.rooks, board.queens, board.kings)
     sets = [kind & side for side in (board.occupied_co[chess.WHITE], board.occupied_co[chess.BLACK]) for kind in kinds]
     bits = np.unpackbits(np.array(sets, dtype="<u8").view(np.uint8), bitorder="little").reshape(12, 64)
-    codes: Codes = _CODES @ bits.astype(np.int8)
-    return codes
+    return _CODES @ bits.astype(np.int8)
 
 
 _CODES: Final = np.array([1, 2, 3, 4, 5, 6, -1, -2, -3, -4, -5, -6], dtype=np.int8)
 
 
-def states_of(codes: Codes) -> NDArray[np.intp]:
+def states_of(codes: Codes) -> Indices:
     """Empty, white or black for each square."""
     return np.where(codes > 0, WHITE, np.where(codes < 0, BLACK, EMPTY))

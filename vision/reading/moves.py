@@ -14,8 +14,9 @@ from typing import Final
 import chess
 import numpy as np
 
+from vision.arrays import Array
 from vision.reading.appearance import EMPTY
-from vision.reading.evidence import Array, Codes, Evidence, codes_of
+from vision.reading.evidence import Codes, Evidence, codes_of
 from vision.reading.outcome import ReadingOutcome
 
 MARGIN: Final = 6.0
@@ -89,13 +90,10 @@ def _walk(
 
 
 def decide(evidence: Evidence, board: chess.Board, plies: int = 1, looked_like: Codes | None = None) -> MoveReading:
-    """Weigh a look.
+    """Weigh a look at a board after the last known position.
 
-    Args:
-        evidence: what the look says.
-        board: the last known position.
-        plies: how many moves may have been made since; in a game one.
-        looked_like: the pieces in the picture that ``evidence.changed`` compares with; ``board``'s unless given.
+    ``plies`` may have been made since; in a game one. ``looked_like`` are the pieces in the picture that
+    ``evidence.changed`` compares with; ``board``'s unless given.
     """
     before = codes_of(board) if looked_like is None else looked_like
     decision = _weigh(evidence, candidates(board), before, MARGIN)

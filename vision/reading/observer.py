@@ -7,19 +7,17 @@ from dataclasses import dataclass
 from typing import Final
 
 import chess
-import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Array
 from vision.reading.appearance import Appearance
-from vision.reading.change import change_odds
 from vision.reading.evidence import Codes, Cover, Evidence, codes_of, states_of
-from vision.reading.features import Light, describe, exposure_step, light_of
+from vision.reading.features import Light, change_odds, describe, exposure_step, light_of
 from vision.reading.moves import MoveReading, decide
-from vision.reading.occlusion import cover
 from vision.reading.occupancy import DepthOccupancy
 from vision.reading.piece_kinds import KindClassifier
 from vision.reading.rectified_view import SQUARE_PX, RectifiedView
 from vision.reading.solids import Solids
+from vision.reading.visibility import cover
 
 _STEP: Final = SQUARE_PX // 10
 SHIFTS: Final = tuple((x, y) for x in (-_STEP, 0, _STEP) for y in (-_STEP, 0, _STEP))
@@ -105,16 +103,10 @@ class Observer:
         self._other_before = None if solids is None else solids.other
 
 
-def likelihood_by_others(sight: RectifiedView, codes: Codes, doubted: Collection[int]) -> NDArray[np.float64]:
-    """What squares of one picture look like, by what is known to stand on the other ones.
+def likelihood_by_others(sight: RectifiedView, codes: Codes, doubted: Collection[int]) -> Array:
+    """What squares of one picture look like, as ``Appearance.likelihood``, by what is known to stand on the other ones.
 
-    Args:
-        sight: the picture.
-        codes: the position; on the doubted squares it may be anything.
-        doubted: squares from which nothing is learnt.
-
-    Returns:
-        As ``Appearance.likelihood``, shape (64, 3).
+    On the doubted squares the position may be anything, and nothing is learnt from them.
     """
     light = light_of(sight.plan)
     states = states_of(codes).copy()

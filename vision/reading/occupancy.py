@@ -11,12 +11,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Array, Indices, Mask
 from vision.reading.appearance import BLACK, EMPTY, MEMORY, WHITE
 from vision.reading.solids import Solids
-
-Array = NDArray[np.float64]
 
 BOUND: Final = 8.0
 """Neither counts for more than this, in natural logarithms."""
@@ -32,7 +30,6 @@ FEW: Final = 0.25
 little."""
 ABOVE: Final = 0.1
 """Where a larger share of points is above any piece, fingers may be what stands up."""
-
 HARDLY: Final = 0.2
 """A piece of whose square less than this is hidden shows its colour …"""
 MOSTLY: Final = 0.4
@@ -49,7 +46,7 @@ class DepthOccupancy:
         self._error = _Two(1)
         self._colour = _Two(3)
 
-    def learn(self, solids: Solids, states: NDArray[np.intp], memory: float = MEMORY) -> None:
+    def learn(self, solids: Solids, states: Indices, memory: float = MEMORY) -> None:
         """Take in a position that is known; states of the squares, shape (64,)."""
         free = ~_reached(solids)
         none = np.zeros(64, dtype=np.bool_)
@@ -93,10 +90,9 @@ def _shown(solids: Solids) -> Array:
     return shown
 
 
-def _reached(solids: Solids) -> NDArray[np.bool_]:
+def _reached(solids: Solids) -> Mask:
     """Whether a hand may reach into a square."""
-    reached: NDArray[np.bool_] = solids.above > ABOVE * np.maximum(solids.seen, 1)
-    return reached
+    return solids.above > ABOVE * np.maximum(solids.seen, 1)
 
 
 class _Two:
@@ -107,7 +103,7 @@ class _Two:
         self._mean = np.zeros((2, size))
         self._scatter = np.zeros(size)
 
-    def learn(self, values: Array, first: NDArray[np.bool_], second: NDArray[np.bool_], memory: float) -> None:
+    def learn(self, values: Array, first: Mask, second: Mask, memory: float) -> None:
         self._count *= memory
         self._scatter *= memory
         for which, of_class in enumerate((first, second)):

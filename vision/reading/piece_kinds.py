@@ -7,13 +7,11 @@ from typing import Final
 
 import chess
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Array
 from vision.reading.evidence import Codes
 from vision.reading.moves import MoveReading
 from vision.reading.outcome import ReadingOutcome
-
-Array = NDArray[np.float64]
 
 CHOICES: Final = (chess.QUEEN, chess.ROOK, chess.BISHOP, chess.KNIGHT)
 SPREAD: Final = 0.0015
@@ -43,9 +41,7 @@ class KindClassifier:
     def promoted(self, decision: MoveReading, heights: Array | None) -> MoveReading:
         """The decision with the piece that was promoted to; ``promotion_unsure`` where it is not seen for certain.
 
-        Args:
-            decision: on a look.
-            heights: in the look; None: it has no depth.
+        Heights are those in the look; None: it has no depth.
         """
         if decision.verdict is not ReadingOutcome.MOVE or not any(move.promotion for move in decision.moves):
             return decision

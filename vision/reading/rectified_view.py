@@ -13,15 +13,12 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hardware.interfaces import Frame
+from vision.arrays import Array, Picture
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.reading.solids import Solids, solids_of
-
-Array = NDArray[np.float64]
-Picture = NDArray[np.uint8]
-Field = NDArray[np.float32]
 
 SQUARE_PX: Final = 24
 """Side of a square in the plan [px]: about as many as a camera of 640×480 shows. More tell no more."""
@@ -53,12 +50,7 @@ class RectifiedView:
 
 
 def sight_of_picture(colour: Picture, corners: ArrayLike, stamp: float = 0.0) -> RectifiedView:
-    """The board in a picture of which only its corners are known.
-
-    Args:
-        colour: RGB, shape (h, w, 3).
-        corners: outer corners of the playing area a1, h1, h8, a8, shape (4, 2) [px].
-        stamp: of exposure [s].
+    """The board in a picture, RGB (h, w, 3), of which only its outer corners a1, h1, h8, a8 are known, (4, 2) [px].
 
     Raises:
         BoardNotFound: the points are no corners of a board.
@@ -76,8 +68,7 @@ def sight_of_frame(frame: Frame, view: BoardView) -> RectifiedView:
     Raises:
         ValueError: the frame is of another camera.
     """
-    if frame.intrinsics != view.intrinsics:
-        raise ValueError(f"the frame is by a camera with {frame.intrinsics}, this view is of {view.intrinsics}")
+    view.require_camera(frame)
     corners = view.project(playing_area(view.table))
     camera = view.camera_position / view.table.square + np.array([4.0, 4.0, 0.0])
     solids = None if frame.depth is None else solids_of(frame, view)

@@ -11,17 +11,17 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.interfaces import Frame
+from vision.arrays import Array, Field, Indices, Mask, Picture, Whole
 from vision.board.view import BoardView
-from vision.brightness import LOGARITHM
 from vision.loops import colour_sums, lay_out, tops
 from vision.reading.visibility import hidden_by, room_of
 
-Array = NDArray[np.float64]
-Field = NDArray[np.float32]
-
+DARKEST: Final = 0.08
+"""Added to brightness (0 to 1) before its logarithm: below it there is more noise than picture."""
+LOGARITHM: Final[Field] = np.log(np.arange(256) / 255.0 + DARKEST).astype(np.float32)
+"""By the level of a pixel, 0 to 255."""
 TALL: Final = 0.012
 """What is higher than this is no board [m]: a pawn is 34 mm high, the depth of a D435 errs by 1 to 2 mm at 0.6 m."""
 CEILING: Final = 0.08
@@ -57,13 +57,13 @@ class Solids:
             points, without the edges of what stands there, shape (64, 3); 0 where there are none.
     """
 
-    seen: NDArray[np.intp]
-    standing: NDArray[np.intp]
-    above: NDArray[np.intp]
+    seen: Indices
+    standing: Indices
+    above: Indices
     top: Array
     colour: Array
     room: Array
-    other: NDArray[np.bool_]
+    other: Mask
 
 
 def solids_of(frame: Frame, view: BoardView) -> Solids:
@@ -91,15 +91,13 @@ def solids_of(frame: Frame, view: BoardView) -> Solids:
     return Solids(seen, count, above, top, colour, room_of(frame.depth, view), hidden_by(label, view))
 
 
-def _colour(
-    picture: NDArray[np.uint8], square: NDArray[np.int32], where: NDArray[np.bool_]
-) -> tuple[Array, NDArray[np.intp]]:
+def _colour(picture: Picture, square: Whole, where: Mask) -> tuple[Array, Indices]:
     """Mean logarithmic colour of each square's points, shape (64, 3), and how many they are."""
     sums, count = colour_sums(picture, LOGARITHM, square, where)
     return sums[:64] / np.maximum(count[:64], 1)[:, None], count[:64]
 
 
-def _points(depth: Field, view: BoardView) -> tuple[tuple[slice, slice], NDArray[np.int32], Field, NDArray[np.bool_]]:
+def _points(depth: Field, view: BoardView) -> tuple[tuple[slice, slice], Whole, Field, Mask]:
     """The part of a picture that may show the board or what stands on it, and the points of its pixels.
 
     Returns:

@@ -4,6 +4,9 @@ That no point of a square stands up says little where a queen in front hides mos
 imagers of a depth camera is blinded by it. What tells an empty square is that lines of sight have passed where a piece
 would have stopped them. So pieces are tried all over each square: the lowest there are, since what is higher is seen
 the more. A place is free if enough points within a piece there have been seen through.
+
+Without depth there is perspective: a piece, taken as an upright cylinder as high and as wide as an average one, covers
+a part of the plan behind its square.
 """
 
 from __future__ import annotations
@@ -12,13 +15,10 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, Kind, piece_profile
+from vision.arrays import Array, Field, Indices, Mask, Picture
 from vision.board.view import BoardView
-
-Array = NDArray[np.float64]
-Field = NDArray[np.float32]
 
 PLACES: Final = 7
 """Along each axis of a square, at which a piece is tried."""
@@ -40,14 +40,17 @@ CELLS: Final = 6
 """Along each axis of a square's middle, in which it is told what hides the square."""
 MIDDLE: Final = 0.8
 """Share of a square's side that counts as its middle."""
+RADIUS: Final = 0.30
+HEIGHT: Final = 1.3
+"""Of an average piece: tournament sets are 1 (pawn) to 1.7 (king) squares high, with feet of 0.6 to 0.8."""
+COUNTED: Final = 12
+"""Along a square, when shares are counted."""
 
 
 def room_of(depth: Field, view: BoardView) -> Array:
     """How likely a piece on each square would have gone unseen, by where pieces are put: shape (64,), 0 to 1.
 
-    Args:
-        depth: of a frame, shape (height, width) [m]; 0 where nothing was measured.
-        view: of the board in it.
+    In depth, (height, width) [m], 0 is where nothing was measured.
     """
     pixels, away, usual = _trials(view)
     seen = depth.ravel().take(pixels) > away
@@ -57,7 +60,7 @@ def room_of(depth: Field, view: BoardView) -> Array:
 
 
 @lru_cache(maxsize=4)
-def _trials(view: BoardView) -> tuple[NDArray[np.intp], Field, Array]:
+def _trials(view: BoardView) -> tuple[Indices, Field, Array]:
     """Pixels in which pieces are looked for and the depth behind them, (points, 64, places); then weights of the
     places, (places,).
     """
@@ -88,31 +91,63 @@ def _points_within(kind: Kind, view: BoardView) -> Array:
     return points.reshape(-1, 3)
 
 
-def hidden_by(label: NDArray[np.uint8], view: BoardView) -> NDArray[np.bool_]:
+def hidden_by(label: Picture, view: BoardView) -> Mask:
     """Where the picture of a square's surface shows what stands elsewhere: shape (64, CELLS²).
 
-    Args:
-        label: for each pixel of a frame, 0 where it shows the board or nothing is known, 1 to 64 where it shows what
-            stands on the square a1 to h8, more where it shows anything else; shape (height, width).
-        view: of the board in it.
+    The label of a pixel is 0 where it shows the board or nothing is known, 1 to 64 where it shows what stands on the
+    square a1 to h8, more where it shows anything else; shape (height, width).
     """
     seen = label.ravel().take(_cells(view))
-    other: NDArray[np.bool_] = (seen > 0) & (seen != np.arange(1, 65)[:, None])
+    other: Mask = (seen > 0) & (seen != np.arange(1, 65)[:, None])
     return other
 
 
 @lru_cache(maxsize=4)
-def _cells(view: BoardView) -> NDArray[np.intp]:
+def _cells(view: BoardView) -> Indices:
     """Pixels that show the cells of squares' middles, (64, CELLS²); beyond the picture its nearest pixel."""
     steps = MIDDLE * ((np.arange(CELLS) + 0.5) / CELLS - 0.5)
     points = np.zeros((64, CELLS * CELLS, 3))
     points[..., :2] = _middles()[:, None] + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     column, row = np.moveaxis(np.rint(view.project(points * view.table.square)), -1, 0).astype(np.intp)
     width, height = view.intrinsics.width, view.intrinsics.height
-    cells: NDArray[np.intp] = column.clip(0, width - 1) + width * row.clip(0, height - 1)
+    cells: Indices = column.clip(0, width - 1) + width * row.clip(0, height - 1)
     return cells
 
 
 def _middles() -> Array:
     """Of the squares, shape (64, 2) [sides of a square]."""
     return np.array([(square % 8 - 3.5, square // 8 - 3.5) for square in range(64)])
+
+
+def cover(camera: Array) -> Array:
+    """Share of each square's middle that a piece on another one covers in the plan, seen from a pinhole (3,) [squares].
+
+    Returns:
+        Shape (64, 64), read-only: row the square with the piece, column the covered square. The diagonal is 1.
+    """
+    x, y, z = (round(float(value), 1) for value in camera)  # nearer than that, nothing differs
+    return _cover(x, y, z)
+
+
+@lru_cache(maxsize=8)
+def _cover(x: float, y: float, z: float) -> Array:
+    camera = np.array([x, y])
+    above = max(z, HEIGHT + 0.5)  # a camera among the pieces sees no board
+    steps = (np.arange(COUNTED) + 0.5) / COUNTED
+    steps = steps[np.abs(steps - 0.5) < 0.4]  # the middle of a square: its edge may belong to a neighbour
+    shares = np.eye(64)
+    points = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    origins = np.array([(square % 8, square // 8) for square in range(64)], dtype=float)
+    for square, origin in enumerate(origins):
+        foot = origin + 0.5
+        scale = above / (above - HEIGHT)
+        head = camera + (foot - camera) * scale
+        grid = origins[:, None, :] + points
+        # nearest point of the axis' picture; the piece's picture grows from foot to head
+        axis = head - foot
+        along = np.clip(((grid - foot) @ axis) / max(float(axis @ axis), 1e-9), 0.0, 1.0)
+        distance = np.linalg.norm(grid - foot - along[..., None] * axis, axis=-1)
+        shares[square] = (distance < RADIUS * (1.0 + along * (scale - 1.0))).mean(axis=1)
+    np.fill_diagonal(shares, 1.0)
+    shares.flags.writeable = False
+    return shares

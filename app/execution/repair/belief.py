@@ -4,20 +4,27 @@ Every way to give the squares to pieces that should be on the board, to pieces f
 hypothesis. It costs the negative logarithm of its probability: nothing for a piece that stands where it should, and
 something for one that was carried off, taken away or brought. How likely a square's kinds are counts where it is known.
 The cheapest hypothesis is believed as far as none that says another kind on a square is nearly as cheap.
+
+Two moves can look like one piece carried off, where the first one's square is taken again by the second: a pawn goes
+from e2 to e4, then the queen from d1 to e2: d1 is empty, and something white stands on e4, as if the queen had been
+carried there. Colours alone do not tell.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import chess
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from app.execution.repair.observed import FLUKE, Chances
+from app.pieces.layout import kind_of
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
 
 Array = NDArray[np.float64]
@@ -60,14 +67,10 @@ def believe(
     colour: Colour, pieces: Sequence[PieceSpec], squares: Sequence[int], kinds: Mapping[int, Chances],
     table: TableSettings,
 ) -> Belief:  # fmt: skip
-    """Find out which piece stands on which square.
+    """Find out which piece of a colour stands on which of the squares where that colour is seen.
 
-    Args:
-        colour: of all of them.
-        pieces: that should be on the board, each on its square.
-        squares: where that colour stands.
-        kinds: how likely what stands on a square is of each kind; left out: unknown.
-        table: where squares are.
+    ``pieces`` should be on the board, each on its square; ``kinds`` says how likely what stands on a square is of each
+    kind; left out: unknown.
     """
     cost = _costs(colour, pieces, squares, kinds, table)
     rows, columns = linear_sum_assignment(cost)
@@ -119,3 +122,54 @@ def _cheapest_other(cost: Array, pieces: Sequence[PieceSpec], column: int, row: 
     changed[alike or slice(len(pieces), None), column] = _NEVER
     rows, columns = linear_sum_assignment(changed)
     return float(changed[rows, columns].sum())
+
+
+def doubted(
+    board: chess.Board, looks: Mapping[int, Colour | None], believed: Mapping[int, Kind], kinds: Mapping[int, Chances]
+) -> frozenset[int]:
+    """Squares on which other kinds than believed may stand, since two moves in a row would look the same.
+
+    ``board`` should be there, and is not changed; ``looks`` has the colour of what stands on each of the 64 squares,
+    ``believed`` the kind; ``kinds`` is as of `believe`.
+    """
+    white, black = (sum(1 << square for square, look in looks.items() if look is colour) for colour in Colour)
+    squares = set[int]()
+    for after in _after_two(board, white, black):
+        placed = {square: kind_of(piece) for square, piece in after.items()}
+        other = {square for square, kind in believed.items() if placed[square] is not kind}
+        margin = math.fsum(
+            math.log(_likely(kinds, square, believed[square])) - math.log(_likely(kinds, square, placed[square]))
+            for square in other
+        )
+        if margin < SURE:
+            squares |= other
+    return frozenset(squares)
+
+
+def _likely(kinds: Mapping[int, Chances], square: int, kind: Kind) -> float:
+    return max(kinds[square].get(kind, 0.0), FLUKE) if square in kinds else 1.0 / len(Kind)
+
+
+def _after_two(board: chess.Board, white: int, black: int) -> Iterator[Mapping[int, chess.Piece]]:
+    """Positions after two legal moves, by both sides or by the one to move, in which each side has these squares."""
+    now = board.copy(stack=False)
+    for first in list(now.legal_moves):
+        now.push(first)
+        for own in (False, True):
+            after = now if not own else _passed(now)
+            mine = white if after.turn else black
+            for second in after.generate_legal_moves(~mine, mine | after.occupied_co[after.turn]):
+                if not (mine >> second.to_square & 1 or after.is_castling(second)):
+                    continue
+                after.push(second)
+                if after.occupied_co[chess.WHITE] == white and after.occupied_co[chess.BLACK] == black:
+                    yield after.piece_map()
+                after.pop()
+        now.pop()
+
+
+def _passed(board: chess.Board) -> chess.Board:
+    """The same position with the other side to move."""
+    passed = board.copy(stack=False)
+    passed.turn, passed.ep_square = not board.turn, None
+    return passed

@@ -9,12 +9,11 @@ from typing import Final
 
 import chess
 
-from app.execution.repair.belief import Belief, believe
+from app.execution.repair.belief import Belief, believe, doubted
 from app.execution.repair.observed import KNOWN, BoardObservation
-from app.execution.repair.swaps import doubted
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point, rearrange
-from hardware.table import Colour, PieceSpec, Place, square_place
+from hardware.table import Colour, PieceSpec, square_place
 from vision.pieces.verify import TOLERANCE
 
 SEEN_WITHIN: Final = 0.75
@@ -78,7 +77,8 @@ def mend(
     beliefs = _beliefs(expected, observation, board)
     gone = tuple(piece for belief in beliefs.values() for piece in belief.gone)
     if asks := _asks(expected, observation, beliefs):
-        return _joined([*asks, *([_missing(gone)] if gone else [])])
+        asks += [_missing(gone)] if gone else []
+        return Ask("; ".join(ask.sentence for ask in asks), tuple(sorted({at for ask in asks for at in ask.squares})))
     there = {name: square_place(square) for belief in beliefs.values() for name, square in belief.standing.items()}
     left = tuple(piece for piece in expected if piece not in gone)
     believed = Inventory.of(
@@ -95,15 +95,10 @@ def repair_towards(
     tolerance: float = TOLERANCE,
     rest: Point = (0.0, 0.0),
 ) -> Repair | Ask:
-    """Plan how the arm gets from what is believed to stand there to what is wanted.
+    """Plan how the arm gets from what is believed to stand there (missing pieces are left out) to what is wanted.
 
-    Args:
-        believed: what stands where now, of :func:`mend`; pieces that are missing are left out.
-        wanted: what shall stand where.
-        observation: what is seen; its places may come from another look, at the pieces where they are
-            believed to stand.
-        tolerance: as of :func:`mend`.
-        rest: as of :func:`mend`.
+    The places of the observation may come from another look, at the pieces where they are believed to stand;
+    ``tolerance`` and ``rest`` are as of :func:`mend`.
 
     Raises:
         PieceBoxed: a piece that lies in a box is wanted elsewhere.
@@ -242,15 +237,10 @@ def _extra(squares: Sequence[int], colour: Colour) -> Ask:
 
 
 def _missing(gone: Sequence[PieceSpec]) -> Ask:
-    puts = _list([f"the {_name(piece)} on {piece.place}" for piece in sorted(gone, key=_place)])
+    puts = _list([f"the {_name(piece)} on {piece.place}" for piece in sorted(gone, key=lambda piece: piece.place)])
     what = f"{len(gone)} pieces are" if len(gone) > 1 else "a piece is"
     squares = sorted(piece.place.index for piece in gone if piece.place.on_board)
     return Ask(f"{what} missing: put {puts}", tuple(squares))
-
-
-def _joined(asks: Sequence[Ask]) -> Ask:
-    squares = sorted({square for ask in asks for square in ask.squares})
-    return Ask("; ".join(ask.sentence for ask in asks), tuple(squares))
 
 
 def _what_is_done(believed: Inventory, target: Inventory, transfers: Sequence[Transfer]) -> str:
@@ -269,10 +259,6 @@ def _what_is_done(believed: Inventory, target: Inventory, transfers: Sequence[Tr
 
 def _name(piece: PieceSpec) -> str:
     return f"{piece.colour} {piece.kind}"
-
-
-def _place(piece: PieceSpec) -> Place:
-    return piece.place
 
 
 def _list(words: Sequence[str]) -> str:

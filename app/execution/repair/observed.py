@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
@@ -21,7 +21,6 @@ from vision.reading.piece_kinds import SPREAD
 
 Chances = Mapping[Kind, float]
 """How likely each kind is; they add up to 1."""
-
 FLUKE: Final = 1e-3
 """No kind is less likely than this, whatever its height: depth pictures have spots that are wrong."""
 KNOWN: Final = 0.9
@@ -43,6 +42,7 @@ class BoardObservation:
         fallen: squares on which a piece lies.
         unclear: squares on which something is that looks like no piece, or not like the one that should stand there.
         kinds: how likely what stands on a square is of each kind; left out: unknown.
+        faults: what is not as it should be.
     """
 
     looks: Mapping[int, Colour | None]
@@ -50,13 +50,14 @@ class BoardObservation:
     fallen: frozenset[int] = frozenset()
     unclear: frozenset[int] = frozenset()
     kinds: Mapping[int, Chances] = field(default_factory=dict)
+    faults: tuple[Fault, ...] = ()
 
     @classmethod
     def of(
         cls,
         expected: Inventory,
         states: NDArray[np.intp],
-        faults: Iterable[Fault] = (),
+        faults: Sequence[Fault] = (),
         centres: Mapping[int, Centre] = MappingProxyType({}),
         kinds: Mapping[int, Chances] = MappingProxyType({}),
     ) -> BoardObservation:
@@ -68,7 +69,7 @@ class BoardObservation:
         Args:
             expected: what should stand where.
             states: what each square looks like, shape (64,), of ``Evidence.read``.
-            faults: of ``verify_board`` against what should stand there.
+            faults: of ``examine_board`` against what should stand there.
             centres: of ``piece_centres`` by square, of what does stand there; they count for more than faults.
             kinds: as of the class.
         """
@@ -85,7 +86,7 @@ class BoardObservation:
             elif (fault.kind is FaultKind.MISSING and alike) or (fault.kind is FaultKind.FOREIGN and here is None):
                 unclear.add(square)
         places |= {square: (c.x, c.y) for square, c in centres.items() if c.upright and looks[square] is not None}
-        return cls(looks, places, frozenset(fallen), frozenset(unclear), dict(kinds))
+        return cls(looks, places, frozenset(fallen), frozenset(unclear), dict(kinds), tuple(faults))
 
 
 def _may_be(kind: Kind, chances: Chances) -> bool:
@@ -93,14 +94,10 @@ def _may_be(kind: Kind, chances: Chances) -> bool:
 
 
 def kinds_by_height(height: float, known: Mapping[Kind, float] = HEIGHTS, spread: float = SPREAD) -> dict[Kind, float]:
-    """How likely each kind is by how high a piece looks, all of them being as likely before.
+    """How likely each kind is by how high a piece looks [m], all of them being as likely before.
 
-    A height that none has says nothing: a piece that lies is lower than all.
-
-    Args:
-        height: as seen [m].
-        known: of each kind, as the camera sees it [m].
-        spread: standard deviation of a height as seen [m].
+    A height that none has says nothing: a piece that lies is lower than all. ``known`` has the height of each kind as
+    the camera sees it, and ``spread`` is the standard deviation of one, both [m].
     """
     likely = {kind: max(math.exp(-0.5 * ((height - of) / spread) ** 2), FLUKE) for kind, of in known.items()}
     whole = math.fsum(likely.values())

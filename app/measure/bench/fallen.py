@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from app.execution.recovery_plans import MisplacedPiece, in_order, plan_making_way, plan_stand_up
+from app.execution.recovery_plans import in_order, plan_making_way, plan_stand_up
 from app.measure.bench.beds.bed import Bed, plant_of
 from app.measure.bench.report import BenchReport, Progress, row
 from app.motion import MotionSettings, Plan, PlanRefused
@@ -30,6 +30,7 @@ from hardware.sim.render.appearance import SceneState
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 from vision.board.view import BoardView
 from vision.pieces.fallen import find_misplaced
+from vision.pieces.pose_search import MisplacedPiece
 
 SEED: Final = 11
 TRIALS: Final = {True: 4, False: 60}
@@ -176,7 +177,7 @@ class FallTrial:
         view = BoardView(frame.intrinsics, self._view, self._table)
         expected = {self._place(spec): spec for spec in self._inventory}
         found = find_misplaced(frame, view, expected, tolerance=PLACED)
-        return [MisplacedPiece.of(one, self._place(expected[one.place])) for one in found]
+        return [replace(stray, target=self._place(expected[stray.target])) for stray in found]
 
     def _place(self, spec: PieceSpec) -> Place:
         return self._target if spec.name == self._victim.name else spec.place

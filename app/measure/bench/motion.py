@@ -179,8 +179,7 @@ def _bounds(motion: Motion, path: Path) -> list[Bounds]:
 def _seconds(motion: Motion, path: Path, tick: float) -> float:
     """How long a path of a motion takes in its samples [s], from the last sample of the first stay at its start."""
     at_start, at_end = (
-        np.abs(motion.samples["position"] - point).max(axis=1) < 1e-9
-        for point in path.position(np.array([0.0, path.total]))
+        np.abs(motion.samples["position"] - point).max(axis=1) < 1e-9 for point in (path.flat[0], path.end)
     )
     first = int(np.flatnonzero(at_start)[0])
     away = np.flatnonzero(~at_start[first:])

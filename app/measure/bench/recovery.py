@@ -25,7 +25,7 @@ from app.play.launch import run_games
 from app.play.session import SessionResult
 from app.records import EVENTS_FILE, PlyEvent, read_events
 from app.settings.tree import Settings
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from hardware.interfaces import HardwareError
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import Action, Knock, Move, Withdraw
@@ -63,7 +63,7 @@ class RecoveryTally:
     games: int = 0
 
 
-class Clumsy(Quiet):
+class Clumsy(UserInterface):
     """Sees each ply, and then has a hand do harm in the world of a run directory; the seed decides what.
 
     Attributes:

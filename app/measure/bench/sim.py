@@ -23,7 +23,7 @@ from app.play.launch import run_games
 from app.records import Report
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
 from app.settings.files import settings_of
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from controller.settings import ControllerSettings
 from hardware.interfaces import Pace
 from hardware.sim.process.construction import Construction
@@ -118,7 +118,7 @@ def play(folder: Path, plies: int) -> PlayedGame:
         }
     )  # fmt: skip
     since = time.perf_counter()
-    done = run_games(settings, Quiet())
+    done = run_games(settings, UserInterface())
     wall = time.perf_counter() - since
     if not done.holds:
         raise UserError(f"the game failed: {'; '.join(one.reason for one in done.report.failures)}")

@@ -19,7 +19,7 @@ from vision.board.anchor import Anchor
 from vision.board.find import find_board
 from vision.board.orientation import orient
 from vision.board.view import BoardNotFound
-from vision.hands.video_gate import VideoGate
+from vision.hands.stillness import VideoGate
 
 LOOKED_THROUGH: Final = 200
 """Frames at the beginning of a video in which the board is looked for: hands may be over it at first."""

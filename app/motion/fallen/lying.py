@@ -69,12 +69,8 @@ NO_LOOSE_PIECES: Final = LoosePieces()
 
 
 def standing_near(crowd: Iterable[Obstacle], lying: Iterable[Lying], table: TableSettings) -> Crowd:
-    """What is in the way: pieces that stand and pieces that lie; the latter count as rows of low discs.
-
-    Args:
-        crowd: pieces that stand, each where it stands.
-        lying: others than the one that is moved.
-        table: board, trays and boxes.
+    """What is in the way: pieces that stand, each where it stands, and others that lie, which count as rows of low
+    discs.
     """
     stands = Crowd.of(crowd, table)
     rows, pieces = [stands.table], list(stands.pieces)

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from app.motion.path import Vector
+from app.motion.timing.reference import eased
 from hardware.frozen import FrozenFinite
 from hardware.parameters import Pads
 from hardware.table import PieceShape
@@ -88,12 +89,7 @@ def pivot_of(shape: PieceShape, how: PivotSettings) -> PivotEdge:
 
 
 def reach(pads: Pads, direction: Vector) -> float:
-    """How far the closed fingers reach from the tool's centre towards a direction of the board [m].
-
-    Args:
-        pads: of the fingers.
-        direction: unit vector (2,).
-    """
+    """How far the closed fingers reach from the tool's centre towards a direction of the board, (2,) [m]."""
     depth = pads.half_width * math.tan(pads.groove_angle)
     face = math.hypot(depth, pads.half_width)
     behind = pads.back / face * np.array([pads.half_width, depth])
@@ -113,14 +109,9 @@ def sweep(pivot: PivotEdge, how: PivotSettings) -> list[tuple[float, float]]:
 
 
 def circle(pivot: PivotEdge, how: PivotSettings, stiffness: float, ticks: int, tick: float) -> Vector:
-    """The way round the rim, from rest to rest: the fingers' inner lower edge in frame ``over``.
+    """The way round the rim, from rest to rest in some ticks: the fingers' inner lower edge in frame ``over``.
 
-    Args:
-        pivot: of the piece.
-        how: to go.
-        stiffness: of the tool's height [N/m].
-        ticks: that it takes.
-        tick: [s].
+    ``stiffness`` is that of the tool's height [N/m].
 
     Returns:
         Outwards and up, each with velocity and acceleration, at 1, 2, … ticks: (ticks, 2, 3) [m, m/s, m/s²]. Heights
@@ -151,12 +142,3 @@ def _pressed(share: Vector, how: PivotSettings, end: float, stiffness: float) ->
     value = a * q**2 * (1.0 - q) + b * q**2
     slope, bend = a * (2.0 * q - 3.0 * q**2) + 2.0 * b * q, a * (2.0 - 6.0 * q) + 2.0 * b
     return np.stack([pressed + value, slope * rate, bend * rate**2 + slope * change], axis=1)
-
-
-def eased(ticks: int, tick: float) -> Vector:
-    """From 0 to 1 with rest at both ends, by a quintic: value, rate and its change at 1, 2, … ticks, (ticks, 3)."""
-    t, duration = np.arange(1.0, ticks + 1.0) / ticks, ticks * tick
-    return np.stack([
-        t**3 * (10.0 - 15.0 * t + 6.0 * t**2), 30.0 * t**2 * (1.0 - t) ** 2 / duration,
-        60.0 * t * (1.0 - t) * (1.0 - 2.0 * t) / duration**2,
-    ], axis=1)  # fmt: skip

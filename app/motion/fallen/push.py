@@ -2,8 +2,8 @@
 
 The fingers come down beside a piece, its foot's height or lower, and go slowly along the board. A piece that stands is
 pushed at its foot, far below where it would topple: at a height h it slides rather than tips while h < r / μ, 22 mm for
-a pawn's foot on felt. One that lies is pushed through its centre of mass. Where exactly it comes to rest, only eyes can
-tell: nothing relies on it.
+a pawn's foot on felt. One that lies is pushed through its centre of mass. Where exactly it comes to rest, only the
+camera can tell: nothing relies on it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from app.motion.arcs import Hop, Way, Workcell, over, polygon
+from app.motion.arcs import Arc, Waypoints, Workcell, homewards, over, polygon
 from app.motion.fallen.lying import LoosePieces, Strip, crowd_of, discs_of, in_the_strip
 from app.motion.fallen.pivot_edge import MASS_HEIGHT, reach
 from app.motion.motions import motion_of
@@ -75,13 +75,13 @@ def find_nudge(
     names: tuple[str, ...], scene: LoosePieces, kept: frozenset[str], helps: Callable[[LoosePieces], bool], pads: Pads,
     table: TableSettings,
 ) -> Nudge | None:  # fmt: skip
-    """The least push that helps, if there is one.
+    """The least push of one of the named pieces that helps, if there is one.
 
     Args:
         names: of pieces that may be pushed.
         scene: all pieces on the table, where they are.
-        kept: those that stand where they should.
-        helps: whether a scene is one in which the arm can go on.
+        kept: names of those that stand where they should.
+        helps: whether the arm can go on in a scene.
         pads: of the fingers.
         table: board and trays.
     """
@@ -107,12 +107,7 @@ def find_nudge(
 
 
 def plan_nudge(planner: Planner, nudge: Nudge, scene: LoosePieces) -> Plan:
-    """Over to the piece, the push, and home.
-
-    Args:
-        planner: of the arm.
-        nudge: the push.
-        scene: all pieces on the table, where they are.
+    """Over to the piece, the push, and home; ``scene`` has all pieces on the table where they are.
 
     Raises:
         PlanRefused: it leads out of the workspace.
@@ -120,23 +115,21 @@ def plan_nudge(planner: Planner, nudge: Nudge, scene: LoosePieces) -> Plan:
     cell = planner.cell
     height = nudge.tips + cell.parameters.pads.half_height
     begin, end = cell.base([(*nudge.begin, height), (*nudge.end, height)])
-    home = np.asarray(cell.settings.home, dtype=float)
-    hop = Hop(cell.board(np.asarray(planner.start, dtype=float)), (*nudge.begin, height), 0.0, None, planner.finger)
-    to = over(cell, hop, crowd_of(scene, cell.table))
+    arc = Arc(cell.board(np.asarray(planner.start, dtype=float)), (*nudge.begin, height), 0.0, None, planner.finger)
+    to = over(cell, arc, crowd_of(scene, cell.table))
     push = polygon(cell, np.array([begin, end]), [], None)
     push = push._replace(bounds=tuple(replace(one, speed=min(one.speed, _SPEED)) for one in push.bounds))
-    back = polygon(cell, np.array([end, [end[0], end[1], min(end[2], home[2])], home]), [0.0], None)
     motions = [
         _motion(cell, f"to the {nudge.name}", to, planner.finger),
         _motion(cell, f"push the {nudge.name} by {1e3 * nudge.way:.0f} mm", push, 0.0),
-        _motion(cell, "home", back, 0.0),
+        _motion(cell, "home", homewards(cell, end), 0.0),
     ]
     return planner.plan(f"push the {nudge.name}", motions)
 
 
-def _motion(cell: Workcell, label: str, way: Way, finger: float) -> Motion:
+def _motion(cell: Workcell, label: str, way: Waypoints, finger: float) -> Motion:
     """Stiff all along, with the fingers closed."""
-    return motion_of(cell, label, Route(*way, contact=(0.0, 0.0), finger=finger, opens=0.0), None, None)[0]
+    return motion_of(cell, label, Route(*way, contact=(0.0, 0.0), finger=finger, opens=0.0))[0]
 
 
 def _bodies(scene: LoosePieces) -> dict[str, Vector]:

@@ -16,16 +16,16 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from app.motion.arcs import Hop, Workcell, over, polygon
+from app.motion.arcs import Arc, Workcell, homewards, over, polygon
 from app.motion.fallen.lying import Lying, Strip, in_the_strip, standing_near
-from app.motion.fallen.pivot_edge import PivotEdge, PivotSettings, circle, eased, pivot_of, reach, sweep
-from app.motion.motions import motion_of
+from app.motion.fallen.pivot_edge import PivotEdge, PivotSettings, circle, pivot_of, reach, sweep
+from app.motion.motions import motion_of, sampled_motion
 from app.motion.obstacles import Crowd, Obstacle
 from app.motion.path import Vector
 from app.motion.plan import InTheWay, Motion, Plan
 from app.motion.planner import Planner
 from app.motion.route import Route
-from app.motion.timing.reference import Segment, dwell, join, to_samples
+from app.motion.timing.reference import eased
 from hardware.table import PIECE_SHAPES
 
 _USUAL: Final = PivotSettings()
@@ -46,14 +46,8 @@ def plan_upright(
     planner: Planner, lying: Lying, standing: Iterable[Obstacle], others_lying: Iterable[Lying],
     how: PivotSettings = _USUAL,
 ) -> StandUpPlan:  # fmt: skip
-    """Stand a piece up where it lies, and go home.
-
-    Args:
-        planner: of the arm.
-        lying: the piece.
-        standing: all pieces that stand, each where it stands.
-        others_lying: other pieces that lie.
-        how: to press and to go.
+    """Stand a piece up where it lies, and go home; all pieces that stand, and others that lie, are given where they
+    are.
 
     Raises:
         InTheWay: a piece is where the fingers or the foot have to go.
@@ -70,16 +64,12 @@ def plan_upright(
         )
     begin = _tool_point(cell, lying, pivot.contact)
     route = _approach(cell, lying, begin, np.asarray(planner.start, dtype=float), planner.finger, others)
-    first, finger = motion_of(cell, f"onto the pivot edge of the {lying.called}", route, None, None)
+    first, finger = motion_of(cell, f"onto the pivot edge of the {lying.called}", route)
     first = replace(first, touches_at=float(begin[2]))
     second = _draw_over(cell, lying, pivot, begin, how)
     end = second.samples["position"][-1].astype(float)
-    home = np.asarray(cell.settings.home, dtype=float)
-    up = np.array([end[0], end[1], min(end[2], home[2])])
-    back = Route(
-        *polygon(cell, np.array([end, up, home]), [0.0], None), contact=(0.0, 0.0), finger=finger, opens=finger
-    )
-    third, _ = motion_of(cell, "home", back, None, None)
+    back = Route(*homewards(cell, end), contact=(0.0, 0.0), finger=finger, opens=finger)
+    third, _ = motion_of(cell, "home", back)
     plan = planner.plan(f"stand up the {lying.called}", [first, second, third])
     x, y = (np.array(lying.base) + pivot.stands * lying.outwards).tolist()
     return StandUpPlan(plan, (x, y))
@@ -119,7 +109,7 @@ def _approach(cell: Workcell, lying: Lying, begin: Vector, start: Vector, finger
     x, y, height = cell.board(begin)
     low = 2.0 * PIECE_SHAPES[lying.kind].foot_radius + cell.parameters.pads.half_height + cell.settings.clearance
     above, end = (x, y, height + _UPRIGHT), (x, y, height + _FEELING)
-    way = over(cell, Hop(cell.board(start), above, low, None, finger), others)
+    way = over(cell, Arc(cell.board(start), above, low, None, finger), others)
     down = polygon(cell, cell.base([above, end]), [], None)
     return Route(
         np.concatenate([way.points, down.points[1:]]), np.append(way.tangents, 0.0), (*way.bounds, *down.bounds),
@@ -150,22 +140,15 @@ def _draw_over(cell: Workcell, lying: Lying, pivot: PivotEdge, begin: Vector, ho
     for part in range(3):
         table[:, 3 * part : 3 * part + 3] = np.outer(outwards[:, part], away) - np.outer(upwards[:, part], down)
     table[:, 0:3] += begin - pivot.contact[0] * away + pivot.contact[1] * down
-    path = join([dwell(begin, 1), Segment(table), dwell(table[-1, 0:3], math.ceil(how.settling_time / tick))])
-    samples = to_samples(path, _gains(cell, ticks, len(path), how), np.zeros(len(path)))
-    samples.flags.writeable = False
-    return Motion(
-        f"draw the {lying.called} over its pivot edge",
-        samples,
-        (len(path) - 1) * tick,
-        continuation=cell.continuation(),
-    )
+    upright = _frequencies(cell, ticks, 1 + len(table) + math.ceil(how.settling_time / tick), how)
+    label = f"draw the {lying.called} over its pivot edge"
+    return sampled_motion(cell, label, table, begin, how.settling_time, upright)
 
 
-def _gains(cell: Workcell, ticks: list[int], count: int, how: PivotSettings) -> Vector:
+def _frequencies(cell: Workcell, ticks: list[int], count: int, how: PivotSettings) -> Vector:
     """Height as soft as at a touch in the beginning, then so that forces are as planned, and stiff on the way out."""
     gains = cell.settings.gains
     knots = np.array([0.0, ticks[0], ticks[0] + ticks[1], sum(ticks)])
     values = np.array([gains.frequency_at_contact, how.frequency, how.frequency, gains.frequency_in_air])
-    upright = np.interp(np.arange(float(count)), knots, values)
-    stiff, double = np.full(count, gains.frequency_in_air), 2.0 * gains.damping_ratio
-    return np.stack([stiff**2, stiff**2, upright**2, double * stiff, double * stiff, double * upright], axis=1)
+    upright: Vector = np.interp(np.arange(float(count)), knots, values)
+    return upright

@@ -88,11 +88,9 @@ def _graded(rows: FloatArray, made: int, start: float, end: float, last: float, 
 
 @compiled_as(TABLE(TABLE, SCALAR))
 def grid(path: FloatArray, end_speed: float) -> FloatArray:
-    """Intervals of u along a path from rest, columns as of `curves.ROWS` with u̇ = 1, (n, 9).
+    """Intervals of u along a path (`Path.table`) from rest, columns as of `curves.ROWS` with u̇ = 1, (n, 9).
 
-    Args:
-        path: `Path.table`.
-        end_speed: of the tool at the end [m/s]; 0: it rests.
+    The tool reaches ``end_speed`` at the end [m/s]; 0: it rests.
     """
     count = path.shape[0]
     room = 4 * _RAMP_PARTS
@@ -124,12 +122,7 @@ def grid(path: FloatArray, end_speed: float) -> FloatArray:
 
 @compiled_as(TABLE(TABLE, SCALAR))
 def divided(rows: FloatArray, longest: float) -> FloatArray:
-    """The same law in shorter intervals.
-
-    Args:
-        rows: columns as of `curves.ROWS` with u̇ = 1, (n, 9).
-        longest: an interval may be so long [u].
-    """
+    """The same law (columns as of `curves.ROWS` with u̇ = 1) in intervals of at most a length [u]."""
     parts = np.ceil(rows[:, 5] / longest)
     out = np.empty((int(parts.sum()), _COLUMNS))
     made = 0

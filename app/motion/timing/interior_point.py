@@ -36,15 +36,12 @@ def _spline(step: FloatArray, rows: FloatArray) -> None:
 def _linear(
     step: FloatArray, rows: FloatArray, where: FloatArray, table: FloatArray, duration: FloatArray, forms: FloatArray
 ) -> None:
-    """Write all that is linear in b as forms of the three coefficients of its interval.
+    """Write all that is linear in b as forms of the three coefficients of its interval; ``rows`` as of `_spline`.
 
-    Args:
-        step: lengths of the n intervals.
-        rows: as of `_spline`.
-        where: interval of each row of ``table``, and how far into it, (m, 2).
-        table: r', r'', r''' along one axis by u, and the bounds of acceleration and jerk along it, (m, 5).
-        duration: out, b at the left end, middle and right end of each interval, (n, 9).
-        forms: out, of each row of ``table`` b, the acceleration by its bound, and the jerk by its bound and √b, (m, 9).
+    ``table`` has r', r'', r''' along one axis by u, and the bounds of acceleration and jerk along it, (m, 5), ``where``
+    the interval of each of its rows and how far into it, (m, 2). Written are ``duration``, b at the left end, middle
+    and right end of each interval, (n, 9), and ``forms``, of each row of ``table`` b, the acceleration by its bound,
+    and the jerk by its bound and √b, (m, 9).
     """
     for k in range(step.size):
         h = step[k]

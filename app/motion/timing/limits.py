@@ -65,11 +65,9 @@ def _cap(out: FloatArray, speed: float, downward: float) -> float:
 
 @compiled_as(TABLE(TABLE, TABLE))
 def limits(path: FloatArray, bounds: FloatArray) -> FloatArray:
-    """Bounds of each piece of a path: those of its line; of a corner the tighter ones of both its lines.
+    """Bounds of each piece of a path (`Path.table`): those of its line; of a corner the tighter ones of both its lines.
 
-    Args:
-        path: `Path.table`.
-        bounds: of each line: speed, acceleration, jerk, downward speed, (l, 4).
+    ``bounds`` are of each line: speed, acceleration, jerk, downward speed, (l, 4).
     """
     table = np.empty((path.shape[0], 4))
     for i in range(path.shape[0]):
@@ -108,17 +106,12 @@ def _leads(path: FloatArray, piece: int, axis: int) -> bool:
 def gather(
     path: FloatArray, bounds: FloatArray, rows: FloatArray, caps: FloatArray, where: FloatArray, table: FloatArray
 ) -> int:
-    """All bounds of a law at its nodes.
+    """All bounds of a law at its nodes; path, bounds and rows are as of `excess`, b is not looked at.
 
-    Where s' changes, b may change quickly: there the middle of an interval is looked at, too.
-
-    Args:
-        path: as of `excess`.
-        bounds: as of `excess`.
-        rows: as of `excess`; b is not looked at.
-        caps: out, largest b at both ends of each interval, (n, 2).
-        where: out, interval of each row of ``table``, and how far into it, (9 n, 2).
-        table: out, r', r'', r''' along one axis by u, and the bounds of acceleration and jerk along it, (9 n, 5).
+    Where s' changes, b may change quickly: there the middle of an interval is looked at, too. Written are ``caps``, the
+    largest b at both ends of each interval, (n, 2); ``where``, the interval of each row of ``table`` and how far into
+    it, (9 n, 2); and ``table``, r', r'', r''' along one axis by u, and the bounds of acceleration and jerk along it,
+    (9 n, 5).
 
     Returns:
         How many rows of ``where`` and ``table`` are filled.
@@ -217,14 +210,8 @@ def _way(low: float, high: float, acceleration: float, jerk: float) -> float:
 
 @compiled_as(SCALAR(SCALAR, SCALAR, SCALAR, SCALAR, SCALAR))
 def reachable(low: float, high: float, length: float, acceleration: float, jerk: float) -> float:
-    """The largest speed up to ``high`` that a line is long enough for from ``low``, both without acceleration.
-
-    Args:
-        low: speed [m/s].
-        high: speed [m/s].
-        length: of the line [m].
-        acceleration: bound [m/s²].
-        jerk: bound [m/s³].
+    """The largest speed up to ``high`` that a line of a length [m] is long enough for from ``low`` [m/s], both without
+    acceleration along it.
     """
     if _way(low, high, acceleration, jerk) <= length:
         return high
@@ -242,10 +229,7 @@ def reachable(low: float, high: float, length: float, acceleration: float, jerk:
 def speeds(path: FloatArray, bounds: FloatArray, end_speed: float) -> FloatArray:
     """Speeds of a law that passes corners at constant speeds and is without acceleration where pieces meet.
 
-    Args:
-        path: as of `excess`.
-        bounds: as of `excess`.
-        end_speed: to be reached at the end [m/s].
+    Path and bounds are as of `excess`; ``end_speed`` is reached at the end [m/s].
 
     Returns:
         Of each piece the speed at its begin, at its end, and the largest along it, (p, 3) [m/s].

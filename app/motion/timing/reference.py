@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.motion.path import Path, Vector, blend
-from app.motion.timing.time_law import Bounds, TimeLaw, line_law, time_law
+from app.motion.timing.time_law import Bounds, TimeParameterisation, line_law, time_law
 from controller.protocol import SAMPLE
 
-__all__ = ["Bounds", "Segment", "Vector", "along", "dwell", "glide", "join", "line", "to_samples"]
+__all__ = ["Bounds", "Segment", "Vector", "along", "dwell", "eased", "glide", "join", "line", "to_samples"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Segment:
         return len(self.table)
 
 
-def along(path: Path, law: TimeLaw, tick: float) -> Segment:
+def along(path: Path, law: TimeParameterisation, tick: float) -> Segment:
     """A path by its law, slowed down by less than a tick so that it ends with one.
 
     Returns:
@@ -62,13 +62,7 @@ def along(path: Path, law: TimeLaw, tick: float) -> Segment:
 
 
 def line(start: Vector, end: Vector, bounds: Bounds, tick: float) -> Segment:
-    """From rest to rest along a straight line, as quickly as the bounds allow.
-
-    Args:
-        start: point (3,) [m].
-        end: point (3,) [m].
-        bounds: speed along the line, acceleration and jerk of each axis.
-        tick: sampling period [s].
+    """From rest to rest along a straight line between two points (3,) [m], as quickly as the bounds of each axis allow.
 
     Returns:
         Samples at tick, 2·tick, …; the last one is at rest exactly at ``end``. Empty when start and end coincide.
@@ -102,6 +96,15 @@ def join(segments: list[Segment]) -> Segment:
     return Segment(np.concatenate([segment.table for segment in segments]))
 
 
+def eased(ticks: int, tick: float) -> Vector:
+    """From 0 to 1 with rest at both ends, by a quintic: value, rate and its change at 1, 2, … ticks, (ticks, 3)."""
+    t, duration = np.arange(1.0, ticks + 1.0) / ticks, ticks * tick
+    return np.stack([
+        t**3 * (10.0 - 15.0 * t + 6.0 * t**2), 30.0 * t**2 * (1.0 - t) ** 2 / duration,
+        60.0 * t * (1.0 - t) * (1.0 - 2.0 * t) / duration**2,
+    ], axis=1)  # fmt: skip
+
+
 _FIELDS = cast("Mapping[str, Any]", SAMPLE.fields)
 _GROUPS = np.dtype({
     "names": ["motion", "gains"], "formats": ["(9,)<f8", "(6,)<f4"], "itemsize": SAMPLE.itemsize,
@@ -111,12 +114,8 @@ _GROUPS = np.dtype({
 
 
 def to_samples(path: Segment, gains: Vector, finger_velocity: Vector) -> NDArray[Any]:
-    """Samples for the wire.
-
-    Args:
-        path: n rows.
-        gains: k_p [1/s²] and k_v [1/s] of each axis, (n, 6).
-        finger_velocity: (n,), positive opening [m/s].
+    """Samples for the wire: of n rows, k_p [1/s²] and k_v [1/s] of each axis, (n, 6), and the fingers' velocity,
+    positive opening, (n,) [m/s].
     """
     samples = np.zeros(len(path), dtype=SAMPLE)
     groups = samples.view(_GROUPS)

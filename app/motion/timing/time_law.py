@@ -3,8 +3,12 @@
 A single line is Ruckig's. Along a path with corners Ruckig can take each line from one corner's speed to the next, and
 corners at a constant speed, as fast as curvature and its rate admit (`Law.RUCKIG`). That obeys all bounds but loses
 time, since it may not accelerate in corners: on transfers of chess pieces it takes a fifth longer than the optimum.
-So there `app.motion.timing.refine` finds the law, which takes about one percent longer (``touchmove bench motion``).
-Where corners are so gentle that Ruckig's is hardly slower, it is refined, too. What is found is never slower than it.
+So there the law is refined, and takes about one percent longer than that (``touchmove bench motion``). Where corners
+are so gentle that Ruckig's is hardly slower, it is refined, too. What is found is never slower than it.
+
+To refine is to find how fast the parameter u of a way s(u), cubic between nodes, runs: u̇² = b(u). `limits` says what
+the bounds are for b, `interior_point` finds the quickest. Every result obeys the bounds at the nodes, however early it
+stops; by what they are exceeded between them, some tenths of a percent, `excess` finds.
 
 Acceleration and jerk are bounded along each axis of the base frame; speed as the length of its vector, and downwards.
 """
@@ -23,11 +27,15 @@ from app.motion.curves import begins, trace
 from app.motion.path import Path, Vector
 from app.motion.settings import Law
 from app.motion.timing.grid import divided, grid
-from app.motion.timing.limits import LOOKS, excess, limits, speeds
-from app.motion.timing.refine import SPARE, quickest
+from app.motion.timing.interior_point import minimise
+from app.motion.timing.limits import LOOKS, excess, gather, limits, speeds
 
 GAP: Final = 0.003
 """How far from the optimum the refinement may stop, as a share of the duration."""
+_SPARE: Final = 0.8
+"""The refinement begins so much slower than the bounds admit."""
+_FIRST_LOOKS: Final = 2
+"""Parts of an interval at whose ends the bounds are looked at in the beginning."""
 _CORNER_PARTS: Final = 8
 """Intervals of each half of a corner that is passed at a constant speed."""
 _BETWEEN: Final = 1.0002
@@ -36,7 +44,7 @@ _HARDLY: Final = 0.9
 """Ruckig's law is refined, too, if it is not slower than the refined one by more than this …"""
 _LONGEST: Final = 0.006
 """… in intervals of at most so much of its time [s]."""
-_SLOWER: Final = np.array([SPARE, SPARE**2, SPARE**3, SPARE])
+_SLOWER: Final = np.array([_SPARE, _SPARE**2, _SPARE**3, _SPARE])
 """Bounds of what is slowed down by as much."""
 _SAME_SPEED: Final = 1e-6
 """[m/s]"""
@@ -56,17 +64,6 @@ class Bounds:
     acceleration: float
     jerk: float
     downward: float = math.inf
-
-    def least(self, other: Bounds) -> Bounds:
-        """The tighter of each bound."""
-        return Bounds(
-            min(self.speed, other.speed), min(self.acceleration, other.acceleration), min(self.jerk, other.jerk),
-            min(self.downward, other.downward),
-        )  # fmt: skip
-
-    def slower(self, factor: float) -> Bounds:
-        """What a motion within these bounds needs that is slowed down by a factor."""
-        return Bounds(self.speed * factor, self.acceleration * factor**2, self.jerk * factor**3, self.downward * factor)
 
     def scaled(self, factor: float) -> Bounds:
         """Accelerations and jerks times a factor; speeds stay."""
@@ -94,8 +91,8 @@ class Traced:
 
 
 @dataclass(frozen=True, slots=True)
-class TimeLaw:
-    """Way along the path by time, in intervals of a parameter u: the way is cubic in u, and u̇² quadratic.
+class TimeParameterisation:
+    """Waypoints along the path by time, in intervals of a parameter u: the way is cubic in u, and u̇² quadratic.
 
     Attributes:
         begins: of the intervals, and the end of the last one, (n + 1,) [s], before stretching.
@@ -117,22 +114,18 @@ class TimeLaw:
         """Along its path, at rising times (m,) [s]."""
         return Traced(trace(time, self.factor, self.begins, self.rows, path.table))
 
-    def stretched(self, factor: float) -> TimeLaw:
+    def stretched(self, factor: float) -> TimeParameterisation:
         """The same way in so many times the time."""
-        return TimeLaw(self.begins, self.rows, self.factor * factor)
+        return TimeParameterisation(self.begins, self.rows, self.factor * factor)
 
 
-def time_law(path: Path, bounds: Sequence[Bounds], law: Law = Law.TIME_OPTIMAL, end_speed: float = 0.0) -> TimeLaw:
+def time_law(
+    path: Path, bounds: Sequence[Bounds], law: Law = Law.TIME_OPTIMAL, end_speed: float = 0.0
+) -> TimeParameterisation:
     """The law along a smooth path, from rest to rest or to a speed at which the path goes on straight.
 
-    Args:
-        path: smooth.
-        bounds: of each line of its polygon; a corner obeys those of both its lines.
-        law: which.
-        end_speed: reached without acceleration at the path's end [m/s]; not with the quintic law.
-
-    Returns:
-        A law that obeys all bounds everywhere.
+    It obeys the bounds of each line of the path's polygon everywhere; a corner obeys those of both its lines.
+    ``end_speed`` is reached without acceleration [m/s]; not with the quintic law.
     """
     table = _of_pieces(path, bounds)
     if law is Law.MINIMUM_JERK:
@@ -146,11 +139,11 @@ def time_law(path: Path, bounds: Sequence[Bounds], law: Law = Law.TIME_OPTIMAL, 
         rows = _by_ruckig(path, table, end_speed)
         return _law(rows, excess(path.table, table, rows, LOOKS) * _BETWEEN)
     rows = grid(path.table, end_speed)
-    refined = _law(rows, quickest(path.table, table, rows, end_speed, GAP) * _BETWEEN)
+    refined = _law(rows, _quickest(path.table, table, rows, end_speed) * _BETWEEN)
     return min((refined, *_by_time(path, table, end_speed, refined.duration)), key=lambda one: one.duration)
 
 
-def _by_time(path: Path, table: Vector, end_speed: float, refined: float) -> Iterator[TimeLaw]:
+def _by_time(path: Path, table: Vector, end_speed: float, refined: float) -> Iterator[TimeParameterisation]:
     """Ruckig's law, and where it takes hardly longer than the one refined by the way [s], that refined by its time."""
     rows = _by_ruckig(path, table, end_speed)
     # it is at the bound of jerk somewhere, so that it will not be shortened
@@ -161,7 +154,20 @@ def _by_time(path: Path, table: Vector, end_speed: float, refined: float) -> Ite
     rows = divided(_by_ruckig(path, table * _SLOWER, end_speed), _LONGEST)
     if _reaches(rows, end_speed):
         end_rate = 1.0 if end_speed > 0.0 else 0.0
-        yield _law(rows, quickest(path.table, table, rows, end_rate, GAP) * _BETWEEN)
+        yield _law(rows, _quickest(path.table, table, rows, end_rate) * _BETWEEN)
+
+
+def _quickest(path: Vector, bounds: Vector, rows: Vector, end_rate: float) -> float:
+    """Write the quickest b(u) within the bounds at the nodes into a law's rows (`curves.ROWS`), and say its `excess`.
+
+    ``end_rate`` is u̇ at the end, where there is no acceleration; it must be within all bounds everywhere. 0: at rest,
+    whatever u does.
+    """
+    begin = end_rate or _SPARE / excess(path, bounds, rows, _FIRST_LOOKS)
+    caps, where, table = np.empty((len(rows), 2)), np.empty((9 * len(rows), 2)), np.empty((9 * len(rows), 5))
+    count = gather(path, bounds, rows, caps, where, table)
+    minimise(rows, caps, where[:count], table[:count], begin * begin, GAP, end_rate > 0.0)
+    return excess(path, bounds, rows, LOOKS)
 
 
 def _reaches(rows: Vector, end_speed: float) -> bool:
@@ -171,14 +177,14 @@ def _reaches(rows: Vector, end_speed: float) -> bool:
     return abs(reached - end_speed) < _SAME_SPEED
 
 
-def line_law(path: Path, bounds: Bounds, start_speed: float) -> TimeLaw:
+def line_law(path: Path, bounds: Bounds, start_speed: float) -> TimeParameterisation:
     """Along one line, by Ruckig, from a speed without acceleration to rest."""
     return _law(_intervals([(*phase[:4], 0, phase[4]) for phase in _line(path.total, start_speed, 0.0, bounds)]), 1.0)
 
 
-def _law(rows: Vector, factor: float) -> TimeLaw:
+def _law(rows: Vector, factor: float) -> TimeParameterisation:
     """Of intervals, in so many times the time they take."""
-    return TimeLaw(begins(rows), rows, factor)
+    return TimeParameterisation(begins(rows), rows, factor)
 
 
 def _intervals(parts: Sequence[tuple[float, ...]]) -> Vector:

@@ -31,10 +31,8 @@ class TorqueModel:
         self._numbers = _numbers(parameters)
 
     def peak(self, motion: Segment) -> tuple[float, float]:
-        """The largest torque of a motion, and the largest of what rest would take at the same places [N m].
-
-        Args:
-            motion: all within reach.
+        """The largest torque of a motion within reach, and the largest of what rest would take at the same places
+        [N m].
 
         Raises:
             ValueError: it is not.

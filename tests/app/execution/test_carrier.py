@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.execution.carrier import BoardTouched, Carrier
-from app.execution.recovery_plans import Blocked, MisplacedPiece
+from app.execution.recovery_plans import Blocked
 from app.execution.state import Clearance, Devices, Job
 from app.motion import Motion, MotionSettings, Plan
 from app.pieces.inventory import Inventory
@@ -20,9 +20,10 @@ from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.records import GameRecord, GameSetup
 from app.rig.arm import ArmAtRest, Outcome
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import Place, TableSettings
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.poses import Pose
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()
@@ -68,7 +69,7 @@ def carrier_of(arm: Arm, guard: Guard | None, folder: Path) -> tuple[Carrier, Ga
     clock: Any = SimpleNamespace(now=lambda: 0.0)
     record = GameRecord.begin(folder / "game", GameSetup("a", "b", 1, "fast"), chess.Board(), STANDS, 0.0)
     devices: Any = Devices(arm, clock, None, None, guard)  # type: ignore[arg-type]
-    return Carrier(devices, record, Quiet(), MOTION, PARAMETERS), record
+    return Carrier(devices, record, UserInterface(), MOTION, PARAMETERS), record
 
 
 BISHOP = STANDS.at(Place.parse("c1"))

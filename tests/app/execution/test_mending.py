@@ -17,9 +17,7 @@ import pytest
 
 from app import UserError
 from app.execution.carrier import BoardTouched, Carried, CarryFailed, Loss
-from app.execution.observation import Verification
 from app.execution.recovery import MOST_ROUNDS, Recovery
-from app.execution.recovery_plans import MisplacedPiece
 from app.execution.repair import BoardObservation
 from app.execution.state import AwaitedReply, Devices, Job, Position
 from app.execution.table import Table
@@ -35,9 +33,10 @@ from app.records.events import TroubleEvent
 from app.records.history import Unfinished
 from app.rig.arm import Outcome
 from app.rig.board import BoardRig
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import PieceSpec, Place, TableSettings, square_place
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.poses import Pose
 from vision.pieces.verify import Fault, FaultKind
 from vision.reading.appearance import BLACK, EMPTY, WHITE
@@ -179,17 +178,17 @@ class Paper:
     last = None
     looked_at = math.inf
 
-    def verify(self, stands: Inventory) -> Verification:
+    def verify(self, stands: Inventory) -> BoardObservation:
         faults, states = [], np.full(64, EMPTY)
         for square in range(64):
             there, should = self.truth.at(square_place(square)), stands.at(square_place(square))
             if there is not None:
                 states[square] = WHITE if there.colour == "white" else BLACK
             if should is not None and there is None:
-                faults.append(Fault(FaultKind.MISSING, square, f"{square_place(square)} is empty", None, None))
+                faults.append(Fault(FaultKind.MISSING, square, f"{square_place(square)} is empty", None))
             if should is None and there is not None:
-                faults.append(Fault(FaultKind.FOREIGN, square, f"something is on {square_place(square)}", (0, 0), None))
-        return Verification(tuple(faults), BoardObservation.of(stands, states, faults))
+                faults.append(Fault(FaultKind.FOREIGN, square, f"something is on {square_place(square)}", (0, 0)))
+        return BoardObservation.of(stands, states, faults)
 
     def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
         return {piece.place.index: TABLE.xy(piece.place) for piece in believed if piece.place.on_board}
@@ -233,10 +232,10 @@ def table_of(
     paper: Any = Paper(inventory)
     record = GameRecord.begin(folder, GameSetup("a", "b", 1, "fast"), board, inventory, 0.0)
     rig = BoardRig(MotionSettings().home, load_parameters())
-    recovery = Recovery(paper, paper, Unattended(paper), record, Quiet(), rig.clock)
+    recovery = Recovery(paper, paper, Unattended(paper), record, UserInterface(), rig.clock)
     devices = Devices(rig.arm, rig.clock, None, None)
     return (
-        Table(Position(board, inventory, begun, unfinished), devices, paper, recovery, record, Quiet()),
+        Table(Position(board, inventory, begun, unfinished), devices, paper, recovery, record, UserInterface()),
         paper,
         record,
     )

@@ -21,7 +21,7 @@ from app.pieces.layout import start_layout
 from app.players.players import Decision, LinePlayer, Player, Players
 from app.records import GameRecord, GameSetup, PlyEvent, StepEvent, read_events
 from app.rig.arm import ArmAtRest, ArmPaused, Outcome
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
 from hardware.table import Kind, TableSettings
@@ -97,9 +97,9 @@ def play(folder: Path, arm: LateArm, line: str = "e4 d5 exd5", wrap: Callable[[P
     record = GameRecord.begin(folder, GameSetup("a", "b", 1, "real"), board, inventory, 0.0)
     devices = Devices(arm, Clock(), None, None)
     with record, Players(player, player) as players:
-        carrier = Carrier(devices, record, Quiet(), MOTION, PARAMETERS)
-        table = Table(Position(board, inventory), devices, carrier, None, record, Quiet())
-        game = Game(table, players, Quiet())
+        carrier = Carrier(devices, record, UserInterface(), MOTION, PARAMETERS)
+        table = Table(Position(board, inventory), devices, carrier, None, record, UserInterface())
+        game = Game(table, players, UserInterface())
         game.play(10)
     return game
 

@@ -489,12 +489,12 @@ def test_faults_of_vision_count_for_the_piece_that_should_stand_there() -> None:
     states[:16], states[48:] = 1, 2
     states[chess.D7], states[chess.B1], states[chess.A1] = 1, 0, 0
     faults = [
-        Fault(FaultKind.FALLEN, chess.A1, "", (-0.14, -0.14), None),
-        Fault(FaultKind.MISSING, chess.B1, "", None, None),
-        Fault(FaultKind.OFF_CENTRE, chess.C2, "", (-0.06, -0.092), 8.0),
-        Fault(FaultKind.FALLEN, chess.D7, "", (-0.02, 0.1), None),
-        Fault(FaultKind.MISSING, chess.H8, "", None, None),
-        Fault(FaultKind.FOREIGN, chess.E5, "", (0.02, 0.02), None),
+        Fault(FaultKind.FALLEN, chess.A1, "", (-0.14, -0.14)),
+        Fault(FaultKind.MISSING, chess.B1, "", None),
+        Fault(FaultKind.OFF_CENTRE, chess.C2, "", (-0.06, -0.092)),
+        Fault(FaultKind.FALLEN, chess.D7, "", (-0.02, 0.1)),
+        Fault(FaultKind.MISSING, chess.H8, "", None),
+        Fault(FaultKind.FOREIGN, chess.E5, "", (0.02, 0.02)),
     ]
     centres = {chess.G2: Centre(0.1, -0.1, 0.001, 0.9, 0.9, 0.9), chess.H2: Centre(0.2, 0.0, 0.1, -1.0, 0.0, 0.9)}
     observation = BoardObservation.of(expected, states, faults, centres)

@@ -8,13 +8,14 @@ import chess
 import numpy as np
 import pytest
 
-from app.execution.recovery_plans import MisplacedPiece, in_order, plan_making_way
+from app.execution.recovery_plans import in_order, plan_making_way
 from app.motion import MotionSettings, Planner
 from app.motion.plan import Plan, PlanRefused
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, Place, TableSettings
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.poses import Pose
 
 TABLE = TableSettings()

@@ -8,11 +8,11 @@ import chess
 import pytest
 
 from app.execution.fallen import Fallen, unaided, with_missing
-from app.execution.recovery_plans import MisplacedPiece
 from app.execution.repair import Repair
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.layout import start_layout
 from hardware.table import Place, TableSettings
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.poses import Pose
 
 TABLE = TableSettings()

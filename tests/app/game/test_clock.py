@@ -27,7 +27,7 @@ def test_a_move_by_hand_costs_what_it_took_and_adds_the_increment() -> None:
     after = running.press(110.0)
     assert (after.left(WHITE), after.left(BLACK)) == (293.0, 300.0)
     assert after.left(WHITE, 500.0) == 293.0  # nobody's clock runs until the next start
-    assert (after.clk(0), after.moves[0].thought, after.made(WHITE), after.made(BLACK)) == (293.0, 10.0, 1, 0)
+    assert (after.moves[0].after, after.moves[0].thought, after.made(WHITE), after.made(BLACK)) == (293.0, 10.0, 1, 0)
     assert before == clock()
 
 

@@ -76,7 +76,7 @@ def test_a_guard_whose_camera_falls_silent_holds_the_arm() -> None:
     camera = Camera([])
     with GameGuard(lambda: SteadyFrames(camera), Client(), arm, patience=0.0) as guard:
         guard.clear()
-        assert guard.glance() is None, "nobody knows where the board is: nothing to wait for"
+        assert guard.newest() is None, "nobody knows where the board is: nothing to wait for"
         guard.look(nominal_view(PINHOLE, table))
         with pytest.raises(Blind, match="cannot be seen any more"):
             guard.clear()

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.game.person import HandNotice
 from app.guard.arm_silhouette import ArmHistory
 from app.guard.game_guard import GameGuard
 from app.guard.hand_guard import ArmMasks, Blind, HandGuard
-from app.guard.hand_notice import HandNotice
 from app.rig.simulation.nominal_view import nominal_view
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics
 from hardware.parameters import load_parameters
@@ -143,7 +143,7 @@ def test_the_frame_that_confirms_a_hand_makes_the_controller_hold_once(
     frames.put(HAND, 5)
     until(lambda: guard.seen is not None and guard.seen.stamp > 0.29)
     assert controller.asked == ["hold"]
-    assert guard.hand_present
+    assert guard.holding
     (stop,) = guard.stops
     assert stop.stamp == pytest.approx(5.0 / 30.0)
     assert {27, 28, 35, 36} & stop.over
@@ -167,7 +167,7 @@ def test_motions_are_admitted_again_when_the_board_is_clear_and_settled_and_not_
         waiter.join(PATIENCE)
     assert controller.asked == ["hold", "resume"]
     assert cleared[0].settled
-    assert not guard.hand_present
+    assert not guard.holding
     assert frames.woken == [True, False]
 
 
@@ -191,7 +191,7 @@ def test_who_cannot_see_lets_nothing_move(frames: Frames, controller: Controller
     assert controller.asked == ["hold"]
     assert frames.released == 1
     with pytest.raises(Blind):
-        _ = guard.hand_present
+        _ = guard.seen
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
@@ -227,7 +227,7 @@ def test_a_persons_turn_ends_with_a_settled_frame_and_admits_no_motion(
     assert frame.stamp == seen.stamp
     assert seen.settled
     assert controller.asked == ["hold"]
-    assert guard.hand_present  # the hold is in force until the board is cleared for a motion
+    assert guard.holding  # the hold is in force until the board is cleared for a motion
     with flowing(frames):
         guard.clear()
     assert controller.asked == ["hold", "resume"]
@@ -290,13 +290,13 @@ def test_a_hand_that_is_there_while_the_board_is_found_anew_is_not_forgotten(con
         guard.look(VIEW)
         first.put(FREE, 10)
         first.put(HAND, 3)
-        until(lambda: (seen := guard.glance()) is not None and seen.stamp > 0.42)
+        until(lambda: (seen := guard.newest()) is not None and seen.stamp > 0.42)
         assert guard.arrivals == 1
         assert (guard.departures, guard.gone_at) == (0, None)
         assert not notice.untold
         guard.look(VIEW)
         second.put(FREE, 10)
-        until(lambda: (seen := guard.glance()) is not None and seen.settled)
+        until(lambda: (seen := guard.newest()) is not None and seen.settled)
         assert guard.arrivals == guard.departures == 1
         assert notice.untold
         assert notice.gone() == pytest.approx(13.0 / 30.0)
@@ -313,7 +313,7 @@ def test_sight_is_waited_for_and_a_hand_that_stays_is_told_of(
     with guard:
         guard.look(VIEW)
         frames.put(FREE, 10)
-        until(lambda: (seen := guard.glance()) is not None and seen.settled)
+        until(lambda: (seen := guard.newest()) is not None and seen.settled)
         assert guard.wait_for_sight()
         frames.put(HAND, 3)
         until(lambda: guard.arrivals == 1)

@@ -13,7 +13,8 @@ import pytest
 from app import UserError
 from app.execution.interruption import PieceLost, Progress, progress_of
 from app.motion import MotionSettings, Plan, Planner, PlanRefused
-from app.motion.drop import fall_time, tool_height
+from app.motion.arcs import Workcell
+from app.motion.planner import fall_time
 from app.pieces.inventory import Inventory, InventoryError, PieceBoxed, Ply, Stage, Transfer
 from app.pieces.judging import judge
 from app.pieces.layout import BoxesTooSmall, TraysTooSmall, physical_set, start_layout
@@ -25,7 +26,7 @@ from app.rig.arm import FELT, ArmAtRest
 from app.rig.rig_file import load_rig
 from app.settings.files import settings_of
 from app.settings.tree import Settings
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck
 from hardware.parameters import load_parameters
@@ -101,7 +102,9 @@ def test_a_boxed_piece_never_serves_again() -> None:
     assert queen.place.in_box
     assert after.find("white-pawn-a").place.in_box
     assert queen not in after.spares(Kind.QUEEN, Colour.BLACK)
-    with pytest.raises(PieceBoxed, match=r"^black-queen was dropped into the box \(B[LR]\d+\) and lies there anyhow: "):
+    with pytest.raises(
+        PieceBoxed, match=r"^black-queen was dropped into the box \(B[LR]\d+\) and lies there in no known way: "
+    ):
         after.moved(Transfer(queen.name, queen.kind, queen.colour, queen.place, square_place(chess.E4)))
 
 
@@ -172,7 +175,7 @@ def test_a_piece_is_let_go_at_rest_over_its_point_and_has_fallen_before_the_arm_
     ply = transfers(board, chess.Move.from_uci("e4d5"), inventory)
     drop = ply.transfers[0].target
     carry, release = planned(ply, inventory).motions[2:4]
-    height = tool_height(Kind.QUEEN, drop, TABLE, MOTION)
+    height = Workcell.of(MOTION, PARAMETERS, TABLE).height(Kind.QUEEN, drop)
     end = TABLE.board_from_base(carry.samples["position"][-1])
     np.testing.assert_allclose(end, [*TABLE.xy(drop), height], atol=1e-9)
     still = int(np.argmax(np.abs(release.samples["position"] - release.samples["position"][0]).max(axis=1) > 1e-6))
@@ -225,7 +228,9 @@ def test_a_piece_still_held_over_its_box_is_dropped_from_there() -> None:
     board, inventory = set_up("4k3/8/8/3q4/4P3/8/8/4K3 w - - 0 1")
     ply = transfers(board, chess.Move.from_uci("e4d5"), inventory)
     drop = ply.transfers[0].target
-    there = TABLE.base_from_board(np.array([*TABLE.xy(drop), tool_height(Kind.QUEEN, drop, TABLE, MOTION)]))
+    there = TABLE.base_from_board(
+        np.array([*TABLE.xy(drop), Workcell.of(MOTION, PARAMETERS, TABLE).height(Kind.QUEEN, drop)])
+    )
     plan = Planner.of(MOTION, PARAMETERS, inventory.table, there, 0.003, 8).ply(
         "rest", ply.transfers, inventory, holding=True, low=True
     )
@@ -288,7 +293,7 @@ def test_a_rig_file_says_where_captured_pieces_go_and_an_option_cannot_say_other
     file.write_text('[controller]\nport = 47100\n[table]\ncaptured = "box"\n', encoding="utf-8")
     assert load_rig(file).table.boxes()
     with pytest.raises(UserError, match=r"captured pieces go to a box: leave --captured out, or change its file$"):
-        run_games(settings_of({"rig.name": str(file), "rig.captured": Captured.TRAY}), Quiet())
+        run_games(settings_of({"rig.name": str(file), "rig.captured": Captured.TRAY}), UserInterface())
     file.write_text('[controller]\nport = 47100\n[table]\ncaptured = "bag"\n', encoding="utf-8")
     with pytest.raises(UserError, match=r"table\.captured: Input should be 'tray' or 'box', not 'bag'$"):
         load_rig(file)

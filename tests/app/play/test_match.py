@@ -21,7 +21,7 @@ from app.play.match import last_round
 from app.play.session import SessionResult
 from app.records import EVENTS_FILE, read_events, read_history
 from app.settings.files import settings_of
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from hardware.table import Captured, TableSettings
 
 TABLE = TableSettings()
@@ -35,7 +35,7 @@ MASTERS = Path(__file__).resolve().parents[2] / "data" / "master_games.pgn"
 def play(folder: Path, typed: str | None = None, **changes: Any) -> SessionResult:
     named = {name.replace("__", "."): value for name, value in changes.items()}
     settings = settings_of({"rig.name": "board", "rig.video": False, "out": folder, **named})
-    return run_games(settings, Quiet(), None if typed is None else io.StringIO(typed))
+    return run_games(settings, UserInterface(), None if typed is None else io.StringIO(typed))
 
 
 def moves_of(folder: Path) -> list[str]:
@@ -71,10 +71,10 @@ def test_a_game_begun_by_new_goes_on_after_it_was_left(tmp_path: Path) -> None:
     left = play(folder, "e4\nnew\nd4\nquit\n", white__player="human", engine__nodes=50)
     assert (left.folder, left.report.result, left.report.plies) == (folder / "game-2", "*", 2)
     assert last_round(folder) == (folder / "game-2", 2, False)
-    done = resume_games(left.folder, Quiet(), io.StringIO("resign\n"))  # whichever folder of the match is named
+    done = resume_games(left.folder, UserInterface(), io.StringIO("resign\n"))  # whichever folder of the match is named
     assert (done.folder, done.report.result, done.report.plies) == (folder / "game-2", "0-1", 2)
     with pytest.raises(UserError, match="is over, after 2 plies"):
-        resume_games(folder, Quiet(), io.StringIO(""))
+        resume_games(folder, UserInterface(), io.StringIO(""))
 
 
 def test_the_last_round_of_a_match_that_began_with_setting_up_is_its_game(tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ def test_the_last_round_of_a_match_that_began_with_setting_up_is_its_game(tmp_pa
 def test_a_refused_takeback_leaves_the_clock_running(tmp_path: Path) -> None:
     said: list[str] = []
 
-    class Told(Quiet):
+    class Told(UserInterface):
         def say(self, sentence: str) -> None:
             said.append(sentence)
 
@@ -173,7 +173,7 @@ def test_a_match_killed_after_any_line_of_its_record_goes_on(whole: Path, tmp_pa
     for lines in range(1, total, 3 if not name else 1):  # each third one of the longest record: to save time
         folder = tmp_path / f"cut-{lines}"
         cut(whole, folder, name, lines)
-        done = resume_games(folder, Quiet())
+        done = resume_games(folder, UserInterface())
         assert done.holds, lines
         assert moves_of(folder / "game-2") == ["d4", "d5"]
         if not name:
@@ -184,7 +184,7 @@ def test_a_match_killed_after_any_line_of_its_record_goes_on(whole: Path, tmp_pa
 
 def test_a_match_that_is_over_is_not_resumed(whole: Path) -> None:
     with pytest.raises(UserError, match="is over, after 2 plies"):
-        resume_games(whole, Quiet())
+        resume_games(whole, UserInterface())
 
 
 def test_a_person_plays_takes_back_changes_sides_and_resigns(tmp_path: Path) -> None:
@@ -205,7 +205,7 @@ def test_a_person_plays_takes_back_changes_sides_and_resigns(tmp_path: Path) -> 
 def test_sides_that_were_changed_stay_so_after_a_resume(tmp_path: Path) -> None:
     left = play(tmp_path / "game", "e4\nside\nquit\n", white__player="human", engine__nodes=50)
     assert left.resumable
-    done = resume_games(tmp_path / "game", Quiet(), io.StringIO("resign\n"))
+    done = resume_games(tmp_path / "game", UserInterface(), io.StringIO("resign\n"))
     assert (done.report.result, done.report.exit_reason) == ("1-0", "Black resigns")
     assert len(moves_of(tmp_path / "game")) == 3
     assert players_of(tmp_path / "game")[1] == "Human"
@@ -236,7 +236,7 @@ def test_nobody_at_the_keyboard_leaves_a_game_that_goes_on(tmp_path: Path) -> No
     done = play(tmp_path / "game", "e4\n", white__player="human", engine__nodes=500)
     assert not done.holds
     assert done.resumable
-    again = resume_games(tmp_path / "game", Quiet(), io.StringIO("d4\nresign\n"))
+    again = resume_games(tmp_path / "game", UserInterface(), io.StringIO("d4\nresign\n"))
     assert again.report.result == "0-1"
     assert moves_of(tmp_path / "game")[::2] == ["e4", "d4"]
 

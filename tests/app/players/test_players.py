@@ -15,7 +15,7 @@ import pytest
 from app.play.player_selection import engine_players
 from app.players.players import Decision, LinePlayer, Players
 from app.settings.files import settings_of
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from engine.errors import EngineFailed, EngineRefused
 from hardware.interfaces import Pace
 from tests.waiting import PATIENCE
@@ -261,7 +261,7 @@ for line in sys.stdin:
 """
 
 
-class Hearing(Quiet):
+class Hearing(UserInterface):
     def __init__(self) -> None:
         self.said = list[str]()
 

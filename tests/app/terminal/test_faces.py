@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from app.records import PlyEvent
-from app.terminal.interface import Conversation, Quiet, Terminal, board_text
+from app.terminal.interface import Conversation, Terminal, UserInterface, board_text
 
 
 def event(**changes) -> PlyEvent:
@@ -64,7 +64,7 @@ def test_the_verdict_is_plain(ok, word):
 
 
 def test_quiet_shows_nothing(capsys):
-    ui = Quiet()
+    ui = UserInterface()
     ui.phase("x")
     ui.position(chess.Board())
     ui.ply(event(), chess.Board())

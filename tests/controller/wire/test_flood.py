@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from app.play.launch import run_games
 from app.settings.files import settings_of
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.layout import CHALLENGE, COMMAND, HEARTBEAT, SAMPLE, WATCH, CommandCode, DatagramKind
 from controller.protocol.messages import Announce, Busy, Hello, MotionFlag, Samples, Welcome
@@ -416,7 +416,7 @@ def test_a_game_in_real_time_goes_on_beside_a_flood(tmp_path: Path, monkeypatch:
         }
     )  # fmt: skip
     try:
-        done = run_games(settings, Quiet())
+        done = run_games(settings, UserInterface())
         assert [flood.poll() for flood in floods] == [None], "the flood lasted to the end"
     finally:
         for flood in floods:

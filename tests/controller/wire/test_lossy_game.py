@@ -10,7 +10,7 @@ import pytest
 
 from app.play.launch import run_games
 from app.settings.files import settings_of
-from app.terminal.interface import Quiet
+from app.terminal.interface import UserInterface
 from controller.wire.client import ControllerClient
 from hardware.interfaces import Pace
 
@@ -25,7 +25,7 @@ def play(folder: Path) -> dict[str, Any]:
             "game.moves": LINE, "out": folder,
         }
     )  # fmt: skip
-    done = run_games(settings, Quiet())
+    done = run_games(settings, UserInterface())
     assert done.holds, done.report.failures
     return done.report.model_dump()
 

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from hardware.interfaces import DepthFrame, Frame, Intrinsics
 from hardware.table import TableSettings, square_place
-from tests.vision.views import looking_at
+from tests.vision.views import looking_at, square_polygon
 from vision.board.view import BoardView, playing_area
 from vision.hands.arm_mask import Capsules, Hidden
-from vision.hands.stillness import ColourWatch, Seen, Watch, WatchSettings
-from vision.hands.video_gate import SettledView, VideoGate
+from vision.hands.stillness import ColourWatch, Seen, SettledView, VideoGate, Watch, WatchSettings
 
 TABLE = TableSettings()
 PINHOLE = Intrinsics(640, 480, 617.0, 617.0, 319.5, 239.5)
@@ -45,7 +44,7 @@ class Scene:
         picture = np.full((480, 640, 3), WOOD, dtype=np.uint8)
         for square in range(64):
             light = (square // 8 + square) % 2
-            fill(picture, VIEW.square_polygon(square), (230, 205, 165) if light else (125, 80, 55))
+            fill(picture, square_polygon(VIEW, square), (230, 205, 165) if light else (125, 80, 55))
         for square, colour in sorted(self.pieces.items(), key=lambda one: -one[0]):
             x, y = TABLE.xy(square_place(square))
             box(picture, (x - 0.009, x + 0.009), (y - 0.009, y + 0.009), 0.042, colour)

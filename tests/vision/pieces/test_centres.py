@@ -22,7 +22,7 @@ from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
 from vision.pieces.centres import piece_centres
 from vision.pieces.outline import outline
-from vision.pieces.verify import FaultKind, verify_board
+from vision.pieces.verify import FaultKind, examine_board
 
 TABLE = TableSettings()
 PINHOLE = Intrinsics(640, 480, 617.0, 617.0, 319.5, 239.5)
@@ -95,7 +95,7 @@ def test_nothing_expected_and_another_camera() -> None:
     view = usual_view()
     frame = painted(view, {}, {})
     assert piece_centres(frame, view, {}) == {}
-    assert verify_board(frame, view, {}) == ()
+    assert examine_board(frame, view, {}).faults == ()
     other = BoardView(replace(PINHOLE, fx=600.0), view.camera_from_board, TABLE)
     with pytest.raises(ValueError, match="this view is of"):
         piece_centres(frame, other, {0: PIECES[0]})
@@ -149,12 +149,13 @@ def test_what_is_wrong_is_told(studio: TableStudio) -> None:
         poses.append(PlacedPiece(piece.name, x + dx, y + dy, yaw=0.3 * square))
     frame = studio.frame(poses, SceneState(), seed=5)
     view = BoardView(frame.intrinsics, studio.camera_from_board(MountSettings()), TABLE)
-    faults = {fault.square: fault for fault in verify_board(frame, view, expected, 0.004)}
+    faults = {fault.square: fault for fault in examine_board(frame, view, expected, tolerance=0.004).faults}
     assert faults[chess.E2].sentence == "e2 is empty, a white pawn should stand there"
     assert faults[chess.E2].kind is FaultKind.MISSING
     knight = faults[chess.G1]
     assert knight.kind is FaultKind.OFF_CENTRE
-    assert knight.offset_mm == pytest.approx(6.0, abs=2.5)
+    off = np.subtract(knight.place, TABLE.xy(square_place(chess.G1)))
+    assert 1e3 * float(np.hypot(*off)) == pytest.approx(6.0, abs=2.5)
     assert knight.sentence.startswith("the white knight on g1 stands ")
     assert "towards h" in knight.sentence
     assert faults[chess.D4].sentence == "something lies on d4"

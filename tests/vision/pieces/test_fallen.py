@@ -19,7 +19,7 @@ from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place, TableSettings, 
 from tests.vision.rendering import studio_of
 from vision.board.view import BoardView
 from vision.pieces.fallen import find_misplaced
-from vision.pieces.pose_search import FoundPiece
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.poses import Pose, _profile, drawn, off_surface
 
 TABLE = TableSettings()
@@ -43,7 +43,7 @@ def laid(name: str, kind: Kind, x: float, y: float, yaw: float) -> Put:
 
 def look(
     studio: TableStudio, square: str, pose: Pose, *, use_depth: bool = True, seed: int = 1
-) -> tuple[PieceSpec, tuple[FoundPiece, ...]]:
+) -> tuple[PieceSpec, tuple[MisplacedPiece, ...]]:
     """A position in which one piece does not stand on its square, but in a pose."""
     board = chess.Board()
     for san in LINE.split():
@@ -74,7 +74,7 @@ def test_a_fallen_piece_is_found(studio: TableStudio, square: str, x: float, y: 
     one, misplaced = look(studio, square, Pose(x, y, yaw))
     (stray,) = misplaced
     assert stray.piece == one
-    assert stray.place == Place.parse(square)
+    assert stray.target == Place.parse(square)
     assert stray.lies
     assert stray.pose.yaw is not None
     off = math.dist((stray.pose.x, stray.pose.y), (x, y))
@@ -131,7 +131,7 @@ def test_silhouettes_are_where_the_piece_is(studio: TableStudio) -> None:
     assert drawn(Kind.KING, turned, view, (480, 640), (0, 0)).underside.any()  # its foot towards the camera
 
 
-def scene(studio: TableStudio, fen: str, elsewhere: dict[str, Pose], seed: int = 1) -> tuple[FoundPiece, ...]:
+def scene(studio: TableStudio, fen: str, elsewhere: dict[str, Pose], seed: int = 1) -> tuple[MisplacedPiece, ...]:
     """What is found, also in trays, of a position in which some pieces are elsewhere; by the square of each."""
     specs = start_layout(chess.Board(fen), TABLE)
     poses = []
@@ -146,7 +146,7 @@ def scene(studio: TableStudio, fen: str, elsewhere: dict[str, Pose], seed: int =
     return find_misplaced(frame, view, {spec.place: spec for spec in specs}, trays=True)
 
 
-def near(stray: FoundPiece, pose: Pose) -> bool:
+def near(stray: MisplacedPiece, pose: Pose) -> bool:
     turned = 0.0 if stray.pose.yaw is None else math.remainder(stray.pose.yaw - (pose.yaw or 0.0), 2.0 * math.pi)
     same = (stray.pose.yaw is None) == (pose.yaw is None)
     return same and math.dist((stray.pose.x, stray.pose.y), (pose.x, pose.y)) < 0.005 and abs(turned) < 0.25
@@ -168,7 +168,7 @@ FEN = "r1bqk2r/ppp2pp1/2np1n1p/2b1p1B1/2B1P3/2NP1N2/PPP2PPP/R2QK2R w KQkq - 0 1"
 )
 def test_beside_the_board_pieces_are_found_too(studio: TableStudio, square: str, pose: Pose) -> None:
     (stray,) = scene(studio, FEN, {square: pose})
-    assert stray.place == Place.parse(square)
+    assert stray.target == Place.parse(square)
     assert near(stray, pose), stray.pose
 
 
@@ -184,7 +184,7 @@ def test_a_piece_that_stands_before_another_is_not_taken_for_a_part_of_it(studio
     """The head of the bishop hides the knight behind it: it belongs to the bishop, and that stands."""
     x, y = TABLE.xy(Place.parse("f4"))
     (stray,) = scene(studio, "4k3/8/8/8/6p1/5N2/5PPP/4KB1R w - - 0 1", {"f1": Pose(x, y)})
-    assert stray.place == Place.parse("f1")
+    assert stray.target == Place.parse("f1")
     assert near(stray, Pose(x, y)), stray.pose
 
 
@@ -197,7 +197,7 @@ def test_two_pieces_of_one_side_are_told_apart(studio: TableStudio) -> None:
         "rnbqkbnr/pppppp1p/8/8/8/8/PPPPPPPP/RNBQKBNR w KQkq - 0 1",
         {"f8": bishop, "h8": rook, "h7": Pose(0.14, 0.06)},
     )
-    poses = {str(stray.place): stray for stray in found}
+    poses = {str(stray.target): stray for stray in found}
     assert near(poses["f8"], bishop), poses["f8"]
     assert near(poses["h8"], rook), poses["h8"]
 
@@ -212,7 +212,7 @@ def test_crowded_falls_lie_as_they_are_said_to(studio: TableStudio) -> None:
         x, y = (np.array(TABLE.xy(Place.parse(square))) + rng.uniform(-0.012, 0.012, 2)).tolist()
         pose = Pose(x, y, float(rng.uniform(-math.pi, math.pi)))
         found = scene(studio, FEN, {square: pose}, seed=number)
-        right += any(str(stray.place) == square and near(stray, pose) for stray in found)
+        right += any(str(stray.target) == square and near(stray, pose) for stray in found)
     assert right >= 15
 
 
@@ -230,7 +230,7 @@ def test_of_two_that_lie_together_the_second_is_found_as_well_as_the_first(
 ) -> None:
     """What depth shows of the first one does not speak against the second."""
     found = scene(studio, "4k3/8/8/3p4/4N3/8/8/4K3 w - - 0 1", {"d5": pawn, "e4": knight})
-    poses = {str(stray.place): stray for stray in found}
+    poses = {str(stray.target): stray for stray in found}
     assert near(poses["d5"], pawn), poses["d5"]
     assert near(poses["e4"], knight), poses["e4"]
 
@@ -260,7 +260,7 @@ def test_what_stands_across_the_pictures_edge_does_not_lie(studio: TableStudio) 
         )
         view = BoardView(eye, whole.camera_from_board, TABLE)
         misplaced = find_misplaced(cut, view, {spec.place: spec for spec in specs}, trays=True)
-        assert [str(stray.place) for stray in misplaced if stray.lies] == ["e2"]
+        assert [str(stray.target) for stray in misplaced if stray.lies] == ["e2"]
 
 
 @pytest.mark.parametrize("kind", list(Kind))
@@ -292,6 +292,6 @@ def test_distances_from_a_pieces_surface_are_those_from_its_outline(kind: Kind) 
 )
 def test_a_knight_and_a_rook_are_told_apart(studio: TableStudio, knight: Pose, rook: Pose) -> None:
     fen = "rnbqkbnr/pppp1ppp/8/4p3/4P3/8/PPPP1PPP/RNBQKBNR w KQkq - 0 1"
-    poses = {str(stray.place): stray for stray in scene(studio, fen, {"g8": knight, "h8": rook})}
+    poses = {str(stray.target): stray for stray in scene(studio, fen, {"g8": knight, "h8": rook})}
     assert near(poses["g8"], knight), poses["g8"]
     assert near(poses["h8"], rook), poses["h8"]

@@ -17,7 +17,7 @@ from app.pieces.layout import start_layout
 from hardware.sim.process.table_studio import PlacedPiece
 from hardware.table import PIECE_SHAPES, Kind, TableSettings, square_place
 from vision.pieces.swapped import KnownPicture, looked_closer
-from vision.pieces.verify import verify_board
+from vision.pieces.verify import examine_board
 from vision.reading.diagnosis import explain
 from vision.reading.evidence import codes_of, states_of
 from vision.reading.outcome import ReadingOutcome
@@ -274,5 +274,5 @@ def _judge(reader: BoardReader, before: KnownPicture, scene: Scene, hands: Clums
     finding = explain(seen, board, look.evidence.altered(known))
     named = set(looked_closer(finding, seen, board, before, KnownPicture(frame, reader.view), expected).squares)
     if not hands.touched <= named:
-        named |= {fault.square for fault in verify_board(frame, reader.view, expected)}
+        named |= {fault.square for fault in examine_board(frame, reader.view, expected).faults}
     return decision.verdict is ReadingOutcome.MOVE, hands.touched <= named

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from app.execution.recovery_plans import Blocked, MisplacedPiece, plan_pushing
+from app.execution.recovery_plans import Blocked, plan_pushing
 from app.measure.bench.beds.bed import Bed
 from app.motion import MotionSettings, Planner
 from app.motion.arcs import Workcell
@@ -29,6 +29,7 @@ from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.plant import Plant
 from hardware.table import PIECE_SHAPES, Captured, Colour, Kind, PieceSpec, Place, TableSettings, square_place
+from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.poses import Pose
 
 PARAMETERS, TABLE, SETTINGS = load_parameters(), TableSettings(), MotionSettings()

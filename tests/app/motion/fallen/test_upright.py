@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from app.measure.bench.beds.bed import Bed
 from app.motion import MotionSettings, Planner
-from app.motion.continuation import Continuation
 from app.motion.fallen.lying import Lying, Strip
-from app.motion.fallen.pivot_edge import PivotSettings, circle, eased, pivot_of, reach
+from app.motion.fallen.pivot_edge import PivotSettings, circle, pivot_of, reach
 from app.motion.fallen.stand_up import StandUpPlan, plan_upright
 from app.motion.obstacles import Obstacle
-from app.motion.plan import InTheWay, Motion
+from app.motion.plan import Continuation, InTheWay, Motion
+from app.motion.timing.reference import eased
 from controller.protection.limits import default_limits
 from controller.protocol import SAMPLE
 from hardware.parameters import load_parameters

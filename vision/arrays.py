@@ -1,0 +1,16 @@
+"""Arrays by what they hold; shapes and units stand where each is used."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Field = NDArray[np.float32]
+"""Of numbers by pixel."""
+Mask = NDArray[np.bool_]
+Picture = NDArray[np.uint8]
+"""Bytes by pixel: RGB, (h, w, 3), where nothing else is said."""
+Indices = NDArray[np.intp]
+Whole = NDArray[np.int32]
+"""Whole numbers: pixels, labels, bins."""
