@@ -60,7 +60,7 @@ REST_LIMIT: Final = 0.3
 JUMP_LIMIT: Final = 1.0
 """How far the tool may move while a new controller takes the arm over, sagging from the brakes included [mm]."""
 JOINTS_RESTING: Final = 0.02
-"""So is an arm whose joints are all slower than this [rad/s]."""
+"""An arm whose joints are all slower than this rests [rad/s]."""
 BRAKED_AFTER: Final = 200
 """So long after the controller's death an arm that rests does so on its brakes [ticks]; the watchdog waits for 50."""
 STANDS: Final = 0.05
