@@ -119,7 +119,7 @@ def _over_time(plans: dict[Profile, tuple[Ply, Plan, Inventory]], title: str) ->
                 label(axis, ylabel=quantity)
         rows[1].plot(time, np.linalg.norm(samples["velocity"], axis=1), color=DARK, lw=0.8, ls=":", label="|ż|")
         label(rows[-1], xlabel="time [s]")
-    panels[2].legend(fontsize=8, loc="lower right", ncols=4)
+    sheet.legend(*panels[2].get_legend_handles_labels(), fontsize=8, loc="outside lower center", ncols=4)
     return sheet
 
 

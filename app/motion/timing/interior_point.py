@@ -76,11 +76,11 @@ def _value(
         b0 = duration[k, 0] * x0 + duration[k, 1] * x1
         b1 = duration[k, 3] * x0 + duration[k, 4] * x1 + duration[k, 5] * x2
         b2 = duration[k, 7] * x1 + duration[k, 8] * x2
-        s0, s2 = 1.0 - b0 / caps[k, 0], 1.0 - b2 / caps[k, 1]
-        if not (b0 > 0.0 and b1 > 0.0 and b2 > 0.0 and s0 > 0.0 and s2 > 0.0):
+        s0, s1, s2 = 1.0 - b0 / caps[k, 0], 1.0 - b1 / caps[k, 1], 1.0 - b2 / caps[k, 2]
+        if not (min(b0, b1, b2) > 0.0 and min(s0, s1, s2) > 0.0):
             return math.inf, -math.inf
         total += step[k] / 6.0 * (1.0 / math.sqrt(b0) + 4.0 / math.sqrt(b1) + 1.0 / math.sqrt(b2))
-        product *= s0 * s2
+        product *= s0 * s1 * s2
         for i in range(int(first[k]), int(first[k + 1])):
             b = forms[i, 0] * x0 + forms[i, 1] * x1 + forms[i, 2] * x2
             a = forms[i, 3] * x0 + forms[i, 4] * x1 + forms[i, 5] * x2
@@ -116,10 +116,8 @@ def _newton(
             b = g0 * x0 + g1 * x1 + g2 * x2
             scale = step[k] / 6.0 if part != 1 else step[k] / 1.5
             cubed = scale / (b * math.sqrt(b))
-            up, bent = -0.5 * cubed, 0.75 * cubed / b
-            if part != 1:
-                spare = 1.0 / (caps[k, part // 2] - b)
-                up, bent = up + weight * spare, bent + weight * spare * spare
+            spare = 1.0 / (caps[k, part] - b)
+            up, bent = -0.5 * cubed + weight * spare, 0.75 * cubed / b + weight * spare * spare
             f0, f1, f2 = f0 + up * g0, f1 + up * g1, f2 + up * g2
             m00, m01, m02 = m00 + bent * g0 * g0, m01 + bent * g0 * g1, m02 + bent * g0 * g2
             m11, m12, m22 = m11 + bent * g1 * g1, m12 + bent * g1 * g2, m22 + bent * g2 * g2
@@ -197,7 +195,7 @@ def _descend(
     for k in range(n):
         first[k + 1] = max(first[k], first[k + 1])  # an interval without rows
     matrix, slope, trial, direction = np.empty((n + 2, 3)), np.empty(n + 2), np.empty(n + 2), np.empty(n + 2)
-    bounds = float(2 * n + 4 * where.shape[0])
+    bounds = float(3 * n + 4 * where.shape[0])
     took, logs = _value(x, step, caps, first, duration, forms)
     weight, last = 0.1 * took / bounds, gap * took / bounds
     for made in range(MOST_STEPS):
@@ -250,7 +248,7 @@ def minimise(
 
     Args:
         rows: n intervals, columns as of `curves.ROWS`; in: their lengths; out: b.
-        caps: largest b at both ends of each interval, (n, 2).
+        caps: largest b at the begin, in the middle and at the end of each interval, (n, 3).
         where: as of `_linear`, by rising intervals.
         table: as of `_linear`.
         begin: a constant b that is strictly inside all bounds.

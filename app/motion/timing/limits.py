@@ -108,8 +108,9 @@ def gather(
 ) -> int:
     """All bounds of a law at its nodes; path, bounds and rows are as of `excess`, b is not looked at.
 
-    Where s' changes, b may change quickly: there the middle of an interval is looked at, too. Written are ``caps``, the
-    largest b at both ends of each interval, (n, 2); ``where``, the interval of each row of ``table`` and how far into
+    Where s' changes, b may change quickly: there accelerations are looked at in the middle of an interval, too. Written
+    are ``caps``, the largest b at the begin, in the middle and at the end of each interval, (n, 3): at its ends alone a
+    spline's coefficients could go up and down in turns, unseen; ``where``, the interval of each row of ``table`` and how far into
     it, (9 n, 2); and ``table``, r', r'', r''' along one axis by u, and the bounds of acceleration and jerk along it,
     (9 n, 5).
 
@@ -122,12 +123,11 @@ def gather(
         piece = int(rows[k, 4])
         near_rest = _near_rest(rows, k)
         for part in range(3):
-            if part == 1 and not near_rest:
-                continue
             x = 0.5 * part * rows[k, 5]
             _by_u(path, rows, k, x, out)
-            if part != 1:
-                caps[k, part // 2] = _cap(out, bounds[piece, 0], bounds[piece, 3])
+            caps[k, part] = _cap(out, bounds[piece, 0], bounds[piece, 3])
+            if part == 1 and not near_rest:
+                continue
             for i in range(3):
                 if not _leads(path, piece, i) or abs(out[0, i]) + abs(out[1, i]) + abs(out[2, i]) < 1e-9:
                     continue
@@ -140,9 +140,9 @@ def gather(
 
 @compiled
 def _peak(before: float, middle: float, after: float) -> float:
-    """The top of the parabola through three values next to each other, or the largest of them."""
+    """The top of the parabola through three values next to each other if it lies among them, or the largest of them."""
     bend = before - 2.0 * middle + after
-    if middle < before or middle < after or bend >= 0.0:
+    if abs(before - after) >= -2.0 * bend:
         return max(before, middle, after)
     return middle - (before - after) * (before - after) / (8.0 * bend)
 

@@ -164,7 +164,7 @@ def _quickest(path: Vector, bounds: Vector, rows: Vector, end_rate: float) -> fl
     whatever u does.
     """
     begin = end_rate or _SPARE / excess(path, bounds, rows, _FIRST_LOOKS)
-    caps, where, table = np.empty((len(rows), 2)), np.empty((9 * len(rows), 2)), np.empty((9 * len(rows), 5))
+    caps, where, table = np.empty((len(rows), 3)), np.empty((9 * len(rows), 2)), np.empty((9 * len(rows), 5))
     count = gather(path, bounds, rows, caps, where, table)
     minimise(rows, caps, where[:count], table[:count], begin * begin, GAP, end_rate > 0.0)
     return excess(path, bounds, rows, LOOKS)

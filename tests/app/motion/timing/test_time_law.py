@@ -148,10 +148,15 @@ def test_a_corner_is_as_wide_as_what_stands_below_admits(slope, seed):
 
 @settings(max_examples=40)
 @given(polygons(), st.data(), st.sampled_from(Law))
+@example(
+    (np.array([(0.0, 0.03125, 0.375), (0.0, 0.125, 0.4375), (0.125, 0.0, 0.25)]), np.array([0.02816837])),
+    [Bounds(1.0, 4.0, 100.0, 0.5), Bounds(1.0, 5.0, 1086.0, 0.5)], Law.TIME_OPTIMAL,
+)  # fmt: skip
 def test_no_law_exceeds_a_bound_anywhere(polygon, data, law):
+    """In the example the jerk is largest before the second point of an interval at which it is looked at."""
     points, tangents = polygon
     path = blend(points, tangents)
-    each = [data.draw(bounds) for _ in range(len(points) - 1)]
+    each = data if isinstance(data, list) else [data.draw(bounds) for _ in range(len(points) - 1)]
     found = time_law(path, each, law)
     at, jerk, step = dense(path, found)
     position, velocity, acceleration = at.position, at.velocity, at.acceleration
