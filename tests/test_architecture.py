@@ -59,6 +59,7 @@ simulated person what to do. No other room may."""
 KNOW_THE_TRUTH = {
     "app.execution.state": "has the referee among the devices",
     "app.measure.bench.vision.hand_scene": "asks when a hand came",
+    "app.measure.bench.scripted_person": "plays one who sees where the pieces are",
     "app.measure.bench.kills": "sees how an arm comes to rest that nobody controls any more",
     "app.pieces.judging": "compares truth and game",
     "app.rig.devices": "hands the referee on to whoever may ask it",

@@ -15,7 +15,7 @@ import chess
 import numpy as np
 from numpy.typing import NDArray
 
-from app.execution.repair import BoardObservation, kinds_by_height
+from app.execution.repair import BoardObservation, Whereabouts, kinds_by_height, whereabouts
 from app.execution.repair.observed import HEIGHTS, Chances
 from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
 from app.execution.unseen_reply import pieces_of, reply_shown
@@ -29,9 +29,10 @@ from vision.board.find import find_board
 from vision.board.orientation import orient
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.pieces.centres import piece_centres
-from vision.pieces.fallen import find_misplaced
+from vision.pieces.fallen import around_board, find_misplaced
 from vision.pieces.pose_search import MisplacedPiece
-from vision.pieces.swapped import KnownPicture, looked_closer
+from vision.pieces.sightings import sightings_of
+from vision.pieces.swapped import SHIFTED, UNLIKE, KnownPicture, looked_closer
 from vision.pieces.verify import Examination, Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, EMPTY, WHITE
 from vision.reading.diagnosis import Diagnosis, explain
@@ -87,8 +88,11 @@ class GameObserver:
         self._last: Frame | None = None
         self._shows_known: KnownPicture | None = None
         """A picture of the known position, if there is one."""
-        self._likeness: dict[int, tuple[str, float]] = {}
-        """Of pieces when the board was last as it should be, by square: name, and how well it looked like itself."""
+        self._likeness: dict[int, tuple[str, float, tuple[float, float]]] = {}
+        """Of pieces when the board was last as it should be, by square: name, how well it looked like itself, and
+        where its centre was [m]."""
+        self._untouched: frozenset[int] = frozenset()
+        """Squares whose pieces look just as they did then, in the frame that was verified last."""
         self._doubted: frozenset[int] = frozenset()
         self._assumed = False
         """Nobody has seen yet that the board shows the position that was believed to stand there."""
@@ -171,7 +175,10 @@ class GameObserver:
         self._wrong = frozenset(fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE)
         if not faults:
             self._strayed, self._assumed = {}, False
-            self._likeness = {square: (expected[square].name, one) for square, one in examined.likeness.items()}
+            self._likeness = {
+                square: (expected[square].name, one, examined.centres[square])
+                for square, one in examined.likeness.items()
+            }
             return BoardObservation({})
         look = self._known.look(sight_of_frame(frame, self.view))
         states = look.evidence.read(codes_of(self._known.board))
@@ -183,14 +190,28 @@ class GameObserver:
 
     def _examine(self, expected: Mapping[int, PieceSpec]) -> Examination:
         """Hold the newest frame against what should stand on the squares, and how the same pieces looked before."""
-        known = {square: likeness for square, (name, likeness) in self._likeness.items()
+        known = {square: likeness for square, (name, likeness, _) in self._likeness.items()
                  if square in expected and expected[square].name == name}  # fmt: skip
-        return examine_board(self.last, self.view, expected, known)
+        examined = examine_board(self.last, self.view, expected, known)
+        self._untouched = frozenset(
+            square for square, was in known.items()
+            if square in examined.likeness and was - examined.likeness[square] < UNLIKE
+            and math.dist(self._likeness[square][2], examined.centres[square]) < SHIFTED
+        )  # fmt: skip
+        return examined
 
     def _heights(self) -> dict[Kind, float]:
         """Of the kinds as this camera sees them [m]; as the settings say, where it has not."""
         seen = self._known.heights
         return {kind: seen.get(piece_type, HEIGHTS[kind]) for piece_type, kind in KINDS.items()}
+
+    def whereabouts(self, stands: Inventory) -> Whereabouts | None:
+        """What stands where in the newest frame, wherever it stands; None: that is not sure, or there is no depth."""
+        if self.last.depth is None:
+            return None
+        expected = {piece.place: piece for piece in stands if not piece.place.in_box}
+        seen = sightings_of(self.last, self.view, expected, around_board(self.view, trays=True))
+        return whereabouts(stands, seen, self._heights(), self._untouched)
 
     def faults(self, stands: Inventory, *, centres: bool) -> tuple[Fault, ...]:
         """What is not as it should be in the newest frame; without depth nobody can tell what lies, so nothing.

@@ -21,7 +21,7 @@ from app.execution.carrier import BoardTouched, Carrier, CarryFailed
 from app.execution.fallen import Fallen, unaided, with_missing
 from app.execution.observation import GameObserver
 from app.execution.recovery_plans import Blocked, in_order, leant_on
-from app.execution.repair import Ask, Repair, mend
+from app.execution.repair import Ask, BoardObservation, Repair, mend, repair_by_sight
 from app.execution.repair.diagnosis import SEEN_WITHIN, repair_towards
 from app.execution.state import Asker, AwaitedReply, Job, RecoveryResult, changed
 from app.motion.plan import InTheWay, PlanRefused
@@ -146,6 +146,9 @@ class Recovery:
         found = self.observer.verify(stands)
         if found.faults:  # one frame may be wrong
             found = self.observer.verify(stands)
+        if found.faults and (step := self._by_sight(stands, wanted, found)) is not None:
+            self._loose = ()
+            return found.faults, step
         misplaced = cache(
             lambda: self.observer.misplaced(stands)
         )  # a second's search: once a look, and only where it is needed
@@ -168,6 +171,13 @@ class Recovery:
         if isinstance(step, Repair) and not step.transfers and step.rest is None and not changed(stands, step.believed):
             return found.faults, Ask(f"{_sentence(found.faults)}: see to it", squares_of(found.faults))
         return found.faults, step
+
+    def _by_sight(self, stands: Inventory, wanted: Inventory, found: BoardObservation) -> Repair | Ask | None:
+        """What to do where depth shows for sure what stands where, and something was carried; None: it does not."""
+        seen = self.observer.whereabouts(stands)
+        if seen is None or not (seen.moved or seen.missing):
+            return None
+        return repair_by_sight(stands, wanted, seen, found.places)
 
     def _places(
         self, stands: Inventory, believed: Inventory, misplaced: Callable[[], list[MisplacedPiece]]

@@ -62,7 +62,7 @@ def find_misplaced(
         ValueError: the frame is by another camera, or the board is not in the picture.
     """
     view.require_camera(frame)
-    around = _around(view, trays=trays)
+    around = around_board(view, trays=trays)
     fit = Fit(frame, view, expected, use_depth=use_depth, around=around)
     centres = centres_of(fit) if expected else {}
     off = {place: math.dist((one.x, one.y), view.table.xy(place)) for place, one in centres.items()}
@@ -107,7 +107,7 @@ def _is_in_picture(view: BoardView, place: Place, piece: PieceSpec) -> bool:
     return bool((pixels >= -0.5).all() and (pixels <= size - 0.5).all())
 
 
-def _around(view: BoardView, *, trays: bool) -> tuple[float, float]:
+def around_board(view: BoardView, *, trays: bool) -> tuple[float, float]:
     """How far beyond the board pieces are looked for, along x and along y [m]."""
     ends = _BEYOND + _LEANS
     if not trays:

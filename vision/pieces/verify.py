@@ -76,10 +76,12 @@ class Examination:
         faults: by square.
         likeness: of each piece in sight, by square: how well it looks like itself, at most 2; to be held against the
             next look's.
+        centres: of the same pieces, board frame [m].
     """
 
     faults: tuple[Fault, ...]
     likeness: Mapping[int, float]
+    centres: Mapping[int, tuple[float, float]]
 
 
 def examine_board(
@@ -126,7 +128,9 @@ def examine_board(
     if not faults:  # what stands where nothing should may well hide what stands behind it
         changed = (_changed(square, expected[square], drop - usual) for square, drop in drops.items())
         faults = [fault for fault in changed if fault is not None]
-    return Examination(tuple(sorted(faults, key=lambda fault: fault.square)), likeness)
+    return Examination(tuple(sorted(faults, key=lambda fault: fault.square)), likeness, {
+        square: (one.x, one.y) for square, one in centres.items() if square in likeness
+    })  # fmt: skip
 
 
 def _changed(square: int, piece: PieceSpec, drop: float) -> Fault | None:

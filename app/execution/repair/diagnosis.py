@@ -77,7 +77,7 @@ def mend(
     beliefs = _beliefs(expected, observation, board)
     gone = tuple(piece for belief in beliefs.values() for piece in belief.gone)
     if asks := _asks(expected, observation, beliefs):
-        asks += [_missing(gone)] if gone else []
+        asks += [missing_ask(gone)] if gone else []
         return Ask("; ".join(ask.sentence for ask in asks), tuple(sorted({at for ask in asks for at in ask.squares})))
     there = {name: square_place(square) for belief in beliefs.values() for name, square in belief.standing.items()}
     left = tuple(piece for piece in expected if piece not in gone)
@@ -110,10 +110,10 @@ def repair_towards(
     seen = _seen(believed, target, observation, tolerance, {piece.colour for piece in gone})
     aside = tuple(place for place in map(square_place, range(64)) if wanted.at(place) is None)
     transfers = rearrange(believed, target, seen=seen, aside=aside, rest=rest)
-    missing = _missing(gone) if gone else None
+    missing = missing_ask(gone) if gone else None
     if missing is not None and not transfers:
         return missing
-    return Repair(believed, transfers, _what_is_done(believed, target, transfers), missing)
+    return Repair(believed, transfers, what_is_done(believed, target, transfers), missing)
 
 
 def _beliefs(expected: Inventory, observation: BoardObservation, board: chess.Board | None) -> dict[Colour, Belief]:
@@ -236,14 +236,16 @@ def _extra(squares: Sequence[int], colour: Colour) -> Ask:
     )
 
 
-def _missing(gone: Sequence[PieceSpec]) -> Ask:
+def missing_ask(gone: Sequence[PieceSpec]) -> Ask:
+    """A person has to bring these back; their places say where to."""
     puts = _list([f"the {_name(piece)} on {piece.place}" for piece in sorted(gone, key=lambda piece: piece.place)])
     what = f"{len(gone)} pieces are" if len(gone) > 1 else "a piece is"
     squares = sorted(piece.place.index for piece in gone if piece.place.on_board)
     return Ask(f"{what} missing: put {puts}", tuple(squares))
 
 
-def _what_is_done(believed: Inventory, target: Inventory, transfers: Sequence[Transfer]) -> str:
+def what_is_done(believed: Inventory, target: Inventory, transfers: Sequence[Transfer]) -> str:
+    """For people."""
     if not transfers:
         return "the board is as it should be"
     done = []

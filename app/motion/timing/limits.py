@@ -110,9 +110,9 @@ def gather(
 
     Where s' changes, b may change quickly: there accelerations are looked at in the middle of an interval, too. Written
     are ``caps``, the largest b at the begin, in the middle and at the end of each interval, (n, 3): at its ends alone a
-    spline's coefficients could go up and down in turns, unseen; ``where``, the interval of each row of ``table`` and how far into
-    it, (9 n, 2); and ``table``, r', r'', r''' along one axis by u, and the bounds of acceleration and jerk along it,
-    (9 n, 5).
+    spline's coefficients could go up and down in turns, unseen; ``where``, the interval of each row of ``table`` and
+    how far into it, (9 n, 2); and ``table``, r', r'', r''' along one axis by u, and the bounds of acceleration and
+    jerk along it, (9 n, 5).
 
     Returns:
         How many rows of ``where`` and ``table`` are filled.

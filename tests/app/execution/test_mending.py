@@ -156,6 +156,9 @@ class Paper:
 
     # eyes
 
+    def whereabouts(self, stands: Inventory) -> None:
+        """As without depth."""
+
     def misplaced(self, stands: Inventory) -> list[MisplacedPiece]:
         beside = [
             MisplacedPiece(stands.find(piece.name), stands.find(piece.name).place, Pose(*self.at(piece.place)))

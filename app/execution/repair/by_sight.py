@@ -1,0 +1,226 @@
+"""Which piece is which of those that depth shows standing: everything that is seen, explained by the fewest acts.
+
+All pieces of the game and all that is seen are given to each other at once, on the board, beside it, between squares.
+It costs nothing for a piece to stand where it was, something to have been carried, and more to be nowhere in sight; and
+a height that is not that of its kind costs as much as it is unlikely. Heights are held against those of the pieces that
+stand where they should, in the same picture: what light and camera do to one they do to all.
+
+This is sure, or nothing: where a sighting might be another kind, or lies, or belongs to nobody, ``belief`` and people
+have to say. Pure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Final
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from app.execution.repair.diagnosis import SEEN_WITHIN, Ask, Repair, missing_ask, what_is_done
+from app.execution.repair.observed import HEIGHTS
+from app.pieces.inventory import Inventory
+from app.pieces.order import Point, rearrange
+from hardware.table import Colour, Kind, PieceSpec, Place, square_place
+from vision.pieces.sightings import Sighting, Sightings
+
+_HOME: Final = 0.016
+"""A piece no further from the middle of its place has not been carried [m]: less than half a square."""
+_CARRIED: Final = 3.0
+"""Cost of a piece on another place: one in twenty."""
+_FARTHER: Final = 1.0
+"""… and of each metre [1/m]: of two alike pieces each went to the nearer place."""
+_NOWHERE: Final = 7.0
+"""… of a piece that should be in sight and is not."""
+_UNSEEN: Final = 1.0
+"""… of one whose place is hidden."""
+_NOBODYS: Final = 9.0
+"""… of something that stands there and is no piece of the game."""
+_SPREAD: Final = 0.0009
+"""Standard deviation of heights of one kind in one picture [m] (measured over 1,000 pieces in 20 lights)."""
+_FLUKE: Final = 6.0
+"""Heights further off count no more; standard deviations."""
+_LOOKS_THE_SAME: Final = 2.3
+"""Of another piece that looks just like the one before, within 1.7 mm of where that stood: a hand hits three in ten so
+well, and outlines tell two of three of those (`vision.pieces.swapped`): one in ten."""
+_OTHER_SIDE: Final = 20.0
+"""Of evidence for the other side, see ``Sighting.white``."""
+SURE: Final = 2.9
+"""What is believed is so much likelier than any other kind, as a logarithm: 18 times."""
+_IMPOSSIBLE: Final = 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class Whereabouts:
+    """What stands where.
+
+    Attributes:
+        standing: of each piece that is seen, by name: where, board frame [m].
+        moved: names of those that were carried.
+        missing: pieces that are nowhere in sight, though nothing hides their places.
+    """
+
+    standing: Mapping[str, Point]
+    moved: frozenset[str]
+    missing: tuple[PieceSpec, ...]
+
+
+def whereabouts(
+    stands: Inventory,
+    seen: Sightings,
+    heights: Mapping[Kind, float] = HEIGHTS,
+    untouched: Set[int] = frozenset(),
+) -> Whereabouts | None:
+    """Find out which piece is which; None: that is not sure, or something lies.
+
+    Args:
+        stands: what should stand where.
+        seen: what does.
+        heights: of the kinds as this camera has seen them before [m].
+        untouched: squares whose pieces look just as when they were known to stand there.
+    """
+    pieces, sightings, standing = _beyond_doubt(stands, seen)
+    if not all(one.upright for one in sightings):
+        return None
+    cost = _costs(stands, pieces, sightings, seen.hidden, _heights(stands, seen.all, heights))
+    cost[: len(pieces), : len(sightings)] += _strangers(stands, pieces, sightings, untouched)
+    rows, columns = linear_sum_assignment(cost)
+    chosen = dict(zip(rows.tolist(), columns.tolist(), strict=True))
+    if any(column < len(sightings) for row, column in chosen.items() if row >= len(pieces)):
+        return None  # something that is no piece of the game
+    if not _is_sure(cost, pieces, chosen, len(sightings)):
+        return None
+    missing = list[PieceSpec]()
+    for row, piece in enumerate(pieces):
+        if chosen[row] < len(sightings):
+            standing[piece.name] = sightings[chosen[row]].x, sightings[chosen[row]].y
+        elif piece.place not in seen.hidden:
+            missing.append(piece)
+    moved = {name for name, at in standing.items() if math.dist(at, stands.table.xy(stands.find(name).place)) > _HOME}
+    return Whereabouts(standing, frozenset(moved), tuple(missing))
+
+
+def _beyond_doubt(stands: Inventory, seen: Sightings) -> tuple[list[PieceSpec], list[Sighting], dict[str, Point]]:
+    """Pieces and sightings that are to be given to each other, and where those stand that are not: what is seen in a
+    tray, perhaps cut by the picture's edge, is the piece that was put there.
+    """
+    table, sightings, standing = stands.table, list(seen.all), dict[str, Point]()
+    pieces = [piece for piece in stands if not piece.place.in_box]
+    for one in seen.all:
+        nearest = min(pieces, key=lambda piece: math.dist((one.x, one.y), table.xy(piece.place)))
+        at = table.xy(nearest.place)
+        if nearest.place.in_tray and math.dist((one.x, one.y), at) <= _HOME and nearest.name not in standing:
+            standing[nearest.name] = at
+            sightings.remove(one)
+    return [piece for piece in pieces if piece.name not in standing], sightings, standing
+
+
+def repair_by_sight(
+    stands: Inventory, wanted: Inventory, found: Whereabouts, off: Mapping[int, Point]
+) -> Repair | Ask | None:
+    """What the arm does so that all stands as wanted; None: it cannot be said on which places pieces stand.
+
+    Args:
+        stands: what should stand where.
+        wanted: what shall.
+        found: what does.
+        off: where pieces stand that are on their squares, but off the centres, by square, board frame [m].
+    """
+    believed = _placed(stands, found)
+    if believed is None:
+        return None
+    there = {piece.name for piece in believed}
+    target = Inventory.of((piece for piece in wanted if piece.name in there), wanted.table)
+    seen = {name: found.standing[name] for name in found.moved}
+    seen |= {piece.name: off[piece.place.index] for piece in believed
+             if piece.place.on_board and piece.place.index in off and piece.name not in seen}  # fmt: skip
+    aside = tuple(place for place in map(square_place, range(64)) if wanted.at(place) is None)
+    transfers = rearrange(believed, target, seen=seen, aside=aside)
+    rest = missing_ask([wanted.find(piece.name) for piece in found.missing]) if found.missing else None
+    if not transfers:
+        return rest
+    return Repair(believed, transfers, what_is_done(believed, target, transfers), rest)
+
+
+def _placed(stands: Inventory, found: Whereabouts) -> Inventory | None:
+    """On the nearest places that nobody else has; without the missing ones."""
+    table, places = stands.table, dict[str, Place]()
+    gone = {piece.name for piece in found.missing}
+    taken = {piece.place for piece in stands if piece.name not in gone and piece.name not in found.moved}
+    every = (*map(square_place, range(64)), *table.tray_places())
+    for name in sorted(found.moved):
+        at = found.standing[name]
+        near = sorted((math.dist(at, table.xy(place)), place) for place in every if place not in taken)
+        off, place = near[0]
+        if off > SEEN_WITHIN * table.square:
+            return None
+        places[name] = place
+        taken.add(place)
+    return Inventory.of(
+        (replace(piece, place=places.get(piece.name, piece.place)) for piece in stands if piece.name not in gone), table
+    )
+
+
+def _heights(stands: Inventory, seen: Sequence[Sighting], before: Mapping[Kind, float]) -> dict[Kind, float]:
+    """Of the kinds as they look in this picture: of those that stand at home, or as before and as much off as those."""
+    tops = defaultdict[Kind, list[float]](list)
+    for piece in (piece for piece in stands if piece.place.on_board):
+        x, y = stands.table.xy(piece.place)
+        tops[piece.kind] += [one.height for one in seen if math.dist((one.x, one.y), (x, y)) < _HOME]
+    known = {kind: float(np.median(some)) for kind, some in tops.items() if len(some) > 2}
+    usual = float(np.median([height - before[kind] for kind, height in known.items()])) if known else 0.0
+    return {kind: known.get(kind, before[kind] + usual) for kind in Kind}
+
+
+def _costs(
+    stands: Inventory, pieces: Sequence[PieceSpec], seen: Sequence[Sighting], hidden: Set[Place],
+    heights: Mapping[Kind, float],
+) -> np.ndarray:  # fmt: skip
+    """Rows: the pieces, then nobody for each sighting. Columns: the sightings, then nowhere for each piece."""
+    cost = np.full((len(pieces) + len(seen), len(seen) + len(pieces)), _IMPOSSIBLE)
+    cost[len(pieces) :, len(seen) :] = 0.0
+    for (i, piece), (j, one) in product(enumerate(pieces), enumerate(seen)):
+        away = math.dist((one.x, one.y), stands.table.xy(piece.place))
+        off = min(abs(one.height - heights[piece.kind]) / _SPREAD, _FLUKE)
+        other = max(0.0, -one.white if piece.colour is Colour.WHITE else one.white)
+        cost[i, j] = 0.5 * off**2 + _OTHER_SIDE * other + (0.0 if away <= _HOME else _CARRIED + _FARTHER * away)
+    for i, piece in enumerate(pieces):
+        cost[i, len(seen) + i] = _UNSEEN if piece.place in hidden else _NOWHERE
+    for j in range(len(seen)):
+        cost[len(pieces) + j, j] = _NOBODYS
+    return cost
+
+
+def _strangers(
+    stands: Inventory, pieces: Sequence[PieceSpec], seen: Sequence[Sighting], untouched: Set[int]
+) -> np.ndarray:
+    """What it costs besides that another kind stands where a piece looks as it did, (pieces, sightings)."""
+    cost = np.zeros((len(pieces), len(seen)))
+    for j, one in enumerate(seen):
+        for square in untouched:
+            there = stands.at(square_place(square))
+            if there is not None and math.dist((one.x, one.y), stands.table.xy(there.place)) <= _HOME:
+                cost[[not _alike(piece, there) for piece in pieces], j] = _LOOKS_THE_SAME
+    return cost
+
+
+def _is_sure(cost: np.ndarray, pieces: Sequence[PieceSpec], chosen: Mapping[int, int], seen: int) -> bool:
+    """Whether nothing else would do nearly as well, with another kind on any of what is seen."""
+    cheapest = sum(float(cost[row, column]) for row, column in chosen.items())
+    for row, column in chosen.items():
+        if column >= seen or row >= len(pieces):
+            continue
+        other = cost.copy()
+        other[[i for i, piece in enumerate(pieces) if _alike(piece, pieces[row])], column] = _IMPOSSIBLE
+        rows, columns = linear_sum_assignment(other)
+        if float(other[rows, columns].sum()) - cheapest < SURE:
+            return False
+    return True
+
+
+def _alike(one: PieceSpec, other: PieceSpec) -> bool:
+    return one.kind is other.kind and one.colour is other.colour
