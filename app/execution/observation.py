@@ -15,7 +15,7 @@ import chess
 import numpy as np
 from numpy.typing import NDArray
 
-from app.execution.repair import BoardObservation, Whereabouts, kinds_by_height, whereabouts
+from app.execution.repair import BoardObservation, Whereabouts, exchanged, kinds_by_height, whereabouts
 from app.execution.repair.observed import HEIGHTS, Chances
 from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
 from app.execution.unseen_reply import pieces_of, reply_shown
@@ -31,7 +31,7 @@ from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.pieces.centres import piece_centres
 from vision.pieces.fallen import around_board, find_misplaced
 from vision.pieces.pose_search import MisplacedPiece
-from vision.pieces.sightings import sightings_of
+from vision.pieces.sightings import Sightings, sightings_of, together
 from vision.pieces.swapped import SHIFTED, UNLIKE, KnownPicture, looked_closer
 from vision.pieces.verify import Examination, Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, EMPTY, WHITE
@@ -39,7 +39,7 @@ from vision.reading.diagnosis import Diagnosis, explain
 from vision.reading.evidence import codes_of
 from vision.reading.moves import MoveReading
 from vision.reading.observer import Observation, Observer
-from vision.reading.outcome import ReadingOutcome, Situation
+from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 from vision.reading.rectified_view import sight_of_frame
 
 States = NDArray[np.intp]
@@ -175,10 +175,7 @@ class GameObserver:
         self._wrong = frozenset(fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE)
         if not faults:
             self._strayed, self._assumed = {}, False
-            self._likeness = {
-                square: (expected[square].name, one, examined.centres[square])
-                for square, one in examined.likeness.items()
-            }
+            self._remember(expected, examined)
             return BoardObservation({})
         look = self._known.look(sight_of_frame(frame, self.view))
         states = look.evidence.read(codes_of(self._known.board))
@@ -200,18 +197,37 @@ class GameObserver:
         )  # fmt: skip
         return examined
 
+    def remember(self, stands: Inventory) -> None:
+        """How pieces look that stand where they should, in the newest frame: the next look is held against that."""
+        expected = on_board(stands)
+        examined = self._examine(expected)
+        if not examined.faults:
+            self._remember(expected, examined)
+
+    def _remember(self, expected: Mapping[int, PieceSpec], examined: Examination) -> None:
+        self._likeness = {
+            square: (expected[square].name, one, examined.centres[square]) for square, one in examined.likeness.items()
+        }
+
     def _heights(self) -> dict[Kind, float]:
         """Of the kinds as this camera sees them [m]; as the settings say, where it has not."""
         seen = self._known.heights
         return {kind: seen.get(piece_type, HEIGHTS[kind]) for piece_type, kind in KINDS.items()}
 
     def whereabouts(self, stands: Inventory) -> Whereabouts | None:
-        """What stands where in the newest frame, wherever it stands; None: that is not sure, or there is no depth."""
-        if self.last.depth is None:
-            return None
+        """What stands where in the newest frame, and some more while that is not sure; None: it is not, something
+        lies, or there is no depth.
+        """
         expected = {piece.place: piece for piece in stands if not piece.place.in_box}
-        seen = sightings_of(self.last, self.view, expected, around_board(self.view, trays=True))
-        return whereabouts(stands, seen, self._heights(), self._untouched)
+        looks = list[Sightings]()
+        while self.last.depth is not None and len(looks) < LOOKS:
+            if looks:
+                self.frame()
+            looks.append(sightings_of(self.last, self.view, expected, around_board(self.view, trays=True)))
+            found = whereabouts(stands, together(looks), self._heights(), self._untouched)
+            if found is not None or not all(one.upright for one in looks[-1].all):
+                return found
+        return None
 
     def faults(self, stands: Inventory, *, centres: bool) -> tuple[Fault, ...]:
         """What is not as it should be in the newest frame; without depth nobody can tell what lies, so nothing.
@@ -223,6 +239,8 @@ class GameObserver:
         if self.last.depth is None:
             return ()
         faults = self._examine(on_board(stands)).faults
+        if not faults and (seen := self.whereabouts(stands)) is not None:
+            faults = tuple(exchanged(stands, seen))
         return tuple(fault for fault in faults if centres or fault.kind is not FaultKind.OFF_CENTRE)
 
     def forget_likeness(self) -> None:

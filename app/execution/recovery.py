@@ -146,12 +146,12 @@ class Recovery:
         found = self.observer.verify(stands)
         if found.faults:  # one frame may be wrong
             found = self.observer.verify(stands)
-        if found.faults and (step := self._by_sight(stands, wanted, found)) is not None:
-            self._loose = ()
-            return found.faults, step
-        misplaced = cache(
-            lambda: self.observer.misplaced(stands)
-        )  # a second's search: once a look, and only where it is needed
+        # a hand may have exchanged pieces that look alike, or moved some in the trays
+        sighted = self._by_sight(stands, wanted, found) if found.faults or board is not None else None
+        if sighted is not None:
+            return found.faults, sighted
+        # a second's search: once a look, and only where it is needed
+        misplaced = cache(lambda: self.observer.misplaced(stands))
         missing = {square_place(fault.square) for fault in found.faults if fault.kind in _GONE}
         missing |= {place for name in self._lost | self._handled if (place := stands.find(name).place).in_tray}
         alone = unaided(missing, stands, wanted, misplaced, self._handled, people=board is not None)
@@ -174,7 +174,7 @@ class Recovery:
 
     def _by_sight(self, stands: Inventory, wanted: Inventory, found: BoardObservation) -> Repair | Ask | None:
         """What to do where depth shows for sure what stands where, and something was carried; None: it does not."""
-        seen = self.observer.whereabouts(stands)
+        seen, self._loose = self.observer.whereabouts(stands), ()
         if seen is None or not (seen.moved or seen.missing):
             return None
         return repair_by_sight(stands, wanted, seen, found.places)

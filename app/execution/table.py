@@ -201,6 +201,7 @@ class Table:
         if not self._begun:
             if self.observer is not None:
                 self.observer.begin(self.board)
+                self.observer.remember(self.inventory)
             return True
         self._unwatched = by_hand
         well = self._finish() and self.repair(self._left_with(self.board))

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import cv2
@@ -46,7 +46,7 @@ _POINTS: Final = 400
 _AGREES: Final = 0.7
 """Share of an outline that agrees with the picture, with which its place is known to a millimetre."""
 _SAME: Final = 0.009
-"""An outline and a sighting no further apart are one piece's [m]."""
+"""An outline and a sighting, or two sightings, no further apart are one piece's [m]."""
 _HIDES: Final = 0.015
 """What is so much nearer than a piece would be hides it [m]."""
 
@@ -116,6 +116,16 @@ def sightings_of(
         if number > 0 and mine.size >= _LEAST_POINTS
     ]
     return Sightings(tuple(_unbiased(found, fit)), frozenset(_hidden(frame, view, expected)))
+
+
+def together(looks: Sequence[Sightings]) -> Sightings:
+    """What the newest of some looks at the same shows, with heights as they are on average over all of them."""
+    newest, before = looks[-1], [one for look in looks[:-1] for one in look.all]
+    averaged = []
+    for one in newest.all:
+        same = [was.height for was in before if math.dist((was.x, was.y), (one.x, one.y)) < _SAME]
+        averaged.append(replace(one, height=math.fsum([one.height, *same]) / (1 + len(same))))
+    return Sightings(tuple(averaged), newest.hidden)
 
 
 def _clusters(points: Field, up: Mask, half: Array) -> Whole:

@@ -13,9 +13,10 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import product
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -27,6 +28,7 @@ from app.pieces.inventory import Inventory
 from app.pieces.order import Point, rearrange
 from hardware.table import Colour, Kind, PieceSpec, Place, square_place
 from vision.pieces.sightings import Sighting, Sightings
+from vision.pieces.verify import Fault, FaultKind
 
 _HOME: Final = 0.016
 """A piece no further from the middle of its place has not been carried [m]: less than half a square."""
@@ -40,8 +42,12 @@ _UNSEEN: Final = 1.0
 """… of one whose place is hidden."""
 _NOBODYS: Final = 9.0
 """… of something that stands there and is no piece of the game."""
-_SPREAD: Final = 0.0009
-"""Standard deviation of heights of one kind in one picture [m] (measured over 1,000 pieces in 20 lights)."""
+_SPREADS: Final[Mapping[Kind, float]] = MappingProxyType({
+    Kind.PAWN: 0.0009, Kind.ROOK: 0.0008, Kind.KNIGHT: 0.0012, Kind.BISHOP: 0.0010, Kind.QUEEN: 0.0010,
+    Kind.KING: 0.0010,
+})  # fmt: skip
+"""Standard deviations of heights of one kind in one picture [m] (measured over 900 pieces in 40 lights: 0.6 to 0.8, but
+1.04 for knights, whose heads look in all directions; and 0.2 more)."""
 _FLUKE: Final = 6.0
 """Heights further off count no more; standard deviations."""
 _LOOKS_THE_SAME: Final = 2.3
@@ -83,6 +89,7 @@ def whereabouts(
         heights: of the kinds as this camera has seen them before [m].
         untouched: squares whose pieces look just as when they were known to stand there.
     """
+    seen = replace(seen, hidden=_hidden(stands, seen))
     pieces, sightings, standing = _beyond_doubt(stands, seen)
     if not all(one.upright for one in sightings):
         return None
@@ -102,6 +109,15 @@ def whereabouts(
             missing.append(piece)
     moved = {name for name, at in standing.items() if math.dist(at, stands.table.xy(stands.find(name).place)) > _HOME}
     return Whereabouts(standing, frozenset(moved), tuple(missing))
+
+
+def _hidden(stands: Inventory, seen: Sightings) -> frozenset[Place]:
+    """Hidden places on which nothing else stands: that would not hide a piece there, but be where it was."""
+    spots = [(one.x, one.y) for one in seen.all]
+    return frozenset(
+        place for place in seen.hidden
+        if min((math.dist(stands.table.xy(place), spot) for spot in spots), default=math.inf) > _HOME
+    )  # fmt: skip
 
 
 def _beyond_doubt(stands: Inventory, seen: Sightings) -> tuple[list[PieceSpec], list[Sighting], dict[str, Point]]:
@@ -146,6 +162,17 @@ def repair_by_sight(
     return Repair(believed, transfers, what_is_done(believed, target, transfers), rest)
 
 
+def exchanged(stands: Inventory, seen: Whereabouts) -> Iterator[Fault]:
+    """Pieces that look as if nothing had happened, since each stands where another one was of its side."""
+    for name in sorted(seen.moved):
+        piece, at = stands.find(name), seen.standing[name]
+        if piece.place.on_board:
+            squares = map(square_place, range(64))
+            there = min(squares, key=lambda place: math.dist(at, stands.table.xy(place)))
+            sentence = f"the {piece.colour} {piece.kind} of {piece.place} stands on {there}"
+            yield Fault(FaultKind.FOREIGN, piece.place.index, sentence, at)
+
+
 def _placed(stands: Inventory, found: Whereabouts) -> Inventory | None:
     """On the nearest places that nobody else has; without the missing ones."""
     table, places = stands.table, dict[str, Place]()
@@ -185,9 +212,15 @@ def _costs(
     cost[len(pieces) :, len(seen) :] = 0.0
     for (i, piece), (j, one) in product(enumerate(pieces), enumerate(seen)):
         away = math.dist((one.x, one.y), stands.table.xy(piece.place))
-        off = min(abs(one.height - heights[piece.kind]) / _SPREAD, _FLUKE)
+        spread = _SPREADS[piece.kind]
+        off = min(abs(one.height - heights[piece.kind]) / spread, _FLUKE)
         other = max(0.0, -one.white if piece.colour is Colour.WHITE else one.white)
-        cost[i, j] = 0.5 * off**2 + _OTHER_SIDE * other + (0.0 if away <= _HOME else _CARRIED + _FARTHER * away)
+        cost[i, j] = (
+            0.5 * off**2
+            + math.log(spread / _SPREADS[Kind.ROOK])
+            + _OTHER_SIDE * other
+            + (0.0 if away <= _HOME else _CARRIED + _FARTHER * away)
+        )
     for i, piece in enumerate(pieces):
         cost[i, len(seen) + i] = _UNSEEN if piece.place in hidden else _NOWHERE
     for j in range(len(seen)):

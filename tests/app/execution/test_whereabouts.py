@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.execution.repair import Ask, Repair, Whereabouts, repair_by_sight, whereabouts
+from app.execution.repair import Ask, Repair, Whereabouts, exchanged, repair_by_sight, whereabouts
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from hardware.table import PIECE_SHAPES, Colour, PieceSpec, Place, TableSettings, square_place
-from vision.pieces.sightings import Sighting, Sightings
+from vision.pieces.sightings import Sighting, Sightings, together
 
 TABLE = TableSettings()
 START = Inventory.of(start_layout(chess.Board(), TABLE), TABLE)
@@ -115,8 +115,50 @@ def test_a_piece_that_is_nowhere_is_asked_for_and_one_that_may_be_hidden_is_not(
     assert not found.missing
 
 
+def test_a_place_on_which_another_piece_stands_hides_nothing():
+    truth = {PAWN.name: TABLE.xy(KING.place), KING.name: TABLE.xy(PAWN.place)}
+    seen = Sightings(shown(truth).all, frozenset({PAWN.place}))
+    found = whereabouts(START, seen)
+    assert found is not None
+    assert found.moved == {PAWN.name, KING.name}
+
+
 def test_what_lies_and_what_is_nobodys_is_not_explained():
     seen = shown({})
     lying = replace(seen.all[0], upright=False, x=0.0, y=0.0)
     assert whereabouts(START, Sightings((*seen.all[1:], lying), frozenset())) is None
     assert whereabouts(START, Sightings((*seen.all, sighted(PAWN, (0.0, 0.0))), frozenset())) is None
+
+
+def test_pieces_of_one_side_that_changed_places_are_named_with_where_they_stand():
+    truth = {PAWN.name: TABLE.xy(KING.place), KING.name: TABLE.xy(PAWN.place)}
+    found = whereabouts(START, shown(truth))
+    assert found is not None
+    assert {fault.sentence for fault in exchanged(START, found)} == {
+        "the white king of e1 stands on e2", "the white pawn of e2 stands on e1",
+    }  # fmt: skip
+    assert {fault.square for fault in exchanged(START, found)} == {4, 12}
+    still = whereabouts(START, shown({}))
+    assert still is not None
+    assert not list(exchanged(START, still))
+
+
+def test_what_looks_as_it_did_tells_a_knight_from_a_rook_where_heights_do_not():
+    """The knight went, and looks as low as a rook; the rook, which nobody touched, looks almost as high as a knight."""
+    away = TABLE.xy(square_place(28))
+    seen = [one for one in shown({}).all if math.dist((one.x, one.y), TABLE.xy(KNIGHT.place)) > 0.01]
+    seen = [one for one in seen if math.dist((one.x, one.y), TABLE.xy(ROOK.place)) > 0.01]
+    odd = Sightings((*seen, sighted(KNIGHT, away, -0.0034), sighted(ROOK, TABLE.xy(ROOK.place), 0.0018)), frozenset())
+    assert whereabouts(START, odd) is None
+    found = whereabouts(START, odd, untouched=frozenset({0}))
+    assert found is not None
+    assert found.moved == {KNIGHT.name}
+
+
+def test_heights_are_the_mean_of_several_looks_at_what_stands_in_the_same_place():
+    looks = [shown({}, seed=seed) for seed in range(4)]
+    mean = together(looks)
+    for one in mean.all:
+        same = [x.height for look in looks for x in look.all if math.dist((x.x, x.y), (one.x, one.y)) < 0.009]
+        assert one.height == pytest.approx(sum(same) / len(same))
+    assert mean.hidden == looks[-1].hidden
