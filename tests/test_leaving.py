@@ -15,14 +15,22 @@ import pytest
 from tests.waiting import PATIENCE, until
 
 TOUCHMOVE = (sys.executable, "-P", "-m", "app.cli")
+WITHOUT_SIGHT = (
+    sys.executable, "-P", "-c",
+    "import runpy; from app.execution.observation import GameObserver; GameObserver.whereabouts = lambda *_: None; "
+    "runpy.run_module('app.cli', run_name='__main__', alter_sys=True)",
+)  # fmt: skip
+"""The same, as if what stands beside the board, or elsewhere than it should, could not be seen to stand there."""
 BOARD = ("--rig", "board", "--nodes", "500")
 SIMULATED = ("--pace", "fast", "--nodes", "500")
 
 
-def run(folder: Path, lines: tuple[str, ...], *command: str) -> tuple[int, dict[str, Any], str]:
+def run(
+    folder: Path, lines: tuple[str, ...], *command: str, program: tuple[str, ...] = TOUCHMOVE
+) -> tuple[int, dict[str, Any], str]:
     """Exit status, report and everything said of a game in which these lines are typed; then the input ends."""
     typed = "".join(f"{line}\n" for line in lines)
-    done = subprocess.run([*TOUCHMOVE, *command, "--json"], input=typed, capture_output=True, text=True, check=False)
+    done = subprocess.run([*program, *command, "--json"], input=typed, capture_output=True, text=True, check=False)
     assert "Traceback" not in done.stderr, done.stderr
     report = folder / "report.json"
     return done.returncode, json.loads(report.read_text()) if report.exists() else {}, done.stderr
@@ -83,14 +91,16 @@ def test_a_game_that_waits_for_a_piece_is_left_and_taken_up(tmp_path: Path) -> N
     """The knight lies in a tray where nobody looks for it: the person is asked, and leaves in every way there is."""
     game = tmp_path / "game"
     asked = "put the white knight on b1"
-    status, report, said = run(game, ("hand move b1 L3", "fix"), "play", *SIMULATED, "--out", str(game))
+    status, report, said = run(
+        game, ("hand move b1 L3", "fix"), "play", *SIMULATED, "--out", str(game), program=WITHOUT_SIGHT
+    )
     assert (status, report["result"]) == (1, "*")
     assert asked in said
-    status, report, said = run(game, ("nonsense", "quit"), "resume", str(game))
+    status, report, said = run(game, ("nonsense", "quit"), "resume", str(game), program=WITHOUT_SIGHT)
     assert (status, report["result"]) == (0, "*")
     assert asked in said
     assert "'nonsense' is no answer" in said
     back = ("hand move L3 b1", "done", "e4", "hand move b1 L3", "fix", "resign")
-    status, report, said = run(game, back, "resume", str(game))
+    status, report, said = run(game, back, "resume", str(game), program=WITHOUT_SIGHT)
     assert (status, report["result"], report["plies"]) == (0, "0-1", 2), said[-2000:]
-    assert run(game, (), "resume", str(game))[0] == 2
+    assert run(game, (), "resume", str(game), program=WITHOUT_SIGHT)[0] == 2

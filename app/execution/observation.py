@@ -215,8 +215,8 @@ class GameObserver:
         return {kind: seen.get(piece_type, HEIGHTS[kind]) for piece_type, kind in KINDS.items()}
 
     def whereabouts(self, stands: Inventory) -> Whereabouts | None:
-        """What stands where in the newest frame, and some more while that is not sure; None: it is not, something
-        lies, or there is no depth.
+        """What stands where in the newest frame, and some more while that is not sure; None: it is not, or there is
+        no depth.
         """
         expected = {piece.place: piece for piece in stands if not piece.place.in_box}
         looks = list[Sightings]()
@@ -225,7 +225,7 @@ class GameObserver:
                 self.frame()
             looks.append(sightings_of(self.last, self.view, expected, around_board(self.view, trays=True)))
             found = whereabouts(stands, together(looks), self._heights(), self._untouched)
-            if found is not None or not all(one.upright for one in looks[-1].all):
+            if found is not None:
                 return found
         return None
 
@@ -239,7 +239,7 @@ class GameObserver:
         if self.last.depth is None:
             return ()
         faults = self._examine(on_board(stands)).faults
-        if not faults and (seen := self.whereabouts(stands)) is not None:
+        if not faults and (seen := self.whereabouts(stands)) is not None and not seen.lying:
             faults = tuple(exchanged(stands, seen))
         return tuple(fault for fault in faults if centres or fault.kind is not FaultKind.OFF_CENTRE)
 
@@ -262,9 +262,13 @@ class GameObserver:
         expected = {piece.place: piece for piece in rows if not piece.place.in_box}
         doubted = {square_place(square) for square in self._doubted}
         before = {place: self._strayed[piece.name] for place, piece in expected.items() if piece.name in self._strayed}
-        misplaced = [*find_misplaced(self.last, self.view, expected, doubted=doubted, trays=True, before=before)]
+        seen = self.whereabouts(stands)
+        standing = {} if seen is None else {stands.find(name).place: at for name, at in seen.standing.items()}
+        misplaced = find_misplaced(
+            self.last, self.view, expected, doubted=doubted, trays=True, before=before, standing=standing
+        )
         self._strayed |= {one.piece.name: (one.pose.x, one.pose.y) for one in misplaced}
-        return misplaced
+        return list(misplaced)
 
     def read(self) -> Reading:
         """What was played since the known position, in a new frame.

@@ -175,7 +175,7 @@ class Recovery:
     def _by_sight(self, stands: Inventory, wanted: Inventory, found: BoardObservation) -> Repair | Ask | None:
         """What to do where depth shows for sure what stands where, and something was carried; None: it does not."""
         seen, self._loose = self.observer.whereabouts(stands), ()
-        if seen is None or not (seen.moved or seen.missing):
+        if seen is None or seen.lying or not (seen.moved or seen.missing):
             return None
         return repair_by_sight(stands, wanted, seen, found.places)
 

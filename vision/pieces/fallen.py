@@ -32,6 +32,8 @@ _BEYOND: Final = 0.014
 _LEANS: Final = 0.06
 """… and before the first rank and behind the last, where no trays are, so much further: pieces lie there with their
 heads beyond the edge, and what is high looks further off than it is [m]."""
+_SIGHTED: Final = 0.0015
+"""Error of where a piece stands that was only sighted, as a standard deviation [m]."""
 _SAME: Final = 0.008
 """A piece that stands was found twice when both places are no further apart [m]."""
 
@@ -40,6 +42,7 @@ def find_misplaced(
     frame: Frame, view: BoardView, expected: Mapping[Place, PieceSpec], *,
     use_depth: bool = True, tolerance: float = TOLERANCE, doubted: Collection[Place] = (), trays: bool = False,
     before: Mapping[Place, tuple[float, float]] = MappingProxyType({}),
+    standing: Mapping[Place, tuple[float, float]] = MappingProxyType({}),
 ) -> tuple[MisplacedPiece, ...]:  # fmt: skip
     """Find the pieces on the board, or beside it, that do not stand where they should.
 
@@ -53,6 +56,7 @@ def find_misplaced(
         trays: pieces are looked for there, too; then all that should stand there is expected. What boxes hold, nobody
             can tell.
         before: where pieces were that did not stand where they should when they were seen last [m].
+        standing: where pieces stand, of those of which that is known, by where they should [m].
 
     Returns:
         Those found, the surest first. A missing piece that is not among them is hidden or off the board. One that would
@@ -68,13 +72,21 @@ def find_misplaced(
     off = {place: math.dist((one.x, one.y), view.table.xy(place)) for place, one in centres.items()}
     # what lies can look much like what stands off its centre: which it is, the search decides
     stands = {place: one.upright and place not in doubted and off[place] <= tolerance for place, one in centres.items()}
+    astray = [
+        MisplacedPiece(expected[place], place, Pose(*standing[place]), _SIGHTED, 0.0, 1.0, 1.0, 1.0)
+        for place in fit.stands if place in standing and not (stands[place] or place.in_tray)
+    ]  # fmt: skip
     left = [
         (place, expected[place])
         for place in fit.stands
-        if not (stands[place] or centres[place].hidden) and _is_in_picture(view, place, expected[place])
+        if place not in standing
+        and not (stands[place] or centres[place].hidden)
+        and _is_in_picture(view, place, expected[place])
     ]
     points = None if fit.rises is None else raised(fit.part, fit.rises, view)
     search = PoseSearch(fit, view, _taken(fit, points, [stands[place] for place in fit.stands]), around, points)
+    for one in astray:
+        search.take_out(one)
     found = list[MisplacedPiece]()
     while left:
         stray = search.best(left)
@@ -84,7 +96,11 @@ def find_misplaced(
         left.remove((stray.target, stray.piece))
         search.take_out(stray)
     if len(found) > 1:
-        found = search.again().told_apart(found, before)
+        again = search.again()
+        for one in astray:
+            again.take_out(one)
+        found = again.told_apart(found, before)
+    found += astray
     found = [_sharper(stray, centres) for stray in found]
     return tuple(sorted(found, key=lambda one: -one.support * one.seen))
 

@@ -5,8 +5,8 @@ It costs nothing for a piece to stand where it was, something to have been carri
 a height that is not that of its kind costs as much as it is unlikely. Heights are held against those of the pieces that
 stand where they should, in the same picture: what light and camera do to one they do to all.
 
-This is sure, or nothing: where a sighting might be another kind, or lies, or belongs to nobody, ``belief`` and people
-have to say. Pure.
+This is sure, or nothing: where a sighting might be another kind, or belongs to nobody, ``belief`` and people have to
+say. Pure.
 """
 
 from __future__ import annotations
@@ -38,6 +38,8 @@ _FARTHER: Final = 1.0
 """… and of each metre [1/m]: of two alike pieces each went to the nearer place."""
 _NOWHERE: Final = 7.0
 """… of a piece that should be in sight and is not."""
+_LIES: Final = 2.0
+"""… where something lies that may be it."""
 _UNSEEN: Final = 1.0
 """… of one whose place is hidden."""
 _NOBODYS: Final = 9.0
@@ -67,12 +69,14 @@ class Whereabouts:
     Attributes:
         standing: of each piece that is seen, by name: where, board frame [m].
         moved: names of those that were carried.
-        missing: pieces that are nowhere in sight, though nothing hides their places.
+        missing: pieces of the board that do not stand in sight, though nothing hides their places.
+        lying: so many things do not stand; they are some of the missing pieces.
     """
 
     standing: Mapping[str, Point]
     moved: frozenset[str]
     missing: tuple[PieceSpec, ...]
+    lying: int = 0
 
 
 def whereabouts(
@@ -81,7 +85,7 @@ def whereabouts(
     heights: Mapping[Kind, float] = HEIGHTS,
     untouched: Set[int] = frozenset(),
 ) -> Whereabouts | None:
-    """Find out which piece is which; None: that is not sure, or something lies.
+    """Find out which piece is which; None: that is not sure.
 
     Args:
         stands: what should stand where.
@@ -91,9 +95,10 @@ def whereabouts(
     """
     seen = replace(seen, hidden=_hidden(stands, seen))
     pieces, sightings, standing = _beyond_doubt(stands, seen)
-    if not all(one.upright for one in sightings):
-        return None
-    cost = _costs(stands, pieces, sightings, seen.hidden, _heights(stands, seen.all, heights))
+    lying = sum(not one.upright for one in sightings)
+    sightings = [one for one in sightings if one.upright]
+    nowhere = _LIES if lying else _NOWHERE
+    cost = _costs(stands, pieces, sightings, seen.hidden, _heights(stands, seen.all, heights), nowhere)
     cost[: len(pieces), : len(sightings)] += _strangers(stands, pieces, sightings, untouched)
     rows, columns = linear_sum_assignment(cost)
     chosen = dict(zip(rows.tolist(), columns.tolist(), strict=True))
@@ -105,10 +110,10 @@ def whereabouts(
     for row, piece in enumerate(pieces):
         if chosen[row] < len(sightings):
             standing[piece.name] = sightings[chosen[row]].x, sightings[chosen[row]].y
-        elif piece.place not in seen.hidden:
+        elif piece.place.on_board and piece.place not in seen.hidden:  # where else it is out of play matters to nobody
             missing.append(piece)
     moved = {name for name, at in standing.items() if math.dist(at, stands.table.xy(stands.find(name).place)) > _HOME}
-    return Whereabouts(standing, frozenset(moved), tuple(missing))
+    return Whereabouts(standing, frozenset(moved), tuple(missing), lying)
 
 
 def _hidden(stands: Inventory, seen: Sightings) -> frozenset[Place]:
@@ -205,7 +210,7 @@ def _heights(stands: Inventory, seen: Sequence[Sighting], before: Mapping[Kind, 
 
 def _costs(
     stands: Inventory, pieces: Sequence[PieceSpec], seen: Sequence[Sighting], hidden: Set[Place],
-    heights: Mapping[Kind, float],
+    heights: Mapping[Kind, float], nowhere: float,
 ) -> np.ndarray:  # fmt: skip
     """Rows: the pieces, then nobody for each sighting. Columns: the sightings, then nowhere for each piece."""
     cost = np.full((len(pieces) + len(seen), len(seen) + len(pieces)), _IMPOSSIBLE)
@@ -222,7 +227,7 @@ def _costs(
             + (0.0 if away <= _HOME else _CARRIED + _FARTHER * away)
         )
     for i, piece in enumerate(pieces):
-        cost[i, len(seen) + i] = _UNSEEN if piece.place in hidden else _NOWHERE
+        cost[i, len(seen) + i] = _UNSEEN if piece.place in hidden else nowhere
     for j in range(len(seen)):
         cost[len(pieces) + j, j] = _NOBODYS
     return cost

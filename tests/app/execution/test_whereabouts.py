@@ -115,6 +115,14 @@ def test_a_piece_that_is_nowhere_is_asked_for_and_one_that_may_be_hidden_is_not(
     assert not found.missing
 
 
+def test_a_piece_out_of_play_that_nobody_sees_is_not_asked_for():
+    (spare, *_) = [piece for piece in START if piece.place.in_tray]
+    found = whereabouts(START, shown({}, gone=frozenset({spare.name})))
+    assert found is not None
+    assert not found.missing
+    assert not found.moved
+
+
 def test_a_place_on_which_another_piece_stands_hides_nothing():
     truth = {PAWN.name: TABLE.xy(KING.place), KING.name: TABLE.xy(PAWN.place)}
     seen = Sightings(shown(truth).all, frozenset({PAWN.place}))
@@ -123,11 +131,13 @@ def test_a_place_on_which_another_piece_stands_hides_nothing():
     assert found.moved == {PAWN.name, KING.name}
 
 
-def test_what_lies_and_what_is_nobodys_is_not_explained():
-    seen = shown({})
-    lying = replace(seen.all[0], upright=False, x=0.0, y=0.0)
-    assert whereabouts(START, Sightings((*seen.all[1:], lying), frozenset())) is None
-    assert whereabouts(START, Sightings((*seen.all, sighted(PAWN, (0.0, 0.0))), frozenset())) is None
+def test_what_lies_is_one_of_those_that_do_not_stand_and_what_is_nobodys_is_not_explained():
+    seen = shown({}, gone=frozenset({BISHOP.name}))
+    lying = replace(seen.all[0], upright=False, height=0.02, x=0.0, y=0.0)
+    found = whereabouts(START, Sightings((*seen.all, lying), frozenset()))
+    assert found is not None
+    assert (found.lying, found.missing, found.moved) == (1, (BISHOP,), frozenset())
+    assert whereabouts(START, Sightings((*shown({}).all, sighted(PAWN, (0.0, 0.0))), frozenset())) is None
 
 
 def test_pieces_of_one_side_that_changed_places_are_named_with_where_they_stand():
