@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from app import UserError
-from app.execution.interruption import PieceLost, Progress, progress_of
+from app.execution.interruption import BoardTouched, CarryFailed, Loss, PieceLost, Progress, progress_of
 from app.execution.state import Clearance, Devices, Job
 from app.pieces.inventory import Inventory, Stage, Transfer
+from app.pieces.order import Point
 from app.records import GameRecord, PlyOutcome
 from app.rig.arm import (
     FELT,
     ArmAtRest,
+    ArmGaveWay,
     ArmHeld,
     ArmPaused,
     GraspFailed,
@@ -29,48 +30,24 @@ from hardware.parameters import RobotParameters
 from hardware.table import Kind
 
 if TYPE_CHECKING:
+    from app.execution.fallen import Leaning
     from app.execution.recovery_plans import Blocked
     from app.motion import Motion, MotionSettings, Plan, Planner
     from vision.pieces.pose_search import MisplacedPiece
 
 MOST_PAUSES = 20
 """Within one job; a computer that is late so often will not get better by itself."""
+MOST_YIELDS = 3
+"""Within one job the arm gives way; what is in its way more often is no hand that passes."""
 GIVES = 0.0005
 """Fingers around a piece may be closed by so much more than its stem says [m]."""
+_MEETS = (Stage.GRASP, Stage.APPROACH)
+"""Here the arm holds nothing yet. What it meets as it grasps is looked at at once; on its way there, the second time:
+the first may have been a hand."""
 HELD_UP = 0.001
 """A tool that rests by so much above its reference lies on something: its reference comes there first [m]."""
 AT_HOME = 0.002
 """A reference that is no further from home is there [m]."""
-
-
-class Loss(StrEnum):
-    """How a piece came not to be carried."""
-
-    NOT_GRIPPED = "not gripped"
-    """The fingers closed and felt nothing."""
-    LOST = "lost"
-    """It was in the fingers, and did not arrive."""
-
-
-class CarryFailed(Exception):
-    """A piece was not carried where it should; the arm is home again, with nothing in its fingers.
-
-    Attributes:
-        loss: how.
-        transfer: of the piece.
-        done: so many transfers of the job were done before.
-        inventory: what stands where after those; where the piece is, only the camera can tell.
-    """
-
-    def __init__(self, loss: Loss, transfer: Transfer, done: int, inventory: Inventory, sentence: str) -> None:
-        super().__init__(sentence)
-        self.loss, self.transfer, self.done, self.inventory = loss, transfer, done, inventory
-
-
-class BoardTouched(Exception):
-    """A hand was over the board after it was looked at, and before the arm began anything: what was planned may be no
-    longer so. The arm is where it was, and may move.
-    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +141,7 @@ class Carrier:
         """
         state = self._devices.arm.state()
         self._step = begun
-        pauses, resumed = 0, begun is not None
+        pauses, yields, resumed = 0, 0, begun is not None
         while True:
             progress: Progress | None = None
             try:
@@ -177,6 +154,12 @@ class Carrier:
                 return Carried(planned, done, resumed)
             except (GraspFailed, NothingTouched, PieceLost, PieceSlipped) as failure:
                 raise self._failed(job, inventory, failure) from failure
+            except ArmGaveWay as pushed:
+                yields += 1
+                self._admit_again(pushed, yields)
+                # a piece that is higher than was thought, or one in the way that nobody knows of: the camera tells
+                if self._step is not None and self._step.stage in _MEETS[:yields]:
+                    raise self._failed(job, inventory, pushed) from pushed
             except ArmHeld as held:
                 self._require_own_hold(held)
                 self._ui.phase(f"waiting for the board to be clear: {held}")
@@ -230,8 +213,18 @@ class Carrier:
         self._interlock(seen)
         return PlannedPush(nudge.name, plan)
 
+    def stir_for(self, spot: Point, heap: Leaning, stands: Inventory, seen: Clearance | None) -> PlannedPush:
+        """How what leans at a spot of the board can be pushed, so that it falls flat; as ``push_for``."""
+        from app.execution.recovery_plans import plan_stirring
+
+        fallen = {piece.name for piece in stands if piece.place in heap.fallen}
+        plan = plan_stirring(self._planner(stands), spot, fallen, heap.misplaced, stands)
+        self._step = None
+        self._interlock(seen)
+        return PlannedPush("heap", plan)
+
     def push_aside(self, push: PlannedPush, stands: Inventory) -> None:
-        """Push a piece as planned just before; home at its end. Where it comes to rest, only the camera can tell."""
+        """Push something as planned just before; home at its end. Where it comes to rest, only the camera can tell."""
         try:
             self._devices.arm.execute(push.plan)
         except ArmPaused as stop:
@@ -244,7 +237,19 @@ class Carrier:
         Raises:
             UserError: it cannot go there.
         """
-        state = self._devices.arm.settle()
+        self._devices.arm.settle()
+        self.be_ready(inventory)
+
+    def be_ready(self, inventory: Inventory) -> None:
+        """Before anything is looked at or planned: an arm that rests where somebody has pushed it goes home.
+
+        Raises:
+            UserError: it cannot go there.
+        """
+        state = self._devices.arm.state()
+        if state.gave_way:
+            self._ui.phase("the arm was pushed, and gave way: it goes home")
+            self._devices.arm.resume()
         if math.dist(state.reference, self._motion.home) > AT_HOME:
             self._go_home(inventory, None)
 
@@ -312,7 +317,7 @@ class Carrier:
         assert self._step is not None
         index = self._step.transfer
         transfer = job.transfers[index]
-        missed = isinstance(failure, GraspFailed)
+        missed = isinstance(failure, GraspFailed | ArmGaveWay)
         state, touching = self._devices.arm.settle(), isinstance(failure, PieceSlipped)
         # perhaps it is, or something else, between the fingers yet: then it stands, and is let go of there
         empty = closed_position(transfer.kind, self._parameters.pads) - GIVES  # fingers that hold nothing close further
@@ -324,6 +329,7 @@ class Carrier:
 
     def _go_home(self, inventory: Inventory, release: Kind | None, *, touching: bool = False) -> None:
         """Straight up and home, whatever holds it up on the way; the fingers open first from what they are around."""
+        yields = 0
         for _ in range(MOST_PAUSES):
             state = self._devices.arm.settle()
             held_up = touching or state.reference[2] - state.position[2] > HELD_UP
@@ -332,10 +338,25 @@ class Carrier:
                 self._interlock()
                 self._devices.arm.execute(plan)
                 return
+            except ArmGaveWay as pushed:
+                yields += 1
+                self._admit_again(pushed, yields)
             except ArmPaused as pause:
                 self._require_own_hold(pause)
                 self._ui.phase(f"going on after a pause: {pause}")
         raise UserError("the arm could not go home: this computer is late again and again; see 'touchmove link-test'")
+
+    def _admit_again(self, pushed: ArmGaveWay, times: int) -> None:
+        """An arm that gave way goes on, once nobody is there who is seen, unless it does so again and again.
+
+        Raises:
+            ArmGaveWay: it does.
+        """
+        if times > MOST_YIELDS:
+            raise pushed
+        self._ui.phase(f"the arm gave way: {pushed}")
+        self._interlock()
+        self._devices.arm.resume()
 
     def _require_own_hold(self, pause: ArmPaused) -> None:
         """An arm that somebody else, or its protection, lets admit no motion waits for a person to look after it.

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.execution.repair import Repair
+from app.execution.repair import Ask, Repair
 from app.pieces.inventory import Inventory, Transfer
+from app.pieces.order import Point
 from hardware.table import Place, TableSettings
 from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.verify import TOLERANCE
@@ -20,6 +21,23 @@ class Fallen:
     """Pieces lie on the board; with all that are out of place."""
 
     misplaced: tuple[MisplacedPiece, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Leaning:
+    """Something lies, and nobody can say how.
+
+    Attributes:
+        spots: where it is, board frame [m].
+        fallen: places whose pieces do not stand.
+        misplaced: pieces that were found elsewhere.
+        otherwise: what is to be done where nothing can be done about it.
+    """
+
+    spots: tuple[Point, ...]
+    fallen: frozenset[Place]
+    misplaced: tuple[MisplacedPiece, ...]
+    otherwise: Ask
 
 
 def unaided(

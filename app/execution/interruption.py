@@ -1,4 +1,4 @@
-"""How far an arm got with a ply when its program was lost: from the record of what was begun, and from the arm.
+"""What breaks a job of the arm off, and how far it got then: from the record of what was begun, and from the arm.
 
 Every part of a transfer is recorded before it begins. Whether its piece stands at the source, is in the fingers or
 stands at the target, the arm itself can tell: by what the pads feel, and by where they are, since what is begun after
@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 from app import UserError
-from app.pieces.inventory import Stage, Transfer
+from app.pieces.inventory import Inventory, Stage, Transfer
 from app.rig.arm import FELT, ArmAtRest
 from hardware.table import TableSettings
 
@@ -28,6 +29,36 @@ class PieceLost(UserError):
             f"the arm lost the {transfer.colour} {transfer.kind} on its way from {transfer.source} to "
             f"{transfer.target}: set it on {transfer.source} by hand and start a new game from there"
         )
+
+
+class Loss(StrEnum):
+    """How a piece came not to be carried."""
+
+    NOT_GRIPPED = "not gripped"
+    """The fingers closed and felt nothing."""
+    LOST = "lost"
+    """It was in the fingers, and did not arrive."""
+
+
+class CarryFailed(Exception):
+    """A piece was not carried where it should; the arm is home again, with nothing in its fingers.
+
+    Attributes:
+        loss: how.
+        transfer: of the piece.
+        done: so many transfers of the job were done before.
+        inventory: what stands where after those; where the piece is, only the camera can tell.
+    """
+
+    def __init__(self, loss: Loss, transfer: Transfer, done: int, inventory: Inventory, sentence: str) -> None:
+        super().__init__(sentence)
+        self.loss, self.transfer, self.done, self.inventory = loss, transfer, done, inventory
+
+
+class BoardTouched(Exception):
+    """A hand was over the board after it was looked at, and before the arm began anything: what was planned may be no
+    longer so. The arm is where it was, and may move.
+    """
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ import chess
 import numpy as np
 from numpy.typing import NDArray
 
-from app.execution.repair import BoardObservation, Whereabouts, exchanged, kinds_by_height, whereabouts
+from app.execution.repair import BoardObservation, Whereabouts, exchanged, kinds_by_height, toppled, whereabouts
 from app.execution.repair.observed import HEIGHTS, Chances
 from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
 from app.execution.unseen_reply import pieces_of, reply_shown
@@ -218,16 +218,20 @@ class GameObserver:
         """What stands where in the newest frame, and some more while that is not sure; None: it is not, or there is
         no depth.
         """
-        expected = {piece.place: piece for piece in stands if not piece.place.in_box}
         looks = list[Sightings]()
         while self.last.depth is not None and len(looks) < LOOKS:
             if looks:
                 self.frame()
-            looks.append(sightings_of(self.last, self.view, expected, around_board(self.view, trays=True)))
+            looks.append(self._sightings(stands))
             found = whereabouts(stands, together(looks), self._heights(), self._untouched)
             if found is not None:
                 return found
         return None
+
+    def _sightings(self, stands: Inventory) -> Sightings:
+        """What stands and lies in the newest frame, which has depth."""
+        expected = {piece.place: piece for piece in stands if not piece.place.in_box}
+        return sightings_of(self.last, self.view, expected, around_board(self.view, trays=True))
 
     def faults(self, stands: Inventory, *, centres: bool) -> tuple[Fault, ...]:
         """What is not as it should be in the newest frame; without depth nobody can tell what lies, so nothing.
@@ -238,7 +242,9 @@ class GameObserver:
         """
         if self.last.depth is None:
             return ()
-        faults = self._examine(on_board(stands)).faults
+        faults = tuple(toppled(stands, self._sightings(stands)))
+        low = {fault.square for fault in faults}
+        faults += tuple(fault for fault in self._examine(on_board(stands)).faults if fault.square not in low)
         if not faults and (seen := self.whereabouts(stands)) is not None and not seen.lying:
             faults = tuple(exchanged(stands, seen))
         return tuple(fault for fault in faults if centres or fault.kind is not FaultKind.OFF_CENTRE)

@@ -21,8 +21,9 @@ from app.motion.obstacles import Obstacle
 from app.motion.plan import Plan, PlanRefused
 from app.motion.planner import Planner, fits_around
 from app.pieces.inventory import Inventory, Transfer
+from app.pieces.order import Point
 from hardware.parameters import RobotParameters
-from hardware.table import PIECE_SHAPES, Kind, PieceSpec, TableSettings
+from hardware.table import PIECE_SHAPES, Kind, PieceSpec, TableSettings, square_place
 from vision.pieces.pose_search import MisplacedPiece
 
 _CLEAR: Final = 0.11
@@ -32,6 +33,13 @@ _RAISES: Final = 2
 """So many higher grips are tried, up to …"""
 _ON_THE_PIECE: Final = 0.001
 """… one at which the pads end so far below the top of the piece [m]."""
+_HEAP_NAME: Final = "heap"
+_HEAP_KIND: Final = Kind.KING
+"""What leans is as wide as the foot of this."""
+_HEAP: Final = 0.014
+"""Nothing else is so near to its middle [m]."""
+_STIRRED: Final = 0.016
+"""By so much it is pushed [m]."""
 LEANS: Final = 0.005
 """A piece no further from another may lean on it [m]."""
 
@@ -186,6 +194,29 @@ def plan_pushing(
     if nudge is None:
         raise PlanRefused(f"no push of the {' or the '.join(names)} helps: move one of them away")
     return nudge, plan_nudge(planner, nudge, scene)
+
+
+def plan_stirring(
+    planner: Planner, spot: Point, fallen: Set[str], misplaced: Sequence[MisplacedPiece], inventory: Inventory
+) -> Plan:
+    """Push whatever leans at a spot of the board, so that it falls flat; ``fallen`` are names of pieces that may be it.
+
+    Raises:
+        PlanRefused: the fingers do not get at it.
+    """
+    table, gone = inventory.table, fallen | {one.piece.name for one in misplaced}
+    loose = loose_pieces([one for one in misplaced if math.dist((one.pose.x, one.pose.y), spot) > _HEAP])
+    heap = Obstacle(_HEAP_NAME, square_place(0), *spot, _HEAP_KIND)
+    standing = [one for one in _kept(inventory, gone, table) if math.dist((one.x, one.y), spot) > _HEAP]
+    scene = LoosePieces((heap, *standing, *loose.standing), loose.lying)
+
+    def helps(after: LoosePieces) -> bool:
+        return any(math.dist((one.x, one.y), spot) > _STIRRED for one in after.standing if one.name == _HEAP_NAME)
+
+    nudge = find_nudge((_HEAP_NAME,), scene, frozenset(), helps, planner.cell.parameters.pads, table)
+    if nudge is None:
+        raise PlanRefused("the fingers do not get at what leans there: lay it flat")
+    return plan_nudge(planner, nudge, scene)
 
 
 def _kept(pieces: Iterable[PieceSpec], gone: Set[str], table: TableSettings) -> tuple[Obstacle, ...]:

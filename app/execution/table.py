@@ -14,7 +14,8 @@ import chess
 import chess.engine
 
 from app import UserError
-from app.execution.carrier import Begun, BoardTouched, Carrier, CarryFailed
+from app.execution.carrier import Begun, Carrier
+from app.execution.interruption import BoardTouched, CarryFailed
 from app.execution.state import FRAME_AGE, NO_REMARK, AwaitedReply, Devices, Job, JobDone, Position, Remark, changed
 from app.pieces.inventory import Inventory, Ply, Transfer
 from app.pieces.judging import Verdict, judge
@@ -83,6 +84,10 @@ class Table:
     def guard(self) -> GameGuard | None:
         """Against hands; None: nobody watches."""
         return self._devices.guard
+
+    def be_ready(self) -> None:
+        """As ``Carrier.be_ready``."""
+        self._carrier.be_ready(self.inventory)
 
     def now(self) -> float:
         """Plant time [s]."""
@@ -156,17 +161,17 @@ class Table:
         """What the newest frame shows to be wrong although the position is the same; as ``GameObserver.faults``."""
         return () if self.observer is None else self.observer.faults(self.inventory, centres=centres)
 
-    def toppled(self, move: chess.Move) -> bool:
-        """Whether the newest frame shows that a piece which this move would have set down does not stand there.
+    def toppled(self, move: chess.Move) -> tuple[Fault, ...]:
+        """What the newest frame shows to be wrong with the pieces that this move would have set down.
 
         A piece that was knocked over and lies on another square looks like a move; with depth it does not stand.
         """
         if self.observer is None:
-            return False
+            return ()
         ply = transfers(self.board, move, self.inventory)
         squares = {one.target.index for one in ply.transfers if one.target.on_board}
         faults = self.observer.faults(self.inventory.after(ply), centres=False)
-        return any(fault.square in squares for fault in faults)
+        return tuple(fault for fault in faults if fault.square in squares)
 
     def fallen(self) -> list[MisplacedPiece]:
         """Pieces that lie on the board, in the newest frame, as far as depth shows them."""

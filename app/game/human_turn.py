@@ -8,7 +8,7 @@ arm puts it right when asked to, or the person does.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Final
 
 import chess
@@ -33,6 +33,7 @@ from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 
 if TYPE_CHECKING:
     from app.execution.observation import Reading
+    from vision.pieces.verify import Fault
     from vision.reading.diagnosis import Diagnosis
 
 POLL: Final = 0.2
@@ -266,8 +267,8 @@ class HumanTurn:
             return None
         if decision.verdict is ReadingOutcome.MOVE:
             (move,) = decision.moves
-            if self._table.toppled(move):
-                self._complain(finding)
+            if faults := self._table.toppled(move):
+                self._complain_of(faults)
                 return None
             if decision.promotion_unsure:
                 move = chess.Move(move.from_square, move.to_square, self._promotion(said))
@@ -288,9 +289,12 @@ class HumanTurn:
         """Of what lies, or stands off its place, where the position is the same; whether there was any."""
         faults = self._table.disturbed(centres=centres)
         if faults:
-            self._table.note_faults(faults)
-            self._ask_to_fix(" and ".join(fault.sentence for fault in faults))
+            self._complain_of(faults)
         return bool(faults)
+
+    def _complain_of(self, faults: Sequence[Fault]) -> None:
+        self._table.note_faults(faults)
+        self._ask_to_fix(" and ".join(fault.sentence for fault in faults))
 
     def _ask_to_fix(self, sentence: str) -> None:
         look = "" if self._notice.watches else " and say 'look'"
@@ -303,6 +307,7 @@ class HumanTurn:
         observer = self._table.observer
         if observer is None:
             return None
+        self._table.be_ready()
         reading = observer.read()
         for _ in range(LOOKS - 1):
             if reading.decision.verdict is not ReadingOutcome.DOUBT:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
@@ -11,6 +12,7 @@ import numpy as np
 from app import UserError
 from app.pieces.inventory import Stage
 from controller.protocol.causes import Cause
+from controller.protocol.states import State
 from controller.wire.client import ControllerClient, MotionOutcome
 from controller.wire.errors import MotionRefused, MotionStopped
 
@@ -25,6 +27,12 @@ TOUCH_ERROR: Final = 0.0017
 two, and pivot edges are pressed in by one (seen: 0.7 to 1.0 mm, and 1.9 and -3.6 where it was something else)."""
 _LATE: Final = (Cause.UNDERRUN, Cause.LATE)
 _HELD: Final = (Cause.HOLD_COMMAND, Cause.NOT_ADMITTED)
+GAVE_WAY: Final = frozenset({
+    Cause.TRACKING, Cause.TOOL_SPEED, Cause.TOOL_OUTSIDE, Cause.PRESSING, Cause.GRIP_FORCE, Cause.TACTILE_OVERLOAD,
+})  # fmt: skip
+"""After these the controller gives way, or lets go, and admits no motion until it is told that it is well."""
+REST_PATIENCE: Final = 30.0
+"""So long an arm that gives way is waited for [s, wall]: somebody may lean on it."""
 
 
 class GraspFailed(UserError):
@@ -82,6 +90,7 @@ class ArmAtRest:
     """Where the arm rests: reference, base frame (3,) [m]; finger position [m]; tick; what both pads feel [N].
 
     ``measured`` is where the tool is by the encoders, (3,) [m]; None: nobody measures, it is where it should be.
+    ``gave_way``: somebody pushed it, or something was in its way, so that it admits no motion until ``Arm.resume``.
     """
 
     reference: Vector
@@ -89,6 +98,7 @@ class ArmAtRest:
     tick: int
     felt: float = 0.0
     measured: Vector | None = None
+    gave_way: bool = False
 
     @property
     def position(self) -> Vector:
@@ -104,6 +114,10 @@ class ArmHeld(ArmPaused):
     """The arm was told to hold, as a hand is over the board; it may go on once that is gone."""
 
 
+class ArmGaveWay(ArmPaused):
+    """Somebody pushed the arm, or something was in its way, and it gave way; ``Arm.resume`` lets it move again."""
+
+
 class Arm(Protocol):
     """Executes plans."""
 
@@ -115,12 +129,20 @@ class Arm(Protocol):
     def settle(self) -> ArmAtRest:
         """Wait until an arm whose motion was stopped is at rest; where it rests."""
 
+    def resume(self) -> None:
+        """Let an arm that gave way move again, once it rests.
+
+        Raises:
+            ArmGaveWay: it does not come to rest.
+        """
+
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
         """Do a whole plan; ``begin`` is told each motion before it is announced.
 
         Raises:
             ArmPaused: samples came too late and the arm stopped by itself; it may go on from where it is.
             ArmHeld: it was told to hold; it may go on once that is taken back.
+            ArmGaveWay: something was in its way, or had pushed it before; it may go on after ``resume``.
         """
 
 
@@ -138,12 +160,28 @@ class ControllerArm:
         telemetry = self._client.wait_standing()
         felt = min(telemetry.tactile)
         measured = np.array(telemetry.position)
-        return ArmAtRest(np.array(telemetry.reference), telemetry.finger_position, telemetry.tick, felt, measured)
+        return ArmAtRest(
+            np.array(telemetry.reference), telemetry.finger_position, telemetry.tick, felt, measured, self._gave_way()
+        )
+
+    def _gave_way(self) -> bool:
+        telemetry = self._client.telemetry
+        return not telemetry.admitting and telemetry.cause in GAVE_WAY
 
     def settle(self) -> ArmAtRest:
         """See ``Arm.settle``."""
-        self._client.stop()
+        if not self._gave_way():  # that comes to rest by itself, and why it did is not to be forgotten
+            self._client.stop()
         return self.state()
+
+    def resume(self) -> None:
+        """See ``Arm.resume``."""
+        until = time.monotonic() + REST_PATIENCE
+        while (telemetry := self._client.wait_standing()).state is State.STOPPING:
+            if time.monotonic() > until:
+                raise ArmGaveWay(f"{telemetry.explain_cause()}; it does not come to rest")
+            time.sleep(self._client.period)
+        self._client.resume()
 
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
         """Stream the motions one after the other.
@@ -155,6 +193,7 @@ class ControllerArm:
             PieceSlipped: a piece was lost on its way.
             ArmPaused: samples came too late.
             ArmHeld: a hand is over the board.
+            ArmGaveWay: something was in its way, or had pushed it before.
             ControllerError: refused, stopped or lost; the arm rests.
         """
         first_tick, end_tick, torque, force = None, 0, 0.0, 0.0
@@ -192,6 +231,8 @@ class ControllerArm:
                 raise ArmPaused(str(error)) from error
             if error.cause is Cause.GRIP_LOST:
                 raise PieceSlipped(motion, on_its_way=True) from error
+            if error.cause in GAVE_WAY or (error.cause is Cause.NOT_ADMITTED and self._gave_way()):
+                raise ArmGaveWay(str(error)) from error
             if error.cause in _HELD:
                 raise ArmHeld(str(error)) from error
             raise

@@ -65,6 +65,9 @@ class BoardArm:
         """See ``Arm.settle``."""
         return self._state
 
+    def resume(self) -> None:
+        """See ``Arm.resume``: nobody pushes an arm of paper."""
+
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
         """See ``Arm.execute``; nothing is late and nothing is held. Torques and forces are unknown: zero."""
         before = self._state.tick

@@ -74,7 +74,7 @@ def find_misplaced(
     stands = {place: one.upright and place not in doubted and off[place] <= tolerance for place, one in centres.items()}
     astray = [
         MisplacedPiece(expected[place], place, Pose(*standing[place]), _SIGHTED, 0.0, 1.0, 1.0, 1.0)
-        for place in fit.stands if place in standing and not (stands[place] or place.in_tray)
+        for place in fit.stands if place in standing and not stands[place]
     ]  # fmt: skip
     left = [
         (place, expected[place])
@@ -100,7 +100,7 @@ def find_misplaced(
         for one in astray:
             again.take_out(one)
         found = again.told_apart(found, before)
-    found += astray
+    found += [one for one in astray if not one.target.in_tray]  # out of play it may stand as it was put there
     found = [_sharper(stray, centres) for stray in found]
     return tuple(sorted(found, key=lambda one: -one.support * one.seen))
 

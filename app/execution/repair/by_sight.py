@@ -26,12 +26,18 @@ from app.execution.repair.diagnosis import SEEN_WITHIN, Ask, Repair, missing_ask
 from app.execution.repair.observed import HEIGHTS
 from app.pieces.inventory import Inventory
 from app.pieces.order import Point, rearrange
-from hardware.table import Colour, Kind, PieceSpec, Place, square_place
+from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, Place, square_place
 from vision.pieces.sightings import Sighting, Sightings
 from vision.pieces.verify import Fault, FaultKind
 
 _HOME: Final = 0.016
 """A piece no further from the middle of its place has not been carried [m]: less than half a square."""
+_NUDGED: Final = 0.0085
+"""One in a tray that stands further off is put right [m]: fingers find it up to 10 mm off, and 1.5 are for sight."""
+_ABOUT: Final = 0.024
+"""What stands, or lies, so near to the middle of a square may be that square's piece [m]."""
+_LOWER: Final = 0.005
+"""What lies is lower than the same piece standing by more than this [m]: a pawn 21 mm, not 31."""
 _CARRIED: Final = 3.0
 """Cost of a piece on another place: one in twenty."""
 _FARTHER: Final = 1.0
@@ -70,13 +76,22 @@ class Whereabouts:
         standing: of each piece that is seen, by name: where, board frame [m].
         moved: names of those that were carried.
         missing: pieces of the board that do not stand in sight, though nothing hides their places.
-        lying: so many things do not stand; they are some of the missing pieces.
+        nudged: names of those out of play that were pushed off their places, and have not been carried.
+        lying: where something does not stand, or more than one thing is, board frame [m]; they are some of the missing
+            pieces.
     """
 
     standing: Mapping[str, Point]
     moved: frozenset[str]
     missing: tuple[PieceSpec, ...]
-    lying: int = 0
+    lying: tuple[Point, ...] = ()
+    nudged: frozenset[str] = frozenset()
+
+    def fallen_beside(self, stands: Inventory) -> set[Place]:
+        """Places in trays whose pieces are not seen to stand, where something lies."""
+        if not self.lying:
+            return set()
+        return {piece.place for piece in stands if piece.place.in_tray and piece.name not in self.standing}
 
 
 def whereabouts(
@@ -95,7 +110,7 @@ def whereabouts(
     """
     seen = replace(seen, hidden=_hidden(stands, seen))
     pieces, sightings, standing = _beyond_doubt(stands, seen)
-    lying = sum(not one.upright for one in sightings)
+    lying = tuple((one.x, one.y) for one in sightings if not one.upright)
     sightings = [one for one in sightings if one.upright]
     nowhere = _LIES if lying else _NOWHERE
     cost = _costs(stands, pieces, sightings, seen.hidden, _heights(stands, seen.all, heights), nowhere)
@@ -112,8 +127,12 @@ def whereabouts(
             standing[piece.name] = sightings[chosen[row]].x, sightings[chosen[row]].y
         elif piece.place.on_board and piece.place not in seen.hidden:  # where else it is out of play matters to nobody
             missing.append(piece)
-    moved = {name for name, at in standing.items() if math.dist(at, stands.table.xy(stands.find(name).place)) > _HOME}
-    return Whereabouts(standing, frozenset(moved), tuple(missing), lying)
+    off = {name: math.dist(at, stands.table.xy(stands.find(name).place)) for name, at in standing.items()}
+    moved = frozenset(name for name, away in off.items() if away > _HOME)
+    nudged = frozenset(
+        name for name, away in off.items() if _NUDGED < away <= _HOME and stands.find(name).place.in_tray
+    )
+    return Whereabouts(standing, moved, tuple(missing), lying, nudged)
 
 
 def _hidden(stands: Inventory, seen: Sightings) -> frozenset[Place]:
@@ -135,7 +154,7 @@ def _beyond_doubt(stands: Inventory, seen: Sightings) -> tuple[list[PieceSpec], 
         nearest = min(pieces, key=lambda piece: math.dist((one.x, one.y), table.xy(piece.place)))
         at = table.xy(nearest.place)
         if nearest.place.in_tray and math.dist((one.x, one.y), at) <= _HOME and nearest.name not in standing:
-            standing[nearest.name] = at
+            standing[nearest.name] = one.x, one.y
             sightings.remove(one)
     return [piece for piece in pieces if piece.name not in standing], sightings, standing
 
@@ -156,7 +175,7 @@ def repair_by_sight(
         return None
     there = {piece.name for piece in believed}
     target = Inventory.of((piece for piece in wanted if piece.name in there), wanted.table)
-    seen = {name: found.standing[name] for name in found.moved}
+    seen = {name: found.standing[name] for name in found.moved | found.nudged}
     seen |= {piece.name: off[piece.place.index] for piece in believed
              if piece.place.on_board and piece.place.index in off and piece.name not in seen}  # fmt: skip
     aside = tuple(place for place in map(square_place, range(64)) if wanted.at(place) is None)
@@ -165,6 +184,19 @@ def repair_by_sight(
     if not transfers:
         return rest
     return Repair(believed, transfers, what_is_done(believed, target, transfers), rest)
+
+
+def toppled(stands: Inventory, seen: Sightings) -> Iterator[Fault]:
+    """Pieces of the board in whose place something lies, though from afar it may look as if they stood."""
+    for piece in stands:
+        at = stands.table.xy(piece.place)
+        if not piece.place.on_board or piece.place in seen.hidden:
+            continue
+        near = [one for one in seen.all if math.dist((one.x, one.y), at) < _ABOUT]
+        low = [one for one in near if not one.upright and one.height < PIECE_SHAPES[piece.kind].height - _LOWER]
+        if low and len(low) == len(near):
+            sentence = f"something lies on {piece.place}, where a {piece.colour} {piece.kind} should stand"
+            yield Fault(FaultKind.FALLEN, piece.place.index, sentence, (low[0].x, low[0].y))
 
 
 def exchanged(stands: Inventory, seen: Whereabouts) -> Iterator[Fault]:
@@ -188,8 +220,10 @@ def _placed(stands: Inventory, found: Whereabouts) -> Inventory | None:
         at = found.standing[name]
         near = sorted((math.dist(at, table.xy(place)), place) for place in every if place not in taken)
         off, place = near[0]
-        if off > SEEN_WITHIN * table.square:
-            return None
+        if off > SEEN_WITHIN * table.square:  # beside all places: as if it had been pushed off its own
+            place = stands.find(name).place
+            if place in taken:
+                return None
         places[name] = place
         taken.add(place)
     return Inventory.of(

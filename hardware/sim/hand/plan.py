@@ -165,12 +165,13 @@ class Person(Traveller):
         z: float,
         held: Held | None = None,
         then: tuple[float, float] | None = None,
+        gap: float = _GAP_AT_EASE,
     ) -> Sketch:
-        """To a point in the air, fingertips at a height above the board [m]; nearly closed if they hold nothing."""
+        """To a point in the air, fingertips at a height above the board [m]; so far open if they hold nothing [m]."""
         holds = self.holds(TableView((), sight.tool), x, y, z, z, 0.0, then=then)
         if held is None:
             sketch, _ = self.go(sight, start, holds, lambda _: (x, y), TIP_RADIUS, EMPTY_WIDTH)
-            sketch.to(gap=_GAP_AT_EASE, overlap=1.0)
+            sketch.to(gap=gap, overlap=1.0)
         else:
             wide, others = 0.026 + held.shape.foot_radius, sight.without(held.name)
             sketch, _ = self.go(others, start, holds, lambda _: (x, y), held.below, wide)

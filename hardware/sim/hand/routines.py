@@ -39,7 +39,9 @@ NEAR: Final = 0.020
 """A piece is meant if it stands no further from the point than this [m]: half a square."""
 _ATTEMPTS: Final = 3
 _SWEEP: Final = 0.030
-"""A knock begins so far before the piece and goes on so far behind it [m]."""
+"""A knock goes on so far behind the piece [m]."""
+_RUN_UPS: Final = (0.030, 0.022, 0.015, 0.008)
+"""… and begins so far before it, less where another piece stands there [m]."""
 _SWEEP_SPEED: Final = 0.45
 _SLIDE_SPEED: Final = 0.25
 _SETTLING_SPEED: Final = 0.08
@@ -222,11 +224,22 @@ class Routines:
             raise HandFailed("the hand holds a piece: put it down before it knocks another one over")
         piece, sight = self._standing_piece(action.at), self._view.look()
         dx, dy = math.cos(action.direction), math.sin(action.direction)
-        before = piece.shape.stem_radius + TIP_RADIUS + _SWEEP
-        x, y, z = piece.x - before * dx, piece.y - before * dy, piece.z + piece.shape.height - 0.001
+        z = piece.z + piece.shape.height - 0.001
+        in_the_way = [other for other in sight.without(piece.name).pieces if other.top > z]
+
+        def starts() -> Iterator[Point]:
+            for run_up in _RUN_UPS:
+                before = piece.shape.stem_radius + TIP_RADIUS + run_up
+                yield piece.x - before * dx, piece.y - before * dy
+
+        def is_free(at: Point) -> bool:  # two fingertips side by side
+            return all(other.distance(*at) > other.shape.stem_radius + 2.0 * TIP_RADIUS for other in in_the_way)
+
+        x, y = next(filter(is_free, starts()), [*starts()][-1])
         end = piece.x + _SWEEP * dx, piece.y + _SWEEP * dy
-        sketch = self._person.over(sight, self._view.pose(), x, y, z, then=end)
-        sketch.to(gap=_GAP_CLOSED).to(x=end[0], y=end[1], speed=_SWEEP_SPEED)
+        # with closed fingers all the way down: open ones would pinch the head of what stands there
+        sketch = self._person.over(sight, self._view.pose(), x, y, z, then=end, gap=_GAP_CLOSED)
+        sketch.to(x=end[0], y=end[1], speed=_SWEEP_SPEED)
         yield sketch.to(z=0.10, overlap=0.1).done()
 
     # being in the way

@@ -11,7 +11,8 @@ import chess
 import numpy as np
 import pytest
 
-from app.execution.carrier import BoardTouched, Carrier
+from app.execution.carrier import Carrier
+from app.execution.interruption import BoardTouched
 from app.execution.recovery_plans import Blocked
 from app.execution.state import Clearance, Devices, Job
 from app.motion import Motion, MotionSettings, Plan

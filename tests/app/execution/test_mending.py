@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 from app import UserError
-from app.execution.carrier import BoardTouched, Carried, CarryFailed, Loss
+from app.execution.carrier import Carried
+from app.execution.interruption import BoardTouched, CarryFailed, Loss
 from app.execution.recovery import MOST_ROUNDS, Recovery
 from app.execution.repair import BoardObservation
 from app.execution.state import AwaitedReply, Devices, Job, Position
@@ -150,6 +151,9 @@ class Paper:
             raise PlanRefused("the fingers would touch what lies there")
         free = next(place for place in map(square_place, range(63, -1, -1)) if stands.at(place) is None)
         return Transfer.of(stands.find(blocks), free)
+
+    def be_ready(self, inventory: Inventory) -> None:
+        """Nobody pushes it."""
 
     def bring_home(self, inventory: Inventory) -> None:
         pass
@@ -300,7 +304,9 @@ def test_where_two_pieces_are_in_each_others_way_one_is_pushed(tmp_path: Path, i
     paper.hemmed_in, paper.immovable = "white-pawn-d", immovable
     with record:
         if immovable:
-            with pytest.raises(NeedsHand, match="the fingers would touch what lies there"):
+            with pytest.raises(
+                NeedsHand, match="the white pawn of e2 lies on d5, and the rook is in the way: stand it on e2"
+            ):
                 table.arm_ply(chess.Move.from_uci("e2e4"))
             return
         assert table.arm_ply(chess.Move.from_uci("e2e4"))

@@ -1,9 +1,10 @@
-"""A game goes on where the arm stopped by itself because this program was late; on an arm that only the test moves."""
+"""A game goes on where the arm stopped by itself, as this program was late or it was pushed; on an arm of paper."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,8 @@ import chess
 import numpy as np
 import pytest
 
-from app.execution.carrier import MOST_PAUSES, Carrier
+from app import UserError
+from app.execution.carrier import MOST_PAUSES, MOST_YIELDS, Carrier
 from app.execution.table import Table
 from app.game import Devices, Game, Position
 from app.motion import Motion, MotionSettings, Plan
@@ -20,7 +22,7 @@ from app.pieces.inventory import Inventory, Stage
 from app.pieces.layout import start_layout
 from app.players.players import Decision, LinePlayer, Player, Players
 from app.records import GameRecord, GameSetup, PlyEvent, StepEvent, read_events
-from app.rig.arm import ArmAtRest, ArmPaused, Outcome
+from app.rig.arm import ArmAtRest, ArmGaveWay, ArmPaused, Outcome
 from app.terminal.interface import UserInterface
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
@@ -43,8 +45,10 @@ class LateArm:
 
     lead_ticks = 30
 
-    def __init__(self, stage: Stage, share: float, *, always: bool = False) -> None:
-        self.pauses = 0
+    def __init__(self, stage: Stage, share: float, *, always: bool = False, pushed: bool = False) -> None:
+        self.pauses = self.resumed = 0
+        self._pushed = pushed
+        """It gives way where it stops, and admits no motion until it is told to."""
         self.begun: list[tuple[int | None, Stage | None]] = []
         self._at, self._always = (stage, share), always
         self._state = ArmAtRest(np.array(MOTION.home), 0.011, 0)
@@ -55,10 +59,17 @@ class LateArm:
     def settle(self) -> ArmAtRest:
         return self._state
 
+    def resume(self) -> None:
+        assert self._state.gave_way, "only an arm that gave way is told to go on"
+        self.resumed += 1
+        self._state = replace(self._state, gave_way=False)
+
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
+        if self._state.gave_way:
+            raise ArmGaveWay("a hold is in force")
         for each in plan.motions:
             motion = each.continued(self._state.reference)
-            assert begin is not None
+            begin = begin or (lambda _: None)
             np.testing.assert_allclose(motion.samples[0]["position"], self._state.reference, atol=1e-9)
             begin(motion)
             self.begun.append((motion.transfer, motion.stage))
@@ -71,6 +82,9 @@ class LateArm:
             self._follow(motion, last)
             if late:
                 self.pauses += 1
+                if self._pushed:
+                    self._state = replace(self._state, gave_way=True)
+                    raise ArmGaveWay("the tool was 3 mm from its reference")
                 raise ArmPaused("sample 7 was due, but only 5 had arrived: send further ahead")
         return Outcome(plan.expected, 2.0, 4.0, 100)
 
@@ -135,6 +149,44 @@ def test_an_arm_that_is_always_late_ends_the_game_with_its_sentence(tmp_path: Pa
     with pytest.raises(ArmPaused, match="send further ahead"):
         play(tmp_path / "game", arm)
     assert arm.pauses == MOST_PAUSES + 1
+
+
+@pytest.mark.parametrize(("stage", "again"), [(Stage.APPROACH, Stage.APPROACH), (Stage.CARRY, Stage.CARRY)])
+def test_an_arm_that_was_pushed_goes_on_once_it_rests(tmp_path: Path, stage: Stage, again: Stage) -> None:
+    arm = LateArm(stage, 0.6, pushed=True)
+    play(tmp_path / "game", arm)
+    assert (arm.pauses, arm.resumed) == (1, 1)
+    events = read_events(tmp_path / "game" / "events.jsonl")
+    steps = [event.stage for event in events if isinstance(event, StepEvent) and event.ply == 1]
+    assert steps[steps.index(stage) + 1] is again
+
+
+def test_what_an_arm_meets_as_it_grasps_is_looked_at_from_home(tmp_path: Path) -> None:
+    """Another piece may stand there than was thought; here nobody looks, so the game ends, and can be resumed."""
+    arm = LateArm(Stage.GRASP, 0.5, pushed=True)
+    with pytest.raises(UserError, match="3 mm from its reference"):
+        play(tmp_path / "game", arm)
+    assert arm.resumed == 1
+    np.testing.assert_allclose(arm.state().reference, MOTION.home, atol=1e-9)
+
+
+def test_an_arm_that_is_pushed_again_and_again_stays_where_it_is(tmp_path: Path) -> None:
+    arm = LateArm(Stage.CARRY, 0.5, always=True, pushed=True)
+    with pytest.raises(ArmGaveWay):
+        play(tmp_path / "game", arm)
+    assert (arm.pauses, arm.resumed) == (MOST_YIELDS + 1, MOST_YIELDS)
+
+
+def test_an_arm_that_somebody_pushed_as_it_rested_goes_home(tmp_path: Path) -> None:
+    arm = LateArm(Stage.CARRY, 0.5, pushed=True)
+    arm._state = replace(arm._state, reference=np.add(MOTION.home, (0.01, -0.02, 0.0)), gave_way=True)
+    board = chess.Board()
+    inventory = Inventory.of(start_layout(board, TABLE), TABLE)
+    record = GameRecord.begin(tmp_path / "game", GameSetup("a", "b", 1, "real"), board, inventory, 0.0)
+    with record:
+        Carrier(Devices(arm, Clock(), None, None), record, UserInterface(), MOTION, PARAMETERS).be_ready(inventory)
+    assert arm.resumed == 1
+    np.testing.assert_allclose(arm.state().reference, MOTION.home, atol=1e-9)
 
 
 def test_the_next_player_thinks_while_the_arm_lets_go_and_goes_home(tmp_path: Path) -> None:

@@ -136,7 +136,7 @@ def test_what_lies_is_one_of_those_that_do_not_stand_and_what_is_nobodys_is_not_
     lying = replace(seen.all[0], upright=False, height=0.02, x=0.0, y=0.0)
     found = whereabouts(START, Sightings((*seen.all, lying), frozenset()))
     assert found is not None
-    assert (found.lying, found.missing, found.moved) == (1, (BISHOP,), frozenset())
+    assert (len(found.lying), found.missing, found.moved) == (1, (BISHOP,), frozenset())
     assert whereabouts(START, Sightings((*shown({}).all, sighted(PAWN, (0.0, 0.0))), frozenset())) is None
 
 

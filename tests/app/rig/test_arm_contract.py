@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 
 import chess
 import numpy as np
@@ -12,15 +13,18 @@ from app.motion import Motion, MotionSettings, Plan, Planner
 from app.pieces.inventory import Inventory, Ply, Stage
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
-from app.rig.arm import FELT, Arm
+from app.rig.arm import FELT, GAVE_WAY, Arm, ArmGaveWay
 from app.rig.board import BoardRig
 from app.rig.devices import Rig
 from app.rig.rig_file import WorldSection
 from app.rig.simulation.settings import own_rig
 from app.rig.simulation.sim import SimRig
+from controller.protection.limits import REACTIONS, Reaction
 from hardware.interfaces import Pace
 from hardware.parameters import load_parameters
-from hardware.table import TableSettings
+from hardware.sim.clients.hand import SimHand
+from hardware.sim.hand.actions import Hover, Withdraw
+from hardware.table import Colour, TableSettings
 
 TABLE, PARAMETERS, MOTION = TableSettings(), load_parameters(), MotionSettings()
 BOARD = chess.Board()
@@ -33,7 +37,7 @@ def rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
         with BoardRig(MOTION.home, PARAMETERS) as board:
             yield board
         return
-    world = WorldSection(pace=Pace.FAST, cameras=False, linger=2.0)
+    world = WorldSection(pace=Pace.FAST, cameras=False, linger=2.0, person=Colour.WHITE)
     with SimRig(own_rig(tmp_path_factory.mktemp("arm") / "run", world), lambda _: None) as sim:
         yield sim
 
@@ -82,6 +86,33 @@ def test_an_arm_keeps_its_contract(rig: Rig) -> None:
 D4 = chess.Move.from_uci("d2d4")
 
 
+def test_an_arm_that_is_pushed_gives_way_and_goes_on_when_told_to(rig: Rig) -> None:
+    """A hand comes up under the resting tool, and goes."""
+    if not isinstance(rig, SimRig):
+        pytest.skip("nobody pushes an arm of paper")
+    arm, home = rig.arm, np.array(MOTION.home)
+    assert not arm.state().gave_way
+    x, y, z = TABLE.board_from_base(home)
+    with closing(SimHand(rig._run_dir)) as hand:
+        hand.do(Hover(at=(x, y), height=z, duration=0.3), Withdraw())
+    state = arm.state()
+    assert state.gave_way
+    state = arm.settle()
+    assert state.gave_way, "why it stopped is not forgotten"
+    back = Planner.of(MOTION, PARAMETERS, TABLE, state.reference, state.finger, arm.lead_ticks).home()
+    with pytest.raises(ArmGaveWay):
+        arm.execute(back)
+    arm.resume()
+    assert not arm.state().gave_way
+    arm.execute(back)
+    np.testing.assert_allclose(arm.state().position, home, atol=2e-3)
+
+
+def test_causes_after_which_the_controller_admits_no_motion_are_known_here() -> None:
+    held = {cause for cause, reaction in REACTIONS.items() if reaction in (Reaction.COMPLIANT, Reaction.LET_GO)}
+    assert held == GAVE_WAY
+
+
 def test_an_arm_has_few_verbs(rig: Rig) -> None:
     verbs = {name for name in dir(rig.arm) if not name.startswith("_") and callable(getattr(rig.arm, name))}
-    assert verbs == {"state", "settle", "execute"}
+    assert verbs == {"state", "settle", "resume", "execute"}
