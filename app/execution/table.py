@@ -21,7 +21,7 @@ from app.pieces.inventory import Inventory, Ply, Transfer
 from app.pieces.judging import Verdict, judge
 from app.pieces.layout import colour_of
 from app.pieces.manipulation import move_kind, transfers
-from app.records import GameRecord, PlyOutcome, recording
+from app.records import FRAMES, GameRecord, PlyOutcome, recording
 from app.records.events import Purpose
 from app.records.history import Unfinished, transfer_of
 from app.terminal.interface import UserInterface
@@ -207,6 +207,7 @@ class Table:
             if self.observer is not None:
                 self.observer.begin(self.board)
                 self.observer.remember(self.inventory)
+            self._keep(self._look(learns=False))
             return True
         self._unwatched = by_hand
         well = self._finish() and self.repair(self._left_with(self.board))
@@ -386,7 +387,7 @@ class Table:
             return None
         import cv2  # only where there is a camera
 
-        name = f"frames/ply-{len(self.board.move_stack):03d}.jpg"
+        name = f"{FRAMES}/ply-{len(self.board.move_stack):03d}.jpg"
         path, colour = self._record.folder / name, cv2.cvtColor(frame.colour, cv2.COLOR_RGB2BGR)
         done, encoded = cv2.imencode(".jpg", colour, [cv2.IMWRITE_JPEG_QUALITY, 88])
         if not done:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from app.records.events import EndEvent, GameSetup, PlyEvent, PlyOutcome, StartEvent, StepEvent, read_events
 from app.records.files import RecordError, new_folder, recording
-from app.records.game import EVENTS_FILE, GameRecord, utc_now
+from app.records.game import EVENTS_FILE, FRAMES, GameRecord, utc_now
 from app.records.history import History, read_history
 from app.records.report import Report, summarise
 
 __all__ = [
-    "EVENTS_FILE", "EndEvent", "GameRecord", "GameSetup", "History", "PlyEvent", "PlyOutcome", "RecordError", "Report",
-    "StartEvent", "StepEvent", "new_folder", "read_events", "read_history", "recording", "summarise", "utc_now",
+    "EVENTS_FILE", "FRAMES", "EndEvent", "GameRecord", "GameSetup", "History", "PlyEvent", "PlyOutcome", "RecordError",
+    "Report", "StartEvent", "StepEvent", "new_folder", "read_events", "read_history", "recording", "summarise",
+    "utc_now",
 ]  # fmt: skip

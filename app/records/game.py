@@ -43,6 +43,8 @@ from app.records.report import Report, summarise
 from hardware.table import Colour
 
 EVENTS_FILE = "events.jsonl"
+FRAMES = "frames"
+"""A folder: ``ply-000.jpg`` shows the position that the record begins with, each other the one after that ply."""
 PGN_FILE = "game.pgn"
 REPORT_FILE = "report.json"
 

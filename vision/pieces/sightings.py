@@ -35,6 +35,8 @@ _STRAY: Final = 0.92
 """Of a cluster's points so many are within that, and below its top: single points fly."""
 _HEAD: Final = 0.008
 """Points so far below the top are above a piece's axis, about [m]."""
+_CROWN: Final = 0.004
+"""Points so far below the top say how broad that is [m]."""
 _GRIDS: Final = ((0.002, 3), (0.0007, 2))
 """Searches of the axis: step between places tried [m], and how many on either side."""
 _OFF: Final = 0.0015
@@ -69,6 +71,8 @@ class Sighting:
     height: float
     upright: bool
     white: float
+    breadth: float = math.nan
+    """Of its top, the narrower way: standard deviation of the points up to 4 mm below the highest [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,12 +123,14 @@ def sightings_of(
 
 
 def together(looks: Sequence[Sightings]) -> Sightings:
-    """What the newest of some looks at the same shows, with heights as they are on average over all of them."""
+    """What the newest of some looks at the same shows, with heights and breadths as on average over all of them."""
     newest, before = looks[-1], [one for look in looks[:-1] for one in look.all]
     averaged = []
     for one in newest.all:
-        same = [was.height for was in before if math.dist((was.x, was.y), (one.x, one.y)) < _SAME]
-        averaged.append(replace(one, height=math.fsum([one.height, *same]) / (1 + len(same))))
+        same = [one, *(was for was in before if math.dist((was.x, was.y), (one.x, one.y)) < _SAME)]
+        height = math.fsum(was.height for was in same) / len(same)
+        breadth = math.fsum(was.breadth for was in same) / len(same)
+        averaged.append(replace(one, height=height, breadth=breadth))
     return Sightings(tuple(averaged), newest.hidden)
 
 
@@ -148,7 +154,14 @@ def _sighted(points: Field, rather_white: Field) -> Sighting:
     wide = float(np.quantile(np.hypot(points[:, 0] - x, points[:, 1] - y), _STRAY))
     kind = min(Kind, key=lambda one: abs(PIECE_SHAPES[one].height - top))
     x, y = _axis(points[:: max(1, len(points) // _POINTS)], kind, x, y)
-    return Sighting(x, y, top, top > least and wide < _WIDEST, float(np.median(rather_white)))
+    upright = top > least and wide < _WIDEST
+    return Sighting(x, y, top, upright, float(np.median(rather_white)), _breadth(points, top))
+
+
+def _breadth(points: Field, top: float) -> float:
+    """Of what is highest of a piece: rooks are broad there both ways, the heads of knights narrow [m]."""
+    crown = points[points[:, 2] > top - _CROWN][:, :2]
+    return math.sqrt(max(float(np.linalg.eigvalsh(np.cov(crown.T))[0]), 0.0)) if len(crown) > 2 else math.nan
 
 
 def _axis(points: Field, kind: Kind, x: float, y: float) -> tuple[float, float]:
@@ -173,7 +186,7 @@ def _unbiased(found: list[Sighting], fit: Fit) -> list[Sighting]:
         for x, y in sure if math.dist((one.x, one.y), (x, y)) < _SAME
     ]  # fmt: skip
     dx, dy = np.median(offs, axis=0).tolist() if offs else (0.0, 0.0)
-    return [Sighting(one.x - dx, one.y - dy, one.height, one.upright, one.white) for one in found]
+    return [replace(one, x=one.x - dx, y=one.y - dy) for one in found]
 
 
 def _hidden(frame: Frame, view: BoardView, expected: Mapping[Place, PieceSpec]) -> Collection[Place]:

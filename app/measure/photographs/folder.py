@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Callable, Iterator
 from enum import StrEnum
 from pathlib import Path
@@ -15,6 +16,9 @@ from app.measure.photographs.follow import CornerSource, follow
 from app.measure.photographs.labels import Labels, load_labels
 from app.measure.photographs.pictures import VIDEOS, Array, Picture, picture_files, read_picture, read_video
 from app.measure.photographs.report import VisionReport
+from app.records import EVENTS_FILE, FRAMES, read_events
+from app.records.events import StartEvent
+from app.records.history import counted_plies
 from vision.board.anchor import Anchor
 from vision.board.find import find_board
 from vision.board.orientation import orient
@@ -23,6 +27,7 @@ from vision.hands.stillness import VideoGate
 
 LOOKED_THROUGH: Final = 200
 """Frames at the beginning of a video in which the board is looked for: hands may be over it at first."""
+_PLY: Final = re.compile(r"ply-(\d+)")
 EVERY: Final = 5
 """One in so many of them is tried."""
 
@@ -38,17 +43,19 @@ def follow_folder(folder: Path, corners_from: CornersFrom, progress: Callable[[s
     """Follow the game in a folder; ``labels.json`` in it answers where it must be asked, and keeps the score.
 
     Args:
-        folder: with pictures in the order of their names, each a settled view; or with one video.
+        folder: with pictures in the order of their names, each a settled view; or with one video; or of a recorded
+            game, or its frames.
         corners_from: who says where the board is.
         progress: told what is being done.
 
     Raises:
         UserError: there is nothing to be followed, or the labels are wrong.
     """
+    folder = folder / FRAMES if (folder / EVENTS_FILE).exists() and (folder / FRAMES).is_dir() else folder
     labels = load_labels(folder)
     if corners_from is CornersFrom.LABELS and labels is None:
         raise UserError(f"{folder} has no labels.json that says where the board is: use '--corners find'")
-    start = chess.Board(labels.initial_fen) if labels is not None else chess.Board()
+    start = chess.Board(labels.initial_fen) if labels is not None else _recorded_start(folder) or chess.Board()
     marked = labels if corners_from is CornersFrom.LABELS else None
     source = labelled_corners(marked) if marked is not None else FoundCorners(start, progress)
     video = _video(folder, labels)
@@ -56,7 +63,7 @@ def follow_folder(folder: Path, corners_from: CornersFrom, progress: Callable[[s
         views = _settled(video, labels.fps if labels is not None else None, source)
     else:
         views = map(read_picture, picture_files(folder))
-    return follow(views, labels, source, progress)
+    return follow(views, labels, source, progress, start)
 
 
 def labelled_corners(labels: Labels) -> CornerSource:
@@ -111,6 +118,21 @@ class FoundCorners:
             self._progress(f"{picture.name}: {board.doubt}")
         self._anchor, self._shape = Anchor(picture.colour, found.corners), picture.colour.shape
         return found.corners
+
+
+def _recorded_start(folder: Path) -> chess.Board | None:
+    """The position that the first frame of a recorded game shows; None: these are no frames of one."""
+    events = folder.parent / EVENTS_FILE
+    if folder.name != FRAMES or not events.exists():
+        return None
+    recorded = read_events(events)
+    start = recorded[0]
+    assert isinstance(start, StartEvent), "a record begins with its start"
+    board = chess.Board(start.fen, chess960=start.chess960)
+    first = _PLY.search(picture_files(folder)[0].name)
+    for ply in counted_plies(recorded)[: int(first[1]) if first is not None else 0]:
+        board.push_uci(ply.uci)
+    return board
 
 
 def _video(folder: Path, labels: Labels | None) -> Path | None:

@@ -145,15 +145,19 @@ class _FollowedGame:
 
 
 def follow(
-    pictures: Iterable[Picture], labels: Labels | None, corners: CornerSource, progress: Callable[[str], None]
+    pictures: Iterable[Picture],
+    labels: Labels | None,
+    corners: CornerSource,
+    progress: Callable[[str], None],
+    start: chess.Board,
 ) -> VisionReport:
-    """Follow a game in settled views from its start position.
+    """Follow a game in settled views from the position ``start``.
 
-    The first picture is taken to show the start position (or ``initial_fen``); it is how the set is learnt. A wrong
+    The first picture is taken to show that; it is how the set is learnt. A wrong
     move that was accepted is never corrected by the labels; where the game asks, they answer. Without labels
     it stays at its last known position until a view is clear again.
     """
-    game = _FollowedGame(labels, chess.Board(labels.initial_fen) if labels is not None else chess.Board())
+    game = _FollowedGame(labels, start.copy(stack=False))
     for number, picture in enumerate(pictures):
         progress(f"picture {number + 1}: {picture.name}")
         if not game.take(picture, corners):
