@@ -117,7 +117,7 @@ def test_a_whole_game_with_all_that_a_person_may_do_at_the_board(tmp_path: Path)
         Nf3
         Be2
         O-O
-        hand knock d2
+        hand knock b5           # it stands alone: how it falls does not matter
         fix
         d4
         takeback

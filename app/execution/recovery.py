@@ -41,6 +41,8 @@ MOST_ROUNDS: Final = 40
 not right then, it will not get right."""
 _GONE: Final = frozenset({FaultKind.MISSING, FaultKind.FALLEN, FaultKind.OFF_CENTRE})
 """Off its centre may be what lies along the view: a closer look tells."""
+FRUITLESS: Final = 3
+"""After so many looks at what a person should have put right, it says what it sees, and how to leave."""
 MOST_TRIES: Final = 3
 """To stand one piece up."""
 FRESH: Final = 0.5
@@ -75,6 +77,8 @@ class Recovery:
         """How often a piece could not be stood up."""
         self._stood_up: set[str] = set()
         """Pieces that the arm has stood up since it began."""
+        self._asked = 0
+        """So often a person was, since it began."""
         self._straightened: set[str] = set()
         """Pieces out of play that it has put right where they stand."""
         self._clearing = Clearing(observer, carrier, record, ui, clock)
@@ -110,7 +114,7 @@ class Recovery:
         Raises:
             UserError: a person is needed, and nobody is there; or it cannot be put right.
         """
-        rounds, duration = 0, 0.0
+        rounds, duration, self._asked = 0, 0.0, 0
         self._stood_up.clear()
         self._straightened.clear()
         self._clearing.begin()
@@ -150,14 +154,14 @@ class Recovery:
         found = self.observer.verify(stands)
         if found.faults:  # one frame may be wrong
             found = self.observer.verify(stands)
-        # a hand may have exchanged pieces that look alike, or moved some in the trays
-        seen = self.observer.whereabouts(stands) if found.faults or board is not None else None
+        # a hand may have exchanged pieces that look alike, or moved some in the trays; the arm may have mistaken one
+        handled = self._stood_up | self._clearing.pushed.keys()
+        seen = self.observer.whereabouts(stands) if found.faults or handled or board is not None else None
         if seen is not None and (sighted := self._by_sight(seen, stands, wanted, found)) is not None:
             return found.faults, sighted
         # a second's search: once a look, and only where it is needed
         misplaced = cache(lambda: self.observer.misplaced(stands))
         missing = {square_place(fault.square) for fault in found.faults if fault.kind in _GONE}
-        handled = self._stood_up | self._clearing.pushed.keys()
         missing |= {place for name in self._lost | handled if (place := stands.find(name).place).in_tray}
         missing |= set() if seen is None else seen.fallen_beside(stands)
         alone = unaided(missing, stands, wanted, misplaced, handled, people=board is not None)
@@ -297,7 +301,14 @@ class Recovery:
 
     def _ask(self, step: Ask, faults: Sequence[Fault], stands: Inventory) -> None:
         squares = tuple(str(square_place(square)) for square in step.squares)
-        self._asker.mend(step.sentence, squares, stands)
+        sentence, seen = step.sentence, _sentence(faults)
+        if self._asked >= FRUITLESS and seen:
+            sentence = (
+                f"I have looked {self._asked} times since then, and still see that {seen}: {sentence}. Or say 'quit', "
+                "'touchmove resume' goes on once all is right; or 'new', and the arm sets up another game"
+            )
+        self._asked += 1
+        self._asker.mend(sentence, squares, stands)
         self.observer.forget_likeness()
         self._tried.clear()
         for fault in faults:

@@ -18,7 +18,7 @@ import pytest
 from app import UserError
 from app.execution.carrier import Carried
 from app.execution.interruption import BoardTouched, CarryFailed, Loss
-from app.execution.recovery import MOST_ROUNDS, Recovery
+from app.execution.recovery import FRUITLESS, MOST_ROUNDS, Recovery
 from app.execution.repair import BoardObservation
 from app.execution.state import AwaitedReply, Devices, Job, Position
 from app.execution.table import Table
@@ -43,6 +43,7 @@ from vision.pieces.verify import Fault, FaultKind
 from vision.reading.appearance import BLACK, EMPTY, WHITE
 
 TABLE = TableSettings()
+START = Inventory.of(start_layout(chess.Board(), TABLE), TABLE)
 
 
 class Paper:
@@ -68,6 +69,9 @@ class Paper:
         self.asked: list[str] = []
         self.answer: chess.Move | None = None
         """A person makes it while the arm goes home."""
+        self.heap: set[str] = set()
+        """A piece that lies leans on these: nobody can say how it lies until they have gone, or it was pushed over."""
+        self.stirred = 0
         self.prop_off = 0.025
         self.prop: str | None = None
         """This piece is off its place, and what lies leans on it."""
@@ -142,7 +146,14 @@ class Paper:
         self.visit()
         return SimpleNamespace(name=blocked[0].by)
 
+    def stir_for(self, spot: Any, heap: Any, stands: Inventory, seen: Any) -> Any:
+        return SimpleNamespace(name="heap")
+
     def push_aside(self, push: Any, stands: Inventory) -> None:
+        if push.name == "heap":
+            self.stirred += 1
+            self.heap.clear()
+            return
         self.pushed += 1
         self.hemmed_in = None
 
@@ -173,10 +184,18 @@ class Paper:
             leant_on = stands.find(self.prop)
             x, y = TABLE.xy(leant_on.place)
             beside.append(MisplacedPiece(leant_on, leant_on.place, Pose(x + 0.009, y - self.prop_off)))
+        if self.leans:
+            return beside
         return beside + [
             MisplacedPiece(stands.find(name), stands.find(name).place, Pose(*TABLE.xy(place), yaw=1.0))
             for name, (_, place) in self.lying.items()
         ]
+
+    @property
+    def leans(self) -> bool:
+        """Whether all that it leans on stands where it did."""
+        places = {piece.name: piece.place for piece in START}
+        return bool(self.heap) and all(self.truth.find(name).place == places[name] for name in self.heap)
 
     def at(self, place: Place) -> tuple[float, float]:
         x, y = TABLE.xy(place)
@@ -191,7 +210,9 @@ class Paper:
             there, should = self.truth.at(square_place(square)), stands.at(square_place(square))
             if there is not None:
                 states[square] = WHITE if there.colour == "white" else BLACK
-            if should is not None and there is None:
+            if should is not None and there is None and self.leans and should.name in self.lying:
+                faults.append(Fault(FaultKind.FALLEN, square, f"something lies on {square_place(square)}", None))
+            elif should is not None and there is None:
                 faults.append(Fault(FaultKind.MISSING, square, f"{square_place(square)} is empty", None))
             if should is None and there is not None:
                 faults.append(Fault(FaultKind.FOREIGN, square, f"something is on {square_place(square)}", (0, 0)))
@@ -312,6 +333,43 @@ def test_where_two_pieces_are_in_each_others_way_one_is_pushed(tmp_path: Path, i
         assert table.arm_ply(chess.Move.from_uci("e2e4"))
     assert (paper.pushed, paper.stood_up, paper.asked) == (1, 1, [])
     assert same(paper.truth, table.inventory)
+
+
+@pytest.mark.parametrize("stirred", [False, True])
+def test_what_leans_on_its_neighbours_is_parted_from_them_or_pushed_over(tmp_path: Path, stirred: bool) -> None:
+    """Nobody can say how it lies until then; what went aside comes back."""
+    table, paper, record = table_of(tmp_path / "game")
+    piece = paper.truth.find("white-bishop-c")
+    paper.lying[piece.name] = piece, piece.place
+    paper.put(piece.name, None)
+    paper.heap, paper.immovable = {"white-pawn-c"}, stirred
+    with record:
+        assert table.repair()
+    assert (paper.stirred, paper.stood_up, paper.asked) == (int(stirred), 1, [])
+    assert same(paper.truth, table.inventory)
+
+
+def test_a_person_who_is_asked_in_vain_hears_what_is_seen_and_how_to_leave(tmp_path: Path) -> None:
+    table, paper, record = table_of(tmp_path / "game")
+    paper.put("white-bishop-c", None)
+    said: list[str] = []
+
+    class Idle(Exception):
+        pass
+
+    class Answers:
+        def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> None:
+            said.append(sentence)
+            if len(said) > FRUITLESS:
+                raise Idle
+
+    assert table._recovery is not None
+    table._recovery._asker = Answers()
+    with record, pytest.raises(Idle):
+        table.repair()
+    assert "still see" not in said[FRUITLESS - 1]
+    assert "I have looked 3 times since then, and still see that c1 is empty" in said[FRUITLESS]
+    assert "'touchmove resume'" in said[FRUITLESS]
 
 
 @pytest.mark.parametrize(("prop", "asked"), [("black-pawn-d", False), ("white-rook-h", True)])

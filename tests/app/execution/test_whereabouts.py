@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.execution.repair import Ask, Repair, Whereabouts, exchanged, repair_by_sight, whereabouts
+from app.execution.repair import Ask, Repair, Whereabouts, exchanged, repair_by_sight, toppled, whereabouts
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from hardware.table import PIECE_SHAPES, Colour, PieceSpec, Place, TableSettings, square_place
@@ -172,3 +172,56 @@ def test_heights_are_the_mean_of_several_looks_at_what_stands_in_the_same_place(
         same = [x.height for look in looks for x in look.all if math.dist((x.x, x.y), (one.x, one.y)) < 0.009]
         assert one.height == pytest.approx(sum(same) / len(same))
     assert mean.hidden == looks[-1].hidden
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_rook_as_high_as_a_knight_is_known_by_its_broad_top(turned: bool) -> None:
+    """Heights alone would say that nothing was exchanged, or nothing at all."""
+    assert ROOK is not None
+    assert KNIGHT is not None
+    at = {ROOK.name: TABLE.xy(ROOK.place), KNIGHT.name: TABLE.xy(KNIGHT.place)}
+    if turned:
+        at = {ROOK.name: at[KNIGHT.name], KNIGHT.name: at[ROOK.name]}
+    between = 0.5 * (PIECE_SHAPES[ROOK.kind].height + PIECE_SHAPES[KNIGHT.kind].height) + 0.0012
+    seen = [one for one in shown(at).all
+            if min(math.dist((one.x, one.y), spot) for spot in at.values()) > 0.02]  # fmt: skip
+    seen.append(Sighting(*at[ROOK.name], between, True, 2.5, 0.0041))
+    seen.append(Sighting(*at[KNIGHT.name], between, True, 2.5, 0.0017))
+    found = whereabouts(START, Sightings(tuple(seen), frozenset()))
+    assert found is not None
+    assert found.moved == (set(at) if turned else set())
+
+
+def test_what_was_nudged_in_a_tray_is_put_right_and_what_stands_beside_all_places_goes_home() -> None:
+    spare = next(piece for piece in START if piece.place.in_tray)
+    x, y = TABLE.xy(spare.place)
+    nudged = whereabouts(START, shown({spare.name: (x + 0.011, y)}))
+    assert nudged is not None
+    assert (nudged.nudged, nudged.moved) == ({spare.name}, frozenset())
+    repair = repair_by_sight(START, START, nudged, {})
+    assert isinstance(repair, Repair)
+    assert [(one.name, one.source, one.target) for one in repair.transfers] == [(spare.name, spare.place, spare.place)]
+    slight = whereabouts(START, shown({spare.name: (x + 0.004, y)}))
+    assert slight is not None
+    assert not slight.nudged
+    beyond = whereabouts(START, shown({spare.name: (0.20, -0.197)}))
+    assert beyond is not None
+    repair = repair_by_sight(START, START, beyond, {})
+    assert isinstance(repair, Repair)
+    assert [(one.name, one.target) for one in repair.transfers] == [(spare.name, spare.place)]
+    assert repair.transfers[0].seen == pytest.approx((0.20, -0.197), abs=0.005)
+
+
+def test_what_lies_in_place_of_a_piece_is_no_piece_that_stands() -> None:
+    """Lower than the piece would be, and nothing upright beside it; two that touch are as high as either."""
+    assert PAWN is not None
+    at = TABLE.xy(PAWN.place)
+    rest = [one for one in shown({}).all if math.dist((one.x, one.y), at) > 0.02]
+
+    def of(*low: Sighting) -> list[int]:
+        return [fault.square for fault in toppled(START, Sightings((*rest, *low), frozenset()))]
+
+    assert of(Sighting(at[0], at[1] + 0.016, 0.021, False, 2.0)) == [PAWN.place.index]
+    assert of(Sighting(at[0], at[1] + 0.016, 0.034, False, 2.0)) == []
+    assert of(Sighting(*at, 0.035, True, 2.0), Sighting(at[0], at[1] + 0.02, 0.021, False, 2.0)) == []
+    assert of() == [], "nothing there is another fault"

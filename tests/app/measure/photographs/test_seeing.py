@@ -17,6 +17,11 @@ from app.cli import app
 from app.measure.bench.vision.photos import VARIABLE, sequences
 from app.measure.photographs import CornersFrom, follow_folder
 from app.measure.photographs.pictures import picture_files
+from app.pieces.inventory import Inventory
+from app.pieces.layout import start_layout
+from app.pieces.manipulation import transfers
+from app.records import GameRecord, GameSetup, PlyOutcome
+from hardware.table import TableSettings
 from tests.vision.synthetic import camera_matrix, corners_of, draw
 
 LINE = "e4 e5 Nf3 Nc6 Bb5 a6"
@@ -85,6 +90,30 @@ def test_without_labels_there_is_no_score(tmp_path):
     report = follow_folder(make(tmp_path, "e4 e5", labelled=False), CornersFrom.FIND, quiet)
     assert report.score is None
     assert report.holds
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_the_frames_of_a_recorded_game_are_followed_from_where_its_record_begins(tmp_path, first):
+    """With the frame of its first position, and, as in older records, without."""
+    table, rng = TableSettings(), np.random.default_rng(4)
+    board = chess.Board("rnbqkbnr/pppp1ppp/8/4p3/8/8/PPPPPPPP/RNBQKBNR w KQkq - 0 2")
+    inventory = Inventory.of(start_layout(board, table), table)
+    frames, offsets = tmp_path / "game" / "frames", rng.uniform(-0.1, 0.1, (64, 2))
+    with GameRecord.begin(tmp_path / "game", GameSetup("a", "b", 1, "fast"), board, inventory, 0.0) as record:
+        frames.mkdir()
+        for number, san in enumerate(["", "Nf3", "Nc6", "e4"]):
+            if san:
+                ply = transfers(board, board.parse_san(san), inventory)
+                inventory = inventory.after(ply)
+                offsets[board.push_san(san).to_square] = rng.uniform(-0.1, 0.1, 2)
+                record.ply(ply, PlyOutcome(by="hand"), float(number), inventory)
+            if number >= first:
+                seen = draw(board, MATRIX, rng, offsets=offsets, noise=2.0)
+                cv2.imwrite(str(frames / f"ply-{number:03d}.jpg"), seen[..., ::-1])
+    for folder in (tmp_path / "game", frames):
+        report = follow_folder(folder, CornersFrom.FIND, quiet)
+        assert report.failed is None
+        assert report.pgn.startswith("2. Nf3 Nc6 3. e4" if not first else "2... Nc6 3. e4")
 
 
 def test_a_picture_without_a_board_fails_with_a_sentence(tmp_path):

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from app.execution.recovery_plans import Blocked, plan_pushing
+from app.execution.recovery_plans import Blocked, plan_pushing, plan_stirring
 from app.measure.bench.beds.bed import Bed
 from app.motion import MotionSettings, Planner
 from app.motion.arcs import Workcell
@@ -170,6 +170,28 @@ def test_where_no_push_helps_it_says_which_pieces_to_move() -> None:
             misplaced,
             inventory,
         )
+
+
+def test_what_leans_somewhere_is_pushed_right_through_by_the_way_that_is_free() -> None:
+    """A bishop that leans over c1 and c2 can be pushed where those two are taken off; in a ring of pawns it cannot."""
+    inventory = Inventory.of(start_layout(chess.Board(), TABLE), TABLE)
+    planner = Planner.of(SETTINGS, PARAMETERS, inventory.table, HOME, 0.01)
+    x, y = TABLE.xy(Place.parse("c1"))
+    spot = x, y + 0.01
+    plan = plan_stirring(planner, spot, {"white-bishop-c", "white-pawn-c"}, [], inventory)
+    way = np.array([TABLE.board_from_base(point)[:2] for point in plan.motions[1].samples["position"]])
+    assert np.hypot(*(way - spot).T).min() < 0.016, "the fingers go to it"
+    assert np.hypot(*(way[-1] - way[0])) > 0.02
+    others = [piece for piece in inventory if piece.name not in ("white-bishop-c", "white-pawn-c")]
+    for piece in others:
+        away = np.hypot(*(way - TABLE.xy(piece.place)).T).min()
+        assert away > PIECE_SHAPES[piece.kind].stem_radius + PARAMETERS.pads.half_width, "and touch nothing else"
+    ring = [
+        MisplacedPiece(piece, piece.place, Pose(0.029 * math.cos(i * math.pi / 4), 0.029 * math.sin(i * math.pi / 4)))
+        for i, piece in enumerate(piece for piece in inventory if piece.name.startswith("black-pawn"))
+    ]
+    with pytest.raises(PlanRefused, match="do not get at what leans there"):
+        plan_stirring(planner, (0.0, 0.0), set(), ring, inventory)
 
 
 def test_a_place_that_is_kept_for_a_piece_counts_where_it_is() -> None:
