@@ -39,8 +39,8 @@ def bench(
     name: Annotated[
         str,
         typer.Argument(
-            help="What to measure: law, loop, finger, kills, motion, sim, grip, fallen, recovery, people, vision or "
-            "clock."
+            help="What to measure: law, loop, finger, kills, motion, sim, grip, fallen, recovery, people, knocks, "
+            "vision or clock."
         ),
     ],
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions: ends within a minute.")] = False,

@@ -15,7 +15,7 @@ from app.measure.bench.kills import kills_bench
 from app.measure.bench.law import law_bench
 from app.measure.bench.loop import loop_bench
 from app.measure.bench.motion import motion_bench
-from app.measure.bench.people import people_bench
+from app.measure.bench.people import knocks_bench, people_bench
 from app.measure.bench.recovery import recovery_bench
 from app.measure.bench.report import BenchReport, Progress, Row
 from app.measure.bench.sim import sim_bench
@@ -37,6 +37,7 @@ BENCHES: Mapping[str, Bench] = MappingProxyType(
         "fallen": fallen_bench,
         "recovery": recovery_bench,
         "people": people_bench,
+        "knocks": knocks_bench,
         "vision": vision_bench,
         "clock": clock_bench,
     }

@@ -1,16 +1,16 @@
-"""Bench ``people``: games against a scripted person who errs, and how many of them end as they should.
+"""Benches ``people`` and ``knocks``: games against a scripted person who errs, and how many of them end as they should.
 
 From a random position on, the person moves by hand and says 'look'; or plays what is not allowed, knocks a piece over,
 moves two at once, exchanges two, leaves one between squares, takes a move back by hand, and says 'look' or 'fix'.
 Light, camera and how the pieces stand are drawn anew for each game. Asked for something, they do it; but what lies they
-leave to the arm. Whether the board is right in the end is the referee's word.
+leave to the arm. Whether the board is right in the end is the referee's word. In ``knocks`` they do nothing but knock.
 """
 
 from __future__ import annotations
 
 import tempfile
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, TextIO, cast
 
@@ -20,7 +20,7 @@ import numpy as np
 from app import UserError
 from app.execution.state import EXPECTED_FAILURES
 from app.measure.bench.report import BenchReport, Progress, row
-from app.measure.bench.scripted_person import Act, ScriptedPerson
+from app.measure.bench.scripted_person import OFTEN, Act, ScriptedPerson
 from app.measure.bench.vision.games import random_game
 from app.play.launch import run_games
 from app.settings.tree import PlayerKind, Settings
@@ -30,6 +30,9 @@ SEED: Final = 9001
 """Of the first game."""
 GAMES: Final = {True: 3, False: 300}
 """By ``quick``."""
+KNOCKS: Final = {True: 4, False: 500}
+"""By ``quick``."""
+KNOCKS_SEED: Final = 12001
 OPENING: Final = (0, 60)
 """So many random plies are played before."""
 WORLD: Final = """
@@ -58,8 +61,10 @@ def random_position(seed: int) -> chess.Board:
             return chess.Board(board.fen())
 
 
-def play_one(seed: int, changes: Callable[[Settings], Settings] = lambda one: one) -> ScriptedPerson:
-    """Play one game; ``changes`` of its settings are made last."""
+def play_one(
+    seed: int, often: Mapping[Act, float] = OFTEN, changes: Callable[[Settings], Settings] = lambda one: one
+) -> ScriptedPerson:
+    """Play one game; ``often`` as of ``ScriptedPerson``, ``changes`` of its settings are made last."""
     with tempfile.TemporaryDirectory(prefix="touchmove-") as name:
         folder, board = Path(name), random_position(seed)
         world = folder / "world.toml"
@@ -71,7 +76,7 @@ def play_one(seed: int, changes: Callable[[Settings], Settings] = lambda one: on
                 "game.fen": board.fen(), "out": folder / "game",
             }
         )  # fmt: skip
-        person = ScriptedPerson(folder / "game" / "run", seed, board)
+        person = ScriptedPerson(folder / "game" / "run", seed, board, often)
         try:
             result = run_games(changes(settings), person, cast(TextIO, person.typed))
         except (*EXPECTED_FAILURES, EngineProblem) as error:
@@ -109,3 +114,30 @@ def people_bench(quick: bool, progress: Progress) -> BenchReport:
         "acts": row([acts.total()], "1"),
     }
     return BenchReport.of("people", SEED, rows)
+
+
+def knocks_bench(quick: bool, progress: Progress) -> BenchReport:
+    """Knock pieces over, any of them in any direction, in random middle games, until it was done so often.
+
+    Raises:
+        UserError: a game could not be played.
+    """
+    done, flawed, games, counted = 0, 0, 0, Counter[str]()
+    while done < KNOCKS[quick]:
+        person = play_one(KNOCKS_SEED + games, {Act.KNOCK: 1.0})
+        for mishap in person.mishaps:
+            progress(f"game {KNOCKS_SEED + games}: {mishap.what}: {mishap.story}")
+        if not person.acts:
+            raise UserError(f"in game {KNOCKS_SEED + games} nothing was done: see what was said")
+        games += 1
+        done += person.acts.total()
+        flawed += len(person.flawed)
+        counted.update({mishap.what for mishap in person.mishaps})
+        progress(f"{done} knocks in {games} games, {done - flawed} put right unaided")
+    rows = {
+        "unaided": row([1.0 - flawed / done], "1", 0.98, "least", n=done),
+        "taken_for_a_move": row([counted["wrong"]], "games", 0.0, "max", n=games),
+        "unnoticed": row([counted["unnoticed"]], "games", 0.0, "max", n=games),
+        "knocks": row([done], "1"),
+    }
+    return BenchReport.of("knocks", KNOCKS_SEED, rows)

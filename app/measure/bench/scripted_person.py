@@ -10,6 +10,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 import chess
@@ -50,10 +51,11 @@ class Act(StrEnum):
     TAKE_BACK = "a take-back"
 
 
-_OFTEN: Final = {
+OFTEN: Final[Mapping[Act, float]] = MappingProxyType({
     Act.MOVE: 0.28, Act.ILLEGAL: 0.24, Act.KNOCK: 0.18, Act.TWO: 0.07, Act.SWAP: 0.06, Act.HALF: 0.05,
     Act.UNDONE: 0.05, Act.TAKE_BACK: 0.07,
-}  # fmt: skip
+})  # fmt: skip
+"""Of a hundred acts, what share is which."""
 
 
 class NoSuchAct(Exception):
@@ -94,19 +96,23 @@ class ScriptedPerson(UserInterface):
         run_dir: of the world.
         seed: of the script.
         board: where the game begins; the person plays White.
+        often: how likely each act is.
 
     Attributes:
         typed: what they type.
         mishaps: what went otherwise than it should.
         acts: what they did, and how often.
+        flawed: numbers of the acts after which something did, from 1; 0 is before the first.
     """
 
-    def __init__(self, run_dir: Path, seed: int, board: chess.Board) -> None:
+    def __init__(self, run_dir: Path, seed: int, board: chess.Board, often: Mapping[Act, float] = OFTEN) -> None:
+        self._often = often
         self._run_dir, self._rng = run_dir, np.random.default_rng([seed, 11])
         self._board, self._table = board, TableSettings()
         self.typed = _Typed()
         self.mishaps: list[Mishap] = []
         self.acts = Counter[Act]()
+        self.flawed: set[int] = set()
         self._said: list[str] = []
         self._prompted = ""
         self._moved: list[str] = []
@@ -141,7 +147,7 @@ class ScriptedPerson(UserInterface):
 
     def _session(self) -> Iterator[str]:
         while sum(self.acts.values()) < ACTS:
-            act = Act(self._rng.choice(list(_OFTEN), p=list(_OFTEN.values())))
+            act = Act(self._rng.choice(list(self._often), p=list(self._often.values())))
             self._said, self._moved, self._meant, self._fallen = [], [], None, False
             self._act = act
             try:
@@ -186,6 +192,7 @@ class ScriptedPerson(UserInterface):
             self._note("unnoticed")
 
     def _note(self, what: str) -> None:
+        self.flawed.add(self.acts.total())
         self.mishaps.append(Mishap(what, self._act, " / ".join(self._said)))
 
     def failed(self, reason: str) -> None:

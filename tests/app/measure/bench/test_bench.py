@@ -125,12 +125,12 @@ def test_a_start_from_the_cache_compiles_nothing(tmp_path: Path) -> None:
 def test_an_unknown_bench_is_refused_with_the_choices() -> None:
     with pytest.raises(
         UnknownBench,
-        match=r"^there is no bench .speed., choose from: law, loop, .*, grip, fallen, recovery, people, vision, clock$",
+        match=r"^there is no bench .speed., choose from: law, loop, .*, recovery, people, knocks, vision, clock$",
     ):
         run_bench("speed", quick=True, progress=print)
     done = CliRunner().invoke(command_line, ["bench", "speed"])
     assert done.exit_code == 2
-    said = "choose from: law, loop, finger, kills, motion, sim, grip, fallen, recovery, people, vision, clock"
+    said = "choose from: law, loop, finger, kills, motion, sim, grip, fallen, recovery, people, knocks, vision, clock"
     assert done.stderr == f"touchmove: there is no bench 'speed', {said}\n"
     assert set(BENCHES) == {
         "law",
@@ -143,6 +143,7 @@ def test_an_unknown_bench_is_refused_with_the_choices() -> None:
         "fallen",
         "recovery",
         "people",
+        "knocks",
         "vision",
         "clock",
     }
