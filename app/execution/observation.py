@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import chess
@@ -225,8 +225,14 @@ class GameObserver:
             looks.append(self._sightings(stands))
             found = whereabouts(stands, together(looks), self._heights(), self._untouched)
             if found is not None:
-                return found
+                return found if not found.nudged else self._nudged_twice(found, stands)
         return None
+
+    def _nudged_twice(self, found: Whereabouts, stands: Inventory) -> Whereabouts:
+        """At a picture's edge depth errs now and then: what was nudged is so in another frame, too."""
+        self.frame()
+        again = whereabouts(stands, self._sightings(stands), self._heights(), self._untouched)
+        return replace(found, nudged=found.nudged & (frozenset() if again is None else again.nudged))
 
     def _sightings(self, stands: Inventory) -> Sightings:
         """What stands and lies in the newest frame, which has depth."""

@@ -49,6 +49,13 @@ _AGREES: Final = 0.7
 """Share of an outline that agrees with the picture, with which its place is known to a millimetre."""
 _SAME: Final = 0.009
 """An outline and a sighting, or two sightings, no further apart are one piece's [m]."""
+_OUTLINED: Final = 0.005
+"""… and, without depth's bias, no further [m]."""
+_STRAYS: Final = 0.005
+"""An outline that is so much further from a sighting than the others is something else's [m]."""
+_FEW: Final = 8
+_SPREAD_OUT: Final = 0.15
+"""With fewer pieces, or those nearer together [m], depth's bias is taken to be the same everywhere."""
 _HIDES: Final = 0.015
 """What is so much nearer than a piece would be hides it [m]."""
 
@@ -178,15 +185,36 @@ def _axis(points: Field, kind: Kind, x: float, y: float) -> tuple[float, float]:
 
 
 def _unbiased(found: list[Sighting], fit: Fit) -> list[Sighting]:
-    """Depth puts pieces some millimetres aside, all alike: by as much as those of which the outline is known."""
-    sure = fit.places[np.flatnonzero(fit.agreement() > _AGREES)].tolist()
-    offs = [
-        (one.x - x, one.y - y)
+    """Depth puts pieces some millimetres aside, more so far from the middle: by as much as those of known outline,
+    and those stand where that is.
+    """
+    sure = fit.places[np.flatnonzero(fit.agreement() > _AGREES)]
+    pairs = np.array([
+        ((one.x, one.y), place)
         for one in found if one.upright
-        for x, y in sure if math.dist((one.x, one.y), (x, y)) < _SAME
-    ]  # fmt: skip
-    dx, dy = np.median(offs, axis=0).tolist() if offs else (0.0, 0.0)
-    return [replace(one, x=one.x - dx, y=one.y - dy) for one in found]
+        for place in sure.tolist() if math.dist((one.x, one.y), place) < _SAME
+    ])  # fmt: skip
+    bias = [_line(pairs[:, 0, axis], pairs[:, 0, axis] - pairs[:, 1, axis]) for axis in (0, 1)] if len(pairs) else []
+    unbiased = []
+    for one in found:
+        x, y = (at - float(np.polyval(line, at)) for at, line in zip((one.x, one.y), bias, strict=True)) if bias else (
+            one.x, one.y
+        )  # fmt: skip
+        if one.upright and len(sure):
+            away = np.hypot(sure[:, 0] - x, sure[:, 1] - y)
+            if away.min() < _OUTLINED:
+                x, y = sure[int(away.argmin())].tolist()
+        unbiased.append(replace(one, x=x, y=y))
+    return unbiased
+
+
+def _line(at: Field, off: Field) -> Field:
+    """By how much places along an axis are off, as a polynomial of them; single ones err."""
+    middle = float(np.median(off))
+    good = np.abs(off - middle) < _STRAYS
+    if np.count_nonzero(good) < _FEW or np.ptp(at[good]) < _SPREAD_OUT:
+        return np.array([middle])
+    return np.polyfit(at[good], off[good], 1)
 
 
 def _hidden(frame: Frame, view: BoardView, expected: Mapping[Place, PieceSpec]) -> Collection[Place]:
