@@ -157,10 +157,12 @@ class Recovery:
         # a hand may have exchanged pieces that look alike, or moved some in the trays; the arm may have mistaken one
         handled = self._stood_up | self._clearing.pushed.keys()
         seen = self.observer.whereabouts(stands) if found.faults or handled or board is not None else None
-        if seen is not None and (sighted := self._by_sight(seen, stands, wanted, found)) is not None:
-            return found.faults, sighted
         # a second's search: once a look, and only where it is needed
         misplaced = cache(lambda: self.observer.misplaced(stands))
+        sighted = None if seen is None else self._by_sight(seen, stands, wanted, found)
+        # what lies against something else may be no thing of its own to depth
+        if sighted is not None and not (isinstance(sighted, Ask) and any(one.lies for one in misplaced())):
+            return found.faults, sighted
         missing = {square_place(fault.square) for fault in found.faults if fault.kind in _GONE}
         missing |= {place for name in self._lost | handled if (place := stands.find(name).place).in_tray}
         missing |= set() if seen is None else seen.fallen_beside(stands)
