@@ -239,19 +239,20 @@ class GameObserver:
         expected = {piece.place: piece for piece in stands if not piece.place.in_box}
         return sightings_of(self.last, self.view, expected, around_board(self.view, trays=True))
 
-    def faults(self, stands: Inventory, *, centres: bool) -> tuple[Fault, ...]:
+    def faults(self, stands: Inventory, *, centres: bool, exchanges: bool = True) -> tuple[Fault, ...]:
         """What is not as it should be in the newest frame; without depth nobody can tell what lies, so nothing.
 
         Args:
             stands: what should stand where.
             centres: pieces that stand, but off the centres of their squares, count as well.
+            exchanges: so do pieces that look alike and stand on each other's squares.
         """
         if self.last.depth is None:
             return ()
         faults = tuple(toppled(stands, self._sightings(stands)))
         low = {fault.square for fault in faults}
         faults += tuple(fault for fault in self._examine(on_board(stands)).faults if fault.square not in low)
-        if not faults and (seen := self.whereabouts(stands)) is not None and not seen.lying:
+        if exchanges and not faults and (seen := self.whereabouts(stands)) is not None and not seen.lying:
             faults = tuple(exchanged(stands, seen))
         return tuple(fault for fault in faults if centres or fault.kind is not FaultKind.OFF_CENTRE)
 

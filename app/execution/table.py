@@ -170,7 +170,7 @@ class Table:
             return ()
         ply = transfers(self.board, move, self.inventory)
         squares = {one.target.index for one in ply.transfers if one.target.on_board}
-        faults = self.observer.faults(self.inventory.after(ply), centres=False)
+        faults = self.observer.faults(self.inventory.after(ply), centres=False, exchanges=False)
         return tuple(fault for fault in faults if fault.square in squares)
 
     def fallen(self) -> list[MisplacedPiece]:

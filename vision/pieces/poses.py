@@ -101,6 +101,16 @@ def off_surface(points: Field, kind: Kind, pose: Pose) -> Array:
     return off
 
 
+def off_standing(points: Field, kind: Kind, places: Array) -> Array:
+    """The same for a piece that stands at each of some places, board frame (m, 2) [m]: (m, n) [m]."""
+    table = _distances(kind)
+    row = np.clip(np.rint((points[:, 2] + _AROUND) / _CELL).astype(np.intp), 0, table.shape[0] - 1)
+    away = np.hypot(points[:, 0] - places[:, :1], points[:, 1] - places[:, 1:])
+    column = np.minimum(np.rint(away / _CELL).astype(np.intp), table.shape[1] - 1)
+    off: Array = table[row, column]
+    return off
+
+
 @lru_cache(maxsize=16)
 def _distances(kind: Kind) -> Array:
     """From the surface, by distance along the axis, from ``_AROUND`` before the underside on, and from it, a cell apart

@@ -6,7 +6,6 @@ feet. A cluster's height says how likely each kind is, the picture says the side
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +19,7 @@ from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place
 from vision.arrays import Array, Field, Mask, Whole
 from vision.board.view import BoardView
 from vision.pieces.fit import TALL, Fit
-from vision.pieces.poses import Pose, off_surface
+from vision.pieces.poses import off_standing
 from vision.pieces.surface import raised
 
 _CELL: Final = 0.0015
@@ -173,15 +172,13 @@ def _breadth(points: Field, top: float) -> float:
 
 def _axis(points: Field, kind: Kind, x: float, y: float) -> tuple[float, float]:
     """Where a kind that stands explains points best, near a place (x, y) [m]."""
-    best, cost = (x, y), math.inf
+    best = np.array([x, y])
     for step, count in _GRIDS:
-        ticks, middle = [step * i for i in range(-count, count + 1)], best
-        for dx, dy in itertools.product(ticks, ticks):
-            tried = middle[0] + dx, middle[1] + dy
-            off = off_surface(points, kind, Pose(*tried)) / _OFF
-            if (then := float(np.minimum(off**2, _MOST).sum())) < cost:
-                best, cost = tried, then
-    return best
+        ticks = step * np.arange(-count, count + 1)
+        places = best + np.stack(np.meshgrid(ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 2)
+        off = off_standing(points, kind, places) / _OFF
+        best = places[int(np.minimum(off**2, _MOST).sum(axis=1).argmin())]
+    return float(best[0]), float(best[1])
 
 
 def _unbiased(found: list[Sighting], fit: Fit) -> list[Sighting]:
