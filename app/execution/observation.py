@@ -122,6 +122,11 @@ class GameObserver:
         return self._last
 
     @property
+    def deep(self) -> bool:
+        """Whether the newest frame has depth."""
+        return self.last.depth is not None
+
+    @property
     def looked_at(self) -> float:
         """When the newest frame was exposed [s]; long ago, if nothing was looked at."""
         return -math.inf if self._last is None else self._last.stamp
@@ -219,7 +224,7 @@ class GameObserver:
         no depth.
         """
         looks = list[Sightings]()
-        while self.last.depth is not None and len(looks) < LOOKS:
+        while self.deep and len(looks) < LOOKS:
             if looks:
                 self.frame()
             looks.append(self._sightings(stands))
@@ -247,7 +252,7 @@ class GameObserver:
             centres: pieces that stand, but off the centres of their squares, count as well.
             exchanges: so do pieces that look alike and stand on each other's squares.
         """
-        if self.last.depth is None:
+        if not self.deep:
             return ()
         faults = tuple(toppled(stands, self._sightings(stands)))
         low = {fault.square for fault in faults}

@@ -173,6 +173,8 @@ class Recovery:
             return (), alone or (Repair(stands, rest, "the arm goes on") if rest else None)
         step = mend(stands, found, board)
         if isinstance(alone, Fallen) or isinstance(step, Ask):  # fingers must not take what lies for what stands
+            if not self.observer.deep:  # what looks fallen to colours alone may well stand
+                return found.faults, alone or step
             return found.faults, alone or _leaning(found.faults, seen, misplaced, stands, step)
         return found.faults, self._as_believed(found, step, stands, wanted, misplaced)
 

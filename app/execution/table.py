@@ -175,7 +175,7 @@ class Table:
 
     def fallen(self) -> list[MisplacedPiece]:
         """Pieces that lie on the board, in the newest frame, as far as depth shows them."""
-        if self.observer is None or self.observer.last.depth is None:
+        if self.observer is None or not self.observer.deep:
             return []
         return [one for one in self.observer.misplaced(self.inventory) if one.lies]
 

@@ -202,6 +202,7 @@ class Paper:
         return x + self.off, y
 
     last = None
+    deep = True
     looked_at = math.inf
 
     def verify(self, stands: Inventory) -> BoardObservation:
