@@ -144,3 +144,53 @@ def test_a_whole_game_with_all_that_a_person_may_do_at_the_board(tmp_path: Path)
     assert " ".join(node.san() for node in game.mainline()) == (
         "e4 a6 e5 d5 exd6 Nf6 dxc7 b5 cxd8=Q+ Kxd8 Nf3 Bb7 Be2 e6 O-O Bd6 d3 Re8"
     )
+
+
+def test_a_game_begins_from_whatever_stands_on_the_board_and_goes_on_without_its_record(tmp_path: Path) -> None:
+    """Nobody says which position it is; afterwards the record is gone, and what stands there is all that is known."""
+    folder = tmp_path / "game"
+    standing = "8/8/4k3/8/8/3Q4/8/4K2R w - - 0 1"
+    terminal = PseudoTerminal(
+        "play", "--from-board", "--standing", standing, "--pace", "fast", "--nodes", "500", "--out", str(folder)
+    )  # fmt: skip
+    terminal.until(r"who moves next.* > ")
+    terminal.type("hand move d3 c3")
+    terminal.until(r"who moves next.* > ")
+    terminal.type("white")
+    terminal.until(r"may White still castle.* > ")
+    terminal.type("short")
+    terminal.until("your move > ")
+    terminal.type("O-O")
+    terminal.until("your move > ")
+    terminal.type("quit")
+    assert terminal.end() == 0
+    game = chess.pgn.read_game((folder / "game.pgn").open())
+    assert game is not None
+    assert game.headers["FEN"] == "8/8/4k3/8/8/2Q5/8/4K2R w K - 0 1"
+    board = game.end().board()
+    assert len(board.move_stack) == 2
+    (folder / "events.jsonl").write_text("nonsense\n")
+    terminal = PseudoTerminal("resume", "--from-board", str(folder))
+    terminal.until(r"who moves next.* > ")
+    terminal.type("white")
+    terminal.until("your move > ")
+    terminal.type("hint")
+    terminal.until(r"I would play (\S+?)[\s\r]")
+    terminal.type("quit")
+    assert terminal.end() == 0
+    game = chess.pgn.read_game((folder / "game-2" / "game.pgn").open())
+    assert game is not None
+    assert game.board().board_fen() == board.board_fen()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("--rig", "board"), "takes a camera, and this rig has none"),
+        (("--fen", chess.STARTING_FEN), "--fen has no effect here"),
+    ],
+)
+def test_positions_from_the_board_take_a_camera_and_nothing_else(arguments: tuple[str, ...], sentence: str) -> None:
+    done = subprocess.run([*TOUCHMOVE, "play", "--from-board", *arguments], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert sentence in " ".join(done.stderr.split())

@@ -76,6 +76,10 @@ def play(
     rig: options.Rig = "sim",
     pace: options.Pace = None,
     fen: options.Fen = None,
+    from_board: options.FromBoard = False,
+    standing: Annotated[
+        str | None, typer.Option(help="With --from-board in a simulation: the position that stands there.")
+    ] = None,
     chess960: options.Chess960 = False,
     clock: options.Clock = None,
     movetime: options.MoveTime = None,
@@ -161,13 +165,17 @@ def setup(
 
 def resume(
     folder: Annotated[Path, typer.Argument(help="Folder of the match, or of one of its games.")],
+    from_board: Annotated[
+        bool, typer.Option("--from-board", help="Whatever its record says: go on from what stands on the board now.")
+    ] = False,
     headless: options.Headless = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Go on with a game that was interrupted, or whose program or controller died: first with the ply under way."""
-    from app.play.launch import resume_games
+    from app.play.launch import resume_from_board, resume_games
 
-    _show_game(lambda ui: resume_games(folder, ui, sys.stdin), headless=headless, as_json=as_json, talks=True)
+    go_on = resume_from_board if from_board else resume_games
+    _show_game(lambda ui: go_on(folder, ui, sys.stdin), headless=headless, as_json=as_json, talks=True)
 
 
 def report(

@@ -44,6 +44,13 @@ Video = Annotated[bool, typer.Option(help="Film the first part of the game.")]
 VideoLength = Annotated[float, typer.Option(min=1.0, help="Longest film, in plant time [s].")]
 
 Fen = Annotated[str | None, typer.Option(help="Start from this position.")]
+FromBoard = Annotated[
+    bool,
+    typer.Option(
+        "--from-board",
+        help="Start from what stands on the board: the camera tells the pieces, you whose move it is.",
+    ),
+]
 Chess960 = Annotated[
     bool, typer.Option("--chess960", help="Castling by the rules of Chess960, from wherever king and rooks start.")
 ]

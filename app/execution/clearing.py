@@ -15,7 +15,7 @@ from app.execution.fallen import Leaning
 from app.execution.interruption import BoardTouched
 from app.execution.observation import GameObserver
 from app.execution.recovery_plans import Blocked, leant_on
-from app.execution.repair import Repair
+from app.execution.repair import Ask, Repair
 from app.motion.plan import InTheWay, PlanRefused
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point
@@ -98,7 +98,21 @@ class Clearing:
             if step is not None:
                 return step
             pairs.append(Blocked(name, blocked.piece.name))
-        return self._push(pairs, misplaced, stands) or self._room(pairs, misplaced, stands) or False
+        lying = [one for one in misplaced if one.lies and one.piece.name in {pair.name for pair in pairs}]
+        return (
+            self._push(pairs, misplaced, stands)
+            or self._room(pairs, misplaced, stands)
+            or any(self._swing(one, misplaced, stands) for one in lying)
+        )
+
+    def _swing(self, one: MisplacedPiece, misplaced: Sequence[MisplacedPiece], stands: Inventory) -> bool:
+        """Whether a piece that lies so that no push of all of it helps was pushed at its head, its middle or its foot:
+        it turns, and lies otherwise.
+        """
+        others = tuple(each for each in misplaced if each is not one)
+        spots = tuple(reversed(_along(one)))
+        heap = Leaning(spots, frozenset({one.target}), others, Ask("", ()))
+        return any(self._stir(spot, heap, stands) for spot in spots)
 
     def around(self, refused: PlanRefused, step: Repair, misplaced: Sequence[MisplacedPiece]) -> Repair | bool:
         """A piece that is in the way of what is carried goes first where it has to go anyway, or else aside; as
@@ -144,7 +158,7 @@ class Clearing:
         except BoardTouched:
             return True
         self._stirred += 1
-        sentence = "something leans there, and nothing stands beside it any more: the arm pushes it over"
+        sentence = "something lies so that the arm cannot take it: the arm pushes it"
         self._ui.say(sentence)
         self._record.found(stands, sentence, self._clock.now())
         self._observer.forget_likeness()

@@ -15,6 +15,7 @@ import chess
 import numpy as np
 from numpy.typing import NDArray
 
+from app.execution.board_view import find_view
 from app.execution.repair import BoardObservation, Whereabouts, exchanged, kinds_by_height, toppled, whereabouts
 from app.execution.repair.observed import HEIGHTS, Chances
 from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
@@ -25,12 +26,11 @@ from app.rig.arm import Arm
 from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
 from vision.board.anchor import Anchor
-from vision.board.find import find_board
-from vision.board.orientation import orient
-from vision.board.view import BoardNotFound, BoardView, playing_area
+from vision.board.view import BoardView, playing_area
 from vision.pieces.centres import piece_centres
 from vision.pieces.fallen import around_board, find_misplaced
 from vision.pieces.pose_search import MisplacedPiece
+from vision.pieces.recognise import Look, RecognisedSet, recognise
 from vision.pieces.sightings import Sightings, sightings_of, together
 from vision.pieces.swapped import SHIFTED, UNLIKE, KnownPicture, looked_closer
 from vision.pieces.verify import Examination, Fault, FaultKind, examine_board
@@ -111,9 +111,21 @@ class GameObserver:
             HardwareError: the camera failed.
         """
         frame = self.frame()
-        self._hold(frame, _find(frame, board, self._table, self._believed(frame.intrinsics)))
+        self._hold(frame, find_view(frame, board, self._table, self._believed(frame.intrinsics)))
         self._observer = Observer(board, sight_of_frame(frame, self.view))
         self._shows_known = KnownPicture(frame, self.view)
+
+    def recognise(self, held: Mapping[Look, int]) -> RecognisedSet:
+        """What stands on the table, of which nothing is known, in new frames; ``held`` says how many there are of each.
+
+        Raises:
+            CannotSee: the board is not in the picture, nobody knows which side of it is White's, or there is no depth.
+            HardwareError: the camera failed.
+        """
+        frames = [self.frame() for _ in range(LOOKS)]
+        if not self.deep:
+            raise CannotSee("the camera has no depth, by which pieces are told: give the position with --fen instead")
+        return recognise(frames, find_view(frames[0], None, self._table, self._believed(frames[0].intrinsics)), held)
 
     @property
     def last(self) -> Frame:
@@ -394,22 +406,3 @@ def _kinds(stands: Inventory, states: States, top: Heights | None, known: Mappin
             if chances[piece.kind] >= _LIKELY:
                 kinds[square] = chances
     return kinds
-
-
-def _find(frame: Frame, board: chess.Board, table: TableSettings, view: BoardView | None) -> BoardView:
-    """The board in the first frame; where it should be, it is only refined, and the robot's side of it is known."""
-    near = None if view is None else view.project(playing_area(table))
-    try:
-        found = find_board(frame.colour, near=near)
-        corners = found.corners
-        if near is None:
-            turned = orient(frame.colour, corners, board)
-            if not turned.sure:
-                raise CannotSee(
-                    "the pieces do not tell which side of the board is White's: set the position up, or calibrate the "
-                    "camera with 'touchmove calibrate'"
-                )
-            corners = turned.corners
-        return BoardView.from_corners(frame.intrinsics, corners, table)
-    except BoardNotFound as error:
-        raise CannotSee(f"the camera does not see the board: {error}") from error

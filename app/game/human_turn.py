@@ -265,16 +265,17 @@ class HumanTurn:
         if decision.verdict is ReadingOutcome.NOTHING:
             self._complain_of_faults(centres=False)
             return None
-        if decision.verdict is ReadingOutcome.MOVE:
-            (move,) = decision.moves
+        sure = decision.verdict is ReadingOutcome.MOVE
+        if sure or finding.situation is Situation.LEGAL:
+            move = decision.moves[0]
             if faults := self._table.toppled(move):
                 self._complain_of(faults)
                 return None
+            if not sure:
+                return self._ask_move(move, said, then, reading)
             if decision.promotion_unsure:
                 move = chess.Move(move.from_square, move.to_square, self._promotion(said))
             return self._accept(move, then, reading)
-        if finding.situation is Situation.LEGAL:
-            return self._ask_move(decision.moves[0], said, then, reading)
         if finding.situation is not Situation.NOTHING:
             self._complain(finding)
         elif not self._complain_of_faults(centres=True):

@@ -51,7 +51,10 @@ class GameLeft(UserError):
 _LEAVES: Final = (Word.QUIT, Word.RESIGN, Word.NEW)
 
 
-def ask(human: Human, ui: UserInterface, question: str, valid: Collection[str], other: Callable[[str], bool]) -> str:
+def ask(
+    human: Human, ui: UserInterface, question: str, valid: Collection[str], other: Callable[[str], bool],
+    how: str | None = None,
+) -> str:  # fmt: skip
     """Ask until the answer is one of some words.
 
     Args:
@@ -60,6 +63,7 @@ def ask(human: Human, ui: UserInterface, question: str, valid: Collection[str], 
         question: for people.
         valid: answers, in lower case.
         other: takes any other line; False: it makes no sense here.
+        how: what can be answered, for people, where that is more than those words.
 
     Returns:
         The answer, in lower case.
@@ -79,9 +83,9 @@ def ask(human: Human, ui: UserInterface, question: str, valid: Collection[str], 
         if word in _LEAVES:
             raise GameLeft(word)
         if word is Word.HELP:
-            ui.say(help_text())
+            ui.say(help_text() if how is None else how)
         elif not other(line):
-            ui.say(f"'{line.strip()}' is no answer: say {' or '.join(valid)}, or quit or resign")
+            ui.say(f"'{line.strip()}' is no answer: {how or 'say ' + ' or '.join(valid)}, or quit or resign")
         ui.prompt(question)
 
 
@@ -162,7 +166,7 @@ class PersonAsker:
 
         def other(line: str) -> bool:
             try:
-                command = _for_hand(line)
+                command = hand_command(line)
             except CommandError as error:
                 self._ui.say(str(error))
                 return True
@@ -184,7 +188,7 @@ class PersonAsker:
             self._ui.say(str(error))
 
 
-def _for_hand(line: str) -> MoveHand | None:
+def hand_command(line: str) -> MoveHand | None:
     """What a line tells a hand to do: its own command, or a move as its two squares; None: neither.
 
     Raises:

@@ -111,7 +111,7 @@ def start_layout(board: chess.Board, table: TableSettings) -> tuple[PieceSpec, .
     pieces = physical_set()
     _check_room(pieces, table)
     _check_enough(board, pieces)
-    placed = _on_squares(board, pieces)
+    placed = pieces_on_squares(board, pieces)
     if table.captured is Captured.BOX:
         pieces = tuple(piece for piece in pieces if piece in placed or piece.home is None)
     return tuple(
@@ -156,7 +156,7 @@ def _check_enough(board: chess.Board, pieces: tuple[SetPiece, ...]) -> None:
             )
 
 
-def _on_squares(board: chess.Board, pieces: tuple[SetPiece, ...]) -> dict[SetPiece, Place]:
+def pieces_on_squares(board: chess.Board, pieces: tuple[SetPiece, ...]) -> dict[SetPiece, Place]:
     """Choose a piece of the set for each occupied square: the best fitting pair first."""
     wanted = {square: (colour_of(p.color), kind_of(p)) for square, p in board.piece_map().items()}
     pairs = sorted(

@@ -13,6 +13,7 @@ from app import UserError
 from app.game import GameEnd, Position
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
+from app.play.from_board import FromBoard
 from app.play.game_setup import RigSetup, rig_setup_of, start_board
 from app.play.match import Fixture, Match, Start, last_round, match_of
 from app.play.player_selection import engine_players, line_players, start_clock
@@ -25,7 +26,7 @@ from app.players.person import Human
 from app.players.players import Players
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
 from app.records.events import EndEvent
-from app.records.files import GAMES
+from app.records.files import GAMES, make_folder
 from app.settings.files import keep_settings, kept_settings
 from app.settings.tree import BOARD, PlayerKind, Settings
 from app.terminal.interface import TypedLines, UserInterface
@@ -55,7 +56,10 @@ def run_games(settings: Settings, ui: UserInterface, typed: TextIO | None = None
     settings = _completed(settings, rig_setup)
     folder = settings.out if settings.out is not None else new_folder(GAMES, utc_now())
     with ExitStack() as stack:
-        games = _Games(settings, rig_setup, ui, _human(settings, rig_setup, folder, typed, stack, ui))
+        human = _human(settings, rig_setup, folder, typed, stack, ui)
+        if settings.game.from_board:
+            return _play_from_board(settings, rig_setup, folder, ui, human, stack, number=1)
+        games = _Games(settings, rig_setup, ui, human)
         match = stack.enter_context(_match(settings, rig_setup, games, folder, ui))
         standing = None if settings.game.standing is None else start_board(settings.game.standing, option="--standing")
         board = match.start(lambda board: Inventory.of(start_layout(board, rig_setup.table), rig_setup.table), standing)
@@ -65,7 +69,7 @@ def run_games(settings: Settings, ui: UserInterface, typed: TextIO | None = None
             folder,
             lambda listener: rig_setup.open(rig, ui.phase, listener, new=True),
             match, rig_setup.parameters.drive.tick, _filming(rig_setup, folder), ui,
-            _vision(settings, rig_setup, games.human, ui),
+            _vision(settings, rig_setup, human, ui),
         )  # fmt: skip
 
 
@@ -103,6 +107,61 @@ def resume_games(folder: Path, ui: UserInterface, typed: TextIO | None = None) -
             lambda listener: rig_setup.open(rig_setup.rig(folder), ui.phase, listener, new=False),
             match, rig_setup.parameters.drive.tick, None, ui, _vision(settings, rig_setup, human, ui),
         )  # fmt: skip
+
+
+def resume_from_board(folder: Path, ui: UserInterface, typed: TextIO | None = None) -> SessionResult:
+    """Go on from whatever stands on the board, with another game in the same folder; its record need not be readable.
+
+    Raises:
+        UserError: the folder holds no game against a person, or as ``run_games``.
+        EngineProblem: as ``run_games``.
+    """
+    folder = match_of(folder)
+    settings = kept_settings(folder)
+    rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
+    with ExitStack() as stack:
+        human = _human(settings, rig_setup, folder, typed, stack, ui)
+        return _play_from_board(settings, rig_setup, folder, ui, human, stack, number=last_round(folder)[1] + 1)
+
+
+def _play_from_board(
+    settings: Settings, rig_setup: RigSetup, folder: Path, ui: UserInterface, human: Human | None, stack: ExitStack, *,
+    number: int,
+) -> SessionResult:  # fmt: skip
+    """Ask what stands on the board, and play from there; a number above 1: in a world that is there already."""
+    if human is None:
+        raise UserError("--from-board is for games against a person, who says whose move it is: say 'touchmove play'")
+    if not rig_setup.sees:
+        raise UserError("--from-board takes a camera, and this rig has none: give the position with --fen")
+    _require_players(settings, rig_setup, ui, human)
+    if number == 1:
+        make_folder(folder)
+
+    def begin(board: chess.Board, inventory: Inventory, now: float) -> Match:
+        found = settings.with_changes({"game.fen": board.fen(), "game.from_board": False})
+        games = _Games(found, rig_setup, ui, human, begun=number)
+        match = stack.enter_context(_match(found, rig_setup, games, folder, ui))
+        match.start(lambda _: inventory, None, number, now)
+        if number == 1:
+            keep_settings(folder, found)
+        return match
+
+    schedule = FromBoard(human, ui, _table_setup(settings, rig_setup, human), rig_setup.table, begin)
+    standing = start_board(settings.game.standing, option="--standing") if number == 1 else None
+    rig = rig_setup.rig(folder, standing, _person(settings) or settings.rig.person)
+    return run_session(
+        folder,
+        lambda listener: rig_setup.open(rig, ui.phase, listener, new=number == 1),
+        schedule, rig_setup.parameters.drive.tick, None, ui, _vision(settings, rig_setup, human, ui),
+    )  # fmt: skip
+
+
+def _require_players(settings: Settings, rig_setup: RigSetup, ui: UserInterface, human: Human) -> None:
+    """Find out before anything moves whether there are engines that can play."""
+    fixture = _Games(settings, rig_setup, ui, human)(1, None)
+    assert fixture is not None, "a match has at least one game"
+    with ExitStack() as stack:
+        fixture.players(stack)
 
 
 class _Games:
@@ -184,11 +243,15 @@ def _over(history: History, most: int) -> bool:
 
 
 def _match(settings: Settings, rig_setup: RigSetup, games: _Games, folder: Path, ui: UserInterface) -> Match:
-    looks = _looks(settings, rig_setup, games.human)
-    table_setup = TableSetup(
+    table_setup = _table_setup(settings, rig_setup, games.human)
+    return Match(folder, games, table_setup, ui, settings.rig.seed, rig_setup.pace)
+
+
+def _table_setup(settings: Settings, rig_setup: RigSetup, human: Human | None) -> TableSetup:
+    looks = _looks(settings, rig_setup, human)
+    return TableSetup(
         rig_setup.motion, rig_setup.parameters, looks, lambda intrinsics: _believed_view(rig_setup, intrinsics)
     )
-    return Match(folder, games, table_setup, ui, settings.rig.seed, rig_setup.pace)
 
 
 def _looks(settings: Settings, rig_setup: RigSetup, human: Human | None) -> bool:

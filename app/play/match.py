@@ -114,23 +114,28 @@ class Match:
         self._players.close()
         self._records.close()
 
-    def start(self, layout: Callable[[chess.Board], Inventory], standing: chess.Board | None) -> chess.Board:
+    def start(
+        self, layout: Callable[[chess.Board], Inventory], standing: chess.Board | None, number: int = 1, at: float = 0.0
+    ) -> chess.Board:
         """Open the first game's players and record, before any device; what stands on the board at its beginning.
 
         Args:
             layout: what stands where in a position.
             standing: the position that stands there, if the first one is to be set up; None: that one does.
+            number: of the first game; more, where others were played in the folder.
+            at: plant time [s].
 
         Raises:
             UserError: an engine is missing, the set cannot show the position, or the folder cannot be written.
         """
-        fixture = self._take_up(1, None)
+        fixture = self._take_up(number, None)
         assert fixture is not None, "a match has at least one game"
         board = fixture.board if standing is None else standing
         stands = layout(board)
         sets_up = standing is not None
-        name = "set-up-1" if sets_up and fixture.plies else ""
-        self._start = Start(1, sets_up, self._record(name, board, stands, 0.0), Position(board.copy(), stands))
+        name = f"set-up-{number}" if sets_up and fixture.plies else self._name("game", number)
+        record = self._record(name, board, stands, at)
+        self._start = Start(number, sets_up, record, Position(board.copy(), stands))
         return board
 
     def go_on(self, start: Start) -> None:

@@ -15,8 +15,10 @@ from app.records import GameRecord
 from app.terminal.interface import UserInterface
 from hardware.interfaces import Intrinsics
 from hardware.parameters import RobotParameters
+from hardware.table import TableSettings
 
 if TYPE_CHECKING:
+    from app.execution.observation import GameObserver
     from app.motion import MotionSettings
     from vision.board.view import BoardView
 
@@ -53,10 +55,15 @@ class TableSetup:
         carrier = Carrier(devices, record, ui, self.motion, self.parameters)
         recovery = None
         if self.looks and devices.camera is not None:
-            from app.execution.observation import GameObserver  # loads what sees: not where nobody looks
-            from app.execution.recovery import Recovery
+            from app.execution.recovery import Recovery  # loads what sees: not where nobody looks
 
-            observer = GameObserver(devices, position.inventory.table, self.view)
+            observer = self.observer(devices, position.inventory.table)
             asker = UnattendedAsker() if human is None else PersonAsker(human, ui)
             recovery = Recovery(observer, carrier, asker, record, ui, devices.clock)
         return Table(position, devices, carrier, recovery, record, ui)
+
+    def observer(self, devices: Devices, table: TableSettings) -> GameObserver:
+        """Of one game; the devices have a camera."""
+        from app.execution.observation import GameObserver
+
+        return GameObserver(devices, table, self.view)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from app.records.events import EndEvent, GameSetup, PlyEvent, PlyOutcome, StartEvent, StepEvent, read_events
-from app.records.files import RecordError, new_folder, recording
-from app.records.game import EVENTS_FILE, FRAMES, GameRecord, utc_now
+from app.records.files import EVENTS_FILE, RecordError, new_folder, recording
+from app.records.game import FRAMES, GameRecord, utc_now
 from app.records.history import History, read_history
 from app.records.report import Report, summarise
 

@@ -16,6 +16,7 @@ from typing import Final
 
 from app import UserError
 
+EVENTS_FILE = "events.jsonl"
 GAMES: Final = Path("games")
 """Where records of games lie unless another folder is named."""
 _FULL = {errno.ENOSPC: "no space left on the device", errno.EDQUOT: "the disk quota is used up"}
@@ -133,6 +134,22 @@ def whole_lines(content: bytes) -> tuple[list[bytes], bytes]:
     return (lines, b"") if whole else (lines[:-1], lines[-1] or b"\n")
 
 
+def make_folder(folder: Path) -> None:
+    """Make the folder of a game whose record begins later.
+
+    Raises:
+        RecordError: it cannot be made, or holds a game already.
+    """
+    with recording(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        if (folder / EVENTS_FILE).exists():
+            raise _occupied(folder / EVENTS_FILE)
+
+
+def _occupied(path: Path) -> RecordError:
+    return RecordError(f"{path} holds the record of another game already: choose another folder with --out")
+
+
 class LineLog:
     """A file that only grows, line by line; a thread writes to the disk what nobody waits for."""
 
@@ -163,7 +180,7 @@ class LineLog:
                 self._mend(path.read_bytes())
         elif self._size:
             self.close()
-            raise RecordError(f"{path} holds the record of another game already: choose another folder with --out")
+            raise _occupied(path)
 
     def _lock(self) -> None:
         """One program at a time; the lock goes with the process."""

@@ -36,13 +36,12 @@ from app.records.events import (
     start_event,
     transfer_records,
 )
-from app.records.files import LineLog, recording, write_atomically
+from app.records.files import EVENTS_FILE, LineLog, recording, write_atomically
 from app.records.history import History, RecordState
 from app.records.pgn import PgnFile, PgnMove
 from app.records.report import Report, summarise
 from hardware.table import Colour
 
-EVENTS_FILE = "events.jsonl"
 FRAMES = "frames"
 """A folder: ``ply-000.jpg`` shows the position that the record begins with, each other the one after that ply."""
 PGN_FILE = "game.pgn"

@@ -34,6 +34,11 @@ _DRAWN: Final = Need("a simulation that is drawn (without --no-cameras)", lambda
 _FILMED: Final = Need("a film (without --no-video)", lambda settings: settings.rig.video)
 _ENGINES: Final = Need("engines that choose the moves (without --moves)", _thinks)
 _BY_TIME: Final = Need("engines that think by time (without --nodes)", lambda settings: settings.engine.nodes is None)
+_GIVEN: Final = Need("a position that is given (without --from-board)", lambda settings: not settings.game.from_board)
+_STANDS: Final = Need(
+    "a position that is set up, or that a simulation begins from (with --from-board)",
+    lambda settings: settings.game.plies == 0 or (settings.game.from_board and settings.rig.name == SIMULATED),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +75,10 @@ _ALL: Final = (
     SettingOption("rig.cameras", "--cameras", (_OWN,)),
     SettingOption("rig.video", "--video", (_OWN, _DRAWN)),
     SettingOption("rig.video_length", "--video-length", (_OWN, _DRAWN, _FILMED)),
-    SettingOption("game.fen", "--fen"),
+    SettingOption("game.fen", "--fen", (_GIVEN,)),
     SettingOption("game.chess960", "--chess960"),
-    SettingOption("game.standing", "--standing"),
+    SettingOption("game.from_board", "--from-board"),
+    SettingOption("game.standing", "--standing", (_STANDS,)),
     SettingOption("game.moves", "--moves"),
     SettingOption("game.plies", "--plies"),
     SettingOption("game.games", "--games"),

@@ -96,6 +96,9 @@ class GameSection(_Section):
     standing: str | None = None
     """What stands on the board at the beginning, as FEN: the arm sets up the start position from there. Left out: the
     start position stands there already."""
+    from_board: bool = False
+    """Start from whatever position a person has put on the board: the camera tells the pieces, and the person whose
+    move it is. In a simulation ``standing`` stands there, else the usual position."""
     moves: str | None = None
     """Play this line (SAN or UCI) instead of asking players."""
     replay: Path | None = None

@@ -16,11 +16,11 @@ import numpy as np
 
 from hardware.interfaces import Frame
 from hardware.table import PIECE_SHAPES, Kind, PieceSpec, Place
-from vision.arrays import Array, Field, Mask, Whole
+from vision.arrays import Field, Mask, Whole
 from vision.board.view import BoardView
 from vision.pieces.fit import TALL, Fit
 from vision.pieces.poses import off_standing
-from vision.pieces.surface import raised
+from vision.pieces.surface import Surface, heights, raised, surface
 
 _CELL: Final = 0.0015
 """Side of the cells into which points fall, seen from above [m]."""
@@ -55,6 +55,10 @@ _STRAYS: Final = 0.005
 _FEW: Final = 8
 _SPREAD_OUT: Final = 0.15
 """With fewer pieces, or those nearer together [m], depth's bias is taken to be the same everywhere."""
+_ALONG: Final = np.linspace(0.35, 0.9, 12)
+"""Where lightness is looked at, in heights."""
+_LEAST_ALONG: Final = 12
+"""Fewer pixels of an axis tell nothing [px]."""
 _HIDES: Final = 0.015
 """What is so much nearer than a piece would be hides it [m]."""
 
@@ -79,6 +83,8 @@ class Sighting:
     white: float
     breadth: float = math.nan
     """Of its top, the narrower way: standard deviation of the points up to 4 mm below the highest [m]."""
+    lightness: float = math.nan
+    """CIELAB's, from 0 to 255, the median along its axis; NaN where too little of that is in sight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,20 +118,11 @@ def sightings_of(
     view.require_camera(frame)
     fit = Fit(frame, view, expected, use_depth=True, around=beside)
     assert fit.rises is not None, "without depth nothing is seen to stand"
-    points = raised(fit.part, fit.rises, view)
-    half = 4.0 * view.table.square + np.array(beside)
-    within = (np.abs(points[..., :2]) < half).all(axis=-1)  # false where depth is unknown
-    up: Mask = within & (points[..., 2] > TALL) & (points[..., 2] < _CEILING)
-    label, rather_white = _clusters(points, up, half), fit.maps[0] - fit.maps[1]
-    order = np.argsort(label, axis=None, kind="stable")
-    numbers, starts = np.unique(label.ravel()[order], return_index=True)
-    flat, whiter = points.reshape(-1, 3), rather_white.ravel()
-    found = [
-        _sighted(flat[mine], whiter[mine])
-        for number, mine in zip(numbers.tolist(), np.split(order, starts[1:]), strict=True)
-        if number > 0 and mine.size >= _LEAST_POINTS
-    ]
-    return Sightings(tuple(_unbiased(found, fit)), frozenset(_hidden(frame, view, expected)))
+    points, whiter = raised(fit.part, fit.rises, view), (fit.maps[0] - fit.maps[1]).ravel()
+    flat, each = points.reshape(-1, 3), clusters(points, view, beside)
+    found = [_sighted(flat[mine], float(np.median(whiter[mine]))) for mine in each]
+    found = _lit(_unbiased(found, fit), each, frame, view, fit.part)
+    return Sightings(tuple(found), frozenset(hidden_places(frame, view, expected)))
 
 
 def together(looks: Sequence[Sightings]) -> Sightings:
@@ -140,8 +137,56 @@ def together(looks: Sequence[Sightings]) -> Sightings:
     return Sightings(tuple(averaged), newest.hidden)
 
 
-def _clusters(points: Field, up: Mask, half: Array) -> Whole:
-    """Number of the cluster of each pixel, from 1; 0: none."""
+def rough_sightings(frame: Frame, view: BoardView, beside: tuple[float, float]) -> list[Sighting]:
+    """The same where nothing is known of what should stand: places are some millimetres off, and of which side it is
+    nobody says.
+
+    Raises:
+        ValueError: as ``sightings_of``.
+    """
+    view.require_camera(frame)
+    assert frame.depth is not None, "without depth nothing is seen to stand"
+    part = surface(view, beside)
+    points = raised(part, heights(frame.depth, part), view)
+    flat, each = points.reshape(-1, 3), clusters(points, view, beside)
+    return _lit([_sighted(flat[mine], 0.0) for mine in each], each, frame, view, part)
+
+
+def _lit(
+    found: Sequence[Sighting], clusters: Sequence[Whole], frame: Frame, view: BoardView, part: Surface
+) -> list[Sighting]:
+    """With the lightness of each along its axis, as far as that is in sight."""
+    light = cv2.cvtColor(frame.colour[part.rows, part.columns], cv2.COLOR_RGB2LAB)[..., 0]
+    lit = []
+    for one, mine in zip(found, clusters, strict=True):
+        along = light.flat[np.intersect1d(_axis_pixels(one, view, part), mine)]
+        lit.append(replace(one, lightness=float(np.median(along)) if along.size >= _LEAST_ALONG else math.nan))
+    return lit
+
+
+def _axis_pixels(one: Sighting, view: BoardView, part: Surface) -> Whole:
+    """Of what stands there and stems are: depth's edges are not the picture's; counted row by row."""
+    axis = [(one.x, one.y, share * one.height) for share in _ALONG]
+    middle = np.rint(view.project(axis)).astype(int) - (part.columns.start, part.rows.start)
+    beside = np.stack(np.meshgrid((-1, 0, 1), (-1, 0, 1)), axis=-1).reshape(-1, 2)
+    at = np.unique((middle[:, None] + beside).reshape(-1, 2), axis=0)
+    h, w = part.ground.shape
+    within = (at >= 0).all(axis=1) & (at < (w, h)).all(axis=1)
+    pixels: Whole = at[within, 1] * w + at[within, 0]
+    return pixels
+
+
+def clusters(points: Field, view: BoardView, beside: tuple[float, float]) -> list[Whole]:
+    """Indices of pixels, counted row by row, of each thing that rises from the table, on the board or so far beside it.
+
+    Args:
+        points: that pixels show, board frame (h, w, 3) [m].
+        view: of the board.
+        beside: along x and along y [m].
+    """
+    half = 4.0 * view.table.square + np.array(beside)
+    within = (np.abs(points[..., :2]) < half).all(axis=-1)  # false where depth is unknown
+    up: Mask = within & (points[..., 2] > TALL) & (points[..., 2] < _CEILING)
     label = np.zeros(up.shape, dtype=np.int32)
     at = np.floor((points[up][:, :2] + half) / _CELL).astype(np.intp)
     size = (np.ceil(2.0 * half / _CELL) + 1).astype(int)
@@ -150,10 +195,13 @@ def _clusters(points: Field, up: Mask, half: Array) -> Whole:
     closed = cv2.morphologyEx(occupied, cv2.MORPH_CLOSE, np.ones((2, 2), np.uint8))
     _, numbers = cv2.connectedComponents(closed, connectivity=4)
     label[up] = numbers[at[:, 0], at[:, 1]]
-    return label
+    order: Whole = np.argsort(label, axis=None, kind="stable").astype(np.int32)
+    found, starts = np.unique(label.ravel()[order], return_index=True)
+    each = np.split(order, starts[1:])
+    return [mine for number, mine in zip(found.tolist(), each, strict=True) if number and mine.size >= _LEAST_POINTS]
 
 
-def _sighted(points: Field, rather_white: Field) -> Sighting:
+def _sighted(points: Field, white: float) -> Sighting:
     top = float(np.quantile(points[:, 2], _STRAY))
     x, y = np.median(points[points[:, 2] > top - _HEAD][:, :2], axis=0).tolist()
     least = 0.5 * min(shape.height + 2.0 * shape.foot_radius for shape in PIECE_SHAPES.values())
@@ -161,7 +209,7 @@ def _sighted(points: Field, rather_white: Field) -> Sighting:
     kind = min(Kind, key=lambda one: abs(PIECE_SHAPES[one].height - top))
     x, y = _axis(points[:: max(1, len(points) // _POINTS)], kind, x, y)
     upright = top > least and wide < _WIDEST
-    return Sighting(x, y, top, upright, float(np.median(rather_white)), _breadth(points, top))
+    return Sighting(x, y, top, upright, white, _breadth(points, top))
 
 
 def _breadth(points: Field, top: float) -> float:
@@ -214,7 +262,7 @@ def _line(at: Field, off: Field) -> Field:
     return np.polyfit(at[good], off[good], 1)
 
 
-def _hidden(frame: Frame, view: BoardView, expected: Mapping[Place, PieceSpec]) -> Collection[Place]:
+def hidden_places(frame: Frame, view: BoardView, expected: Mapping[Place, PieceSpec]) -> Collection[Place]:
     """Places whose pieces something nearer hides, or that are out of the picture."""
     assert frame.depth is not None
     hidden = []

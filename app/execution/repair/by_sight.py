@@ -16,7 +16,6 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import product
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -27,6 +26,7 @@ from app.execution.repair.observed import HEIGHTS
 from app.pieces.inventory import Inventory
 from app.pieces.order import Point, rearrange
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, Place, square_place
+from vision.pieces.kind_costs import kind_cost
 from vision.pieces.sightings import Sighting, Sightings
 from vision.pieces.verify import Fault, FaultKind
 
@@ -50,23 +50,6 @@ _UNSEEN: Final = 1.0
 """… of one whose place is hidden."""
 _NOBODYS: Final = 9.0
 """… of something that stands there and is no piece of the game."""
-_SPREADS: Final[Mapping[Kind, float]] = MappingProxyType({
-    Kind.PAWN: 0.0009, Kind.ROOK: 0.0008, Kind.KNIGHT: 0.0012, Kind.BISHOP: 0.0010, Kind.QUEEN: 0.0010,
-    Kind.KING: 0.0010,
-})  # fmt: skip
-"""Standard deviations of heights of one kind in one picture [m] (measured over 900 pieces in 40 lights: 0.6 to 0.8, but
-1.04 for knights, whose heads look in all directions; and 0.2 more)."""
-_FLUKE: Final = 6.0
-"""Heights further off count no more; standard deviations."""
-_BREADTHS: Final[Mapping[Kind, float]] = MappingProxyType({
-    Kind.PAWN: 0.00245, Kind.ROOK: 0.00415, Kind.KNIGHT: 0.0017, Kind.BISHOP: 0.0018, Kind.QUEEN: 0.0035,
-    Kind.KING: 0.0023,
-})  # fmt: skip
-"""How broad tops look, see ``Sighting.breadth`` [m] (measured over 935 pieces in 12 lights)."""
-_BREADTH_SPREAD: Final = 0.0006
-"""… and their standard deviation [m]: 0.45 measured, and what another camera may add."""
-_BREADTH_FLUKE: Final = 3.5
-"""Breadths further off count no more; standard deviations."""
 _LOOKS_THE_SAME: Final = 2.3
 """Of another piece that looks just like the one before, within 1.7 mm of where that stood: a hand hits three in ten so
 well, and outlines tell two of three of those (`vision.pieces.swapped`): one in ten."""
@@ -260,13 +243,9 @@ def _costs(
     cost[len(pieces) :, len(seen) :] = 0.0
     for (i, piece), (j, one) in product(enumerate(pieces), enumerate(seen)):
         away = math.dist((one.x, one.y), stands.table.xy(piece.place))
-        spread = _SPREADS[piece.kind]
-        off = min(abs(one.height - heights[piece.kind]) / spread, _FLUKE)
         other = max(0.0, -one.white if piece.colour is Colour.WHITE else one.white)
         cost[i, j] = (
-            0.5 * off**2
-            + _by_breadth(piece.kind, one)
-            + math.log(spread / _SPREADS[Kind.ROOK])
+            kind_cost(piece.kind, one, heights[piece.kind])
             + _OTHER_SIDE * other
             + (0.0 if away <= _HOME else _CARRIED + _FARTHER * away)
         )
@@ -275,12 +254,6 @@ def _costs(
     for j in range(len(seen)):
         cost[len(pieces) + j, j] = _NOBODYS
     return cost
-
-
-def _by_breadth(kind: Kind, one: Sighting) -> float:
-    """What it costs that a top is as broad as it looks, for a kind."""
-    off = abs(one.breadth - _BREADTHS[kind]) / _BREADTH_SPREAD
-    return 0.0 if math.isnan(off) else 0.5 * min(off, _BREADTH_FLUKE) ** 2
 
 
 def _strangers(

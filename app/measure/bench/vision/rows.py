@@ -12,6 +12,7 @@ from app.measure.bench.vision.calibration import calibration_rows, centre_rows
 from app.measure.bench.vision.games import game_rows, trouble_rows
 from app.measure.bench.vision.hands import hand_rows
 from app.measure.bench.vision.photos import VARIABLE, find_rows, photo_folder, photo_rows
+from app.measure.bench.vision.positions import position_rows
 from app.measure.bench.vision.turns import turn_rows
 
 RENDERED: Final[dict[str, Callable[[bool, Progress], dict[str, Row]]]] = {
@@ -19,6 +20,7 @@ RENDERED: Final[dict[str, Callable[[bool, Progress], dict[str, Row]]]] = {
     "trouble": trouble_rows,
     "actions": action_rows,
     "centres": centre_rows,
+    "positions": position_rows,
 }
 WHOLE_RIG: Final[dict[str, Callable[[bool, Progress], dict[str, Row]]]] = {
     "calibration": calibration_rows,

@@ -1,0 +1,311 @@
+"""Which pieces stand where, when nobody knows anything yet: any position, put on the board by a person.
+
+First roughly: what rises from the board, as high as which kind, of the lighter half or the darker. That is taken for
+what should stand there, so that colours and places are learnt as in any other picture; and looked at once more. All
+that is seen and all pieces of the set are then given to each other at once; where two would do nearly as well, outlines
+decide. Needs depth, and a set whose shapes are known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from hardware.interfaces import Frame
+from hardware.table import Colour, Kind, PieceSpec, Place, square_place
+from vision.arrays import Array, Mask, Whole
+from vision.board.view import BoardView
+from vision.pieces.fallen import around_board
+from vision.pieces.fit import TALL, Fit
+from vision.pieces.kind_costs import TOPS, kind_cost
+from vision.pieces.outline import Shapes
+from vision.pieces.sightings import Sighting, Sightings, rough_sightings, sightings_of, together
+
+Look = tuple[Colour, Kind]
+"""What tells pieces apart."""
+_BETWEEN: Final = 0.42
+"""What stands further from the middle of its square, along either axis, may be meant for the next one [its sides]."""
+_OTHER_SIDE: Final = 20.0
+"""Of evidence for the other side, see ``Sighting.white``."""
+_PAWN_AT_AN_END: Final = 4.0
+"""What it costs that a pawn stands on the first rank or the last."""
+_NO_KING: Final = 10.0
+"""… that there is no king."""
+_PROMOTED: Final = 2.0
+"""… that there is one more of a kind than at the start of a game."""
+_NONE_LEFT: Final = 12.0
+"""… that something is no piece of the set: a ninth pawn."""
+_SURE: Final = 3.5
+"""What is said is so much likelier than anything else, as a logarithm: 30 times."""
+_ALONE: Final = 0.05
+"""Of what colours say, where lightness says nothing."""
+_BY_OUTLINE: Final = 40.0
+"""What a piece costs less the more of its outline agrees with the picture (measured over 540 pieces: 0.03 to 0.12 more
+agrees with the right kind than with the one next to it, with a standard deviation of 0.06)."""
+_BY_INSIDE: Final = 5.0
+"""… and the more what is within looks like its side: by 1 or more with the right one than with the other."""
+_HIDDEN, _HALF_HIDDEN = 0.15, 0.6
+"""Of a pawn's silhouette no more than this would be in sight …"""
+_MAY_BE, _LOOKS_LIKE_ONE = -0.3, 0.8
+"""… and what is, looks like that of a piece: evidence for a pixel on average. Of 1,918 empty squares three do so; a
+pawn that depth does not see stands right behind another piece."""
+_SEEN_THROUGH: Final = 0.5
+"""Of a pawn's silhouette so much shows what is behind: no pawn is there."""
+_IMPOSSIBLE: Final = 1e6
+_LEAST_GAP: Final = 0.4
+"""Between the lightness of the sides, as a logarithm; nearer ones say less."""
+_STEEP: Final = 4.0
+"""A quarter of the gap from the middle is as light as can be."""
+_ROUNDS: Final = 3
+"""Of learning how high all looks in this picture."""
+_MOST_OFF: Final = 0.002
+"""All may look so much higher or lower than usual [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecognisedPiece:
+    """A piece that stands.
+
+    Attributes:
+        place: nearest to it.
+        at: where it stands, board frame [m].
+        look: which it is.
+        instead: what else it may be; None: that is out of the question.
+    """
+
+    place: Place
+    at: tuple[float, float]
+    look: Look
+    instead: Look | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RecognisedSet:
+    """What stands on the table.
+
+    Attributes:
+        pieces: on the board and in the trays, one on each place.
+        lying: places where something is that does not stand, or is no piece, or more than one thing is.
+        between: squares whose piece may be meant for another one.
+        uncertain: squares that look empty, where a piece may stand all the same, behind another one.
+        free: places of the trays where nothing is. Of the other ones nobody knows.
+    """
+
+    pieces: tuple[RecognisedPiece, ...]
+    lying: frozenset[Place]
+    between: frozenset[Place]
+    uncertain: frozenset[Place]
+    free: frozenset[Place]
+
+
+def recognise(frames: Sequence[Frame], view: BoardView, held: Mapping[Look, int]) -> RecognisedSet:
+    """Find out what stands on the board and in the trays.
+
+    Args:
+        frames: one after the other, of the same, with depth and without a hand or an arm before the board.
+        view: of the board, in all of them.
+        held: how many there are of each in the set.
+
+    Raises:
+        ValueError: a frame has no depth, or is by another camera, or the board is not in the picture.
+    """
+    if any(frame.depth is None for frame in frames):
+        raise ValueError("pieces are told by how high they are: that takes a camera with depth")
+    beside = around_board(view, trays=True)
+    seen = Sightings(tuple(rough_sightings(frames[0], view, beside)), frozenset())
+    given = _given(_with_halves(seen.all, view), view, held)
+    for _again in range(2 if given else 0):  # colours are learnt better where most are right
+        looks = [sightings_of(frame, view, _specs(given), beside) for frame in frames]
+        seen = together(sorted(looks, key=lambda look: sum(one.upright for one in look.all)))
+        before, given = given, _given(_with_halves(seen.all, view), view, held)
+        if {one.place: one.look[0] for one in given} == {one.place: one.look[0] for one in before}:
+            break
+    if any(one.instead is not None for one in given):
+        outlines = _by_outlines(given, frames[-1], view, beside)
+        given = _given(_with_halves(seen.all, view), view, held, outlines)
+    return _sorted_out(given, seen, Fit(frames[-1], view, _specs(given), use_depth=True, around=beside), view)
+
+
+def _specs(given: Sequence[RecognisedPiece]) -> dict[Place, PieceSpec]:
+    return {one.place: PieceSpec(f"{one.place}", one.look[1], one.look[0], one.place) for one in given}
+
+
+def _by_outlines(
+    given: Sequence[RecognisedPiece], frame: Frame, view: BoardView, beside: tuple[float, float]
+) -> dict[tuple[Place, Look], float]:
+    """What outlines, and colours within them, say of pieces in doubt: what each of the two costs."""
+    costs = dict[tuple[Place, Look], float]()
+    doubtful = [one for one in given if one.instead is not None]
+    others = [replace(one, look=one.instead) for one in doubtful if one.instead is not None]
+    for pieces in ([*given], [*(one for one in given if one not in doubtful), *others]):
+        expected = _specs(pieces)
+        fit = Fit(frame, view, expected, use_depth=True, around=beside)
+        for place, agrees, supported in zip(fit.stands, fit.agreement(), fit.support(), strict=True):
+            look = expected[place].colour, expected[place].kind
+            costs[place, look] = -_BY_OUTLINE * float(agrees) - _BY_INSIDE * float(supported)
+    return {(one.place, look): costs[one.place, look] for one in doubtful for look in (one.look, one.instead) if look}
+
+
+def _with_halves(seen: Sequence[Sighting], view: BoardView) -> list[Sighting]:
+    """With what lightness says of the side of each: whether it belongs to the light half of the board's pieces or to
+    the dark one. What colours say alone is worth little, as it was learnt from what was taken to be there.
+    """
+    lightness = [math.nan if math.isnan(one.lightness) else math.log(max(one.lightness, 1.0)) for one in seen]
+    parted = np.array(sorted(
+        light for one, light in zip(seen, lightness, strict=True)
+        if _nearest(one, view).on_board and not math.isnan(light)
+    ))  # fmt: skip
+    if parted.size < 2:
+        return [replace(one, white=0.0) for one in seen]
+    # the two groups that are tightest about their means
+    spread = [parted[:cut].var() * cut + parted[cut:].var() * (parted.size - cut) for cut in range(1, parted.size)]
+    cut = int(np.argmin(spread)) + 1
+    dark, bright = float(parted[:cut].mean()), float(parted[cut:].mean())
+    middle, gap = 0.5 * (dark + bright), max(bright - dark, _LEAST_GAP)
+    both = []
+    for one, light in zip(seen, lightness, strict=True):
+        half = 0.0 if math.isnan(light) else float(np.clip(_STEEP * (light - middle) / gap, -1.0, 1.0))
+        both.append(replace(one, white=one.white + half if abs(half) == 1.0 else _ALONE * (one.white + half)))
+    return both
+
+
+def _given(
+    seen: Sequence[Sighting], view: BoardView, held: Mapping[Look, int],
+    outlines: Mapping[tuple[Place, Look], float] = MappingProxyType({}),
+) -> list[RecognisedPiece]:  # fmt: skip
+    """Each thing that stands is a piece of the set; those on the board first, since the picture's edges cut trays."""
+    upright = [(one, _nearest(one, view)) for one in seen if one.upright]
+    on_board = [each for each in upright if each[1].on_board]
+    off = _usual(on_board)
+    given = _matched(on_board, held, off, outlines)
+    left = Counter(held)
+    left.subtract(one.look for one in given)
+    return given + _matched([each for each in upright if not each[1].on_board], left, off, outlines)
+
+
+def _matched(
+    seen: Sequence[tuple[Sighting, Place]], held: Mapping[Look, int], off: float,
+    outlines: Mapping[tuple[Place, Look], float],
+) -> list[RecognisedPiece]:  # fmt: skip
+    looks = [look for look, count in held.items() for _ in range(count)]
+    if not seen:
+        return []
+    cost = _costs(seen, looks, off)
+    if seen[0][1].on_board:
+        cost[:, : len(looks)] += [_rarity(look, looks[:i].count(look)) for i, look in enumerate(looks)]
+    for (i, (_, place)), (j, look) in product(enumerate(seen), enumerate(looks)):
+        cost[i, j] += outlines.get((place, look), 0.0)
+    rows, columns = linear_sum_assignment(cost)
+    cheapest = float(cost[rows, columns].sum())
+    matched = []
+    for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
+        one, place = seen[row]
+        if column >= len(looks):
+            continue
+        other = cost.copy()
+        other[row, [i for i, look in enumerate(looks) if look == looks[column]]] = _IMPOSSIBLE
+        others = linear_sum_assignment(other)
+        sure = float(other[others].sum()) - cheapest >= _SURE
+        second = int(others[1][row])
+        instead = None if sure or second >= len(looks) else looks[second]
+        matched.append(RecognisedPiece(place, (one.x, one.y), looks[column], instead))
+    return matched
+
+
+def _rarity(look: Look, before: int) -> float:
+    """What it costs that so many pieces that look alike are on a board, and another one: there is a king of either
+    side, and hardly ever a promoted piece.
+    """
+    kind = look[1]
+    if kind is Kind.KING:
+        return -_NO_KING
+    usual = {Kind.PAWN: 8, Kind.QUEEN: 1}.get(kind, 2)
+    return _PROMOTED if before >= usual else 0.0
+
+
+def _usual(seen: Sequence[tuple[Sighting, Place]]) -> float:
+    """By how much all looks higher than it does to most cameras [m]."""
+    off = 0.0
+    for _round in range(_ROUNDS):
+        kinds = [_likeliest(one, off) for one, _ in seen]
+        away = [one.height - TOPS[kind] for (one, _), kind in zip(seen, kinds, strict=True)]
+        off = float(np.clip(np.median(away), -_MOST_OFF, _MOST_OFF)) if away else 0.0
+    return off
+
+
+def _likeliest(one: Sighting, off: float) -> Kind:
+    return min(Kind, key=lambda kind: kind_cost(kind, one, TOPS[kind] + off))
+
+
+def _costs(seen: Sequence[tuple[Sighting, Place]], looks: Sequence[Look], off: float) -> Array:
+    """Rows: what stands. Columns: the pieces of the set, then nothing of it for each."""
+    cost = np.full((len(seen), len(looks) + len(seen)), _NONE_LEFT)
+    for (i, (one, place)), (j, (colour, kind)) in product(enumerate(seen), enumerate(looks)):
+        other = max(0.0, -one.white if colour is Colour.WHITE else one.white)
+        at_an_end = kind is Kind.PAWN and place.on_board and place.index // 8 in (0, 7)
+        cost[i, j] = kind_cost(kind, one, TOPS[kind] + off) + _OTHER_SIDE * other + _PAWN_AT_AN_END * at_an_end
+    return cost
+
+
+def _nearest(one: Sighting, view: BoardView) -> Place:
+    every = (*map(square_place, range(64)), *view.table.tray_places())
+    return min(every, key=lambda place: math.dist((one.x, one.y), view.table.xy(place)))
+
+
+def _sorted_out(given: Sequence[RecognisedPiece], seen: Sightings, fit: Fit, view: BoardView) -> RecognisedSet:
+    pieces, lying, between = dict[Place, RecognisedPiece](), set[Place](), set[Place]()
+    for one in given:
+        off = np.abs(np.subtract(one.at, view.table.xy(one.place))).max() / view.table.square
+        if one.place in pieces:
+            lying.add(one.place)
+        elif one.place.on_board and off > _BETWEEN:
+            between.add(one.place)
+        pieces.setdefault(one.place, one)
+    standing = {one.at for one in given}
+    lying |= {_nearest(one, view) for one in seen.all if (one.x, one.y) not in standing}
+    empty = [place for place in map(square_place, range(64)) if place not in pieces and place not in lying]
+    beside = [place for place in view.table.tray_places() if place not in pieces and place not in lying]
+    return RecognisedSet(
+        tuple(pieces.values()), frozenset(lying), frozenset(between), frozenset(_uncertain(empty, fit, view)),
+        frozenset(_free(beside, fit, view)),
+    )  # fmt: skip
+
+
+def _uncertain(empty: Sequence[Place], fit: Fit, view: BoardView) -> Iterator[Place]:
+    """Those of the squares that look empty where a pawn might stand: hidden, or with colours of a piece."""
+    pixels, within = _pawns(empty, fit, view)
+    free = within & (fit.owner.ravel()[pixels] == 0)
+    for place, at_once, mine in zip(empty, pixels, free, strict=True):
+        in_sight, seen = float(mine.mean()), at_once[mine]
+        like_a_piece = max(float(rather.ravel()[seen].mean()) for rather in fit.maps) if seen.size else 0.0
+        half_hidden = in_sight < _HALF_HIDDEN and like_a_piece > _MAY_BE
+        if in_sight < _HIDDEN or half_hidden or like_a_piece > _LOOKS_LIKE_ONE:
+            yield place
+
+
+def _free(places: Sequence[Place], fit: Fit, view: BoardView) -> Iterator[Place]:
+    """Those of some places where the tray is seen through where a pawn would be."""
+    assert fit.rises is not None, "that there is depth was looked for first"
+    pixels, within = _pawns(places, fit, view)
+    low = within & (fit.rises.ravel()[pixels] < TALL)  # unknown heights are compared as false
+    for place, share in zip(places, low.mean(axis=1).tolist(), strict=True):
+        if share > _SEEN_THROUGH:
+            yield place
+
+
+def _pawns(places: Sequence[Place], fit: Fit, view: BoardView) -> tuple[Whole, Mask]:
+    """Pixels within pawns that would stand at some places, counted row by row, and which are in the picture; (n, k)."""
+    at = np.array([view.table.xy(place) for place in places]).reshape(-1, 2)
+    inside = np.rint(Shapes(view, [Kind.PAWN] * len(places), at, fit.part).at(at).inside).astype(int)
+    h, w = fit.part.ground.shape
+    u, v = inside[..., 0], inside[..., 1]
+    within: Mask = (u >= 0) & (u < w) & (v >= 0) & (v < h)
+    return np.where(within, v * w + u, 0), within
