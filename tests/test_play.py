@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import pty
@@ -164,7 +165,7 @@ def test_a_game_begins_from_whatever_stands_on_the_board_and_goes_on_without_its
     terminal.until("your move > ")
     terminal.type("quit")
     assert terminal.end() == 0
-    game = chess.pgn.read_game((folder / "game.pgn").open())
+    game = chess.pgn.read_game(io.StringIO((folder / "game.pgn").read_text()))
     assert game is not None
     assert game.headers["FEN"] == "8/8/4k3/8/8/2Q5/8/4K2R w K - 0 1"
     board = game.end().board()
@@ -178,7 +179,7 @@ def test_a_game_begins_from_whatever_stands_on_the_board_and_goes_on_without_its
     terminal.until(r"I would play (\S+?)[\s\r]")
     terminal.type("quit")
     assert terminal.end() == 0
-    game = chess.pgn.read_game((folder / "game-2" / "game.pgn").open())
+    game = chess.pgn.read_game(io.StringIO((folder / "game-2" / "game.pgn").read_text()))
     assert game is not None
     assert game.board().board_fen() == board.board_fen()
 

@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from types import MappingProxyType
 from typing import Final
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from hardware.interfaces import Frame
@@ -26,7 +28,7 @@ from vision.board.view import BoardView
 from vision.pieces.fallen import around_board
 from vision.pieces.fit import TALL, Fit
 from vision.pieces.kind_costs import TOPS, kind_cost
-from vision.pieces.outline import Shapes
+from vision.pieces.outline import Shapes, Silhouettes
 from vision.pieces.sightings import Sighting, Sightings, rough_sightings, sightings_of, together
 
 Look = tuple[Colour, Kind]
@@ -52,11 +54,21 @@ _BY_OUTLINE: Final = 40.0
 agrees with the right kind than with the one next to it, with a standard deviation of 0.06)."""
 _BY_INSIDE: Final = 5.0
 """… and the more what is within looks like its side: by 1 or more with the right one than with the other."""
-_HIDDEN, _HALF_HIDDEN = 0.15, 0.6
-"""Of a pawn's silhouette no more than this would be in sight …"""
-_MAY_BE, _LOOKS_LIKE_ONE = -0.3, 0.8
-"""… and what is, looks like that of a piece: evidence for a pixel on average. Of 1,918 empty squares three do so; a
-pawn that depth does not see stands right behind another piece."""
+_HARDLY: Final = 0.6
+"""A piece of whose outline less is in sight may be another one than it looks."""
+_HIDDEN: Final = 0.15
+"""Where a pawn would be hidden but for this share, anything may stand."""
+_HALF_HIDDEN: Final = 0.7
+"""Where less than this of it, and of what is around it, would be in sight …"""
+_AROUND: Final = 9
+"""… by half so many pixels [px] …"""
+_PEEPS: Final = 12
+"""… a spot of so many that are nobody's and have colours of a piece may belong to one [px] …"""
+_HOT: Final = 1.2
+"""… if each has them so clearly (see ``Fit.maps``). Of 3,549 empty squares 16 look so; and all of
+four pieces that stood right behind others, where depth had not seen them."""
+_LOOKS_LIKE_ONE: Final = 0.8
+"""Evidence for a piece, pixel by pixel on average, that no empty square shows."""
 _SEEN_THROUGH: Final = 0.5
 """Of a pawn's silhouette so much shows what is behind: no pawn is there."""
 _IMPOSSIBLE: Final = 1e6
@@ -128,33 +140,61 @@ def recognise(frames: Sequence[Frame], view: BoardView, held: Mapping[Look, int]
         before, given = given, _given(_with_halves(seen.all, view), view, held)
         if {one.place: one.look[0] for one in given} == {one.place: one.look[0] for one in before}:
             break
-    if any(one.instead is not None for one in given):
-        outlines = _by_outlines(given, frames[-1], view, beside)
-        given = _given(_with_halves(seen.all, view), view, held, outlines)
-    return _sorted_out(given, seen, Fit(frames[-1], view, _specs(given), use_depth=True, around=beside), view)
+    fit = Fit(frames[-1], view, _specs(given), use_depth=True, around=beside)
+    asked = _in_doubt(given, fit)
+    if asked:
+        outlines = _by_outlines(given, fit, asked, frames[-1], view, beside)
+        given = _given(_with_halves(seen.all, view, hidden=asked.keys()), view, held, outlines)
+        fit = Fit(frames[-1], view, _specs(given), use_depth=True, around=beside)
+    return _sorted_out(given, seen, fit, view)
 
 
 def _specs(given: Sequence[RecognisedPiece]) -> dict[Place, PieceSpec]:
     return {one.place: PieceSpec(f"{one.place}", one.look[1], one.look[0], one.place) for one in given}
 
 
+def _in_doubt(given: Sequence[RecognisedPiece], fit: Fit) -> dict[Place, tuple[Look, ...]]:
+    """What else pieces may be, by place: by what was seen, or since little of them is."""
+    in_sight = dict(zip(fit.stands, fit.in_sight().tolist(), strict=True))
+    doubts = dict[Place, tuple[Look, ...]]()
+    for one in given:
+        others = [one.instead] if one.instead is not None else []
+        if one.place.on_board and in_sight[one.place] < _HARDLY:
+            colour, kind = one.look
+            order = sorted(Kind, key=lambda each: TOPS[each])
+            at = order.index(kind)
+            others += [(colour, each) for each in order[max(at - 1, 0) : at + 2]]
+            others += [(side, kind) for side in Colour]
+        if others:
+            doubts[one.place] = tuple(look for look in dict.fromkeys(others) if look != one.look)
+    return doubts
+
+
 def _by_outlines(
-    given: Sequence[RecognisedPiece], frame: Frame, view: BoardView, beside: tuple[float, float]
-) -> dict[tuple[Place, Look], float]:
-    """What outlines, and colours within them, say of pieces in doubt: what each of the two costs."""
+    given: Sequence[RecognisedPiece], fit: Fit, asked: Mapping[Place, Sequence[Look]],
+    frame: Frame, view: BoardView, beside: tuple[float, float],
+) -> dict[tuple[Place, Look], float]:  # fmt: skip
+    """What outlines, and colours within them, say of pieces in doubt: what each that they may be costs."""
+    costs = _outline_costs(fit, _specs(given))
+    for turn in range(max(len(others) for others in asked.values())):
+        instead = [
+            replace(one, look=asked[one.place][turn]) if turn < len(asked.get(one.place, ())) else one for one in given
+        ]
+        other = Fit(frame, view, _specs(instead), use_depth=True, around=beside)
+        for key, cost in _outline_costs(other, _specs(instead)).items():
+            costs.setdefault(key, cost)
+    return {(place, look): cost for (place, look), cost in costs.items() if place in asked}
+
+
+def _outline_costs(fit: Fit, specs: Mapping[Place, PieceSpec]) -> dict[tuple[Place, Look], float]:
     costs = dict[tuple[Place, Look], float]()
-    doubtful = [one for one in given if one.instead is not None]
-    others = [replace(one, look=one.instead) for one in doubtful if one.instead is not None]
-    for pieces in ([*given], [*(one for one in given if one not in doubtful), *others]):
-        expected = _specs(pieces)
-        fit = Fit(frame, view, expected, use_depth=True, around=beside)
-        for place, agrees, supported in zip(fit.stands, fit.agreement(), fit.support(), strict=True):
-            look = expected[place].colour, expected[place].kind
-            costs[place, look] = -_BY_OUTLINE * float(agrees) - _BY_INSIDE * float(supported)
-    return {(one.place, look): costs[one.place, look] for one in doubtful for look in (one.look, one.instead) if look}
+    for place, agrees, supported in zip(fit.stands, fit.agreement(), fit.support(), strict=True):
+        look = specs[place].colour, specs[place].kind
+        costs[place, look] = -_BY_OUTLINE * float(agrees) - _BY_INSIDE * float(supported)
+    return costs
 
 
-def _with_halves(seen: Sequence[Sighting], view: BoardView) -> list[Sighting]:
+def _with_halves(seen: Sequence[Sighting], view: BoardView, hidden: Collection[Place] = ()) -> list[Sighting]:
     """With what lightness says of the side of each: whether it belongs to the light half of the board's pieces or to
     the dark one. What colours say alone is worth little, as it was learnt from what was taken to be there.
     """
@@ -172,7 +212,8 @@ def _with_halves(seen: Sequence[Sighting], view: BoardView) -> list[Sighting]:
     middle, gap = 0.5 * (dark + bright), max(bright - dark, _LEAST_GAP)
     both = []
     for one, light in zip(seen, lightness, strict=True):
-        half = 0.0 if math.isnan(light) else float(np.clip(_STEEP * (light - middle) / gap, -1.0, 1.0))
+        unknown = math.isnan(light) or _nearest(one, view) in hidden
+        half = 0.0 if unknown else float(np.clip(_STEEP * (light - middle) / gap, -1.0, 1.0))
         both.append(replace(one, white=one.white + half if abs(half) == 1.0 else _ALONE * (one.white + half)))
     return both
 
@@ -281,31 +322,47 @@ def _sorted_out(given: Sequence[RecognisedPiece], seen: Sightings, fit: Fit, vie
 
 def _uncertain(empty: Sequence[Place], fit: Fit, view: BoardView) -> Iterator[Place]:
     """Those of the squares that look empty where a pawn might stand: hidden, or with colours of a piece."""
-    pixels, within = _pawns(empty, fit, view)
-    free = within & (fit.owner.ravel()[pixels] == 0)
-    for place, at_once, mine in zip(empty, pixels, free, strict=True):
-        in_sight, seen = float(mine.mean()), at_once[mine]
-        like_a_piece = max(float(rather.ravel()[seen].mean()) for rather in fit.maps) if seen.size else 0.0
-        half_hidden = in_sight < _HALF_HIDDEN and like_a_piece > _MAY_BE
-        if in_sight < _HIDDEN or half_hidden or like_a_piece > _LOOKS_LIKE_ONE:
+    pawns = _pawns(empty, view, fit)
+    nobodys = cv2.dilate((fit.owner > 0).astype(np.uint8), np.ones((3, 3), np.uint8)) == 0
+    like_a_piece = [(nobodys & (rather > _HOT)).astype(np.uint8) for rather in fit.maps]
+    for place, inside, contour in zip(empty, pawns.inside, pawns.contour, strict=True):
+        pixels, within = _pixels(inside, fit)
+        mine = pixels[within & (fit.owner.ravel()[pixels] == 0)]
+        spot = np.zeros(fit.owner.shape, dtype=np.uint8)
+        cv2.fillPoly(spot, [np.rint(contour).astype(np.int32)], 1)
+        around = cv2.dilate(spot, np.ones((_AROUND, _AROUND), np.uint8))
+        in_sight = float((fit.owner[around > 0] == 0).mean())
+        looks = max(float(rather.ravel()[mine].mean()) for rather in fit.maps) if mine.size else 0.0
+        peeps = in_sight < _HALF_HIDDEN and max(_largest(around & hot) for hot in like_a_piece) >= _PEEPS
+        if mine.size < _HIDDEN * pixels.size or peeps or looks > _LOOKS_LIKE_ONE:
             yield place
+
+
+def _largest(mask: NDArray[np.uint8]) -> int:
+    """Area of the largest spot [px]."""
+    _, _, found, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
+    return int(found[1:, cv2.CC_STAT_AREA].max(initial=0))
 
 
 def _free(places: Sequence[Place], fit: Fit, view: BoardView) -> Iterator[Place]:
     """Those of some places where the tray is seen through where a pawn would be."""
     assert fit.rises is not None, "that there is depth was looked for first"
-    pixels, within = _pawns(places, fit, view)
+    pixels, within = _pixels(_pawns(places, view, fit).inside, fit)
     low = within & (fit.rises.ravel()[pixels] < TALL)  # unknown heights are compared as false
     for place, share in zip(places, low.mean(axis=1).tolist(), strict=True):
         if share > _SEEN_THROUGH:
             yield place
 
 
-def _pawns(places: Sequence[Place], fit: Fit, view: BoardView) -> tuple[Whole, Mask]:
-    """Pixels within pawns that would stand at some places, counted row by row, and which are in the picture; (n, k)."""
+def _pawns(places: Sequence[Place], view: BoardView, fit: Fit) -> Silhouettes:
+    """As pawns would be seen in the middle of some places."""
     at = np.array([view.table.xy(place) for place in places]).reshape(-1, 2)
-    inside = np.rint(Shapes(view, [Kind.PAWN] * len(places), at, fit.part).at(at).inside).astype(int)
+    return Shapes(view, [Kind.PAWN] * len(places), at, fit.part).at(at)
+
+
+def _pixels(points: Array, fit: Fit) -> tuple[Whole, Mask]:
+    """Points of the window (..., 2) as pixels, counted row by row, and which are within it."""
+    u, v = np.moveaxis(np.rint(points).astype(np.int32), -1, 0)
     h, w = fit.part.ground.shape
-    u, v = inside[..., 0], inside[..., 1]
     within: Mask = (u >= 0) & (u < w) & (v >= 0) & (v < h)
     return np.where(within, v * w + u, 0), within
