@@ -14,7 +14,7 @@ from vision.arrays import Array, Field, Mask, Whole
 from vision.board.view import BoardView
 from vision.pieces.colours import MOST, colour_bins, evidence, looked_up, shares
 from vision.pieces.edges import Edges, along, edges_on_lines, line_samples, slopes
-from vision.pieces.outline import Shapes, Silhouettes, labels
+from vision.pieces.outline import CONTOUR_POINTS, Shapes, Silhouettes, labels
 from vision.pieces.surface import GROUNDS, Surface, heights, surface
 
 SEARCH: Final = 0.010
@@ -96,7 +96,8 @@ class Fit:
         self._contrast = slopes(cv2.cvtColor(window, cv2.COLOR_RGB2GRAY).astype(np.float32))
         self.rises = heights(frame.depth, self.part) if use_depth and frame.depth is not None else None
         self.maps: tuple[Field, Field]
-        self.spread, self.edges = np.zeros(0), Edges(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0), dtype=bool))
+        none = np.zeros((0, CONTOUR_POINTS))
+        self.spread, self.edges = np.zeros(0), Edges(none, none, none.astype(bool))
         self._solve()
 
     def _solve(self) -> None:

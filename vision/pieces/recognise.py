@@ -311,13 +311,23 @@ def _sorted_out(given: Sequence[RecognisedPiece], seen: Sightings, fit: Fit, vie
             between.add(one.place)
         pieces.setdefault(one.place, one)
     standing = {one.at for one in given}
-    lying |= {_nearest(one, view) for one in seen.all if (one.x, one.y) not in standing}
-    empty = [place for place in map(square_place, range(64)) if place not in pieces and place not in lying]
+    for other in seen.all:
+        if (other.x, other.y) not in standing:
+            lying |= {_nearest(other, view), *(place for place in _touched(other, view) if place not in pieces)}
+    # without a piece nothing hides another one, and nobody knows what they look like
+    empty = [place for place in map(square_place, range(64)) if pieces and place not in pieces and place not in lying]
     beside = [place for place in view.table.tray_places() if place not in pieces and place not in lying]
     return RecognisedSet(
         tuple(pieces.values()), frozenset(lying), frozenset(between), frozenset(_uncertain(empty, fit, view)),
         frozenset(_free(beside, fit, view)),
     )  # fmt: skip
+
+
+def _touched(one: Sighting, view: BoardView) -> Iterator[Place]:
+    """Squares of whose pieces what is seen there may be one, or more than one."""
+    for place in map(square_place, range(64)):
+        if math.dist((one.x, one.y), view.table.xy(place)) < one.reach + _BETWEEN * view.table.square:
+            yield place
 
 
 def _uncertain(empty: Sequence[Place], fit: Fit, view: BoardView) -> Iterator[Place]:

@@ -83,6 +83,8 @@ class Sighting:
     white: float
     breadth: float = math.nan
     """Of its top, the narrower way: standard deviation of the points up to 4 mm below the highest [m]."""
+    reach: float = 0.0
+    """Nearly all of it is no further from its axis [m]."""
     lightness: float = math.nan
     """CIELAB's, from 0 to 255, the median along its axis; NaN where too little of that is in sight."""
 
@@ -209,7 +211,7 @@ def _sighted(points: Field, white: float) -> Sighting:
     kind = min(Kind, key=lambda one: abs(PIECE_SHAPES[one].height - top))
     x, y = _axis(points[:: max(1, len(points) // _POINTS)], kind, x, y)
     upright = top > least and wide < _WIDEST
-    return Sighting(x, y, top, upright, white, _breadth(points, top))
+    return Sighting(x, y, top, upright, white, _breadth(points, top), reach=wide)
 
 
 def _breadth(points: Field, top: float) -> float:
