@@ -43,7 +43,7 @@ FLOORS = {
         "records", "motion", "players", "pieces",
     ),
     "controller": ("offline", "loop", "law", "protection", "wire", "model", "settings", "protocol"),
-    "vision": ("pieces", "reading", "hands", "camera", "loops", "board", "arrays"),
+    "vision": ("standing", "pieces", "reading", "hands", "camera", "loops", "board", "arrays"),
     "hardware": ("sim", "camera", "table", "referee", "parameters", "frozen", "interfaces", "realtime"),
     "hardware.sim": ("process", "clients", "hand", "plant", "bodies", "render"),
 }  # fmt: skip

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.execution.board_view import find_view
-from app.execution.repair import BoardObservation, Whereabouts, exchanged, kinds_by_height, toppled, whereabouts
+from app.execution.repair import BoardObservation, Whereabouts, exchanged, kinds_by_height, placed, toppled, whereabouts
 from app.execution.repair.observed import HEIGHTS, Chances
 from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
 from app.execution.unseen_reply import pieces_of, reply_shown
@@ -29,9 +29,8 @@ from vision.board.anchor import Anchor
 from vision.board.view import BoardView, playing_area
 from vision.pieces.centres import piece_centres
 from vision.pieces.fallen import around_board, find_misplaced
+from vision.pieces.fit import Fit
 from vision.pieces.pose_search import MisplacedPiece
-from vision.pieces.recognise import Look, RecognisedSet, recognise
-from vision.pieces.sightings import Sightings, sightings_of, together
 from vision.pieces.swapped import SHIFTED, UNLIKE, KnownPicture, looked_closer
 from vision.pieces.verify import Examination, Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, EMPTY, WHITE
@@ -41,6 +40,9 @@ from vision.reading.moves import MoveReading
 from vision.reading.observer import Observation, Observer
 from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 from vision.reading.rectified_view import sight_of_frame
+from vision.standing.hiding import hiding_places
+from vision.standing.recognise import Look, RecognisedSet, recognise
+from vision.standing.sightings import Sightings, sightings_of, together
 
 States = NDArray[np.intp]
 Heights = NDArray[np.float64]
@@ -93,6 +95,8 @@ class GameObserver:
         where its centre was [m]."""
         self._untouched: frozenset[int] = frozenset()
         """Squares whose pieces look just as they did then, in the frame that was verified last."""
+        self._not_there = set[str]()
+        """Pieces that were not where they were taken to be, since the board was last right."""
         self._doubted: frozenset[int] = frozenset()
         self._assumed = False
         """Nobody has seen yet that the board shows the position that was believed to stand there."""
@@ -192,6 +196,7 @@ class GameObserver:
         self._wrong = frozenset(fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE)
         if not faults:
             self._strayed, self._assumed = {}, False
+            self._not_there.clear()
             self._remember(expected, examined)
             return BoardObservation({})
         look = self._known.look(sight_of_frame(frame, self.view))
@@ -242,8 +247,28 @@ class GameObserver:
             looks.append(self._sightings(stands))
             found = whereabouts(stands, together(looks), self._heights(), self._untouched)
             if found is not None:
+                found = self._behind_another(found, stands)
                 return found if not found.nudged else self._nudged_twice(found, stands)
         return None
+
+    def _behind_another(self, found: Whereabouts, stands: Inventory) -> Whereabouts:
+        """A piece that is nowhere in sight, where one of its side peeps out behind another: that is where it is."""
+        believed = placed(stands, found)
+        if believed is None or found.lying or len(found.missing) != 1 or found.missing[0].name in self._not_there:
+            return found
+        (gone,) = found.missing
+        expected = {piece.place: piece for piece in believed if not piece.place.in_box}
+        fit = Fit(self.last, self.view, expected, use_depth=True, around=around_board(self.view, trays=True))
+        empty = [place for place in map(square_place, range(64)) if place not in expected]
+        peeps = [place for place, side in hiding_places(empty, fit, self.view).items() if side is gone.colour]
+        if len(peeps) != 1:
+            return found
+        standing = {**found.standing, gone.name: stands.table.xy(peeps[0])}
+        return replace(found, standing=standing, moved=found.moved | {gone.name}, missing=())
+
+    def note_not_there(self, name: str) -> None:
+        """The arm has not found a piece where it was taken to be."""
+        self._not_there.add(name)
 
     def _nudged_twice(self, found: Whereabouts, stands: Inventory) -> Whereabouts:
         """At a picture's edge depth errs now and then: what was nudged is so in another frame, too."""

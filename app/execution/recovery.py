@@ -95,6 +95,7 @@ class Recovery:
     def note_loss(self, failure: CarryFailed) -> None:
         """The arm has lost a piece, or not got it: that is in the record, whatever comes of it."""
         self._lost.add(failure.transfer.name)
+        self.observer.note_not_there(failure.transfer.name)
         self._ui.phase(str(failure))
         squares = (str(failure.transfer.source), str(failure.transfer.target))
         self._record.trouble(failure.loss.value, squares, str(failure), None, self._clock.now())

@@ -173,6 +173,16 @@ class Table:
         faults = self.observer.faults(self.inventory.after(ply), centres=False, exchanges=False)
         return tuple(fault for fault in faults if fault.square in squares)
 
+    def shows_after(self, move: chess.Move) -> bool:
+        """Whether depth shows every piece of the board where it stands after a move, however little squares tell."""
+        if self.observer is None or not self.observer.deep:
+            return False
+        after = self.inventory.after(transfers(self.board, move, self.inventory))
+        found = self.observer.whereabouts(after)
+        return found is not None and not (
+            found.missing or found.lying or any(after.find(name).place.on_board for name in found.moved)
+        )
+
     def fallen(self) -> list[MisplacedPiece]:
         """Pieces that lie on the board, in the newest frame, as far as depth shows them."""
         if self.observer is None or not self.observer.deep:

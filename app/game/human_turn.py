@@ -271,7 +271,7 @@ class HumanTurn:
             if faults := self._table.toppled(move):
                 self._complain_of(faults)
                 return None
-            if not sure:
+            if not (sure or (move.promotion is None and self._table.shows_after(move))):
                 return self._ask_move(move, said, then, reading)
             if decision.promotion_unsure:
                 move = chess.Move(move.from_square, move.to_square, self._promotion(said))

@@ -26,9 +26,9 @@ from app.execution.repair.observed import HEIGHTS
 from app.pieces.inventory import Inventory
 from app.pieces.order import Point, rearrange
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, Place, square_place
-from vision.pieces.kind_costs import kind_cost
-from vision.pieces.sightings import Sighting, Sightings
 from vision.pieces.verify import Fault, FaultKind
+from vision.standing.kind_costs import kind_cost
+from vision.standing.sightings import Sighting, Sightings
 
 _HOME: Final = 0.016
 """A piece no further from the middle of its place has not been carried [m]: less than half a square."""
@@ -55,6 +55,8 @@ _LOOKS_THE_SAME: Final = 2.3
 well, and outlines tell two of three of those (`vision.pieces.swapped`): one in ten."""
 _OTHER_SIDE: Final = 20.0
 """Of evidence for the other side, see ``Sighting.white``."""
+_BEHIND: Final = 0.05
+"""Of what colours say, where something else hides most of a piece."""
 SURE: Final = 2.9
 """What is believed is so much likelier than any other kind, as a logarithm: 18 times."""
 _IMPOSSIBLE: Final = 1e6
@@ -100,6 +102,7 @@ def whereabouts(
         heights: of the kinds as this camera has seen them before [m].
         untouched: squares whose pieces look just as when they were known to stand there.
     """
+    seen = replace(seen, all=_less_of_colours(stands, seen))
     seen = replace(seen, hidden=_hidden(stands, seen))
     pieces, sightings, standing = _beyond_doubt(stands, seen)
     lying = tuple((one.x, one.y) for one in sightings if not one.upright)
@@ -125,6 +128,16 @@ def whereabouts(
         name for name, away in off.items() if _NUDGED < away <= _HOME and stands.find(name).place.in_tray
     )
     return Whereabouts(standing, moved, tuple(missing), lying, nudged)
+
+
+def _less_of_colours(stands: Inventory, seen: Sightings) -> tuple[Sighting, ...]:
+    """Colours seen at a place that something hides are as likely of that."""
+    places = [stands.table.xy(place) for place in seen.hidden]
+    return tuple(
+        replace(one, white=_BEHIND * one.white)
+        if any(math.dist((one.x, one.y), at) < _HOME for at in places) else one
+        for one in seen.all
+    )  # fmt: skip
 
 
 def _hidden(stands: Inventory, seen: Sightings) -> frozenset[Place]:
@@ -162,7 +175,7 @@ def repair_by_sight(
         found: what does.
         off: where pieces stand that are on their squares, but off the centres, by square, board frame [m].
     """
-    believed = _placed(stands, found)
+    believed = placed(stands, found)
     if believed is None:
         return None
     there = {piece.name for piece in believed}
@@ -202,7 +215,7 @@ def exchanged(stands: Inventory, seen: Whereabouts) -> Iterator[Fault]:
             yield Fault(FaultKind.FOREIGN, piece.place.index, sentence, at)
 
 
-def _placed(stands: Inventory, found: Whereabouts) -> Inventory | None:
+def placed(stands: Inventory, found: Whereabouts) -> Inventory | None:
     """On the nearest places that nobody else has; without the missing ones."""
     table, places = stands.table, dict[str, Place]()
     gone = {piece.name for piece in found.missing}

@@ -228,6 +228,8 @@ class Paper:
     def confirm(self, board: chess.Board, look: Any = None) -> None:
         self.confirmed = board.fen()
 
+    def note_not_there(self, name: str) -> None: ...
+
     def forget_likeness(self) -> None:
         pass
 

@@ -15,7 +15,7 @@ from app.execution.repair import Ask, Repair, Whereabouts, exchanged, repair_by_
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from hardware.table import PIECE_SHAPES, Colour, PieceSpec, Place, TableSettings, square_place
-from vision.pieces.sightings import Sighting, Sightings, together
+from vision.standing.sightings import Sighting, Sightings, together
 
 TABLE = TableSettings()
 START = Inventory.of(start_layout(chess.Board(), TABLE), TABLE)

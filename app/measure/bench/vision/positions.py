@@ -20,8 +20,8 @@ from hardware.interfaces import Frame
 from hardware.table import TableSettings, square_place
 from vision.board.find import find_board
 from vision.board.view import BoardView, playing_area
-from vision.pieces.recognise import RecognisedSet, recognise
 from vision.reading.outcome import LOOKS
+from vision.standing.recognise import RecognisedSet, recognise
 
 POSITIONS: Final = {True: 6, False: 200}
 """By ``quick``."""

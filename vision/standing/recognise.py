@@ -16,20 +16,18 @@ from itertools import product
 from types import MappingProxyType
 from typing import Final
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from hardware.interfaces import Frame
 from hardware.table import Colour, Kind, PieceSpec, Place, square_place
-from vision.arrays import Array, Mask, Whole
+from vision.arrays import Array
 from vision.board.view import BoardView
 from vision.pieces.fallen import around_board
 from vision.pieces.fit import TALL, Fit
-from vision.pieces.kind_costs import TOPS, kind_cost
-from vision.pieces.outline import Shapes, Silhouettes
-from vision.pieces.sightings import Sighting, Sightings, rough_sightings, sightings_of, together
+from vision.standing.hiding import hiding_places, pawns_at, pixels_of
+from vision.standing.kind_costs import TOPS, kind_cost
+from vision.standing.sightings import Sighting, Sightings, rough_sightings, sightings_of, together
 
 Look = tuple[Colour, Kind]
 """What tells pieces apart."""
@@ -56,19 +54,6 @@ _BY_INSIDE: Final = 5.0
 """… and the more what is within looks like its side: by 1 or more with the right one than with the other."""
 _HARDLY: Final = 0.6
 """A piece of whose outline less is in sight may be another one than it looks."""
-_HIDDEN: Final = 0.15
-"""Where a pawn would be hidden but for this share, anything may stand."""
-_HALF_HIDDEN: Final = 0.7
-"""Where less than this of it, and of what is around it, would be in sight …"""
-_AROUND: Final = 9
-"""… by half so many pixels [px] …"""
-_PEEPS: Final = 12
-"""… a spot of so many that are nobody's and have colours of a piece may belong to one [px] …"""
-_HOT: Final = 1.2
-"""… if each has them so clearly (see ``Fit.maps``). Of 3,549 empty squares 16 look so; and all of
-four pieces that stood right behind others, where depth had not seen them."""
-_LOOKS_LIKE_ONE: Final = 0.8
-"""Evidence for a piece, pixel by pixel on average, that no empty square shows."""
 _SEEN_THROUGH: Final = 0.5
 """Of a pawn's silhouette so much shows what is behind: no pawn is there."""
 _IMPOSSIBLE: Final = 1e6
@@ -318,7 +303,7 @@ def _sorted_out(given: Sequence[RecognisedPiece], seen: Sightings, fit: Fit, vie
     empty = [place for place in map(square_place, range(64)) if pieces and place not in pieces and place not in lying]
     beside = [place for place in view.table.tray_places() if place not in pieces and place not in lying]
     return RecognisedSet(
-        tuple(pieces.values()), frozenset(lying), frozenset(between), frozenset(_uncertain(empty, fit, view)),
+        tuple(pieces.values()), frozenset(lying), frozenset(between), frozenset(hiding_places(empty, fit, view)),
         frozenset(_free(beside, fit, view)),
     )  # fmt: skip
 
@@ -330,49 +315,11 @@ def _touched(one: Sighting, view: BoardView) -> Iterator[Place]:
             yield place
 
 
-def _uncertain(empty: Sequence[Place], fit: Fit, view: BoardView) -> Iterator[Place]:
-    """Those of the squares that look empty where a pawn might stand: hidden, or with colours of a piece."""
-    pawns = _pawns(empty, view, fit)
-    nobodys = cv2.dilate((fit.owner > 0).astype(np.uint8), np.ones((3, 3), np.uint8)) == 0
-    like_a_piece = [(nobodys & (rather > _HOT)).astype(np.uint8) for rather in fit.maps]
-    for place, inside, contour in zip(empty, pawns.inside, pawns.contour, strict=True):
-        pixels, within = _pixels(inside, fit)
-        mine = pixels[within & (fit.owner.ravel()[pixels] == 0)]
-        spot = np.zeros(fit.owner.shape, dtype=np.uint8)
-        cv2.fillPoly(spot, [np.rint(contour).astype(np.int32)], 1)
-        around = cv2.dilate(spot, np.ones((_AROUND, _AROUND), np.uint8))
-        in_sight = float((fit.owner[around > 0] == 0).mean())
-        looks = max(float(rather.ravel()[mine].mean()) for rather in fit.maps) if mine.size else 0.0
-        peeps = in_sight < _HALF_HIDDEN and max(_largest(around & hot) for hot in like_a_piece) >= _PEEPS
-        if mine.size < _HIDDEN * pixels.size or peeps or looks > _LOOKS_LIKE_ONE:
-            yield place
-
-
-def _largest(mask: NDArray[np.uint8]) -> int:
-    """Area of the largest spot [px]."""
-    _, _, found, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
-    return int(found[1:, cv2.CC_STAT_AREA].max(initial=0))
-
-
 def _free(places: Sequence[Place], fit: Fit, view: BoardView) -> Iterator[Place]:
     """Those of some places where the tray is seen through where a pawn would be."""
     assert fit.rises is not None, "that there is depth was looked for first"
-    pixels, within = _pixels(_pawns(places, view, fit).inside, fit)
+    pixels, within = pixels_of(pawns_at(places, view, fit).inside, fit)
     low = within & (fit.rises.ravel()[pixels] < TALL)  # unknown heights are compared as false
     for place, share in zip(places, low.mean(axis=1).tolist(), strict=True):
         if share > _SEEN_THROUGH:
             yield place
-
-
-def _pawns(places: Sequence[Place], view: BoardView, fit: Fit) -> Silhouettes:
-    """As pawns would be seen in the middle of some places."""
-    at = np.array([view.table.xy(place) for place in places]).reshape(-1, 2)
-    return Shapes(view, [Kind.PAWN] * len(places), at, fit.part).at(at)
-
-
-def _pixels(points: Array, fit: Fit) -> tuple[Whole, Mask]:
-    """Points of the window (..., 2) as pixels, counted row by row, and which are within it."""
-    u, v = np.moveaxis(np.rint(points).astype(np.int32), -1, 0)
-    h, w = fit.part.ground.shape
-    within: Mask = (u >= 0) & (u < w) & (v >= 0) & (v < h)
-    return np.where(within, v * w + u, 0), within

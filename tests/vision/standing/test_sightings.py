@@ -16,7 +16,7 @@ from vision.board.find import find_board
 from vision.board.orientation import orient
 from vision.board.view import BoardView
 from vision.pieces.fallen import around_board
-from vision.pieces.sightings import sightings_of
+from vision.standing.sightings import sightings_of
 
 TABLE = TableSettings()
 PIECES = start_layout(chess.Board(), TABLE)

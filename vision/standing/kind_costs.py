@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Final
 
 from hardware.table import Kind
-from vision.pieces.sightings import Sighting
+from vision.standing.sightings import Sighting
 
 TOPS: Final[Mapping[Kind, float]] = MappingProxyType({
     Kind.PAWN: 0.0355, Kind.ROOK: 0.0398, Kind.KNIGHT: 0.0420, Kind.BISHOP: 0.0464, Kind.QUEEN: 0.0537,

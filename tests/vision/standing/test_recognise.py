@@ -15,7 +15,7 @@ from app.measure.bench.vision.positions import random_board, recognised
 from app.pieces.layout import colour_of, kind_of, physical_set, start_layout
 from hardware.sim.process.table_studio import PlacedPiece
 from hardware.table import Colour, Kind, Place, TableSettings, square_place
-from vision.pieces.recognise import recognise
+from vision.standing.recognise import recognise
 
 TABLE = TableSettings()
 
