@@ -41,7 +41,8 @@ from vision.reading.observer import Observation, Observer
 from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 from vision.reading.rectified_view import sight_of_frame
 from vision.standing.hiding import hiding_places
-from vision.standing.recognise import Look, RecognisedSet, recognise
+from vision.standing.recognise import recognise
+from vision.standing.recognised_set import Look, RecognisedSet
 from vision.standing.sightings import Sightings, sightings_of, together
 
 States = NDArray[np.intp]

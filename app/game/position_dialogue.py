@@ -22,7 +22,7 @@ from app.players.person import Human
 from app.terminal.interface import UserInterface
 from hardware.interfaces import HardwareError
 from hardware.table import Colour, Kind, Place, TableSettings
-from vision.standing.recognise import Look, RecognisedSet
+from vision.standing.recognised_set import Look, RecognisedSet
 
 _LETTERS: Final[Mapping[str, Kind]] = MappingProxyType(
     {"k": Kind.KING, "q": Kind.QUEEN, "r": Kind.ROOK, "b": Kind.BISHOP, "n": Kind.KNIGHT, "p": Kind.PAWN}

@@ -12,9 +12,8 @@ import chess
 
 from app.pieces.inventory import Inventory
 from app.pieces.layout import SetPiece, physical_set, pieces_on_squares, start_layout
-from hardware.table import Captured, Colour, Kind, PieceSpec, Place, TableSettings
-
-Look = tuple[Colour, Kind]
+from hardware.table import Captured, Kind, PieceSpec, Place, TableSettings
+from vision.standing.recognised_set import Look
 
 
 def found_layout(board: chess.Board, beside: Mapping[Place, Look], free: Set[Place], table: TableSettings) -> Inventory:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from types import MappingProxyType
 from typing import Final
@@ -27,10 +27,9 @@ from vision.pieces.fallen import around_board
 from vision.pieces.fit import TALL, Fit
 from vision.standing.hiding import hiding_places, pawns_at, pixels_of
 from vision.standing.kind_costs import TOPS, kind_cost
+from vision.standing.recognised_set import Look, RecognisedPiece, RecognisedSet
 from vision.standing.sightings import Sighting, Sightings, rough_sightings, sightings_of, together
 
-Look = tuple[Colour, Kind]
-"""What tells pieces apart."""
 _BETWEEN: Final = 0.42
 """What stands further from the middle of its square, along either axis, may be meant for the next one [its sides]."""
 _OTHER_SIDE: Final = 20.0
@@ -65,42 +64,6 @@ _ROUNDS: Final = 3
 """Of learning how high all looks in this picture."""
 _MOST_OFF: Final = 0.002
 """All may look so much higher or lower than usual [m]."""
-
-
-@dataclass(frozen=True, slots=True)
-class RecognisedPiece:
-    """A piece that stands.
-
-    Attributes:
-        place: nearest to it.
-        at: where it stands, board frame [m].
-        look: which it is.
-        instead: what else it may be; None: that is out of the question.
-    """
-
-    place: Place
-    at: tuple[float, float]
-    look: Look
-    instead: Look | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class RecognisedSet:
-    """What stands on the table.
-
-    Attributes:
-        pieces: on the board and in the trays, one on each place.
-        lying: places where something is that does not stand, or is no piece, or more than one thing is.
-        between: squares whose piece may be meant for another one.
-        uncertain: squares that look empty, where a piece may stand all the same, behind another one.
-        free: places of the trays where nothing is. Of the other ones nobody knows.
-    """
-
-    pieces: tuple[RecognisedPiece, ...]
-    lying: frozenset[Place]
-    between: frozenset[Place]
-    uncertain: frozenset[Place]
-    free: frozenset[Place]
 
 
 def recognise(frames: Sequence[Frame], view: BoardView, held: Mapping[Look, int]) -> RecognisedSet:

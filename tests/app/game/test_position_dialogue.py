@@ -13,7 +13,7 @@ from app.pieces.layout import colour_of, kind_of
 from app.players.person import Human, PersonGone
 from hardware.table import Colour, Kind, Place, TableSettings, square_place
 from tests.app.game.test_person import Hands, Script, UserInterface
-from vision.standing.recognise import Look, RecognisedPiece, RecognisedSet
+from vision.standing.recognised_set import Look, RecognisedPiece, RecognisedSet
 
 TABLE = TableSettings()
 

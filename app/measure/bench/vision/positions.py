@@ -21,7 +21,8 @@ from hardware.table import TableSettings, square_place
 from vision.board.find import find_board
 from vision.board.view import BoardView, playing_area
 from vision.reading.outcome import LOOKS
-from vision.standing.recognise import RecognisedSet, recognise
+from vision.standing.recognise import recognise
+from vision.standing.recognised_set import RecognisedSet
 
 POSITIONS: Final = {True: 6, False: 200}
 """By ``quick``."""
