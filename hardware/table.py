@@ -209,6 +209,8 @@ class ContactLimits(FrozenFinite):
     """
 
     tool_speed: PositiveFloat = 0.8
+    shared_tool_speed: PositiveFloat | None = None
+    """Where it is not known that nobody is near; None: the same [m/s]."""
     downward_speed: PositiveFloat = 0.45
     """Within ``near_height`` of the playing surface [m/s]."""
     near_height: PositiveFloat = 0.090
@@ -218,8 +220,10 @@ CONTACT_PROFILES: Final[Mapping[str, ContactLimits]] = MappingProxyType({
     "default": ContactLimits(),
     "gentle": ContactLimits(tool_speed=0.4, downward_speed=0.22),
     "fast": ContactLimits(tool_speed=1.5),
+    "separation": ContactLimits(tool_speed=1.5, shared_tool_speed=ContactLimits().tool_speed),
 })  # fmt: skip
-"""By how the arm moves: ``gentle`` with children in reach (70 N), ``fast`` with nobody (263 N on a free finger)."""
+"""By how the arm moves: ``gentle`` with children in reach (70 N), ``fast`` with nobody (263 N on a free finger),
+``separation`` as fast where and while nobody is seen, else as the default."""
 
 
 class TableSettings(FrozenFinite):

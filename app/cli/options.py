@@ -18,7 +18,11 @@ Pace = Annotated[
     str | None, typer.Option(help="real: by the wall clock, the default; fast: as fast as the machine can.")
 ]
 Profile = Annotated[
-    str, typer.Option(help="How the arm moves: default, fast, gentle (children in reach) or minimum-jerk.")
+    str | None,
+    typer.Option(
+        help="How the arm moves: default, fast, gentle (children in reach), minimum-jerk, or separation: fast while "
+        "the guard sees nobody near. Left out: separation where a simulation is guarded, else default."
+    ),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Chooses the opening of two engines and all randomness of the world.")]
 Square = Annotated[

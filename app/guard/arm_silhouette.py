@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from controller.model.constants import ARM_COS, ARM_SIN, DeltaModel
 from controller.model.reach import tool_point_at
+from controller.protocol.layout import Flag
 from controller.protocol.messages import Telemetry
+from controller.settings import ControllerSettings
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, TableSettings
@@ -48,6 +50,8 @@ _FAN: Final = 4
 """The flange is drawn as so many bars across it."""
 _PLATE_BARS: Final = 3
 """The marker's plate is drawn as so many bars along it."""
+_EVERY: Final = ControllerSettings().telemetry_ticks
+"""On a lockstep bus one of so many ticks is kept, the first: that is told in every run [ticks]."""
 _MOST_WAIT: Final = 2.0
 """For telemetry that is on its way [s, wall]."""
 
@@ -164,6 +168,12 @@ class ArmHistory:
         with self._news:
             if self._ticks and telemetry.tick <= self._ticks[-1]:
                 return
+            if (
+                telemetry.flags & Flag.LOCKSTEP
+                and self._ticks
+                and telemetry.tick // _EVERY == self._ticks[-1] // _EVERY
+            ):
+                return  # sent besides, by the wall clock: so two runs know the same
             self._ticks.append(telemetry.tick)
             self._poses.append(ArmPose(telemetry.angle, telemetry.finger_position))
             while self._ticks[-1] - self._ticks[0] > self._kept and len(self._ticks) > 2:

@@ -19,6 +19,7 @@ from typing import Final, Self
 
 from app import UserError
 from app.guard.arm_silhouette import ArmHistory, ArmPose, arm_capsules
+from app.guard.separation import Separation
 from app.rig.devices import GuardFrames, Holder
 from controller.wire.errors import ControllerError
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError
@@ -37,6 +38,7 @@ APART: Final = 0.020
 full speed moves in the time by which a frame's stamp errs."""
 GROW: Final = 4
 """… and so much wider in the picture: edges that a depth camera smears [px]."""
+_Shown = tuple[Frame | DepthFrame, Seen]
 Listener = Callable[[Frame | DepthFrame, Seen], None]
 
 
@@ -53,6 +55,27 @@ class GuardStop:
 
     stamp: float
     over: frozenset[int]
+
+
+@dataclass(slots=True)
+class _Request:
+    """Of somebody who waits for a frame without a hand.
+
+    Attributes:
+        gone: that is all; else the board is to be settled, too.
+        admit: motions shall be admitted then.
+        colour: the frame shall have colour.
+        after: it shall be stamped later [s]; None: it shall be a new one.
+        first: number of the first frame that will do.
+        found: the frame.
+    """
+
+    gone: bool = False
+    admit: bool = False
+    colour: bool = False
+    after: float | None = None
+    first: int = 0
+    found: _Shown | None = None
 
 
 class ArmMasks:
@@ -89,6 +112,7 @@ class HandGuard:
         masks: where the arm is in them.
         holder: asked to hold.
         watch: what it sees with; None: a new one of the usual settings.
+        separation: admits speed to the arm, where nobody is near; None: nobody does.
         progress: told when a hand comes and goes.
         listener: called with each frame and what was seen in it, in the guard's thread.
         holding: whether a guard before this one has asked to hold, and that is in force.
@@ -101,6 +125,7 @@ class HandGuard:
         masks: ArmMasks,
         holder: Holder,
         watch: Watch | None = None,
+        separation: Separation | None = None,
         progress: Callable[[str], None] | None = None,
         listener: Listener | None = None,
         *,
@@ -109,11 +134,12 @@ class HandGuard:
         self.stops: list[GuardStop] = []
         """Each time the arm was asked to hold."""
         self._frames, self._view, self._masks, self._holder = frames, view, masks, holder
-        self._watch = watch or Watch()
+        self._watch, self._separation = watch or Watch(), separation
         self._progress, self._listener = progress, listener
         self._news = threading.Condition()
-        self._newest: tuple[Frame | DepthFrame, Seen] | None = None
+        self._newest: _Shown | None = None
         self._count = 0
+        self._requests = list[_Request]()
         self._came, self._departures = False, 0
         self._gone_at: float | None = None
         self._holding = holding
@@ -221,33 +247,70 @@ class HandGuard:
         Raises:
             Blind: there are no frames any more.
         """
-        return self._wait(admit=False, after=after)
+        frame, seen = self._wait(admit=False, after=after)
+        assert isinstance(frame, Frame)
+        return frame, seen
 
-    def _wait(self, *, admit: bool, after: float | None = None) -> tuple[Frame, Seen]:
-        self._frames.wake(True)
-        try:
-            with self._news:
-                # a frame that was exposed before this call may be on its way, and one or two more in the pipe
-                first = self._count + 3 if after is None else 0
-                self._news.wait_for(lambda: self._trouble is not None or self._settled_since(first, after) is not None)
-                self._check()
-                found = self._settled_since(first, after)
-                assert found is not None
-                if admit and self._holding:
-                    self._holding = False
-                    self._holder.resume()  # under the lock: a hand that comes now is told of to the controller later
-                    self._say("the board is clear: the arm may go on")
-        finally:
-            self._frames.wake(False)
+    def sight(self, patience: float) -> bool:
+        """Wait until no hand is over the board, settled or not; admits no motion.
+
+        Args:
+            patience: not for longer than this [s, wall].
+
+        Returns:
+            Whether none is there.
+
+        Raises:
+            Blind: there are no frames any more.
+        """
+        with self._news:
+            self._check()
+            if self._newest is None or not self._newest[1].hand_present:
+                return True
+        return self._answer(_Request(gone=True), patience) is not None
+
+    def _wait(self, *, admit: bool, after: float | None = None) -> _Shown:
+        found = self._answer(_Request(admit=admit, colour=not admit, after=after), None)
+        assert found is not None
         return found
 
-    def _settled_since(self, first: int, after: float | None) -> tuple[Frame, Seen] | None:
-        if self._newest is None or self._count < first:
-            return None
+    def _answer(self, request: _Request, patience: float | None) -> _Shown | None:
+        """Let plant time run until a frame is there that somebody waits for; None: it does not come."""
+        self._frames.wake(True)
+        with self._news:
+            if request.after is None and not request.gone:
+                # a frame that was exposed before this call may be on its way, and one or two more in the pipe
+                request.first = self._count + 3
+            self._requests.append(request)
+            self._serve()
+            self._news.wait_for(lambda: self._trouble is not None or request.found is not None, patience)
+            if request.found is None:
+                self._requests.remove(request)
+                self._frames.wake(False)
+                self._check()
+        return request.found
+
+    def _serve(self) -> None:
+        """Give who waits the newest frame, if it is the one. In the thread that reads, before it reads on: plant time
+        that waits for it then goes on, or stands, as if the waiter had taken no time.
+        """
+        for request in [request for request in self._requests if self._is_met(request)]:
+            if request.admit and self._holding:
+                self._holding = False
+                self._holder.resume()  # under the lock: a hand that comes now is told of to the controller later
+                self._say("the board is clear: the arm may go on")
+            self._frames.wake(False)
+            request.found = self._newest
+            self._requests.remove(request)
+
+    def _is_met(self, request: _Request) -> bool:
+        if self._newest is None or self._count < request.first:
+            return False
         frame, seen = self._newest
-        if after is not None and frame.stamp <= after:
-            return None
-        return (frame, seen) if isinstance(frame, Frame) and seen.settled and not seen.hand_present else None
+        if seen.hand_present or not (seen.settled or request.gone):
+            return False
+        late = request.after is None or frame.stamp > request.after
+        return late and (isinstance(frame, Frame) or not request.colour)
 
     def _check(self) -> None:
         if self._trouble is not None:
@@ -280,10 +343,13 @@ class HandGuard:
             self._holder.ask_to_hold()
             self.stops.append(GuardStop(frame.stamp, seen.over))
             self._say("a hand is over the board: the arm holds")
+        elif self._separation is not None:
+            self._separation.judge(seen)
         if self._listener is not None:
             self._listener(frame, seen)
         with self._news:
             self._count += 1
+            self._serve()
             self._news.notify_all()
 
     def _give_up(self, error: Exception) -> None:

@@ -137,13 +137,17 @@ class Profile(StrEnum):
     """With children in reach."""
     MINIMUM_JERK = "minimum-jerk"
     """As default, by the quintic law."""
+    SEPARATION = "separation"
+    """As fast where the guard sees nobody near, else no faster than default: the controller stretches time."""
 
 
+_FAST: Final = MotionSettings(
+    speed=CONTACT_PROFILES["fast"].tool_speed, acceleration=25.0, jerk=1300.0, grip=Grip(opening_speed=0.12)
+)
 PROFILES: Final = MappingProxyType({
     Profile.DEFAULT: MotionSettings(),
-    Profile.FAST: MotionSettings(
-        speed=CONTACT_PROFILES["fast"].tool_speed, acceleration=25.0, jerk=1300.0, grip=Grip(opening_speed=0.12)
-    ),
+    Profile.FAST: _FAST,
+    Profile.SEPARATION: _FAST,
     Profile.GENTLE: MotionSettings(speed=CONTACT_PROFILES["gentle"].tool_speed, acceleration=8.0, jerk=250.0),
     Profile.MINIMUM_JERK: MotionSettings(law=Law.MINIMUM_JERK),
 })  # fmt: skip

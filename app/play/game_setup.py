@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
-from app.motion import PROFILES, MotionSettings, contact_limits
+from app.motion import PROFILES, MotionSettings, Profile, contact_limits
 from app.rig.board import BoardRig
 from app.rig.devices import Rig
 from app.rig.rig_file import RigFile, load_rig
@@ -140,7 +140,7 @@ def rig_setup_of(section: RigSection, calibration_file: Path | None = None) -> R
         calibration = load_calibration(calibration_file)
         table = calibration.table(meant)
     # home stays where it is meant to be: a simulation of our own begins there
-    motion = PROFILES[section.profile].at(meant)
+    motion = PROFILES[section.profile or Profile.DEFAULT].at(meant)
     return RigSetup(section, file, table, load_parameters(robot), motion, pace, calibration, meant)
 
 
@@ -181,7 +181,8 @@ def start_board(fen: str | None, *, chess960: bool = False, option: str = "--fen
 
 def _own_table(section: RigSection) -> TableSettings:
     """With larger squares it stands nearer to the robot."""
-    table = TableSettings(limits=contact_limits(section.profile), captured=section.captured or Captured.TRAY)
+    limits = contact_limits(section.profile or Profile.DEFAULT)
+    table = TableSettings(limits=limits, captured=section.captured or Captured.TRAY)
     if section.square is None:
         return table
     from controller.model.constants import DeltaModel

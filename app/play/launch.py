@@ -11,6 +11,7 @@ import chess
 
 from app import UserError
 from app.game import GameEnd, Position
+from app.motion import Profile
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from app.play.from_board import FromBoard
@@ -28,7 +29,7 @@ from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_histo
 from app.records.events import EndEvent
 from app.records.files import GAMES, make_folder
 from app.settings.files import keep_settings, kept_settings
-from app.settings.tree import BOARD, PlayerKind, Settings
+from app.settings.tree import BOARD, SIMULATED, PlayerKind, Settings
 from app.terminal.interface import TypedLines, UserInterface
 from hardware.interfaces import Intrinsics
 from hardware.table import Colour
@@ -52,6 +53,7 @@ def run_games(settings: Settings, ui: UserInterface, typed: TextIO | None = None
         UserError: bad settings, something missing on this machine, or no space for the record.
         EngineProblem: Stockfish is missing or fails for good.
     """
+    settings = _decided(settings)
     rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
     settings = _completed(settings, rig_setup)
     folder = settings.out if settings.out is not None else new_folder(GAMES, utc_now())
@@ -81,7 +83,7 @@ def resume_games(folder: Path, ui: UserInterface, typed: TextIO | None = None) -
         EngineProblem: as ``run_games``.
     """
     folder = match_of(folder)
-    settings = kept_settings(folder)
+    settings = _decided(kept_settings(folder))
     rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
     path, number, sets_up = last_round(folder)
     history = read_history(path / EVENTS_FILE, rig_setup.table, ui.say)
@@ -117,7 +119,7 @@ def resume_from_board(folder: Path, ui: UserInterface, typed: TextIO | None = No
         EngineProblem: as ``run_games``.
     """
     folder = match_of(folder)
-    settings = kept_settings(folder)
+    settings = _decided(kept_settings(folder))
     rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
     with ExitStack() as stack:
         human = _human(settings, rig_setup, folder, typed, stack, ui)
@@ -311,6 +313,15 @@ def _vision(settings: Settings, rig_setup: RigSetup, human: Human | None, ui: Us
     from app.rig.depth_scale import scaled_camera
 
     return SessionVision(lambda camera: scaled_camera(camera, factor), guarding)
+
+
+def _decided(settings: Settings) -> Settings:
+    """With what was left out about safety: whether hands are watched for, and how fast the arm then moves."""
+    rig, guard, own = settings.rig, settings.vision.guard, settings.rig.name == SIMULATED
+    if guard is None and own:
+        guard = rig.cameras and _person(settings) is not None
+    watched = Profile.SEPARATION if own and guard else Profile.DEFAULT
+    return settings.with_changes({"vision.guard": guard, "rig.profile": rig.profile or watched})
 
 
 def _completed(settings: Settings, rig_setup: RigSetup) -> Settings:

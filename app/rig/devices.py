@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from app import UserError
 from app.rig.arm import Arm
 from hardware.interfaces import Camera, Clock, DepthFrame, Frame
 from hardware.referee import Referee
+
+if TYPE_CHECKING:
+    from vision.board.view import BoardView
 
 
 class RigFailed(UserError):
@@ -65,6 +68,9 @@ class Holder(Protocol):
     def resume(self) -> None:
         """Admit motions again."""
 
+    def admit_speed(self, speed: float, until: float, borders: tuple[float, ...]) -> None:
+        """Let the tool go faster than near people [m/s], until a plant time [s], between planes of the base frame."""
+
 
 @dataclass(frozen=True, slots=True)
 class GuardFeed:
@@ -74,10 +80,12 @@ class GuardFeed:
         frames: begins to read the board's camera, each time anew. Given the interval from frame to frame [s] of a
             camera that has none of its own.
         holder: of the arm.
+        seen_from: where the board is in these frames, given where it is in the camera's colour pictures.
     """
 
     frames: Callable[[float], GuardFrames]
     holder: Holder
+    seen_from: Callable[[BoardView], BoardView] = lambda view: view
 
 
 class Rig(Protocol):

@@ -28,6 +28,7 @@ from hardware.sim.clients.camera import FrameStream, SimCamera, SimClock
 from hardware.sim.clients.referee import SimReferee
 from hardware.sim.clients.video_stream import SimWatchCamera
 from hardware.sim.clients.wire import world_pid
+from hardware.sim.render.d435 import GLANCE, LEFT_IMAGER, depth_intrinsics
 
 RESTING: Final = 0.005
 """A tool slower than this is at rest [m/s]: the noise of the encoders makes less than a tenth of it."""
@@ -120,7 +121,10 @@ class RemoteRig:
         if camera is None:
             return None
         if self._rig.simulated:
-            return GuardFeed(lambda interval: SimWatchCamera(world, interval, colour_asleep=False), self.client)
+            return GuardFeed(
+                lambda interval: SimWatchCamera(world, interval, glance=True), self.client,
+                lambda view: view.beside(depth_intrinsics(GLANCE), LEFT_IMAGER),
+            )  # fmt: skip
         return GuardFeed(lambda _: SteadyFrames(camera), self.client)
 
     def film(self) -> FilmSource | None:

@@ -54,8 +54,9 @@ class RigSection(_Section):
     pace: Pace | None = None
     """Of a simulation of our own: real (the default), by the wall clock; fast, as fast as the machine can. A rig file
     says its own."""
-    profile: Profile = Profile.DEFAULT
-    """How the arm moves: default, fast, gentle (children in reach) or minimum-jerk."""
+    profile: Profile | None = None
+    """How the arm moves: default, fast, gentle (children in reach), minimum-jerk, or separation: fast where the guard
+    sees nobody near, else as default. Left out: separation in a simulation of our own that is guarded, else default."""
     seed: Annotated[int, Field(ge=0, lt=1 << 63)] = SEED
     """Chooses the opening of two engines, and all randomness of a simulation."""
     square: PositiveFloat | None = None
@@ -171,8 +172,8 @@ class VisionSection(_Section):
     """Compare the board with the game after each ply of the arm, and mend what is wrong. Left out: in a lab, and in
     every game against a human."""
     guard: bool | None = None
-    """Watch for hands all the time, and hold the arm while one is over the board. Left out: in a lab; a simulation
-    draws every frame that is watched, which is slow."""
+    """Watch for hands all the time, and hold the arm while one is over the board. Left out: in a lab, and in every game
+    against a human."""
     guard_rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 30.0
     """Frames a second that a simulated camera draws for that; a lab's camera has a rate of its own [1/s]."""
     calibration: Path | None = None

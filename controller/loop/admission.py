@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.loop.motion import MotionBuffer
-from controller.protection.limits import Violation
+from controller.loop.playback import Playback
+from controller.protection.limits import Limits, Violation
+from controller.protection.reference_check import SampleCheck
 from controller.protocol.causes import Cause
 from controller.protocol.layout import Guard, Result
 from controller.protocol.messages import Announce
@@ -38,6 +40,7 @@ class Admission:
 
     Attributes:
         motion: the announced motion and its samples.
+        playback: how fast it is played.
         last_motion: highest motion id seen.
         ended: how the last motion ended.
         admitting: no hold is in force.
@@ -46,8 +49,9 @@ class Admission:
         peak_tactile: largest tactile force in the present, else the last motion [N].
     """
 
-    def __init__(self, motion: MotionBuffer, settings: ControllerSettings) -> None:
-        self.motion = motion
+    def __init__(self, settings: ControllerSettings, limits: Limits, period: float) -> None:
+        self.motion = MotionBuffer(settings.capacity, SampleCheck(limits, period))
+        self.playback = Playback(limits, period)
         self.last_motion = 0
         self.ended = Ended()
         self.admitting, self.awaiting = True, False
@@ -60,7 +64,7 @@ class Admission:
         """False while a sample that the tick after this one needs, or the motion after a FOLLOWED one, is missing."""
         motion = self.motion.announced
         if motion is not None:
-            return tick + 1 - motion.first_tick < self.motion.received
+            return self.playback.last_needed(motion, tick + 1) < self.motion.received
         return not self.awaiting
 
     def refusal(self, motion: Announce, state: State, tick: int, *, retiring: bool) -> Violation | None:
@@ -84,6 +88,7 @@ class Admission:
     def admit(self, motion: Announce, position: NDArray[np.float64]) -> None:
         """Take a motion on that begins at a reference, shape (3,) [m]."""
         self.motion.announce(motion, position)
+        self.playback.begin()
         self._guarding, self._loose = False, 0
         self.peak_torque = self.peak_tactile = 0.0
 

@@ -8,9 +8,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.loop.motion import MotionBuffer
+from controller.loop.playback import Playback, blend
 from controller.loop.stopping import StopPath, plan_stop
 from controller.model.state import REFERENCE_SIZE
-from controller.protection.reference_check import DAMPING, POSITION, STIFFNESS
+from controller.protection.reference_check import DAMPING, GUARD, GUARD_LEVEL, POSITION, STIFFNESS
 from controller.settings import ControllerSettings
 
 _RATES = slice(3, 9)
@@ -54,11 +56,19 @@ class Reference:
         self.row[STIFFNESS] = self._settings.hold_stiffness
         self.row[DAMPING] = self._settings.hold_damping
 
-    def follow(self, sample: memoryview) -> tuple[float, float]:
-        """Take a motion's sample over, the bytes of 19 float64; returns its guard and the guard's level [N]."""
-        self._bytes[:] = sample[:_BYTES]
-        self.finger_velocity, guard, level = _TAIL.unpack_from(sample, _BYTES)
-        return guard, level
+    def follow(self, playback: Playback, samples: MotionBuffer) -> tuple[float, float]:
+        """Take a motion's sample over, or what lies between two; returns its guard and the guard's level [N]."""
+        index = int(playback.at)
+        if playback.as_planned:
+            sample = samples.sample(index)
+            self._bytes[:] = sample[:_BYTES]
+            self.finger_velocity, guard, level = _TAIL.unpack_from(sample, _BYTES)
+            return guard, level
+        before = samples.row(index)
+        after = samples.row(index + 1) if playback.at > index else before
+        share, period = playback.at - index, self._period
+        self.finger_velocity = blend(before, after, share, period, playback.rate, playback.slope, self.row)
+        return float(before[GUARD]), float(before[GUARD_LEVEL])
 
     def rest(self) -> None:
         """Rest where it is; gains and fingers stay, so that a grip persists."""

@@ -29,7 +29,7 @@ from controller.protection.limits import Limits, Violation, check_limits, defaul
 from controller.protocol.causes import Cause, explain
 from controller.protocol.key import KEY_FILE, KeyFileError, load_key
 from controller.protocol.layout import COMMAND, HEARTBEAT, VERSION, CommandCode, DatagramKind
-from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
+from controller.protocol.messages import AdmitSpeed, Announce, Samples, Telemetry, Welcome
 from controller.protocol.states import State
 from controller.settings import CONTROLLER_FILE, ControllerSettings
 from controller.wire.endpoint import Endpoint
@@ -264,6 +264,11 @@ class Server:
             announce = Announce.unpack(payload)
             self._flight.note(announce)
             self.supervisor.announce(announce)
+        elif kind == DatagramKind.ADMIT_SPEED:
+            admitted = AdmitSpeed.unpack(payload)
+            if admitted is None:
+                return False
+            self.supervisor.admission.playback.admit(admitted, self.supervisor.measurement.tick)
         elif kind == DatagramKind.COMMAND:
             code = _COMMANDS.get(COMMAND.struct.unpack(payload)[0])
             if code is None:

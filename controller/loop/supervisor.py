@@ -14,7 +14,6 @@ from controller.law.tare import Tare
 from controller.law.task_space import TaskSpaceController
 from controller.loop.admission import NOTHING, Admission
 from controller.loop.brakes import BrakeSequence, BrakeStep
-from controller.loop.motion import MotionBuffer
 from controller.loop.reference import Reference
 from controller.model.kinematics import Status
 from controller.protection.limits import (
@@ -28,7 +27,6 @@ from controller.protection.limits import (
     clamp_torque,
 )
 from controller.protection.monitor import Protection
-from controller.protection.reference_check import SampleCheck
 from controller.protocol.causes import Cause
 from controller.protocol.layout import CommandCode, Result
 from controller.protocol.messages import Announce, Samples
@@ -64,7 +62,7 @@ class Supervisor:
         self.measurement = Measurement(-1, _NO_TORQUE, _NO_TORQUE, 0.0, (0.0, 0.0), DriveStatus.OK)
         self.torque = _NO_TORQUE
         self.reference = Reference(settings, period)
-        self.admission = Admission(MotionBuffer(settings.capacity, SampleCheck(limits, period)), settings)
+        self.admission = Admission(settings, limits, period)
         self.brakes = BrakeSequence(settings)
         self.force = _NO_TORQUE
         self.clamped = 0
@@ -152,20 +150,21 @@ class Supervisor:
         buffer = self.admission.motion
         motion = buffer.announced
         assert motion is not None
-        index = min(measurement.tick - motion.first_tick, motion.length - 1)
-        if index < 0:
+        playback, tick = self.admission.playback, measurement.tick
+        needed = playback.last_needed(motion, tick)
+        if needed < 0:
             return
-        if index >= buffer.received:
-            self.stop(Violation(Cause.UNDERRUN, float(index), float(buffer.received)))
+        if needed >= buffer.received:
+            self.stop(Violation(Cause.UNDERRUN, float(needed), float(buffer.received)))
             return
-        guard, level = self.reference.follow(buffer.sample(index))
-        buffer.executed = index + 1
+        playback.advance(tick, self.reference.row, buffer)
+        guard, level = self.reference.follow(playback, buffer)
         met = self.admission.met(guard, level, measurement.tactile, self.force[2])
         if isinstance(met, Violation):
             self.stop(met)
         elif met is not None:
             self._succeed(met)
-        elif index == motion.length - 1:
+        elif buffer.executed == motion.length:
             self._succeed(Result.DONE)
 
     def _slow_down(self, tick: int) -> None:

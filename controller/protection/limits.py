@@ -86,6 +86,7 @@ class Limits:
     half_size: Triple
     reach: float
     speed: float
+    shared_speed: float
     downward_speed: float
     near_depth: float
     acceleration: float
@@ -135,6 +136,9 @@ WHY: dict[str, Why] = {
         "m/s",
         "refuse",
         "contact limit of the tool's speed, with 2 % for rounding: speed decides the force of an impact",
+    ),
+    "shared_speed": Why(
+        "m/s", "slow down", "contact limit where a person may be near, with 2 %; beyond it only where nobody is seen"
     ),
     "downward_speed": Why(
         "m/s", "refuse", "contact limit near the board, with 2 %: a clamped finger feels at most 140 N"
@@ -206,6 +210,7 @@ def default_limits(parameters: RobotParameters, table: TableSettings) -> Limits:
         half_size=(0.300, 0.260, 0.125),
         reach=0.310,
         speed=1.02 * contact.tool_speed,
+        shared_speed=1.02 * (contact.shared_tool_speed or contact.tool_speed),
         downward_speed=1.02 * contact.downward_speed,
         near_depth=surface - contact.near_height,
         acceleration=45.0,

@@ -36,6 +36,7 @@ class DatagramKind(IntEnum):
     ANNOUNCE = 4
     SAMPLES = 5
     WATCH = 6
+    ADMIT_SPEED = 7
     CHALLENGE = 64
     WELCOME = 65
     BUSY = 66
@@ -197,6 +198,19 @@ HELLO = Layout(
 WATCH = Layout("WATCH", (Field("cookie", "Q", "", "cookie of the last CHALLENGE, 0 before there was one"),))
 HEARTBEAT = Layout("HEARTBEAT", (Field("ping", "I", "", "number to be echoed in the telemetry"),))
 COMMAND = Layout("COMMAND", (Field("code", "H", "", "command code"),))
+ADMIT_SPEED = Layout(
+    "ADMIT_SPEED",
+    (
+        Field("speed", "d", "m/s", "of the tool, where it is more than near people"),
+        Field("until", "Q", "tick", "last tick for which it is admitted, 0.25 s from now at most"),
+        Field(
+            "borders",
+            "16d",
+            "m",
+            "a, b, c, d of four planes, base frame: admitted where a x + b y + c z + d ≥ 0 for all",
+        ),
+    ),
+)
 ANNOUNCE = Layout(
     "ANNOUNCE",
     (
@@ -238,7 +252,7 @@ TELEMETRY = Layout(
     (
         Field("tick", "Q", "tick", "tick of the last measurement"),
         Field("echo", "I", "", "newest ping received before the last exchange"),
-        Field("command", "Q", "", "sequence of the newest COMMAND carried out"),
+        Field("command", "Q", "", "sequence of the newest COMMAND or ADMIT_SPEED carried out"),
         Field("state", "H", "", "state of the controller"),
         Field("flags", "H", "", "flags"),
         Field("cause", "H", "", "why it stopped or faulted last, 0 once a motion is admitted"),
@@ -289,6 +303,7 @@ PAYLOADS: dict[DatagramKind, Layout] = {
     DatagramKind.ANNOUNCE: ANNOUNCE,
     DatagramKind.SAMPLES: SAMPLES,
     DatagramKind.WATCH: WATCH,
+    DatagramKind.ADMIT_SPEED: ADMIT_SPEED,
     DatagramKind.CHALLENGE: CHALLENGE,
     DatagramKind.WELCOME: WELCOME,
     DatagramKind.BUSY: BUSY,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, Self
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from controller.protocol.causes import Cause, explain
 from controller.protocol.layout import (
+    ADMIT_SPEED,
     ANNOUNCE,
     BUSY,
     HELLO,
@@ -65,6 +67,27 @@ class Announce(NamedTuple):
         """Read a payload; flags that are not known are kept as they are."""
         motion, first_tick, length, flags = ANNOUNCE.struct.unpack(payload)
         return cls(motion, first_tick, length, MotionFlag(flags))
+
+
+class AdmitSpeed(NamedTuple):
+    """Nobody is near: the tool may go so fast [m/s] until a tick, between four planes in the base frame."""
+
+    speed: float
+    until: int
+    borders: tuple[float, ...]
+    """a, b, c, d of each: a x + b y + c z + d ≥ 0 [m] on the side where it may."""
+
+    def pack(self) -> bytes:
+        """Payload on the wire."""
+        return ADMIT_SPEED.struct.pack(self.speed, self.until, *self.borders)
+
+    @classmethod
+    def unpack(cls, payload: bytes | memoryview) -> Self | None:
+        """Read a payload, ``None`` where a number is none or the speed is below 0."""
+        speed, until, *borders = ADMIT_SPEED.struct.unpack(payload)
+        if not (math.isfinite(speed) and speed >= 0.0 and all(map(math.isfinite, borders))):
+            return None
+        return cls(speed, until, tuple(borders))
 
 
 class Samples(NamedTuple):

@@ -22,7 +22,7 @@ from controller.protocol.layout import (
     MotionFlag,
     Result,
 )
-from controller.protocol.messages import Announce, Samples, Telemetry, Welcome
+from controller.protocol.messages import AdmitSpeed, Announce, Samples, Telemetry, Welcome
 from controller.protocol.states import State
 from controller.wire.errors import CommandFailed, ControllerLost, MotionRefused, MotionStopped
 from controller.wire.link import REPEAT, Link, Listener
@@ -215,6 +215,17 @@ class ControllerClient:
         """
         self._command(CommandCode.HOLD, lambda t: True)
 
+    def admit_speed(self, speed: float, until: float, borders: tuple[float, ...]) -> None:
+        """Nobody is near: let the tool go faster than near people.
+
+        Args:
+            speed: of the tool, at most [m/s].
+            until: plant time at which this ends [s].
+            borders: four planes between which it is admitted; see ``AdmitSpeed``.
+        """
+        admitted = AdmitSpeed(speed, max(0, round(until / self.period)), borders)
+        self._ask(DatagramKind.ADMIT_SPEED, admitted.pack(), lambda t: True)
+
     def resume(self) -> None:
         """Admit motions again."""
         self._command(CommandCode.RESUME, lambda t: bool(t.flags & Flag.ADMITTING))
@@ -279,7 +290,13 @@ class ControllerClient:
         )
 
     def _command(self, code: CommandCode, done: Callable[[Telemetry], bool]) -> None:
-        """Repeat a command until it was carried out, and wait until its effect shows."""
+        """As ``_ask``."""
+        self._ask(DatagramKind.COMMAND, COMMAND.struct.pack(code), done, code.name)
+
+    def _ask(
+        self, kind: DatagramKind, payload: bytes, done: Callable[[Telemetry], bool], name: str = "admit_speed"
+    ) -> None:
+        """Repeat what is asked for until it was carried out, and wait until its effect shows."""
         link = self._connected
         deadline, first = time.monotonic() + _COMMAND_TIMEOUT, link.sequence + 1
         while True:
@@ -288,11 +305,11 @@ class ControllerClient:
                 return
             if time.monotonic() > deadline:
                 raise CommandFailed(
-                    f"{code.name.lower()} had no effect within {_COMMAND_TIMEOUT:g} s in state {telemetry.state.name}: "
+                    f"{name.lower()} had no effect within {_COMMAND_TIMEOUT:g} s in state {telemetry.state.name}: "
                     f"{telemetry.explain_cause()}"
                 )
             if telemetry.command < first:
-                link.send(DatagramKind.COMMAND, COMMAND.struct.pack(code))
+                link.send(kind, payload)
             link.wait_for_news(telemetry)
 
 

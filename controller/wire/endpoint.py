@@ -27,7 +27,9 @@ from controller.wire.subscribers import Subscribers
 Handler = Callable[[int, memoryview], bool]
 """Takes kind and payload of a datagram; false where its content is impossible."""
 
-_ORDERS: Final = frozenset({int(DatagramKind.COMMAND), int(DatagramKind.ANNOUNCE)})
+_CARRIED_OUT: Final = frozenset({int(DatagramKind.COMMAND), int(DatagramKind.ADMIT_SPEED)})
+"""Kinds of which telemetry tells when they are carried out."""
+_ORDERS: Final = _CARRIED_OUT | {int(DatagramKind.ANNOUNCE)}
 """Kinds that must not overtake each other."""
 _OF_ANYBODY: Final = frozenset({int(DatagramKind.HELLO), int(DatagramKind.WATCH)})
 """Kinds that may come under other sessions than the client's."""
@@ -49,7 +51,7 @@ class Endpoint:
 
     Attributes:
         dropped: datagrams dropped, by ``Drop``.
-        last_command: sequence of the client's newest COMMAND carried out.
+        last_command: sequence of the client's newest COMMAND or ADMIT_SPEED carried out.
 
     Raises:
         PortInUse: the port is taken or may not be used.
@@ -169,7 +171,7 @@ class Endpoint:
             return False
         if not handle(opened.kind, opened.payload):
             self.dropped[Drop.CONTENT] += 1
-        elif opened.kind == DatagramKind.COMMAND:
+        elif opened.kind in _CARRIED_OUT:
             self.last_command = opened.sequence
         return True
 

@@ -103,6 +103,12 @@ class BoardView:
         if frame.intrinsics != self.intrinsics:
             raise ValueError(f"the frame is by a camera with {frame.intrinsics}, this view is of {self.intrinsics}")
 
+    def beside(self, intrinsics: Intrinsics, offset: float) -> BoardView:
+        """The same board as another camera sees it, so far to the right and looking the same way [m]."""
+        pose = self.camera_from_board.copy()
+        pose[0, 3] -= offset
+        return BoardView(intrinsics, pose, self.table)
+
     @property
     def camera_position(self) -> Array:
         """The pinhole in the board frame, shape (3,) [m]."""

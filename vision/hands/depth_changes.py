@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.table import PIECE_SHAPES, TableSettings
-from vision.arrays import Field, Mask
+from vision.arrays import Array, Field, Mask, Picture
 from vision.hands.arm_mask import Capsules
 from vision.hands.watched_zone import Space
 from vision.loops import learn_heights, measure_parts, squares_under, stand_out
@@ -34,6 +34,8 @@ _BORDER: Final = 3
 """So does what comes so near to the picture's edge, in the small picture [px]."""
 _NO_ENDS: Final = np.zeros((0, 2, 3))
 _NO_RADII: Final = np.zeros(0)
+_EVERYWHERE: Final = np.array([np.inf, np.inf], dtype=np.float32)
+_NO_SQUARES: Final = frozenset[int]()
 _SMALL: Final = np.ones((3, 3), dtype=np.uint8)
 
 
@@ -46,15 +48,19 @@ class Relief:
         over: squares that it is over.
         low: squares over which it is low enough to touch a piece.
         before: it hides a part of the board, or of a piece on it, or may touch one.
+        moving: area over the board that is higher or lower than in the picture since which it has lain still [m²].
+        away: points of what stands out beyond what is watched, board frame, (n, 3) [m].
     """
 
     area: float
     over: frozenset[int]
     low: frozenset[int]
     before: bool
+    moving: float
+    away: Array
 
 
-NOTHING: Final = Relief(0.0, frozenset(), frozenset(), before=False)
+NOWHERE: Final = np.zeros((0, 3))
 
 
 class Heights:
@@ -68,6 +74,7 @@ class Heights:
         least: area of what is no piece [m²].
         reach: area of what comes in from outside, however low [m²].
         large: area of what is no piece wherever it is: castling moves two of them at once [m²].
+        moves: area that changes on a board at rest, by noise, at most [m²].
     """
 
     def __init__(
@@ -79,14 +86,16 @@ class Heights:
         least: float = 0.00045,
         reach: float = 0.0018,
         large: float = 0.006,
+        moves: float = 0.00024,
     ) -> None:
         self._space, self._table = space, table
         self._limits = np.array([TALLEST + margin, ceiling, _STANDS, _RISES], dtype=np.float32)
         self._half = np.array(space.half, dtype=np.float32)
-        self._least, self._reach, self._large = least, reach, large
+        self._least, self._reach, self._large, self._moves = least, reach, large, moves
         shape = space.ray.shape[1:]
         self._usual = np.full(shape, np.inf, dtype=np.float32)
         self._nothing = np.zeros(shape, dtype=np.bool_)
+        self._still: tuple[Field, Mask] | None = None
 
     def look(self, depth: Field, hidden: Mask | None, known: Capsules | None = None) -> Relief:
         """Take a picture in.
@@ -99,26 +108,51 @@ class Heights:
         """
         space = self._space
         found = stand_out(
-            depth, space.ray, space.position, self._mask(hidden), self._usual, self._limits, self._half,
+            depth, space.ray, space.position, self._mask(hidden), self._usual, self._limits, _EVERYWHERE,
             _NO_ENDS if known is None else known.ends, _NO_RADII if known is None else known.radii,
         )  # fmt: skip
-        if not found.any():
-            return NOTHING
-        mask = cv2.morphologyEx(np.minimum(found, 1), cv2.MORPH_OPEN, _SMALL)
+        mask: Picture = np.asarray(cv2.morphologyEx(np.minimum(found, 1), cv2.MORPH_OPEN, _SMALL), dtype=np.uint8)
+        away = self._leave_out_beyond(depth, found, mask)
         count, labels = cv2.connectedComponents(mask, connectivity=8)
         if count == 1:
-            return NOTHING
+            return self._nobody(depth, hidden, away)
         parts = np.asarray(labels, dtype=np.int32)
         areas, high, enters = measure_parts(
             parts, count, found, depth, space.ray, space.position, space.pixel, self._half - np.float32(_RIM), _BORDER
         )
         chosen = (high >= self._least) | (enters & (areas >= self._reach)) | (areas >= self._large)
         if not chosen.any():
-            return NOTHING
+            return self._nobody(depth, hidden, away)
+        self._still = None
         counts = squares_under(parts, chosen, depth, space.ray, space.position, self._table.square, _TOUCHING)
         over, low = _covered(counts[0]), _covered(counts[1])
         before = bool(over or chosen[parts[space.board]].any())
-        return Relief(float(areas[chosen].sum()), over, low, before)
+        return Relief(float(areas[chosen].sum()), over, low, before, 0.0, away)
+
+    def _leave_out_beyond(self, depth: Field, found: Picture, mask: Picture) -> Array:
+        """Points of what was found beyond what is watched; pixels of it are taken out of ``found`` and ``mask``."""
+        space, rows, columns = self._space, *np.nonzero(found)
+        points = depth[rows, columns] * space.ray[:, rows, columns] + space.position[:, None]
+        beyond = (np.abs(points[0]) >= self._half[0]) | (np.abs(points[1]) >= self._half[1])
+        rows, columns, points = rows[beyond], columns[beyond], points[:, beyond]
+        sure = mask[rows, columns] > 0
+        found[rows, columns], mask[rows, columns] = 0, 0
+        return np.asarray(points[:, sure].T, dtype=float)
+
+    def _nobody(self, depth: Field, hidden: Mask | None, away: Array) -> Relief:
+        """No hand is there: what has become higher or lower moves by itself."""
+        covered = self._mask(hidden)
+        if self._still is None:
+            self._still = depth, covered
+            return Relief(0.0, _NO_SQUARES, _NO_SQUARES, before=False, moving=0.0, away=away)
+        then, covered_then = self._still
+        rises = np.abs(depth - then) * np.abs(self._space.ray[2])
+        seen = self._space.board & (depth > 0.0) & (then > 0.0) & ~covered & ~covered_then
+        changed = cv2.morphologyEx(((rises > _STANDS) & seen).astype(np.uint8), cv2.MORPH_OPEN, _SMALL) > 0
+        area = float(self._space.pixel * (depth[changed] ** 2).sum())
+        if area > self._moves:
+            self._still = depth, covered
+        return Relief(0.0, _NO_SQUARES, _NO_SQUARES, before=False, moving=area, away=away)
 
     def learn(self, depth: Field, hidden: Mask | None, *, moved: bool) -> None:
         """A picture of the settled board; arguments as of ``Differences.learn``."""

@@ -4,7 +4,7 @@ Frame by frame and without any clock of its own: time is what frames are stamped
 higher than any piece, or reaches in from outside (:mod:`vision.hands.depth_changes`); without, it is what differs from
 the settled board, whatever the light does, and reaches in from outside (:mod:`vision.hands.colour_changes`). What is
 known to be before the table, such as the arm's links, is masked by the caller. A frame of depth alone
-tells of hands just as well, but not whether anything moves: the board is not settled in it.
+tells of hands just as well, and whether anything moves by what becomes higher or lower.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hardware.interfaces import DepthFrame, Frame
-from vision.arrays import Field, Mask, Picture
+from vision.arrays import Array, Field, Mask, Picture
 from vision.board.view import BoardView
 from vision.hands.arm_mask import Hidden
 from vision.hands.colour_changes import ColourObservation, Differences
-from vision.hands.depth_changes import Heights, Relief
+from vision.hands.depth_changes import NOWHERE, Heights, Relief
 from vision.hands.watched_zone import Space, Zone, shrink
 
 _T = TypeVar("_T", bound=np.generic)
@@ -76,12 +76,14 @@ class Seen:
         hand_present: a hand, or whatever else is no piece, is over the board or the trays.
         hand_area: of what this frame shows of it [squares].
         over: squares that it is over in this frame, 0 = a1 … 63 = h8.
-        moving: something moves over the board, or may: without colour nobody can tell.
+        moving: something moves over the board.
         stable_since: stamp of the first frame since which nothing on the board moved and no hand was over it or hid a
             part of it; None: not now [s]. A hand over a tray may be there meanwhile, where there is depth.
         settled: that has been so for the stable time, and no hand is anywhere.
         touched: squares at which a hand was, low enough to touch, since the board was settled the last time; once it is
             settled again they are told in its first frame, and are then none.
+        away: points of what stands high, or higher than usual, beyond board and trays, (n, 3), board frame [m]; with
+            depth alone.
     """
 
     stamp: float
@@ -92,6 +94,7 @@ class Seen:
     stable_since: float | None
     settled: bool
     touched: frozenset[int]
+    away: Array = field(default_factory=lambda: NOWHERE, compare=False)
 
 
 @dataclass(slots=True)
@@ -107,7 +110,7 @@ class _StillnessTrack:
     settled: bool = False
     touched: frozenset[int] = _NOBODY
     still_since: float | None = None
-    pending: deque[tuple[float, Picture, Field | None, Mask | None]] = field(default_factory=deque)
+    pending: deque[tuple[float, Picture | None, Field | None, Mask | None]] = field(default_factory=deque)
     moved: bool = True
 
 
@@ -263,18 +266,22 @@ class _Senses:
         if low and (relief is not None or (colours is not None and colours.moving > 0.0)):
             self._track.touched |= low
         self._judge_hand(area > 0.0)
-        moving = colours is None or colours.moving > self._settings.motion
+        moving = self._moves(colours, relief)
         # a hand over a tray, where it ends what it has to do, leaves the board as it is
         over_board = area > 0.0 if relief is None else relief.before
-        free = not (over_board or small is None or self._dark(small))
+        free = not (over_board or (small is not None and self._dark(small)))
         # a frame that differs in nothing from the one before shows what that one showed: it has been so since then
         since = before if self._track.free else stamp
         self._judge_rest(free and not moving, since, nobody=not (area > 0.0 or self._track.hand))
         self._track.free = free
-        if small is not None:
-            self._learn(small, distance, covered, still=not moving and relief is None)
-        track = self._track
-        return Seen(stamp, track.hand, area, over, moving, track.since, track.settled, track.touched)
+        self._learn(small, distance, covered, still=not moving and relief is None)
+        track, away = self._track, NOWHERE if relief is None else relief.away
+        return Seen(stamp, track.hand, area, over, moving, track.since, track.settled, track.touched, away)
+
+    def _moves(self, colours: ColourObservation | None, relief: Relief | None) -> bool:
+        if colours is not None:
+            return colours.moving > self._settings.motion
+        return relief is None or relief.moving > self._settings.motion * self._square**2
 
     def _evidence(
         self, colours: ColourObservation | None, relief: Relief | None
@@ -314,16 +321,17 @@ class _Senses:
             nobody and track.since is not None and self._stamp - track.since >= self._settings.stable_time - 1e-6
         )
 
-    def _learn(self, small: Picture, depth: Field | None, hidden: Mask | None, *, still: bool) -> None:
+    def _learn(self, small: Picture | None, depth: Field | None, hidden: Mask | None, *, still: bool) -> None:
         """What is settled, and stays so, is what the board looks like."""
         track, delay = self._track, self._settings.learning_delay
         if track.settled:
             track.pending.append((self._stamp, small, depth, hidden))
-            if not self._differences.knows_the_board:
+            if small is not None and not self._differences.knows_the_board:
                 delay = 0.0
         while track.pending and self._stamp - track.pending[0][0] >= delay:
             _, picture, distance, mask = track.pending.popleft()
-            self._differences.learn(picture, mask, moved=track.moved)
+            if picture is not None:
+                self._differences.learn(picture, mask, moved=track.moved)
             if self._heights is not None and distance is not None:
                 self._heights.learn(distance, mask, moved=track.moved)
             track.moved = False

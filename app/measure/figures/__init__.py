@@ -16,6 +16,7 @@ from app.measure.figures.grasp_figures import figure_6, figure_7
 from app.measure.figures.move import MOVE, move_figure
 from app.measure.figures.newton import newton
 from app.measure.figures.result import Bar, FigureResult, FolderUnusable, Progress, save
+from app.measure.figures.separation import separation
 from app.measure.figures.touch import touch
 from app.measure.figures.workspace import workspace
 
@@ -31,6 +32,7 @@ FIGURES: Mapping[str, Callable[[Progress], FigureResult]] = MappingProxyType(
         "encoder": encoder,
         "touch": touch,
         "workspace": workspace,
+        "separation": separation,
     }
 )
 """By name; numbers are the paper's."""

@@ -7,12 +7,15 @@ import threading
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hardware.camera.framesets import FrameMaker
 from hardware.camera.software_device import SoftwareCamera
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics, StaleFrame
 from hardware.sim.clients import wire
 from hardware.sim.clients.camera import connect_camera, depth_stream
-from hardware.sim.render.renderer import frame_path, load_pictures
+from hardware.sim.render.d435 import GLANCE
+from hardware.sim.render.renderer import frame_path, load_depth, load_pictures
 
 _GLANCE = 0.1
 """How long a reader that was closed by another thread goes on waiting [s, wall]."""
@@ -31,7 +34,13 @@ class SimWatchCamera:
     """
 
     def __init__(
-        self, run_dir: Path, interval: float = 1.0 / 30.0, depth: bool = True, colour_asleep: bool = True
+        self,
+        run_dir: Path,
+        interval: float = 1.0 / 30.0,
+        depth: bool = True,
+        colour_asleep: bool = True,
+        *,
+        glance: bool = False,
     ) -> None:
         """Connect to the world of a run directory.
 
@@ -41,6 +50,8 @@ class SimWatchCamera:
             depth: whether frames have depth.
             colour_asleep: whether frames have colour also while the camera was not woken up. With it a frame
                 takes the renderer more than twice as long; False: there is depth alone while the arm moves.
+            glance: depth alone, always, coarse, and as the left imager sees it, beside the colour sensor: what a frame
+                costs then is a tenth.
 
         Raises:
             HardwareError: no world answers, or it has no cameras.
@@ -54,14 +65,16 @@ class SimWatchCamera:
         self._period = float(answer["period"])
         ticks = max(1, round(interval / self._period))
         self.interval = ticks * self._period
-        self.intrinsics = Intrinsics(**view["colour"])
-        self._depth = depth
-        self._device = SoftwareCamera(self.intrinsics, depth_stream(view["depth"]) if depth else None)
+        self.intrinsics = Intrinsics(**(view["depth"]["glance"] if glance else view["colour"]))
+        self._depth, self._glance, self._unit = depth, glance, float(view["depth"]["unit"])
+        self._device = SoftwareCamera(Intrinsics(**view["colour"]), depth_stream(view["depth"]) if depth else None)
         self._maker = FrameMaker()
         self._held = self._closed = self._watching = False
         self._reading, self._sending = threading.Lock(), threading.Lock()
         self._link.settimeout(_GLANCE)
-        self._wish = {"camera": "camera", "watch_ticks": ticks, "depth": depth, "colour_asleep": colour_asleep}
+        self._wish = {
+            "camera": "camera", "watch_ticks": ticks, "depth": depth, "colour_asleep": colour_asleep, "glance": glance,
+        }  # fmt: skip
 
     def wake(self, awake: bool) -> None:
         """Whether plant time shall run for this camera, also while nothing moves; pace real: no difference."""
@@ -125,6 +138,9 @@ class SimWatchCamera:
 
     def _load(self, slot: int, stamp: float, *, colour: bool) -> Frame | DepthFrame:
         pinhole = self.intrinsics
+        if self._glance:
+            whole = load_depth(frame_path(self._run_dir, slot), GLANCE)
+            return DepthFrame(whole * np.float32(self._unit), pinhole, stamp)
         picture, units = load_pictures(
             frame_path(self._run_dir, slot), pinhole.width, pinhole.height, depth=self._depth, colour=colour
         )

@@ -85,6 +85,13 @@ class WatchWish(Frozen):
     depth: bool = False
     colour_asleep: bool = True
     """Whether frames have colour also while the visitor has not woken plant time up; False wants depth."""
+    glance: bool = False
+    """Depth alone, always, as the left imager has it with fewer pixels: a tenth of the price."""
+
+    @property
+    def shows_something(self) -> bool:
+        """Whether its frames have colour or depth at all times."""
+        return self.depth or (self.colour_asleep and not self.glance)
 
 
 class Wake(Frozen):

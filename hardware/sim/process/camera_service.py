@@ -22,7 +22,7 @@ from hardware.sim.process.scene_control import SceneControlService
 from hardware.sim.process.services import NEVER, SILENCE
 from hardware.sim.process.video_stream import PATIENCE, StreamClient
 from hardware.sim.render.appearance import CameraSettings
-from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
+from hardware.sim.render.d435 import GLANCE, LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.render.renderer import Renderer, RenderRequest, Sensor, frame_path, intrinsics_for, make_slot
 
 RGBD = "camera"
@@ -127,7 +127,7 @@ class CameraService:
             visitor.tell({"error": "one frame or stream at a time: this one is under way"})
         elif isinstance(request, wire.Exposure | wire.WatchWish) and request.depth and request.camera != RGBD:
             visitor.tell({"error": f"the view '{request.camera}' has no depth: '{RGBD}' has"})
-        elif isinstance(request, wire.WatchWish) and not (request.depth or request.colour_asleep):
+        elif isinstance(request, wire.WatchWish) and not request.shows_something:
             visitor.tell({"error": "a frame without colour and depth shows nothing: ask for one of them"})
         elif isinstance(request, wire.WatchWish):
             self._watch(view, request)
@@ -165,7 +165,7 @@ class CameraService:
         first = self._after(self._plant.tick, request.watch_ticks)
         self._stream_clients[view.visitor] = StreamClient(
             view.visitor, request.camera, request.depth, request.watch_ticks, self._latency, slots, first,
-            request.colour_asleep,
+            request.colour_asleep, request.glance,
         )  # fmt: skip
 
     def _hear_watcher(self, client: StreamClient, request: wire.CameraRequest) -> None:
@@ -216,7 +216,9 @@ class CameraService:
         flight = client.expose(tick)
         if flight is not None:
             sensed = client.camera == RGBD
-            self._request(flight.slot, client.camera, client.depth, sensed=sensed, colour=flight.colour)
+            self._request(
+                flight.slot, client.camera, client.depth, sensed=sensed, colour=flight.colour, glance=client.glance
+            )
         return client.deliver(
             tick, listen, lambda: client.visitor in self._stream_clients and self._renderer is not None
         )
@@ -284,11 +286,15 @@ class CameraService:
         # streams are for people: clean pictures, quickly drawn
         self._request(view.slot, camera, depth, sensed=camera == RGBD and not view.every)
 
-    def _request(self, slot: int, camera: str, depth: bool, sensed: bool, colour: bool = True) -> None:
+    def _request(
+        self, slot: int, camera: str, depth: bool, sensed: bool, colour: bool = True, *, glance: bool = False
+    ) -> None:
         if self._renderer is None:
             return
         tick = self._plant.tick
-        sensor = Sensor(camera=self._camera, seed=self._seed, tick=tick, depth=depth, colour=colour) if sensed else None
+        sensor = None
+        if sensed:
+            sensor = Sensor(camera=self._camera, seed=self._seed, tick=tick, depth=depth, colour=colour, glance=glance)
         shot = RenderRequest(slot=slot, view=camera, looks=self._stage.looks, sensor=sensor)
         try:
             self._renderer.request(shot, self._plant.positions())
@@ -315,7 +321,10 @@ class CameraService:
         if view != RGBD:
             return {"colour": asdict(intrinsics_for(CAMERAS[view].field_of_view)), "depth": None}
         colour = colour_intrinsics(self._camera.width, self._camera.height)
-        depth = {"pinhole": asdict(depth_intrinsics()), "offset": LEFT_IMAGER, "unit": self._camera.depth_unit}
+        depth = {
+            "pinhole": asdict(depth_intrinsics()), "glance": asdict(depth_intrinsics(GLANCE)), "offset": LEFT_IMAGER,
+            "unit": self._camera.depth_unit,
+        }  # fmt: skip
         return {"colour": asdict(colour), "depth": depth}
 
     def _plan(self) -> None:

@@ -50,6 +50,7 @@ class StreamClient:
         free: slots that no frame is in.
         exposes: tick of the next exposure.
         colour_asleep: frames have colour also while ``wake`` is False.
+        glance: they never have, and depth is coarse.
         wake: plant time runs for it, also while nothing moves.
         flights: frames under way, oldest first.
         held: slot of the frame that was delivered and not taken.
@@ -63,6 +64,7 @@ class StreamClient:
     free: list[int]
     exposes: int
     colour_asleep: bool = True
+    glance: bool = False
     wake: bool = False
     flights: list[FrameInFlight] = field(default_factory=list)
     held: int | None = None
@@ -85,7 +87,8 @@ class StreamClient:
         self.exposes = (tick // self.every + 1) * self.every
         if not self.free:
             return None
-        flight = FrameInFlight(self.free.pop(0), tick, tick + self.latency, self.wake or self.colour_asleep)
+        colour = not self.glance and (self.wake or self.colour_asleep)
+        flight = FrameInFlight(self.free.pop(0), tick, tick + self.latency, colour)
         self.flights.append(flight)
         return flight
 

@@ -19,6 +19,8 @@ DEPTH_FIELD_OF_VIEW: Final = math.radians(87.0)
 """Horizontal, of the depth mode 848×480."""
 DEPTH_WIDTH: Final = 848
 DEPTH_HEIGHT: Final = 480
+GLANCE: Final = 2
+"""Depth for who looks often has so many times fewer pixels along each axis, as by librealsense's decimation filter."""
 LEFT_IMAGER: Final = 0.015
 """From the colour sensor to the left imager, where depth is seen from [m]."""
 
@@ -28,9 +30,10 @@ def colour_intrinsics(width: int, height: int) -> Intrinsics:
     return _pinhole(width, height, 0.5 * height / math.tan(0.5 * COLOUR_FIELD_OF_VIEW))
 
 
-def depth_intrinsics() -> Intrinsics:
-    """Pinhole of the left imager."""
-    return _pinhole(DEPTH_WIDTH, DEPTH_HEIGHT, 0.5 * DEPTH_WIDTH / math.tan(0.5 * DEPTH_FIELD_OF_VIEW))
+def depth_intrinsics(decimation: int = 1) -> Intrinsics:
+    """Pinhole of the left imager, with so many times fewer pixels along each axis."""
+    width, height = DEPTH_WIDTH // decimation, DEPTH_HEIGHT // decimation
+    return _pinhole(width, height, 0.5 * width / math.tan(0.5 * DEPTH_FIELD_OF_VIEW))
 
 
 def _pinhole(width: int, height: int, focal: float) -> Intrinsics:

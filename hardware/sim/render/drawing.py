@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hardware.sim.render.appearance import SceneState
 from hardware.sim.render.camera_mount import Mount
-from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH, LEFT_IMAGER, colour_intrinsics
+from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH, GLANCE, LEFT_IMAGER, colour_intrinsics
 from hardware.sim.render.lamps import set_lamps
 from hardware.sim.render.renderer import (
     DEPTH_BYTES,
@@ -30,7 +30,7 @@ from hardware.sim.render.renderer import (
     unpack_request,
 )
 from hardware.sim.render.sensor_model import colour_picture, depth_picture, seen_from_left, whole_units
-from hardware.sim.render.sensors import COLOUR, STEREO
+from hardware.sim.render.sensors import COLOUR, GLANCING, STEREO
 
 ROD_HALF_DISTANCE = 0.024
 """Between the rods of a pair, each from the middle [m]; they are drawn, the physics lumps them."""
@@ -43,7 +43,7 @@ NICE = 5
 """Pictures step back behind the plant's ticks [steps of the scheduler's niceness]."""
 SENSOR_VIEW = "camera"
 """The view that the RGB-D camera has."""
-_COLOUR_NOISE, _DEPTH_NOISE = 0, 1
+_COLOUR_NOISE, _DEPTH_NOISE, _GLANCE_NOISE = 0, 1, 2
 """Noise of the two sensors is drawn apart, so that a picture is the same with and without depth."""
 
 
@@ -100,6 +100,11 @@ class SceneDrawer:
         self._looks = shot.looks or self._looks
         self._mount.look(self._looks.mount, depth=False)
         sensor = shot.sensor
+        if sensor is not None and sensor.glance:
+            self._mount.look(self._looks.mount, depth=True)
+            units = self._glimpse(sensor)
+            file[: 2 * units.size] = units.view(np.uint8).ravel()
+            return
         if sensor is not None and not sensor.colour:
             self._sense_depth(sensor, file, self._glance(sensor))
             return
@@ -135,6 +140,16 @@ class SceneDrawer:
         units = self._measure(sensor, self._see_depth(), ideal)
         file[:DEPTH_BYTES] = units.view(np.uint8).ravel()
 
+    def _glimpse(self, sensor: Sensor) -> NDArray[np.uint16]:
+        """Coarse depth. Glare is left out, which would take four times as long: what glares is the board itself, and
+        who looks like this asks what is before it.
+        """
+        depth, camera = self._see_depth(DEPTH_WIDTH // GLANCE, DEPTH_HEIGHT // GLANCE), sensor.camera
+        if not camera.noise:
+            return whole_units(depth, camera.depth_unit)
+        noise = _noise(sensor, _GLANCE_NOISE)
+        return depth_picture(depth, None, GLANCING.noisier(camera.noise), camera.depth_unit, noise)
+
     def _glance(self, sensor: Sensor) -> NDArray[np.uint8]:
         """Where it is so bright that depth fails, for a frame without colour: coarse, and without smooth edges.
 
@@ -157,9 +172,10 @@ class SceneDrawer:
         picture: NDArray[np.uint8] = self._prepared(view, width, height).render()
         return picture
 
-    def _see_depth(self) -> NDArray[np.float32]:
+    def _see_depth(self, width: int = DEPTH_WIDTH, height: int = DEPTH_HEIGHT) -> NDArray[np.float32]:
         # smooth edges are for colour: depth of several samples mixed would lie between two surfaces
-        renderer = self._prepared(SENSOR_VIEW, DEPTH_WIDTH, DEPTH_HEIGHT, samples=0)
+        renderer = self._prepared(SENSOR_VIEW, width, height, samples=0)
+        renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False  # nobody sees them, and they would be drawn
         renderer.enable_depth_rendering()
         depth: NDArray[np.float32] = renderer.render()
         renderer.disable_depth_rendering()

@@ -59,6 +59,8 @@ class Sensor(Frozen):
     """Whether the depth picture is wanted as well."""
     colour: bool = True
     """Whether the colour picture is wanted: it takes most of the time. Without, the file keeps an older one."""
+    glance: bool = False
+    """Depth alone, with ``GLANCE`` times fewer pixels along each axis."""
 
 
 class RenderRequest(Frozen):
@@ -115,8 +117,13 @@ def load_pictures(
         picture = np.zeros(shape, dtype=np.uint8)
     if not depth:
         return picture, None
-    units = np.fromfile(path, dtype=np.uint16, count=DEPTH_WIDTH * DEPTH_HEIGHT)
-    return picture, units.reshape(DEPTH_HEIGHT, DEPTH_WIDTH)
+    return picture, load_depth(path)
+
+
+def load_depth(path: Path, decimation: int = 1) -> NDArray[np.uint16]:
+    """The depth picture of a slot's file, in whole units, with so many times fewer pixels along each axis."""
+    height, width = DEPTH_HEIGHT // decimation, DEPTH_WIDTH // decimation
+    return np.fromfile(path, dtype=np.uint16, count=width * height).reshape(height, width)
 
 
 def intrinsics_for(vertical_field_of_view: float) -> Intrinsics:

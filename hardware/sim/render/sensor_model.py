@@ -67,6 +67,20 @@ class StereoSensor:
         """Nearer than this there is no depth [m]."""
         return self.scale / self.search
 
+    edge: float = 1.0
+    """Disparities that differ by more than this within one matching window belong to two surfaces [px]."""
+
+    def decimated(self, intrinsics: Intrinsics, factor: int) -> StereoSensor:
+        """As seen with so many times fewer pixels along each axis: whatever is said in pixels is that much less.
+
+        The median that librealsense's filter takes over each block is left out: errors of neighbours are alike.
+        """
+        return replace(
+            self, intrinsics=intrinsics, subpixel=self.subpixel / factor, correlation=self.correlation / factor,
+            step=self.step / factor, search=self.search / factor, fattening=max(1, self.fattening // factor),
+            raggedness=self.raggedness / factor, edge=self.edge / factor,
+        )  # fmt: skip
+
     def noisier(self, factor: float) -> StereoSensor:
         """One whose disparities are so many times as uncertain."""
         return replace(self, subpixel=self.subpixel * factor, raggedness=self.raggedness * factor)
@@ -174,7 +188,7 @@ def _fatten(disparity: Field, sensor: StereoSensor, rng: np.random.Generator) ->
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     fat = cv2.dilate(disparity, kernel)
     # on a slope the largest of the neighbours would be a bias: only where the window holds an edge does it win
-    edge = fat - cv2.erode(disparity, kernel) > EDGE
+    edge = fat - cv2.erode(disparity, kernel) > sensor.edge
     merged = np.where(edge, fat, disparity)
     h, w = disparity.shape
     u = np.arange(w, dtype=np.float32) + np.float32(sensor.raggedness) * correlated(rng, (h, w), sensor.correlation)
@@ -185,9 +199,6 @@ def _fatten(disparity: Field, sensor: StereoSensor, rng: np.random.Generator) ->
     result: Field = np.where(near_edge, shifted, disparity).astype(np.float32)
     return result
 
-
-EDGE: Final = 1.0
-"""Disparities that differ by more than this within one matching window belong to two surfaces [px]."""
 
 _DISPLAY_GAMMA: Final = 2.2
 _LEVELS: Final = 4096

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from hardware.sim.render.d435 import depth_intrinsics
+from hardware.sim.render.d435 import GLANCE, depth_intrinsics
 from hardware.sim.render.sensor_model import ColourSensor, StereoSensor
 
 STEREO: Final = StereoSensor(depth_intrinsics())
+GLANCING: Final = STEREO.decimated(depth_intrinsics(GLANCE), GLANCE)
 COLOUR: Final = ColourSensor()

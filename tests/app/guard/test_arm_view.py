@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from app.guard.arm_silhouette import ArmHistory, ArmPose, arm_capsules
 from controller.model.constants import DeltaModel
 from controller.model.reach import posture_at
+from controller.protocol.layout import Flag
 from controller.protocol.messages import Telemetry
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.arm import add_arm, inverse_kinematics
@@ -89,10 +90,19 @@ def test_all_that_the_simulation_has_of_the_arm_lies_in_its_capsules(
 TICK = 0.001
 
 
-def told(tick: int, angle: float) -> Telemetry:
-    return cast(
-        "Telemetry", SimpleNamespace(tick=tick, angle=(angle, 2.0 * angle, -angle), finger_position=0.01 * angle)
-    )
+def told(tick: int, angle: float, flags: Flag = Flag.NONE) -> Telemetry:
+    arm = {"angle": (angle, 2.0 * angle, -angle), "finger_position": 0.01 * angle}
+    return cast("Telemetry", SimpleNamespace(tick=tick, flags=flags, **arm))
+
+
+def test_in_lockstep_what_is_told_besides_by_the_wall_clock_changes_nothing() -> None:
+    """Two runs are then told the same of the same ticks."""
+    one, other = ArmHistory(TICK), ArmHistory(TICK)
+    for tick in range(0, 160, 16):
+        for history in (one, other):
+            history.take(told(tick, tick**2, Flag.LOCKSTEP))
+        other.take(told(tick + tick % 13 + 1, tick**2 + 5.0, Flag.LOCKSTEP))
+    assert [one.at(0.001 * k) for k in range(144)] == [other.at(0.001 * k) for k in range(144)]
 
 
 def test_between_two_telemetries_the_pose_is_between_them() -> None:

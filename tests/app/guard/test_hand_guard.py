@@ -255,22 +255,30 @@ def test_after_a_frame_that_was_not_clear_enough_the_very_next_one_will_do(frame
     assert found[1][0].stamp == pytest.approx(newest + 1.0 / 30.0)
 
 
-def test_frames_of_depth_alone_hold_the_arm_but_clear_nothing(
+def test_frames_of_depth_alone_hold_the_arm_and_clear_it_once_nothing_moves_but_are_no_look_at_the_board(
     frames: Frames, controller: Controller, guard: HandGuard
 ) -> None:
     for depth in (FREE, FREE, HAND, HAND):
         frames.put_bare(depth)
     until(lambda: controller.asked == ["hold"])
-    waiter = threading.Thread(target=guard.clear)
+    looker, waiter = threading.Thread(target=guard.settled), threading.Thread(target=guard.clear)
+    looker.start()
     waiter.start()
-    for _ in range(15):
-        frames.put_bare(FREE)
+    rolling = FREE.copy()
+    for k in range(20):
+        rolling[100:120, 40 + 6 * k : 80 + 6 * k] -= 0.03  # something goes over the board, lower than any hand
+        frames.put_bare(rolling)
+        rolling = FREE.copy()
     until(frames.waiting.empty)
     waiter.join(0.2)
     assert waiter.is_alive()
-    with flowing(frames):
-        waiter.join(PATIENCE)
+    for _ in range(15):
+        frames.put_bare(FREE)
+    waiter.join(PATIENCE)
     assert controller.asked == ["hold", "resume"]
+    assert looker.is_alive()
+    with flowing(frames):
+        looker.join(PATIENCE)
 
 
 @pytest.fixture

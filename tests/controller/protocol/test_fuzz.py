@@ -13,7 +13,7 @@ import pytest
 
 from controller.protocol.envelope import Drop, Envelope
 from controller.protocol.layout import COMMAND, HEARTBEAT, PAYLOADS, SAMPLE, CommandCode, DatagramKind
-from controller.protocol.messages import Announce, Hello, MotionFlag, Samples, Welcome
+from controller.protocol.messages import AdmitSpeed, Announce, Hello, MotionFlag, Samples, Welcome
 from controller.wire.endpoint import Endpoint
 
 KEY, WRONG_KEY = bytes(range(32)), bytes(32)
@@ -45,6 +45,7 @@ class House:
         for kind, payload in (
             (DatagramKind.HEARTBEAT, HEARTBEAT.struct.pack(3)),
             (DatagramKind.COMMAND, COMMAND.struct.pack(CommandCode.HOLD)),
+            (DatagramKind.ADMIT_SPEED, AdmitSpeed(1.5, 900, (0.0, 0.0, 1.0, -0.3) * 4).pack()),
             (DatagramKind.ANNOUNCE, Announce(1, 1000, 10, MotionFlag.NONE).pack()),
             (DatagramKind.SAMPLES, Samples(1, 0, np.zeros(10, SAMPLE)).pack()),
         ):

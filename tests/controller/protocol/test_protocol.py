@@ -58,6 +58,7 @@ def test_sizes_are_what_a_c_client_compiled_in() -> None:
         "WATCH": 8,
         "HEARTBEAT": 4,
         "COMMAND": 2,
+        "ADMIT_SPEED": 144,
         "ANNOUNCE": 18,
         "SAMPLES": 10,
         "CHALLENGE": 8,

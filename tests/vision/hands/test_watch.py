@@ -334,7 +334,7 @@ def test_a_real_video_is_gated_as_people_would() -> None:
     assert not outside
 
 
-def test_depth_alone_tells_of_a_hand_as_a_whole_frame_does_and_settles_nothing() -> None:
+def test_depth_alone_tells_of_a_hand_as_a_whole_frame_does() -> None:
     scene, whole, bare = Scene(), Watch(), Watch()
     for _ in range(16):
         frame = scene.frame(scene.picture(), scene.depth())
@@ -347,12 +347,54 @@ def test_depth_alone_tells_of_a_hand_as_a_whole_frame_does_and_settles_nothing()
         seen = whole.update(frame, VIEW)
         told = bare.update(DepthFrame(frame.depth, PINHOLE, frame.stamp), VIEW)
         assert (told.hand_present, told.hand_area, told.over) == (seen.hand_present, seen.hand_area, seen.over)
-        assert told.moving
-        assert not told.settled
+        assert told.settled <= (not told.hand_present)
     assert not told.hand_present
     for _ in range(12):
-        told = bare.update(scene.frame(scene.picture(), scene.depth()), VIEW)
+        told = bare.update(DepthFrame(scene.depth(), PINHOLE, next(scene.times) * PERIOD), VIEW)
     assert told.settled
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.2, 0.35])
+def test_depth_alone_tells_when_a_piece_has_come_to_rest(speed: float) -> None:
+    """One that rolls over the board, 25 mm high: no hand, and the board is settled 0.2 s after it has stopped."""
+    scene, watch, stands = Scene(), Watch(), 0.0
+    for k in range(60):
+        x = -0.10 + speed * PERIOD * min(k, 20)
+        bump = np.where(_over(x - 0.013, x + 0.013, -0.02, 0.03), plane_depth(0.025), np.inf)
+        depth = np.where(np.isinf(bump), scene.depth(), bump).astype(np.float32)
+        stamp = next(scene.times) * PERIOD
+        seen = watch.update(DepthFrame(depth, PINHOLE, stamp), VIEW)
+        assert not seen.hand_present
+        if k == 20:
+            stands = stamp
+        if 3 <= k <= 20 + 4:
+            assert not seen.settled
+    assert seen.settled
+    assert seen.stable_since is not None
+    assert -0.20 - 0.02 / speed < seen.stable_since - stands < 0.10
+
+
+def _over(left: float, right: float, near: float, far: float) -> NDArray[np.bool_]:
+    """Pixels in which a rectangle of the board is seen [m]."""
+    where = np.zeros((480, 640), dtype=np.uint8)
+    corners = [[left, near, 0.025], [right, near, 0.025], [right, far, 0.025], [left, far, 0.025]]
+    cv2.fillConvexPoly(where, np.rint(VIEW.project(corners)).astype(np.int32), 1)
+    return where > 0
+
+
+def test_what_stands_beyond_the_table_is_told_of_where_it_is_and_is_no_hand_over_the_board() -> None:
+    scene, watch = Scene(), Watch()
+    for _ in range(16):
+        seen = watch.update(DepthFrame(scene.depth(), PINHOLE, next(scene.times) * PERIOD), VIEW)
+    assert len(seen.away) == 0
+    for _ in range(3):
+        depth = scene.depth((0.0, -0.205, 0.12))
+        seen = watch.update(DepthFrame(depth, PINHOLE, next(scene.times) * PERIOD), VIEW)
+    assert not seen.hand_present
+    assert len(seen.away) > 20
+    assert np.abs(seen.away[:, 0]).max() < 0.045
+    assert seen.away[:, 1].max() == pytest.approx(-0.205, abs=0.01)
+    assert np.median(seen.away[:, 2]) == pytest.approx(0.12, abs=0.004)
 
 
 def test_a_hand_before_or_behind_the_arms_outline_is_seen_and_the_arm_is_not() -> None:

@@ -21,8 +21,10 @@ import numpy as np
 
 from app import UserError
 from app.guard.arm_silhouette import ArmHistory
+from app.guard.game_guard import LATENCY
 from app.guard.hand_guard import ArmMasks, HandGuard, Listener
-from app.motion import MotionSettings
+from app.guard.separation import Separation
+from app.motion import PROFILES, Profile, contact_limits
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from app.rig.rig_file import WorldSection
@@ -49,8 +51,6 @@ LOOKS: Final = Randomisation(
 """What differs from world to world; the camera's mount by what a calibration leaves."""
 INTERVAL: Final = 1.0 / 30.0
 """From frame to frame [s]."""
-NEAR: Final = 0.20
-"""A hand that comes is not watched before it is so near to the board's edge [m]: no frames are drawn for nothing."""
 TIMEOUT: Final = 240.0
 """For anything that is waited for [s, wall]."""
 _EVERY: Final = 0.006
@@ -67,12 +67,13 @@ class HandScene:
     """
 
     def __init__(self, run_dir: Path, seed: int, person: HandSettings | None) -> None:
-        self.table, self.motion, self.parameters = TableSettings(), MotionSettings(), load_parameters()
+        self.table = TableSettings(limits=contact_limits(Profile.SEPARATION))
+        self.motion, self.parameters = PROFILES[Profile.SEPARATION].at(self.table), load_parameters()
         self.inventory = Inventory.of(start_layout(chess.Board(), self.table), self.table)
         world = WorldSection(pace=Pace.FAST, seed=seed, hand=person, randomisation=LOOKS, linger=1.0)
         self.run_dir, self.telemetry = run_dir, list[Telemetry]()
         self.history = ArmHistory(self.parameters.drive.tick)
-        self.rig = SimRig(own_rig(run_dir, world), lambda _: None, self._listen)
+        self.rig = SimRig(own_rig(run_dir, world, table=self.table), lambda _: None, self._listen)
         if not isinstance(self.rig.camera, SimCamera):
             raise UserError("this bench needs a world with cameras: 'apt-get install libegl1 libgl1-mesa-dri'")
         self.view = nominal_view(self.rig.camera.intrinsics, self.table)
@@ -81,11 +82,26 @@ class HandScene:
         self.history.take(telemetry)
         self.telemetry.append(telemetry)
 
-    def guard(self, watch: Watch, listener: Listener | None = None, interval: float = INTERVAL) -> HandGuard:
-        """A guard that is not started yet; see ``HandGuard``. Its camera has depth alone until it is woken up."""
+    def guard(self, watch: Watch) -> HandGuard:
+        """A guard as a game has it, that is not started yet; see ``HandGuard``."""
+        feed = self.rig.guard_feed()
+        assert feed is not None
+        view = feed.seen_from(self.view)
+        masks = ArmMasks(view, self.parameters, self.table, self.history)
+        self.separation = Separation(view, feed.holder, INTERVAL, LATENCY, self.table.limits)
+        return HandGuard(feed.frames(INTERVAL), view, masks, feed.holder, watch, self.separation)
+
+    def colour_guard(self, watch: Watch, listener: Listener | None = None) -> HandGuard:
+        """One whose frames have colour, too, as a lab's have, while somebody waits for a settled board."""
         masks = ArmMasks(self.view, self.parameters, self.table, self.history)
-        camera = SimWatchCamera(self.run_dir, interval, colour_asleep=False)
+        camera = SimWatchCamera(self.run_dir, INTERVAL, colour_asleep=False)
         return HandGuard(camera, self.view, masks, self.rig.client, watch, listener=listener)
+
+    def tool_speed(self, when: float) -> float:
+        """The fastest that the tool was in the 16 ms until a plant time [m/s]."""
+        tick = self.parameters.drive.tick
+        speeds = [math.hypot(*one.velocity) for one in list(self.telemetry) if -0.016 < one.tick * tick - when <= 0.0]
+        return max(speeds, default=0.0)
 
     def moving(self) -> bool:
         """Whether the arm follows a motion."""
@@ -133,20 +149,17 @@ def hand_scene(seed: int, person: HandSettings | None) -> Iterator[HandScene]:
 class Follower:
     """Asks the referee again and again where the hand is, in a thread of its own, while plant time runs.
 
-    ``near`` is called once, as soon as the hand is nearer to the board than ``NEAR``.
-
     Attributes:
         looks: plant time [s], and where the fingertips are and how the hand is turned, as in ``Truth.hand``.
         touches: plant time [s], and the largest force of the robot on the hand until then [N].
     """
 
-    def __init__(self, scene: HandScene, near: Callable[[], None] | None = None) -> None:
+    def __init__(self, scene: HandScene) -> None:
         self.looks: list[tuple[float, tuple[float, float, float, float]]] = []
         self.touches: list[tuple[float, float]] = []
         self._scene, self._referee = scene, SimReferee(scene.run_dir)
         edge = 4.0 * scene.table.square
         self._board, self._tick = (edge, edge), scene.parameters.drive.tick
-        self._near = near
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._follow, name="hand follower")
         self._thread.start()
@@ -163,9 +176,6 @@ class Follower:
             if not self.looks or truth.tick * self._tick > self.looks[-1][0]:
                 self.looks.append((truth.tick * self._tick, truth.hand))
                 self.touches.append((truth.tick * self._tick, truth.hand_force))
-            if self._near is not None and _outside(truth.hand, self._board) < NEAR:
-                self._near()
-                self._near = None
 
     def crossings(self, half: tuple[float, float] | None = None) -> list[float]:
         """When parts of hand or arm began to be over the board and the last one ceased to be, by turns, plant time [s].

@@ -2,15 +2,13 @@
 
 Hands come at random moments of the arm's motion, to random points, at random speeds, over a board that the guard has
 seen settled, as before any motion of a game. When a hand crosses the board's edge is the referee's word, when the arm
-rests the controller's. While the arm moves the camera gives depth alone, by which hands are judged wherever there is
-depth, and it begins to watch when the hand comes near: pictures take most of the bench's time.
-
-Plies without a hand are watched at half the rate, and one frame that shows a hand is enough to stop them: of two
-frames in a row that would stop the arm in a game one is among these, so no stop is missed, and more may be counted.
+rests the controller's. The arm moves by the profile ``separation``, watched as in a game. Where a hand touches it the
+tool must be no faster than the default profile lets it be; where nobody is, the arm must not be slowed down.
 """
 
 from __future__ import annotations
 
+import math
 import random
 import threading
 from contextlib import ExitStack, closing
@@ -23,23 +21,23 @@ import numpy as np
 from app import UserError
 from app.measure.bench.loop import WAY, sweep_motion
 from app.measure.bench.report import Progress, Row, row
-from app.measure.bench.vision.hand_scene import INTERVAL, Follower, HandScene, hand_scene, until
+from app.measure.bench.vision.hand_scene import Follower, HandScene, hand_scene, until
 from app.motion import Motion, Plan, Planner
 from app.pieces.manipulation import transfers
-from app.rig.arm import ArmHeld
+from app.rig.arm import ArmGaveWay, ArmHeld
 from controller.protocol.causes import Cause
 from controller.wire.errors import MotionRefused, MotionStopped
 from hardware.interfaces import HardwareError
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import HandSettings, Hover, Withdraw
-from hardware.table import Colour
-from vision.hands.stillness import Watch, WatchSettings
+from hardware.table import CONTACT_PROFILES, Colour
+from vision.hands.stillness import Watch
 
 SEED: Final = 11
 ENTRIES: Final = {True: 3, False: 200}
 """By ``quick``."""
 PLIES: Final = {True: 1, False: 500}
-REST_LIMIT: Final = 0.4
+REST_LIMIT: Final = 0.3
 """From the hand's crossing of the board's edge until the arm rests, plant time [s]."""
 FORCE_LIMIT: Final = 280.0
 """On a hand that comes into the arm's way and is free to give way, ISO/TS 15066: twice what a clamped one bears [N]."""
@@ -51,9 +49,14 @@ FALSE_STOPS_LIMIT: Final = 1.0
 """In 500 plies."""
 A_WORLD: Final = 20
 """So many entries, or plies, are made in one world."""
-ALONE: Final = WatchSettings(confirm=1)
-"""Of plies without a hand: one frame is enough to stop the arm."""
-EVERY: Final = 2.0 * INTERVAL
+HAND_SPEEDS: Final = (0.4, 1.6)
+"""[m/s]"""
+TOUCH_SPEED_LIMIT: Final = CONTACT_PROFILES["default"].tool_speed + 0.05
+"""Of the tool where it touches a hand: the default profile's, and what tracking adds [m/s]."""
+QUIET_LIMIT: Final = 1.1
+"""A quiet ply from home to home with nobody near, mean [s]."""
+SLOWED_LIMIT: Final = 0.01
+"""Share of frames that admit no speed though nobody is there."""
 
 
 @dataclass(slots=True)
@@ -67,6 +70,14 @@ class HandFigures:
     the hand that moves it."""
     force: list[float] = field(default_factory=list)
     """Of the robot on those hands [N]."""
+    touch_speed: list[float] = field(default_factory=list)
+    """Of the tool where a hand was touched, whoever gave way [m/s]."""
+    top_speed: list[float] = field(default_factory=list)
+    """Of the tool within the half second before a hand crossed the edge, the most [m/s]."""
+    quiet: list[float] = field(default_factory=list)
+    """Plies of one transfer, from home to home, with nobody near."""
+    frames: int = 0
+    unadmitted: int = 0
     missed: int = 0
     braked: int = 0
     """Hands that went on through the arm at rest, and pushed it to the end of its range: it was on its brakes then, and
@@ -90,7 +101,7 @@ def hand_rows(quick: bool, progress: Progress) -> dict[str, Row]:
     try:
         first = 0
         while figures.hands < entries:
-            person = HandSettings(side=rng.choice(list(Colour)), speed=rng.uniform(0.4, 1.2))
+            person = HandSettings(side=rng.choice(list(Colour)), speed=rng.uniform(*HAND_SPEEDS))
             with hand_scene(SEED + first, person) as scene:
                 watch = Watch()
                 with scene.guard(watch) as guard:
@@ -123,6 +134,15 @@ def _rows(figures: HandFigures) -> dict[str, Row]:
     if figures.yielded:
         rows["hand_to_give_way"] = row(figures.yielded, "s", REST_LIMIT, "max")
         rows["hand_force"] = row(figures.force, "N", FORCE_LIMIT, "max")
+    if figures.touch_speed:
+        rows["hand_touch_speed"] = row(figures.touch_speed, "m/s", TOUCH_SPEED_LIMIT, "max")
+    if figures.top_speed:
+        rows["speed_before_hand"] = row(figures.top_speed, "m/s")
+    if figures.quiet:
+        rows["quiet_ply_guarded"] = row(figures.quiet, "s", QUIET_LIMIT, "mean")
+        rows["slowed_for_nothing"] = row(
+            [figures.unadmitted / figures.frames], "1", SLOWED_LIMIT, "max", figures.frames
+        )
     if figures.plies:
         stops = 500.0 * figures.false_stops / figures.plies
         rows["false_stops"] = row([stops], "in 500", FALSE_STOPS_LIMIT, "max", figures.plies)
@@ -140,7 +160,8 @@ def _enter(scene: HandScene, watch: Watch, rng: random.Random, figures: HandFigu
     with ExitStack() as stack:
         hand = stack.enter_context(closing(SimHand(scene.run_dir)))
         stack.callback(guard.close)
-        follower = stack.enter_context(closing(Follower(scene, guard.start)))
+        follower = stack.enter_context(closing(Follower(scene)))
+        guard.start()
 
         def come() -> None:
             # plant time that ran for the hand already would keep a motion from beginning
@@ -171,6 +192,8 @@ def _sweep(scene: HandScene, comer: threading.Thread) -> Cause:
         scene.rig.arm.execute(Plan("sweep", tuple(motions)), lambda _: comer.start() if comer.ident is None else None)
     except ArmHeld:
         return Cause.HOLD_COMMAND
+    except ArmGaveWay:
+        return scene.rig.client.telemetry.cause
     except (MotionStopped, MotionRefused) as error:
         return error.cause
     return Cause.NONE
@@ -183,6 +206,10 @@ def _note_stop(scene: HandScene, figures: HandFigures, follower: Follower, stopp
         # a hand that came when the motion was over, on a busy machine, counts for nothing and comes again
         figures.missed += crossed < until(scene.at_rest_since, "an arm at rest")
         return
+    before = [math.hypot(*one.velocity) for one in list(scene.telemetry) if _soon(scene, one.tick, crossed)]
+    figures.top_speed.append(max(before, default=0.0))
+    touched = [when for when, force in list(follower.touches) if force > TOUCH]
+    figures.touch_speed += [scene.tool_speed(when) for when in touched[:1]]
     rested = until(lambda: scene.rested(crossed), "an arm at rest")
     left_off = until(lambda: scene.left_off(crossed), "an arm that leaves off")
     force = max([force for when, force in list(follower.touches) if when <= rested], default=0.0)
@@ -193,10 +220,15 @@ def _note_stop(scene: HandScene, figures: HandFigures, follower: Follower, stopp
         figures.rest.append(max(0.0, rested - crossed))
 
 
+def _soon(scene: HandScene, tick: int, when: float) -> bool:
+    return 0.0 <= when - tick * scene.parameters.drive.tick < 0.5
+
+
 def _play(scene: HandScene, plies: int, rng: random.Random, figures: HandFigures, progress: Progress) -> None:
     """Random plies without a hand, all of them watched."""
     board, inventory = chess.Board(), scene.inventory
-    with scene.guard(Watch(ALONE), interval=EVERY) as guard:
+    with scene.guard(Watch()) as guard, ExitStack() as stack:
+        stack.callback(_count_frames, scene, figures)
         for _ in range(plies):
             move = rng.choice(list(board.legal_moves))
             ply = transfers(board, move, inventory)
@@ -208,11 +240,18 @@ def _play(scene: HandScene, plies: int, rng: random.Random, figures: HandFigures
             plan = planner.ply(ply.san, ply.transfers, inventory)
             figures.plies += 1
             try:
-                scene.rig.arm.execute(plan)
+                outcome = scene.rig.arm.execute(plan)
             except ArmHeld:
                 figures.false_stops += 1
                 progress(f"ply {figures.plies}, {ply.san}: stopped, {guard.stops[-1]}")
                 return  # the piece is somewhere on its way: go on in another world
+            if len(ply.transfers) == 1:
+                figures.quiet.append(outcome.duration)
             progress(f"{figures.plies} plies without a hand, {figures.false_stops} stops")
             board.push(move)
             inventory = inventory.after(ply)
+
+
+def _count_frames(scene: HandScene, figures: HandFigures) -> None:
+    figures.frames += scene.separation.frames
+    figures.unadmitted += scene.separation.frames - scene.separation.admitted

@@ -71,7 +71,7 @@ def _play(scene: HandScene, moves: int, rng: random.Random, figures: Tally, prog
         delivered[frame.stamp] = scene.history.newest  # plant time stands meanwhile, so it is the time of delivery
 
     with closing(SimHand(scene.run_dir)) as hand:
-        with scene.guard(watch) as guard:
+        with scene.colour_guard(watch) as guard:
             reader = BoardReader(guard.settled()[0], board, scene.table)
         for _ in range(moves):
             # a promotion is asked for where it is not seen; here it is about time
@@ -80,7 +80,7 @@ def _play(scene: HandScene, moves: int, rng: random.Random, figures: Tally, prog
             hand.do(*hand_transfers(ply.transfers, scene.table))
             watch.pause()
             delivered.clear()
-            guard = scene.guard(watch, note_delivery)
+            guard = scene.colour_guard(watch, note_delivery)
             with guard, closing(Follower(scene)) as follower:
                 hand.perform(Withdraw())
                 look, known = _known_at(guard, reader, delivered, move, figures)

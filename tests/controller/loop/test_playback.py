@@ -1,0 +1,163 @@
+"""Motions that are played slower than they were planned, where nobody says that no person is near."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from controller.law.task_space import TaskSpaceController
+from controller.loop.playback import CHANGE, LONGEST
+from controller.loop.supervisor import Supervisor
+from controller.model.constants import DeltaModel
+from controller.protection.limits import default_limits
+from controller.protocol import MotionFlag, Result
+from controller.protocol.messages import AdmitSpeed, Announce, Samples
+from controller.protocol.states import State
+from controller.settings import ControllerSettings
+from hardware.parameters import load_parameters
+from hardware.table import CONTACT_PROFILES, TableSettings
+
+TABLE = TableSettings(limits=CONTACT_PROFILES["separation"])
+LIMITS = default_limits(load_parameters(), TABLE)
+HOME, NEAR, FAR = (0.0, 0.0, 0.35), (-0.20, 0.0, 0.35), (0.20, 0.0, 0.35)
+TICKS = 284
+"""The minimum-jerk line of 0.2 m is as fast as 1.5 m/s then, with 18 m/s² at most."""
+EVERYWHERE = (0.0, 0.0, 0.0, 1.0) * 4
+"""Borders that nothing is beyond."""
+
+
+class Arm:
+    """A supervisor on a bus of its own; each tick its reference is kept."""
+
+    def __init__(self, bus: Any) -> None:
+        self.bus, self.period = bus, bus.period
+        law = TaskSpaceController(DeltaModel(load_parameters()))
+        self.supervisor = Supervisor(law, LIMITS, ControllerSettings(), bus.period, bus.lockstep)
+        self.tick(4)
+
+    def tick(self, count: int = 1) -> None:
+        for _ in range(count):
+            self.supervisor.advance(self.bus.exchange(self.supervisor.command()))
+
+    def begin(self, samples: NDArray[Any]) -> None:
+        """Announce a motion and send all of it."""
+        supervisor = self.supervisor
+        motion = supervisor.admission.last_motion + 1
+        supervisor.announce(Announce(motion, supervisor.measurement.tick + 2, len(samples), MotionFlag.NONE))
+        for at in range(0, len(samples), 10):
+            supervisor.take_samples(Samples(motion, at, samples[at : at + 10]))
+
+    def play(self, samples: NDArray[Any], admit: Callable[[int], AdmitSpeed | None]) -> NDArray[np.float64]:
+        """A whole motion: the references of its ticks, shape (n, 16). ``admit`` is asked before each tick."""
+        supervisor = self.supervisor
+        self.begin(samples)
+        rows = list[NDArray[np.float64]]()
+        while supervisor.admission.motion.announced is not None:
+            admitted = admit(len(rows))
+            if admitted is not None:
+                supervisor.admission.playback.admit(admitted, supervisor.measurement.tick)
+            self.tick()
+            rows.append(supervisor.reference.row.copy())
+        assert supervisor.admission.ended.result is Result.DONE
+        assert supervisor.state is State.HOLD
+        return np.array(rows)
+
+    def tick_now(self) -> int:
+        return self.supervisor.measurement.tick
+
+    def soon(self, share: float = 1.0) -> int:
+        """The last tick that may be admitted, or a part of the way there."""
+        return self.supervisor.measurement.tick + int(share * LONGEST / self.period)
+
+
+@pytest.fixture
+def arm(fake_bus: Callable[..., Any]) -> Arm:
+    return Arm(fake_bus())
+
+
+def nobody_looks(_: int) -> None:
+    return None
+
+
+def speeds(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    lengths: NDArray[np.float64] = np.linalg.norm(rows[:, 3:6], axis=1)
+    return lengths
+
+
+def test_where_nobody_is_near_all_the_time_a_motion_is_as_planned_to_the_last_bit(arm: Arm, line: Any) -> None:
+    samples = line(HOME, FAR, TICKS)
+    rows = arm.play(samples, lambda _: AdmitSpeed(1.6, arm.soon(), EVERYWHERE))
+    assert speeds(rows).max() > 1.3
+    planned = np.array([np.concatenate([s["position"], s["velocity"], s["acceleration"]]) for s in samples])
+    assert np.array_equal(rows[-len(samples) :, :6], planned[:, :6])
+    assert arm.supervisor.admission.ended.end_tick - arm.supervisor.admission.ended.first_tick == len(samples) - 1
+
+
+def test_where_nobody_looks_the_tool_is_no_faster_than_near_people_and_stays_on_its_way(arm: Arm, line: Any) -> None:
+    rows = arm.play(line(HOME, FAR, TICKS), nobody_looks)
+    assert LIMITS.shared_speed * 0.98 < speeds(rows).max() <= LIMITS.shared_speed * (1.0 + 1e-9)
+    assert np.abs(rows[:, 1:3] - np.array(HOME)[1:]).max() < 1e-9
+    assert np.diff(rows[:, 0]).min() >= 0.0
+    assert np.allclose(rows[-1, :3], FAR, atol=1e-12)
+    # what is called velocity is what the positions do
+    steps = np.diff(rows[:, :3], axis=0) - 0.5 * arm.period * (rows[1:, 3:6] + rows[:-1, 3:6])
+    assert np.abs(steps).max() < LIMITS.position_step
+
+
+@pytest.mark.parametrize("when", range(40, 200, 13))
+def test_an_admission_that_lapses_slows_the_tool_down_at_a_bounded_rate(arm: Arm, line: Any, when: int) -> None:
+    rows = arm.play(
+        line(HOME, FAR, TICKS), lambda k: AdmitSpeed(1.6, arm.tick_now() + 1, EVERYWHERE) if k <= when else None
+    )
+    speed, lapsed = speeds(rows), when + 1
+    ramp = math.ceil((1.5 - LIMITS.shared_speed) / CHANGE / arm.period) + 2
+    assert speed[lapsed + ramp :].max() <= LIMITS.shared_speed * (1.0 + 1e-9)
+    assert np.abs(np.diff(speed)).max() <= (CHANGE + 1.0) * arm.period
+    assert np.allclose(rows[-1, :3], FAR, atol=1e-12)
+
+
+def test_an_admission_for_ever_lasts_a_quarter_of_a_second(arm: Arm, line: Any) -> None:
+    arm.play(line(HOME, NEAR, TICKS), nobody_looks)
+    late = round(LONGEST / arm.period)
+    rows = arm.play(line(NEAR, FAR, 2 * TICKS), lambda k: AdmitSpeed(1.6, 2**60, EVERYWHERE) if k == 0 else None)
+    assert speeds(rows[:late]).max() > 1.3
+    assert speeds(rows[late + 40 :]).max() <= LIMITS.shared_speed * (1.0 + 1e-9)
+
+
+def test_beyond_a_border_the_tool_is_slow(arm: Arm, line: Any) -> None:
+    border = 0.08
+    rows = arm.play(
+        line(HOME, FAR, TICKS), lambda _: AdmitSpeed(1.6, arm.soon(), (-1.0, 0.0, 0.0, border, *EVERYWHERE[4:]))
+    )
+    braking = (1.5**2 - LIMITS.shared_speed**2) / (2.0 * CHANGE)
+    beyond = rows[:, 0] > border + braking + 0.004
+    assert speeds(rows[~beyond]).max() > 1.1
+    assert speeds(rows[beyond]).max() <= LIMITS.shared_speed * (1.0 + 1e-9)
+
+
+def test_the_fingers_open_as_far_as_planned_and_hold_as_firmly(arm: Arm, line: Any) -> None:
+    opening, holding = line(HOME, FAR, TICKS), line(FAR, HOME, TICKS)
+    opening["finger_velocity"], holding["finger_velocity"] = 0.02, -0.03
+    supervisor, way = arm.supervisor, 0.0
+    arm.begin(opening)
+    while supervisor.admission.motion.announced is not None:
+        arm.tick()
+        way += supervisor.reference.finger_velocity * arm.period
+    assert way == pytest.approx(0.02 * TICKS * arm.period, rel=0.03)
+    arm.begin(holding)
+    arm.tick(3)
+    while supervisor.admission.motion.announced is not None:
+        assert supervisor.reference.finger_velocity == pytest.approx(-0.03)
+        arm.tick()
+
+
+@pytest.mark.parametrize("speed", [math.nan, math.inf, -1.0])
+def test_what_cannot_be_meant_is_no_admission(speed: float) -> None:
+    assert AdmitSpeed.unpack(AdmitSpeed(speed, 5, EVERYWHERE).pack()) is None
+    assert AdmitSpeed.unpack(AdmitSpeed(1.0, 5, (math.nan, *EVERYWHERE[1:])).pack()) is None
+    assert AdmitSpeed.unpack(AdmitSpeed(1.0, 5, EVERYWHERE).pack()) == AdmitSpeed(1.0, 5, EVERYWHERE)
