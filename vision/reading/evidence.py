@@ -32,9 +32,13 @@ ALTERED: Final = 4.0
 PASSED: Final = 0.05
 """Where more than this has come to be hidden by measurement, or is hidden no more, a change of looks says nothing."""
 MOSTLY: Final = 0.4
-"""A square of whose middle more than this is measured to be hidden looks like what hides it."""
+"""A square of whose middle more than this is hidden looks like what hides it."""
 COVERED: Final = 0.15
 """A square of whose middle another piece covers more than this is not seen as it is."""
+
+
+HIGH: Final = np.array([-1, 0, 1, 1, 1, 2, 2])
+"""Which of ``vision.reading.visibility.HEIGHTS`` a piece has, by code without its sign; -1: there is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +63,8 @@ class Evidence:
     Attributes:
         states: logarithm of how likely empty, white and black are by looks, shape (64, 3), at most 0.
         changed: logarithm of the odds that the content has changed, shape (64,).
-        cover: share of the squares (columns) that a piece on a square (rows) covers, shape (64, 64).
+        cover: share of the squares (columns) that a piece on a square (rows) covers, shape (64, 64); or one of these
+            for each of the heights of ``HIGH``, (3, 64, 64).
         solid: the same as ``states``, by depth; no piece hides another there. None: the camera has no depth.
         measured: what hides squares, by depth, in place of ``cover``.
     """
@@ -119,14 +124,13 @@ class Evidence:
         Shapes (n, 64, 3), (n, 64), (n, 64).
         """
         if self.measured is None:
-            differ = (codes != before).astype(float)
-            differs = differ @ self.cover - differ > COVERED
+            differs = self._covered(np.where(codes != before, _taller(codes, before), 0)) > COVERED
             once = self.hidden(before)
         else:
             differs = np.broadcast_to(self._passed(self.measured), codes.shape)
             once = self.measured.before
         hidden = np.minimum(self.hidden(codes), 1.0)
-        shown = 1.0 - hidden if self.measured is None else np.maximum(1.0 - hidden / MOSTLY, 0.0)
+        shown = np.maximum(1.0 - hidden / MOSTLY, 0.0)
         looks = self.states * shown[..., None]
         if self.solid is not None:
             looks = self._weight() * looks + self.solid
@@ -156,9 +160,19 @@ class Evidence:
         """Share of each square's middle that other pieces of a position cover, or that is measured: shape (..., 64)."""
         if self.measured is not None:
             return np.broadcast_to(np.where(self.measured.now > COVERED, self.measured.now, 0.0), codes.shape)
-        stands = (codes != 0).astype(float)
-        hidden: Array = stands @ self.cover - stands
+        hidden = self._covered(codes)
         return np.where(hidden > COVERED, hidden, 0.0)
+
+    def _covered(self, codes: Codes) -> Array:
+        """Share of each square's middle that pieces on the other squares cover: shape (..., 64)."""
+        high, layers = HIGH[np.abs(codes)], np.broadcast_to(self.cover, (HIGH.max() + 1, 64, 64))
+        covered: Array = sum((high == k).astype(float) @ layer for k, layer in enumerate(layers)) - (high >= 0)
+        return covered
+
+
+def _taller(one: Codes, other: Codes) -> Codes:
+    """Of two pieces on each square, the higher one."""
+    return np.where(HIGH[np.abs(one)] >= HIGH[np.abs(other)], one, other)
 
 
 def codes_of(board: chess.BaseBoard) -> Codes:

@@ -21,6 +21,9 @@ from vision.reading.outcome import ReadingOutcome
 
 MARGIN: Final = 6.0
 """By which a move must be better explained than any other legal move: e⁶ ≈ 400 times as likely [nat]."""
+ELSEWHERE: Final = 4.0
+"""By which a square that the move leaves alone must be explained better than by anything else standing there: e⁴ ≈ 50
+times. A move that is read rightly while a piece is gone elsewhere is no wrong move, and the next look shows it [nat]."""
 MISSING: Final = 4.5
 STRAY: Final = 6.0
 """How much rarer than a legal move it is that, besides, a piece is missing; that one too many stands there, or one of
@@ -116,8 +119,9 @@ def _weigh(evidence: Evidence, among: Candidates, before: Codes, margin: float) 
     rest = float(np.maximum(doubt.max(axis=1), 0.0).sum())
     missing = MISSING + (STRAY - MISSING) * np.minimum(evidence.hidden(codes), 1.0)
     strange = (doubt - np.where(np.arange(3) == EMPTY, missing[:, None], STRAY)).max(axis=1)
-    left = min(lead - margin, -float(strange.max()) - MARGIN, UNEXPLAINED - rest)
-    squares = tuple(int(square) for square in np.argsort(-strange) if strange[square] > -MARGIN)
+    over = strange + np.where(codes != before, MARGIN, ELSEWHERE)
+    left = min(lead - margin, -float(over.max()), UNEXPLAINED - rest)
+    squares = tuple(int(square) for square in np.argsort(-over) if over[square] > 0.0)
     clear = ReadingOutcome.MOVE if among.lines[best] else ReadingOutcome.NOTHING
     verdict = clear if left >= 0.0 and len(same) == 1 else ReadingOutcome.DOUBT
     confidence = _probability(scores, best, strange)

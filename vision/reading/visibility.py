@@ -41,8 +41,9 @@ CELLS: Final = 6
 MIDDLE: Final = 0.8
 """Share of a square's side that counts as its middle."""
 RADIUS: Final = 0.30
-HEIGHT: Final = 1.3
-"""Of an average piece: tournament sets are 1 (pawn) to 1.7 (king) squares high, with feet of 0.6 to 0.8."""
+HEIGHTS: Final = (1.0, 1.2, 1.65)
+"""Of a pawn, of knight, bishop and rook, and of queen and king [squares]: tournament sets are 1 (pawn) to 1.7 (king)
+squares high, with feet of 0.6 to 0.8."""
 COUNTED: Final = 12
 """Along a square, when shares are counted."""
 
@@ -123,16 +124,23 @@ def cover(camera: Array) -> Array:
     """Share of each square's middle that a piece on another one covers in the plan, seen from a pinhole (3,) [squares].
 
     Returns:
-        Shape (64, 64), read-only: row the square with the piece, column the covered square. The diagonal is 1.
+        Shape (3, 64, 64), read-only: how high the piece is, as in ``HEIGHTS``; row the square with the piece, column
+        the covered square. The diagonals are 1.
     """
     x, y, z = (round(float(value), 1) for value in camera)  # nearer than that, nothing differs
-    return _cover(x, y, z)
+    return _covers(x, y, z)
 
 
 @lru_cache(maxsize=8)
-def _cover(x: float, y: float, z: float) -> Array:
+def _covers(x: float, y: float, z: float) -> Array:
+    shares = np.array([_cover(x, y, z, height) for height in HEIGHTS])
+    shares.flags.writeable = False
+    return shares
+
+
+def _cover(x: float, y: float, z: float, height: float) -> Array:
     camera = np.array([x, y])
-    above = max(z, HEIGHT + 0.5)  # a camera among the pieces sees no board
+    above = max(z, height + 0.5)  # a camera among the pieces sees no board
     steps = (np.arange(COUNTED) + 0.5) / COUNTED
     steps = steps[np.abs(steps - 0.5) < 0.4]  # the middle of a square: its edge may belong to a neighbour
     shares = np.eye(64)
@@ -140,7 +148,7 @@ def _cover(x: float, y: float, z: float) -> Array:
     origins = np.array([(square % 8, square // 8) for square in range(64)], dtype=float)
     for square, origin in enumerate(origins):
         foot = origin + 0.5
-        scale = above / (above - HEIGHT)
+        scale = above / (above - height)
         head = camera + (foot - camera) * scale
         grid = origins[:, None, :] + points
         # nearest point of the axis' picture; the piece's picture grows from foot to head
@@ -149,5 +157,4 @@ def _cover(x: float, y: float, z: float) -> Array:
         distance = np.linalg.norm(grid - foot - along[..., None] * axis, axis=-1)
         shares[square] = (distance < RADIUS * (1.0 + along * (scale - 1.0))).mean(axis=1)
     np.fill_diagonal(shares, 1.0)
-    shares.flags.writeable = False
     return shares

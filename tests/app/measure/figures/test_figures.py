@@ -55,7 +55,7 @@ def test_a_folder_that_cannot_be_written_is_named_with_the_remedy(tmp_path: Path
 
 
 def test_an_unknown_figure_is_refused_with_the_choices(tmp_path: Path) -> None:
-    sentence = "there is no figure '8', choose from: 5, 6, 7, 9, newton, encoder, touch, workspace, move"
+    sentence = "there is no figure '8', choose from: 5, 6, 7, 9, newton, encoder, touch, workspace, separation, move"
     with pytest.raises(UnknownFigure, match=f"^{sentence}$"):
         make_figure("8", tmp_path, print)
     done = CliRunner().invoke(command_line, ["figures", "8", "--out", str(tmp_path)])
