@@ -131,6 +131,8 @@ class Evidence:
             once = self.measured.before
         hidden = np.minimum(self.hidden(codes), 1.0)
         shown = np.maximum(1.0 - hidden / MOSTLY, 0.0)
+        if self.measured is None:  # what a move has done must be seen, as far as it can be
+            shown = np.where(codes != before, 1.0 - hidden, shown)
         looks = self.states * shown[..., None]
         if self.solid is not None:
             looks = self._weight() * looks + self.solid
