@@ -177,11 +177,20 @@ def test_a_game_begins_from_whatever_stands_on_the_board_and_goes_on_without_its
     terminal.until("your move > ")
     terminal.type("hint")
     terminal.until(r"I would play (\S+?)[\s\r]")
+    terminal.type("hand move c3 f4")
+    terminal.until("your move > ")
+    terminal.type("keep")  # whatever became of the game: what stands there begins another one
+    terminal.until(r"who moves next.* > ")
+    terminal.type("white")
+    terminal.until("your move > ")
     terminal.type("quit")
     assert terminal.end() == 0
-    game = chess.pgn.read_game(io.StringIO((folder / "game-2" / "game.pgn").read_text()))
-    assert game is not None
-    assert game.board().board_fen() == board.board_fen()
+    games = [chess.pgn.read_game(io.StringIO((folder / f"game-{k}" / "game.pgn").read_text())) for k in (2, 3)]
+    assert games[0] is not None
+    assert games[1] is not None
+    assert games[0].board().board_fen() == board.board_fen()
+    board.set_piece_at(chess.F4, board.remove_piece_at(chess.C3))
+    assert games[1].board().board_fen() == board.board_fen()
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,7 @@ not right then, it will not get right."""
 _GONE: Final = frozenset({FaultKind.MISSING, FaultKind.FALLEN, FaultKind.OFF_CENTRE})
 """Off its centre may be what lies along the view: a closer look tells."""
 FRUITLESS: Final = 3
-"""After so many looks at what a person should have put right, it says what it sees, and how to leave."""
+"""After so many looks at what a person should have put right, it says what it sees, and how to go on or leave."""
 MOST_TRIES: Final = 3
 """To stand one piece up."""
 FRESH: Final = 0.5
@@ -309,8 +309,9 @@ class Recovery:
         sentence, seen = step.sentence, _sentence(faults)
         if self._asked >= FRUITLESS and seen:
             sentence = (
-                f"I have looked {self._asked} times since then, and still see that {seen}: {sentence}. Or say 'quit', "
-                "'touchmove resume' goes on once all is right; or 'new', and the arm sets up another game"
+                f"I have looked {self._asked} times since then, and still see that {seen}: {sentence}. Or say 'keep', "
+                "and we go on with the board as it stands; 'quit', and 'touchmove resume' goes on once all is right; "
+                "or 'new', and the arm sets up another game"
             )
         self._asked += 1
         self._asker.mend(sentence, squares, stands)

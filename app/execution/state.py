@@ -98,16 +98,20 @@ class AwaitedReply:
 
 @dataclass(frozen=True, slots=True)
 class GameEnd:
-    """Why the loop ended: PGN result, phrase, whether all that was asked was done, whether another game is wanted."""
+    """Why the loop ended: PGN result, phrase, whether all that was asked was done, whether another game is wanted, and
+    whether that begins with what stands on the board.
+    """
 
     result: Result
     reason: str
     complete: bool
     again: bool = False
+    kept: bool = False
 
 
 LEFT: Final = GameEnd("*", "left by the person at the board", complete=True)
 """They may go on with it another time."""
+KEPT: Final = GameEnd("*", "the board is kept as it stands", complete=True, kept=True)
 
 
 @dataclass(frozen=True, slots=True)

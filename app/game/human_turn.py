@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
-from app.execution.state import LEFT, WRONG, GameEnd, Remark
+from app.execution.state import KEPT, LEFT, WRONG, GameEnd, Remark
 from app.execution.table import Table
 from app.game.clock import side_name
 from app.game.person import GameLeft, HandNotice, NeedsHand, ask
@@ -133,7 +133,9 @@ class HumanTurn:
         ask(self._human, self._ui, "go on?", (Word.GO.value,), lambda _: False)
 
     def left(self, word: Word) -> GameEnd:
-        """How the game has ended for a person who said quit, resign or new."""
+        """How the game has ended for a person who said quit, resign, new or keep."""
+        if word is Word.KEEP:
+            return KEPT
         if word is Word.RESIGN:
             return GameEnd("0-1" if self._colour else "1-0", f"{side_name(self._colour)} resigns", True)
         return LEFT if word is Word.QUIT else GameEnd("*", "given up for a new game", True, again=True)
@@ -161,9 +163,16 @@ class HumanTurn:
             Word.SIDE: self._change_sides,
             Word.RESIGN: lambda: self.left(Word.RESIGN),
             Word.NEW: lambda: self.left(Word.NEW),
+            Word.KEEP: self._keep,
             Word.QUIT: lambda: self.left(Word.QUIT),
         }
         return words[command]()
+
+    def _keep(self) -> GameEnd | None:
+        if self._table.observer is not None:
+            return KEPT
+        self._ui.say("nobody sees this board: begin with another position by 'touchmove play --fen'")
+        return None
 
     def _pause(self) -> GameEnd | None:
         self._timing.pause()

@@ -40,7 +40,7 @@ class GameLeft(UserError):
     """The person leaves the game, or gives it up, where they were asked something else.
 
     Attributes:
-        word: what they said: quit, resign or new.
+        word: what they said: quit, resign, new or keep.
     """
 
     def __init__(self, word: Word) -> None:
@@ -48,12 +48,12 @@ class GameLeft(UserError):
         self.word = word
 
 
-_LEAVES: Final = (Word.QUIT, Word.RESIGN, Word.NEW)
+LEAVES: Final = (Word.QUIT, Word.RESIGN, Word.NEW, Word.KEEP)
 
 
 def ask(
     human: Human, ui: UserInterface, question: str, valid: Collection[str], other: Callable[[str], bool],
-    how: str | None = None,
+    how: str | None = None, leaves: Collection[Word] = LEAVES,
 ) -> str:  # fmt: skip
     """Ask until the answer is one of some words.
 
@@ -64,12 +64,13 @@ def ask(
         valid: answers, in lower case.
         other: takes any other line; False: it makes no sense here.
         how: what can be answered, for people, where that is more than those words.
+        leaves: words by which they leave.
 
     Returns:
         The answer, in lower case.
 
     Raises:
-        GameLeft: they quit, resign or want a new game.
+        GameLeft: they quit, resign, want a new game, or one from what stands on the board.
         PersonGone: nobody types any more.
     """
     ui.prompt(question)
@@ -80,7 +81,7 @@ def ask(
         if (answer := line.strip().lower()) in valid:
             return answer
         word = word_of(line)
-        if word in _LEAVES:
+        if word is not None and word in leaves:
             raise GameLeft(word)
         if word is Word.HELP:
             ui.say(help_text() if how is None else how)

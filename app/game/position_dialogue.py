@@ -17,7 +17,7 @@ import chess
 from app.game.person import ask, hand_command
 from app.pieces.inventory import Inventory
 from app.pieces.layout import PIECE_TYPES
-from app.players.commands import CommandError
+from app.players.commands import CommandError, Word
 from app.players.person import Human
 from app.terminal.interface import UserInterface
 from hardware.interfaces import HardwareError
@@ -27,6 +27,8 @@ from vision.standing.recognised_set import Look, RecognisedSet
 _LETTERS: Final[Mapping[str, Kind]] = MappingProxyType(
     {"k": Kind.KING, "q": Kind.QUEEN, "r": Kind.ROOK, "b": Kind.BISHOP, "n": Kind.KNIGHT, "p": Kind.PAWN}
 )
+_LEAVES: Final = (Word.QUIT, Word.RESIGN, Word.NEW)
+"""Nothing is kept that is not known yet."""
 _NOTHING: Final = ("nothing", "empty", "none")
 _SAYS: Final = re.compile(r"([a-h][1-8])\s*[:=]?\s*(?:is\s+)?(?:an?\s+)?(\w+)(?:\s+(\w+))?")
 _HOW: Final = "say for instance 'e4 white knight' or 'e4 empty', or change the board and say 'look'"
@@ -207,7 +209,7 @@ class PositionDialogue:
 
     def _answer(self, question: str, valid: tuple[str, ...]) -> str:
         """One of some words; raises ``_Changed`` where the person changed something instead."""
-        return ask(self._human, self._ui, question, valid, self._other, _how_else(valid))
+        return ask(self._human, self._ui, question, valid, self._other, _how_else(valid), _LEAVES)
 
     def _other(self, line: str) -> bool:
         """What makes sense besides the answers."""

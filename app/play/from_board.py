@@ -1,16 +1,19 @@
-"""Games from whatever position a person has put on the board: first it is found out which, then they are played."""
+"""Games from whatever position stands on the board: it is found out which, then they are played.
+
+A person may have put it there before anything began, or want to go on with what has become of a game.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import chess
 
 from app.execution.state import Devices
 from app.game import GameEnd
-from app.game.person import SettledHands
+from app.game.person import GameLeft, SettledHands
 from app.game.position_dialogue import PositionDialogue
 from app.pieces.found_layout import found_layout
 from app.pieces.inventory import Inventory
@@ -25,7 +28,7 @@ from hardware.table import TableSettings
 
 @dataclass(slots=True)
 class FromBoard:
-    """A ``Schedule`` that begins with a look at a board of which nothing is known.
+    """A ``Schedule`` that looks at a board of which nothing is known, first or when a person keeps it.
 
     Attributes:
         human: knows whose move it is.
@@ -33,6 +36,7 @@ class FromBoard:
         table_setup: of the games.
         table: board and trays.
         begin: makes the games that follow, from the position and what stands where, at a plant time [s].
+        match: what is played before; None: it begins with a look.
     """
 
     human: Human
@@ -40,18 +44,26 @@ class FromBoard:
     table_setup: TableSetup
     table: TableSettings
     begin: Callable[[chess.Board, Inventory, float], Match]
-    _match: Match | None = field(default=None, init=False)
+    match: Match | None = None
 
     def next(self, devices: Devices, last: GameEnd | None) -> Round | None:
         """See ``Schedule.next``.
 
         Raises:
-            GameLeft: the person leaves before it is known what stands there.
+            GameLeft: nothing was played, and the person leaves before it is known what stands there.
         """
-        if self._match is None:
+        if self.match is not None and not (last is not None and last.kept):
+            return self.match.next(devices, last)
+        if self.match is not None:
+            self.match.dismiss()
+        try:
             board, inventory = self._find_out(devices)
-            self._match = self.begin(board, inventory, devices.clock.now())
-        return self._match.next(devices, last)
+        except GameLeft:
+            if self.match is None:
+                raise
+            return None
+        self.match = self.begin(board, inventory, devices.clock.now())
+        return self.match.next(devices, None)
 
     def _find_out(self, devices: Devices) -> tuple[chess.Board, Inventory]:
         hands = self.human.hands

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -19,7 +20,7 @@ from app.play.game_setup import RigSetup, rig_setup_of, start_board
 from app.play.match import Fixture, Match, Start, last_round, match_of
 from app.play.player_selection import engine_players, line_players, start_clock
 from app.play.replay import RecordedGame, recorded_games
-from app.play.session import Filming, SessionResult, SessionVision, run_session
+from app.play.session import Filming, Schedule, SessionResult, SessionVision, run_session
 from app.play.simulated_hand import SimHands
 from app.play.table_setup import TableSetup
 from app.players.given_line import parse_line
@@ -70,7 +71,8 @@ def run_games(settings: Settings, ui: UserInterface, typed: TextIO | None = None
         return run_session(
             folder,
             lambda listener: rig_setup.open(rig, ui.phase, listener, new=True),
-            match, rig_setup.parameters.drive.tick, _filming(rig_setup, folder), ui,
+            _keepable(settings, rig_setup, folder, ui, stack, human, match, 1), rig_setup.parameters.drive.tick,
+            _filming(rig_setup, folder), ui,
             _vision(settings, rig_setup, human, ui),
         )  # fmt: skip
 
@@ -107,7 +109,8 @@ def resume_games(folder: Path, ui: UserInterface, typed: TextIO | None = None) -
         return run_session(
             folder,
             lambda listener: rig_setup.open(rig_setup.rig(folder), ui.phase, listener, new=False),
-            match, rig_setup.parameters.drive.tick, None, ui, _vision(settings, rig_setup, human, ui),
+            _keepable(settings, rig_setup, folder, ui, stack, human, match, number), rig_setup.parameters.drive.tick,
+            None, ui, _vision(settings, rig_setup, human, ui),
         )  # fmt: skip
 
 
@@ -138,24 +141,44 @@ def _play_from_board(
     _require_players(settings, rig_setup, ui, human)
     if number == 1:
         make_folder(folder)
-
-    def begin(board: chess.Board, inventory: Inventory, now: float) -> Match:
-        found = settings.with_changes({"game.fen": board.fen(), "game.from_board": False})
-        games = _Games(found, rig_setup, ui, human, begun=number)
-        match = stack.enter_context(_match(found, rig_setup, games, folder, ui))
-        match.start(lambda _: inventory, None, number, now)
-        if number == 1:
-            keep_settings(folder, found)
-        return match
-
-    schedule = FromBoard(human, ui, _table_setup(settings, rig_setup, human), rig_setup.table, begin)
     standing = start_board(settings.game.standing, option="--standing") if number == 1 else None
     rig = rig_setup.rig(folder, standing, _person(settings) or settings.rig.person)
     return run_session(
         folder,
         lambda listener: rig_setup.open(rig, ui.phase, listener, new=number == 1),
-        schedule, rig_setup.parameters.drive.tick, None, ui, _vision(settings, rig_setup, human, ui),
+        _from_board(settings, rig_setup, folder, ui, human, stack, number), rig_setup.parameters.drive.tick, None, ui,
+        _vision(settings, rig_setup, human, ui),
     )  # fmt: skip
+
+
+def _from_board(
+    settings: Settings, rig_setup: RigSetup, folder: Path, ui: UserInterface, human: Human, stack: ExitStack,
+    number: int, match: Match | None = None,
+) -> FromBoard:  # fmt: skip
+    """Games from what stands on the board, the first of them of a number; after a match, where a person keeps that."""
+    numbers = itertools.count(number)
+
+    def begin(board: chess.Board, inventory: Inventory, now: float) -> Match:
+        number = next(numbers)
+        found = settings.with_changes({"game.fen": board.fen(), "game.from_board": False})
+        games = _Games(found, rig_setup, ui, human, begun=number)
+        made = stack.enter_context(_match(found, rig_setup, games, folder, ui))
+        made.start(lambda _: inventory, None, number, now)
+        if number == 1:
+            keep_settings(folder, found)
+        return made
+
+    return FromBoard(human, ui, _table_setup(settings, rig_setup, human), rig_setup.table, begin, match)
+
+
+def _keepable(
+    settings: Settings, rig_setup: RigSetup, folder: Path, ui: UserInterface, stack: ExitStack, human: Human | None,
+    match: Match, number: int,
+) -> Schedule:  # fmt: skip
+    """A match that a person may leave for a game from what stands on the board, where somebody sees that."""
+    if human is None or not rig_setup.sees:
+        return match
+    return _from_board(settings, rig_setup, folder, ui, human, stack, number + 1, match)
 
 
 def _require_players(settings: Settings, rig_setup: RigSetup, ui: UserInterface, human: Human) -> None:

@@ -15,7 +15,7 @@ from typing import Final, Protocol
 
 import chess
 
-from app.execution.state import LEFT, WRONG
+from app.execution.state import KEPT, LEFT, WRONG
 from app.execution.table import Table
 from app.game import Devices, Game, GameEnd, Position
 from app.game.clock import ChessClock
@@ -25,6 +25,7 @@ from app.game.timing import Timing, clock_of
 from app.pieces.inventory import Inventory
 from app.play.session import Round
 from app.play.table_setup import TableSetup
+from app.players.commands import Word
 from app.players.person import Human
 from app.players.players import Players
 from app.records import EVENTS_FILE, GameRecord, GameSetup
@@ -111,8 +112,12 @@ class Match:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._players.close()
+        self.dismiss()
         self._records.close()
+
+    def dismiss(self) -> None:
+        """Nobody thinks any more."""
+        self._players.close()
 
     def start(
         self, layout: Callable[[chess.Board], Inventory], standing: chess.Board | None, number: int = 1, at: float = 0.0
@@ -228,8 +233,8 @@ def _set_up(table: Table, goal: chess.Board) -> GameEnd:
         if not table.begin():
             return WRONG
         return SET_UP if table.set_up(goal) else WRONG
-    except GameLeft:
-        return LEFT
+    except GameLeft as left:
+        return KEPT if left.word is Word.KEEP else LEFT
 
 
 def match_of(folder: Path) -> Path:

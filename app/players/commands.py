@@ -29,6 +29,7 @@ class Word(StrEnum):
     RESIGN = "resign"
     SIDE = "side"
     NEW = "new"
+    KEEP = "keep"
     QUIT = "quit"
 
 
@@ -45,6 +46,7 @@ MEANINGS: Mapping[Word, str] = MappingProxyType(
         Word.RESIGN: "give the game up",
         Word.SIDE: "change sides: the engine plays for you, and you for it",
         Word.NEW: "give this game up and play another; the arm sets the pieces up",
+        Word.KEEP: "go on with the board as it stands: what the camera sees is where another game begins",
         Word.QUIT: "leave; 'touchmove resume' goes on with the game",
     }
 )

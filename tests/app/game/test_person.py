@@ -83,7 +83,7 @@ def prompts() -> list[Callable[[Script, Any], None]]:
 
 
 @pytest.mark.parametrize("prompt", prompts())
-@pytest.mark.parametrize("word", ["quit", "exit", "Resign", " new "])
+@pytest.mark.parametrize("word", ["quit", "exit", "Resign", " new ", "keep"])
 def test_a_person_can_leave_wherever_they_are_asked(prompt: Callable[[Script, Any], None], word: str) -> None:
     with pytest.raises(GameLeft) as left:
         prompt(Script("help", "what?", word, "done"), UserInterface())
