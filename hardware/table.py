@@ -42,6 +42,10 @@ class Kind(StrEnum):
     KING = "king"
 
 
+Look = tuple[Colour, Kind]
+"""What a piece is to the eye."""
+
+
 class Captured(StrEnum):
     """Where captured pieces and promoted pawns go."""
 

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from app.execution.board_view import find_view
 from app.execution.repair import BoardObservation, Whereabouts, exchanged, kinds_by_height, placed, toppled, whereabouts
 from app.execution.repair.observed import HEIGHTS, Chances
-from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices
+from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices, Told
 from app.execution.unseen_reply import pieces_of, reply_shown
 from app.pieces.inventory import Inventory
 from app.pieces.layout import KINDS, PIECE_TYPES
 from app.rig.arm import Arm
 from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
-from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
+from hardware.table import Colour, Kind, Look, PieceSpec, TableSettings, square_place
 from vision.board.anchor import Anchor
 from vision.board.view import BoardView, playing_area
 from vision.pieces.centres import piece_centres
@@ -42,7 +42,7 @@ from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 from vision.reading.rectified_view import sight_of_frame
 from vision.standing.hiding import hiding_places
 from vision.standing.recognise import recognise
-from vision.standing.recognised_set import Look, RecognisedSet
+from vision.standing.recognised_set import RecognisedSet
 from vision.standing.sightings import Sightings, sightings_of, together
 
 States = NDArray[np.intp]
@@ -96,6 +96,7 @@ class GameObserver:
         where its centre was [m]."""
         self._untouched: frozenset[int] = frozenset()
         """Squares whose pieces look just as they did then, in the frame that was verified last."""
+        self._told: Told = {}
         self._not_there = set[str]()
         """Pieces that were not where they were taken to be, since the board was last right."""
         self._doubted: frozenset[int] = frozenset()
@@ -205,8 +206,12 @@ class GameObserver:
         wrong = {fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE}
         for square in examined.likeness.keys() - wrong:  # the outline of a piece says more than its square's colours
             states[square] = WHITE if expected[square].colour is Colour.WHITE else BLACK
+        for place, (colour, _) in self._told.items():
+            states[place.index] = WHITE if colour is Colour.WHITE else BLACK
         top = None if look.solids is None else look.solids.top
-        return BoardObservation.of(stands, states, faults, kinds=_kinds(stands, states, top, self._heights()))
+        kinds = _kinds(stands, states, top, self._heights())
+        kinds |= {place.index: {kind: 1.0} for place, (_, kind) in self._told.items()}
+        return BoardObservation.of(stands, states, faults, kinds=kinds)
 
     def _examine(self, expected: Mapping[int, PieceSpec]) -> Examination:
         """Hold the newest frame against what should stand on the squares, and how the same pieces looked before."""
@@ -246,7 +251,7 @@ class GameObserver:
             if looks:
                 self.frame()
             looks.append(self._sightings(stands))
-            found = whereabouts(stands, together(looks), self._heights(), self._untouched)
+            found = whereabouts(stands, together(looks), self._heights(), self._untouched, self._told)
             if found is not None:
                 found = self._behind_another(found, stands)
                 return found if not found.nudged else self._nudged_twice(found, stands)
@@ -274,7 +279,7 @@ class GameObserver:
     def _nudged_twice(self, found: Whereabouts, stands: Inventory) -> Whereabouts:
         """At a picture's edge depth errs now and then: what was nudged is so in another frame, too."""
         self.frame()
-        again = whereabouts(stands, self._sightings(stands), self._heights(), self._untouched)
+        again = whereabouts(stands, self._sightings(stands), self._heights(), self._untouched, self._told)
         return replace(found, nudged=found.nudged & (frozenset() if again is None else again.nudged))
 
     def _sightings(self, stands: Inventory) -> Sightings:
@@ -300,8 +305,12 @@ class GameObserver:
         return tuple(fault for fault in faults if centres or fault.kind is not FaultKind.OFF_CENTRE)
 
     def forget_likeness(self) -> None:
-        """Pieces were touched: how they looked before says nothing any more."""
-        self._likeness = {}
+        """Pieces were touched: how they looked before says nothing any more, nor what a person has said of them."""
+        self._likeness, self._told = {}, {}
+
+    def tell(self, told: Told) -> None:
+        """What a person says stands on squares; it counts until something is touched."""
+        self._told = dict(told)
 
     def places(self, believed: Inventory) -> dict[int, tuple[float, float]]:
         """Where pieces stand in the newest frame, board frame (x, y) [m], by square; those alone that can be seen.

@@ -314,8 +314,9 @@ class Recovery:
                 "or 'new', and the arm sets up another game"
             )
         self._asked += 1
-        self._asker.mend(sentence, squares, stands)
+        told = self._asker.mend(sentence, squares, stands)
         self.observer.forget_likeness()
+        self.observer.tell(told)
         self._tried.clear()
         for fault in faults:
             place = (str(square_place(fault.square)),)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -18,7 +18,7 @@ from app.rig.arm import Arm
 from controller.wire.errors import ControllerError
 from hardware.interfaces import Camera, Clock, HardwareError
 from hardware.referee import Referee
-from hardware.table import Place
+from hardware.table import Look, Place
 
 if TYPE_CHECKING:
     from app.guard.game_guard import GameGuard
@@ -137,11 +137,15 @@ class JobDone:
     answered: bool = False
 
 
+Told = Mapping[Place, Look]
+"""What a person says stands on squares."""
+
+
 class Asker(Protocol):
     """A person who can put the board right by hand."""
 
-    def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> None:
-        """Ask for what has to be done on some squares; returns when they say that it is done.
+    def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> Told:
+        """Ask for what has to be done on some squares; returns when they say that it is done, or what stands on some.
 
         ``stands`` says what should stand where now, as far as is known.
 

@@ -11,13 +11,14 @@ from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING, Final
 
 from app import UserError
+from app.execution.state import Told
 from app.pieces.inventory import Inventory, Ply
-from app.players.commands import CommandError, HandVerb, MoveHand, Word, help_text, parse_hand, word_of
+from app.players.commands import CommandError, HandVerb, MoveHand, Word, help_text, parse_hand, said_of_square, word_of
 from app.players.person import Hands, Human
 from app.rig.arm import Arm
 from app.terminal.interface import UserInterface
 from hardware.interfaces import HardwareError
-from hardware.table import Place
+from hardware.table import Look, Place
 
 if TYPE_CHECKING:
     from app.guard.game_guard import GameGuard
@@ -145,7 +146,7 @@ class HandNotice:
 class UnattendedAsker:
     """``Asker`` where nobody is there."""
 
-    def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> None:
+    def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> Told:
         """Nobody can be asked.
 
         Raises:
@@ -160,12 +161,17 @@ class PersonAsker:
     def __init__(self, human: Human, ui: UserInterface) -> None:
         self._human, self._ui = human, ui
 
-    def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> None:
+    def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> Told:
         """See ``Asker.mend``. A simulated hand does what it is told meanwhile: 'hand move c8 c1', or simply 'c8c1'."""
+        told = dict[Place, Look]()
         by_hand = " yourself" if self._human.hands is None else " by 'hand move …'"
         self._ui.say(f"{sentence}. Put it right{by_hand} and say 'done'")
 
         def other(line: str) -> bool:
+            if (said := said_of_square(line)) is not None and said[1] is not None:
+                told[said[0]] = said[1]
+                self._ui.say(f"{said[0]}: {said[1][0]} {said[1][1]}; say 'done' when that is all")
+                return True
             try:
                 command = hand_command(line)
             except CommandError as error:
@@ -177,6 +183,7 @@ class PersonAsker:
             return True
 
         ask(self._human, self._ui, "done?", DONE, other)
+        return told
 
     def _move(self, command: MoveHand, stands: Inventory) -> None:
         hands = self._human.hands

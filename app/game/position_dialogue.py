@@ -6,7 +6,6 @@ At every question the person may change the board and say 'look', or say what st
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -17,20 +16,15 @@ import chess
 from app.game.person import ask, hand_command
 from app.pieces.inventory import Inventory
 from app.pieces.layout import PIECE_TYPES
-from app.players.commands import CommandError, Word
+from app.players.commands import NOTHING, CommandError, Word, said_of_square
 from app.players.person import Human
 from app.terminal.interface import UserInterface
 from hardware.interfaces import HardwareError
-from hardware.table import Colour, Kind, Place, TableSettings
-from vision.standing.recognised_set import Look, RecognisedSet
+from hardware.table import Colour, Look, Place, TableSettings
+from vision.standing.recognised_set import RecognisedSet
 
-_LETTERS: Final[Mapping[str, Kind]] = MappingProxyType(
-    {"k": Kind.KING, "q": Kind.QUEEN, "r": Kind.ROOK, "b": Kind.BISHOP, "n": Kind.KNIGHT, "p": Kind.PAWN}
-)
 _LEAVES: Final = (Word.QUIT, Word.RESIGN, Word.NEW)
 """Nothing is kept that is not known yet."""
-_NOTHING: Final = ("nothing", "empty", "none")
-_SAYS: Final = re.compile(r"([a-h][1-8])\s*[:=]?\s*(?:is\s+)?(?:an?\s+)?(\w+)(?:\s+(\w+))?")
 _HOW: Final = "say for instance 'e4 white knight' or 'e4 empty', or change the board and say 'look'"
 _CASTLINGS: Final = (
     (chess.WHITE, chess.E1, ((chess.H1, "short"), (chess.A1, "long"))),
@@ -145,7 +139,7 @@ class PositionDialogue:
         if hidden:
             places = " and ".join(map(str, hidden))
             it = "that square" if len(hidden) == 1 else "any of those squares"
-            self._answer(f"I cannot see {places}: is there nothing on {it}? (nothing, or what there is)", _NOTHING)
+            self._answer(f"I cannot see {places}: is there nothing on {it}? (nothing, or what there is)", NOTHING)
             for place in hidden:
                 self._say_of(place, None, changes=False)
         if problem := position_problem(self._pieces(), _BY_PIECES):
@@ -246,20 +240,6 @@ class PositionDialogue:
 
     def _unsaid(self, places: Iterable[Place]) -> list[Place]:
         return [place for place in places if place.on_board and place.index not in self._said]
-
-
-def said_of_square(words: str) -> tuple[Place, Look | None] | None:
-    """What a person says of a square, such as 'e4 white knight', 'e4 wN' or 'e4 empty'; None: something else."""
-    found = _SAYS.fullmatch(words)
-    if found is None:
-        return None
-    place = Place.parse(found[1])
-    if found[2] in _NOTHING and found[3] is None:
-        return place, None
-    side, kind = (found[2], found[3]) if found[3] is not None else (found[2][:1], found[2][1:])
-    colour = {"white": Colour.WHITE, "w": Colour.WHITE, "black": Colour.BLACK, "b": Colour.BLACK}.get(side)
-    which = _LETTERS.get(kind) or next((one for one in Kind if one == kind), None)
-    return None if colour is None or which is None else (place, (colour, which))
 
 
 def position_problem(board: chess.Board, only: chess.Status | None = None) -> str:

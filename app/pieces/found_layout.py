@@ -12,8 +12,7 @@ import chess
 
 from app.pieces.inventory import Inventory
 from app.pieces.layout import SetPiece, physical_set, pieces_on_squares, start_layout
-from hardware.table import Captured, Kind, PieceSpec, Place, TableSettings
-from vision.standing.recognised_set import Look
+from hardware.table import Captured, Kind, Look, PieceSpec, Place, TableSettings
 
 
 def found_layout(board: chess.Board, beside: Mapping[Place, Look], free: Set[Place], table: TableSettings) -> Inventory:

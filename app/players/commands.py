@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
+from typing import Final
 
 import chess
 
 from app import UserError
 from app.players.given_line import MoveError, parse_move, tokens_of
-from hardware.table import Place
+from hardware.table import Colour, Kind, Look, Place
+
+NOTHING: Final = ("nothing", "empty", "none")
+"""Words for an empty square."""
+_LETTERS: Final[Mapping[str, Kind]] = MappingProxyType(
+    {"k": Kind.KING, "q": Kind.QUEEN, "r": Kind.ROOK, "b": Kind.BISHOP, "n": Kind.KNIGHT, "p": Kind.PAWN}
+)
+_SAYS: Final = re.compile(r"([a-h][1-8])\s*[:=]?\s*(?:is\s+)?(?:an?\s+)?(\w+)(?:\s+(\w+))?")
 
 
 class Word(StrEnum):
@@ -151,3 +160,17 @@ def help_text() -> str:
     """What can be typed, a line each."""
     width = max(len(word) for word in Word)
     return "\n".join(["a move: e4, Nf3, O-O, e2e4, e7e8q", *(f"{word:{width}}  {MEANINGS[word]}" for word in Word)])
+
+
+def said_of_square(words: str) -> tuple[Place, Look | None] | None:
+    """What a person says of a square, such as 'e4 white knight', 'e4 wN' or 'e4 empty'; None: something else."""
+    found = _SAYS.fullmatch(words.strip().lower())
+    if found is None:
+        return None
+    place = Place.parse(found[1])
+    if found[2] in NOTHING and found[3] is None:
+        return place, None
+    side, kind = (found[2], found[3]) if found[3] is not None else (found[2][:1], found[2][1:])
+    colour = {"white": Colour.WHITE, "w": Colour.WHITE, "black": Colour.BLACK, "b": Colour.BLACK}.get(side)
+    which = _LETTERS.get(kind) or next((one for one in Kind if one == kind), None)
+    return None if colour is None or which is None else (place, (colour, which))

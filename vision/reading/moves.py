@@ -23,7 +23,7 @@ MARGIN: Final = 6.0
 """By which a move must be better explained than any other legal move: e⁶ ≈ 400 times as likely [nat]."""
 ELSEWHERE: Final = 4.0
 """By which a square that the move leaves alone must be explained better than by anything else standing there: e⁴ ≈ 50
-times. A move that is read rightly while a piece is gone elsewhere is no wrong move, and the next look shows it [nat]."""
+times. A move read rightly while a piece is gone elsewhere is no wrong move, and the next look shows that [nat]."""
 MISSING: Final = 4.5
 STRAY: Final = 6.0
 """How much rarer than a legal move it is that, besides, a piece is missing; that one too many stands there, or one of

@@ -20,14 +20,14 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from hardware.interfaces import Frame
-from hardware.table import Colour, Kind, PieceSpec, Place, square_place
+from hardware.table import Colour, Kind, Look, PieceSpec, Place, square_place
 from vision.arrays import Array
 from vision.board.view import BoardView
 from vision.pieces.fallen import around_board
 from vision.pieces.fit import TALL, Fit
 from vision.standing.hiding import hiding_places, pawns_at, pixels_of
 from vision.standing.kind_costs import TOPS, kind_cost
-from vision.standing.recognised_set import Look, RecognisedPiece, RecognisedSet
+from vision.standing.recognised_set import RecognisedPiece, RecognisedSet
 from vision.standing.sightings import Sighting, Sightings, rough_sightings, sightings_of, together
 
 _BETWEEN: Final = 0.42

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hardware.table import Colour, Kind, Place
-
-Look = tuple[Colour, Kind]
-"""What tells pieces apart."""
+from hardware.table import Look, Place
 
 
 @dataclass(frozen=True, slots=True)

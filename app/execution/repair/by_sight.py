@@ -16,6 +16,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import product
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -25,7 +26,7 @@ from app.execution.repair.diagnosis import SEEN_WITHIN, Ask, Repair, missing_ask
 from app.execution.repair.observed import HEIGHTS
 from app.pieces.inventory import Inventory
 from app.pieces.order import Point, rearrange
-from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, Place, square_place
+from hardware.table import PIECE_SHAPES, Colour, Kind, Look, PieceSpec, Place, square_place
 from vision.pieces.verify import Fault, FaultKind
 from vision.standing.kind_costs import kind_cost
 from vision.standing.sightings import Sighting, Sightings
@@ -57,6 +58,8 @@ _OTHER_SIDE: Final = 20.0
 """Of evidence for the other side, see ``Sighting.white``."""
 _BEHIND: Final = 0.05
 """Of what colours say, where something else hides most of a piece."""
+_CONTRADICTED: Final = 30.0
+"""Of what a person says is something else."""
 SURE: Final = 2.9
 """What is believed is so much likelier than any other kind, as a logarithm: 18 times."""
 _IMPOSSIBLE: Final = 1e6
@@ -93,6 +96,7 @@ def whereabouts(
     seen: Sightings,
     heights: Mapping[Kind, float] = HEIGHTS,
     untouched: Set[int] = frozenset(),
+    told: Mapping[Place, Look] = MappingProxyType({}),
 ) -> Whereabouts | None:
     """Find out which piece is which; None: that is not sure.
 
@@ -101,6 +105,7 @@ def whereabouts(
         seen: what does.
         heights: of the kinds as this camera has seen them before [m].
         untouched: squares whose pieces look just as when they were known to stand there.
+        told: what a person says stands on squares.
     """
     seen = replace(seen, all=_less_of_colours(stands, seen))
     seen = replace(seen, hidden=_hidden(stands, seen))
@@ -110,6 +115,7 @@ def whereabouts(
     nowhere = _LIES if lying else _NOWHERE
     cost = _costs(stands, pieces, sightings, seen.hidden, _heights(stands, seen.all, heights), nowhere)
     cost[: len(pieces), : len(sightings)] += _strangers(stands, pieces, sightings, untouched)
+    cost[: len(pieces), : len(sightings)] += _against_words(stands, pieces, sightings, told)
     rows, columns = linear_sum_assignment(cost)
     chosen = dict(zip(rows.tolist(), columns.tolist(), strict=True))
     if any(column < len(sightings) for row, column in chosen.items() if row >= len(pieces)):
@@ -266,6 +272,17 @@ def _costs(
         cost[i, len(seen) + i] = _UNSEEN if piece.place in hidden else nowhere
     for j in range(len(seen)):
         cost[len(pieces) + j, j] = _NOBODYS
+    return cost
+
+
+def _against_words(
+    stands: Inventory, pieces: Sequence[PieceSpec], seen: Sequence[Sighting], told: Mapping[Place, Look]
+) -> np.ndarray:
+    """What it costs to believe something else than a person says, (pieces, sightings)."""
+    cost = np.zeros((len(pieces), len(seen)))
+    for (place, said), (j, one) in product(told.items(), enumerate(seen)):
+        if math.dist((one.x, one.y), stands.table.xy(place)) < _ABOUT:
+            cost[:, j] = [0.0 if (piece.colour, piece.kind) == said else _CONTRADICTED for piece in pieces]
     return cost
 
 

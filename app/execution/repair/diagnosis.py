@@ -13,7 +13,7 @@ from app.execution.repair.belief import Belief, believe, doubted
 from app.execution.repair.observed import KNOWN, BoardObservation
 from app.pieces.inventory import Inventory, Transfer
 from app.pieces.order import Point, rearrange
-from hardware.table import Colour, PieceSpec, square_place
+from hardware.table import Colour, Kind, PieceSpec, square_place
 from vision.pieces.verify import TOLERANCE
 
 SEEN_WITHIN: Final = 0.75
@@ -221,7 +221,8 @@ def _doubtful(doubtful: Sequence[int], colour: Colour, belief: Belief, expected:
     puts += [f"nothing on {_list(empty)}"] if empty else []
     return Ask(
         f"it is not clear which {colour} piece{'s stand' if len(doubtful) > 1 else ' stands'} on "
-        f"{_list([str(square_place(square)) for square in doubtful])}: put {_list(puts)}",
+        f"{_list([str(square_place(square)) for square in doubtful])}: put {_list(puts)}, or say what stands there, as "
+        f"'{square_place(doubtful[0])} {colour} {Kind.KNIGHT}'",
         tuple(squares),
     )
 

@@ -30,7 +30,7 @@ class HandSettings(FrozenFinite):
     side: Colour = Colour.WHITE
     """The player it belongs to: white sits at −y, black at +y."""
     speed: Annotated[float, Field(ge=0.1, le=2.0)] = 0.8
-    """Highest speed of a long reach [m/s]. People reach over a table with 0.3 to 0.8 m/s; ISO 13855 reckons with 1.6."""
+    """Highest speed of a long reach [m/s]. People reach over a table with 0.3 to 0.8; ISO 13855 reckons with 1.6."""
     placement_sigma: NonNegativeFloat = 0.002
     """Standard deviation of where a piece is put down, in x and y [m]."""
     placement_limit: NonNegativeFloat = 0.005

@@ -20,7 +20,7 @@ from app.execution.carrier import Carried
 from app.execution.interruption import BoardTouched, CarryFailed, Loss
 from app.execution.recovery import FRUITLESS, MOST_ROUNDS, Recovery
 from app.execution.repair import BoardObservation
-from app.execution.state import AwaitedReply, Devices, Job, Position
+from app.execution.state import AwaitedReply, Devices, Job, Position, Told
 from app.execution.table import Table
 from app.game.person import NeedsHand, UnattendedAsker
 from app.motion import MotionSettings
@@ -233,6 +233,8 @@ class Paper:
     def forget_likeness(self) -> None:
         pass
 
+    def tell(self, told: Told) -> None: ...
+
     seen = None
 
     def answered(self, reply: AwaitedReply) -> bool:
@@ -250,9 +252,9 @@ class Unattended(UnattendedAsker):
     def __init__(self, paper: Paper) -> None:
         self._paper = paper
 
-    def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> None:
+    def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> Told:
         self._paper.asked.append(sentence)
-        super().mend(sentence, squares, stands)
+        return super().mend(sentence, squares, stands)
 
 
 def table_of(
@@ -361,10 +363,11 @@ def test_a_person_who_is_asked_in_vain_hears_what_is_seen_and_how_to_leave(tmp_p
         pass
 
     class Answers:
-        def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> None:
+        def mend(self, sentence: str, squares: tuple[str, ...], stands: Inventory) -> Told:
             said.append(sentence)
             if len(said) > FRUITLESS:
                 raise Idle
+            return {}
 
     assert table._recovery is not None
     table._recovery._asker = Answers()
@@ -373,6 +376,7 @@ def test_a_person_who_is_asked_in_vain_hears_what_is_seen_and_how_to_leave(tmp_p
     assert "still see" not in said[FRUITLESS - 1]
     assert "I have looked 3 times since then, and still see that c1 is empty" in said[FRUITLESS]
     assert "'touchmove resume'" in said[FRUITLESS]
+    assert "'keep'" in said[FRUITLESS]
 
 
 @pytest.mark.parametrize(("prop", "asked"), [("black-pawn-d", False), ("white-rook-h", True)])

@@ -408,11 +408,12 @@ def test_what_is_sure_the_arm_puts_right(observation: BoardObservation, done: li
     (looks(d7=W), "a white piece stands on d7 that should not be on the board: take it off; "
                   "a piece is missing: put the black pawn on d7"),
     (looks(b1=None, c1=None, d3=W, e3=W), "it is not clear which white pieces stand on d3 and e3: put the white knight "
-                                          "on b1, the white bishop on c1 and nothing on d3 and e3"),
+                                          "on b1, the white bishop on c1 and nothing on d3 and e3, or "
+                                          "say what stands there, as 'd3 white knight'"),
     (looks(b1=None, d3=W), "it is not clear which white pieces stand on d2 and d3: put the white knight on b1, the "
-                           "white pawn on d2 and nothing on d3"),
+                           "white pawn on d2 and nothing on d3, or say what stands there, as 'd2 white knight'"),
     (looks(d1=None, e4=W), "it is not clear which white pieces stand on e2 and e4: put the white queen on d1, the "
-                           "white pawn on e2 and nothing on e4"),
+                           "white pawn on e2 and nothing on e4, or say what stands there, as 'e2 white knight'"),
     (BoardObservation({}, fallen=frozenset({1})), "the white knight on b1 has fallen, which the arm cannot set up: "
                                                   "stand it on b1"),
     (BoardObservation({}, fallen=frozenset({28})), "a piece lies on e4, which the arm cannot set up: take it off the "

@@ -225,3 +225,20 @@ def test_what_lies_in_place_of_a_piece_is_no_piece_that_stands() -> None:
     assert of(Sighting(at[0], at[1] + 0.016, 0.034, False, 2.0)) == []
     assert of(Sighting(*at, 0.035, True, 2.0), Sighting(at[0], at[1] + 0.02, 0.021, False, 2.0)) == []
     assert of() == [], "nothing there is another fault"
+
+
+@pytest.mark.parametrize("noise", [0.0002, -0.0002, 0.0])
+def test_what_a_person_says_settles_what_heights_leave_open(noise: float) -> None:
+    """A rook and a knight, both as high as the mean of the two, stand on two other squares than their own."""
+    spots = {square: TABLE.xy(square_place(square)) for square in (chess.D4, chess.F5)}
+    height = 0.5 * (PIECE_SHAPES[ROOK.kind].height + PIECE_SHAPES[KNIGHT.kind].height) + 0.0012
+    rest = shown({}, gone=frozenset({ROOK.name, KNIGHT.name}))
+    pairs = zip(spots.values(), (noise, -noise), strict=True)
+    two = [Sighting(*at, height + err, True, 2.5) for at, err in pairs]
+    seen = replace(rest, all=(*rest.all, *two))
+    assert whereabouts(START, seen) is None
+    for told, other in ((ROOK, KNIGHT), (KNIGHT, ROOK)):
+        found = whereabouts(START, seen, told={square_place(chess.D4): (Colour.WHITE, told.kind)})
+        assert found is not None
+        assert math.dist(found.standing[told.name], spots[chess.D4]) < 1e-9
+        assert math.dist(found.standing[other.name], spots[chess.F5]) < 1e-9

@@ -14,7 +14,7 @@ from app.pieces.layout import start_layout
 from app.players.commands import HandVerb, MoveHand, Word
 from app.players.person import Human, PersonGone
 from hardware.interfaces import HardwareError
-from hardware.table import Place, TableSettings
+from hardware.table import Colour, Kind, Place, TableSettings
 
 TABLE = TableSettings()
 STANDS = Inventory.of(start_layout(chess.Board(), TABLE), TABLE)
@@ -126,6 +126,17 @@ def test_a_simulated_hand_does_what_it_is_told_while_the_board_is_put_right(line
     ui = asked(line, "done", hands=hands)
     assert hands.did == [command]
     assert len(ui.asked) == 2
+
+
+def test_what_stands_on_a_square_can_be_said() -> None:
+    ui = UserInterface()
+    asker = PersonAsker(Human(chess.WHITE, Script("g6 white knight", "A1 wR", "e4 empty", "done"), None), ui)
+    told = asker.mend("it is not clear", (), Inventory.of((), TableSettings()))
+    assert told == {
+        Place.parse("g6"): (Colour.WHITE, Kind.KNIGHT), Place.parse("a1"): (Colour.WHITE, Kind.ROOK),
+    }  # fmt: skip
+    assert any("g6: white knight" in said for said in ui.said)
+    assert any("'e4 empty' is no answer" in said for said in ui.said)
 
 
 def test_a_person_with_hands_of_their_own_is_told_to_use_them() -> None:
