@@ -6,16 +6,15 @@ Board frame: origin at the centre of the playing surface, x along the files a→
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from types import MappingProxyType
 from typing import Annotated, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 
+from hardware.contact_limits import ContactLimits
 from hardware.frozen import FrozenFinite
 
 _AXES = np.array([1.0, -1.0, -1.0])
@@ -203,31 +202,6 @@ class Box(NamedTuple):
     def holds(self, x: float, y: float) -> bool:
         """Whether a point lies within the walls [m]."""
         return abs(x - self.x) <= self.half_x and abs(y - self.y) <= self.half_y
-
-
-class ContactLimits(FrozenFinite):
-    """How fast the tool may move where it can meet a hand or a piece.
-
-    Source: force measurements with the full arm against a 75 N/mm, 0.6 kg finger; ISO/TS 15066 allows 140 N
-    quasi-static. Speed decides the peak: 0.45 m/s clamps with 138 N, 0.23 m/s with 70 N.
-    """
-
-    tool_speed: PositiveFloat = 0.8
-    shared_tool_speed: PositiveFloat | None = None
-    """Where it is not known that nobody is near; None: the same [m/s]."""
-    downward_speed: PositiveFloat = 0.45
-    """Within ``near_height`` of the playing surface [m/s]."""
-    near_height: PositiveFloat = 0.090
-
-
-CONTACT_PROFILES: Final[Mapping[str, ContactLimits]] = MappingProxyType({
-    "default": ContactLimits(),
-    "gentle": ContactLimits(tool_speed=0.4, downward_speed=0.22),
-    "fast": ContactLimits(tool_speed=1.5),
-    "separation": ContactLimits(tool_speed=1.5, shared_tool_speed=ContactLimits().tool_speed),
-})  # fmt: skip
-"""By how the arm moves: ``gentle`` with children in reach (70 N), ``fast`` with nobody (263 N on a free finger),
-``separation`` as fast where and while nobody is seen, else as the default."""
 
 
 class TableSettings(FrozenFinite):

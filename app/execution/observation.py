@@ -12,16 +12,15 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import chess
-import numpy as np
-from numpy.typing import NDArray
 
 from app.execution.board_view import find_view
-from app.execution.repair import BoardObservation, Whereabouts, exchanged, kinds_by_height, placed, toppled, whereabouts
-from app.execution.repair.observed import HEIGHTS, Chances
+from app.execution.repair import BoardObservation, Whereabouts, exchanged, toppled, whereabouts
+from app.execution.repair.behind import behind_another
+from app.execution.repair.observed import HEIGHTS, kinds_on_squares, on_board, shown_position
 from app.execution.state import FRAME_AGE, AwaitedReply, CannotSee, Clearance, Devices, Told
 from app.execution.unseen_reply import pieces_of, reply_shown
 from app.pieces.inventory import Inventory
-from app.pieces.layout import KINDS, PIECE_TYPES
+from app.pieces.layout import KINDS
 from app.rig.arm import Arm
 from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
 from hardware.table import Colour, Kind, Look, PieceSpec, TableSettings, square_place
@@ -29,29 +28,22 @@ from vision.board.anchor import Anchor
 from vision.board.view import BoardView, playing_area
 from vision.pieces.centres import piece_centres
 from vision.pieces.fallen import around_board, find_misplaced
-from vision.pieces.fit import Fit
 from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.swapped import SHIFTED, UNLIKE, KnownPicture, looked_closer
 from vision.pieces.verify import Examination, Fault, FaultKind, examine_board
-from vision.reading.appearance import BLACK, EMPTY, WHITE
+from vision.reading.appearance import BLACK, WHITE
 from vision.reading.diagnosis import Diagnosis, explain
 from vision.reading.evidence import codes_of
 from vision.reading.moves import MoveReading
 from vision.reading.observer import Observation, Observer
 from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 from vision.reading.rectified_view import sight_of_frame
-from vision.standing.hiding import hiding_places
 from vision.standing.recognise import recognise
 from vision.standing.recognised_set import RecognisedSet
 from vision.standing.sightings import Sightings, sightings_of, together
 
-States = NDArray[np.intp]
-Heights = NDArray[np.float64]
-
 PATIENCE: Final = 3.0
 """So long a fresh frame is waited for [s]."""
-_LIKELY: Final = 0.5
-"""Of a piece's height: it is what it should be."""
 _ANSWERS: Final = frozenset({Situation.LEGAL, Situation.UNFINISHED})
 
 
@@ -187,7 +179,7 @@ class GameObserver:
             HardwareError: the camera failed.
         """
         if self._observer is None:
-            self.begin(_shown(stands))
+            self.begin(shown_position(stands))
             self._assumed = True
         frame = self.frame()
         self._follow(frame)
@@ -209,7 +201,7 @@ class GameObserver:
         for place, (colour, _) in self._told.items():
             states[place.index] = WHITE if colour is Colour.WHITE else BLACK
         top = None if look.solids is None else look.solids.top
-        kinds = _kinds(stands, states, top, self._heights())
+        kinds = kinds_on_squares(stands, states, top, self._heights())
         kinds |= {place.index: {kind: 1.0} for place, (_, kind) in self._told.items()}
         return BoardObservation.of(stands, states, faults, kinds=kinds)
 
@@ -253,24 +245,9 @@ class GameObserver:
             looks.append(self._sightings(stands))
             found = whereabouts(stands, together(looks), self._heights(), self._untouched, self._told)
             if found is not None:
-                found = self._behind_another(found, stands)
+                found = behind_another(found, stands, self.last, self.view, self._not_there)
                 return found if not found.nudged else self._nudged_twice(found, stands)
         return None
-
-    def _behind_another(self, found: Whereabouts, stands: Inventory) -> Whereabouts:
-        """A piece that is nowhere in sight, where one of its side peeps out behind another: that is where it is."""
-        believed = placed(stands, found)
-        if believed is None or found.lying or len(found.missing) != 1 or found.missing[0].name in self._not_there:
-            return found
-        (gone,) = found.missing
-        expected = {piece.place: piece for piece in believed if not piece.place.in_box}
-        fit = Fit(self.last, self.view, expected, use_depth=True, around=around_board(self.view, trays=True))
-        empty = [place for place in map(square_place, range(64)) if place not in expected]
-        peeps = [place for place, side in hiding_places(empty, fit, self.view).items() if side is gone.colour]
-        if len(peeps) != 1:
-            return found
-        standing = {**found.standing, gone.name: stands.table.xy(peeps[0])}
-        return replace(found, standing=standing, moved=found.moved | {gone.name}, missing=())
 
     def note_not_there(self, name: str) -> None:
         """The arm has not found a piece where it was taken to be."""
@@ -409,35 +386,3 @@ class GameObserver:
         if self._guard is not None:
             self._guard.look(view)
         self._anchor = Anchor(frame.colour, view.project(playing_area(self._table)))
-
-
-def on_board(inventory: Inventory) -> dict[int, PieceSpec]:
-    """The pieces that stand on squares, by square."""
-    return {piece.place.index: piece for piece in inventory if piece.place.on_board}
-
-
-def _shown(stands: Inventory) -> chess.Board:
-    """The position that an inventory has on the board; whose move it is, nobody can see."""
-    board = chess.Board(None)
-    for square, piece in on_board(stands).items():
-        board.set_piece_at(square, chess.Piece(PIECE_TYPES[piece.kind], piece.colour is Colour.WHITE))
-    return board
-
-
-def _kinds(stands: Inventory, states: States, top: Heights | None, known: Mapping[Kind, float]) -> dict[int, Chances]:
-    """How likely what stands on a square is of each kind by its height: of what stands where it should not, and of
-    what is as high as it should be, so that it is not taken for something else.
-    """
-    if top is None:
-        return {}
-    expected = np.full(64, EMPTY)
-    for square, piece in on_board(stands).items():
-        expected[square] = WHITE if piece.colour is Colour.WHITE else BLACK
-    strange = np.flatnonzero((states != expected) & (states != EMPTY) & (top > 0.0))
-    kinds: dict[int, Chances] = {int(square): kinds_by_height(float(top[square]), known) for square in strange}
-    for square, piece in on_board(stands).items():
-        if square not in kinds and states[square] != EMPTY and top[square] > 0.0:
-            chances = kinds_by_height(float(top[square]), known)
-            if chances[piece.kind] >= _LIKELY:
-                kinds[square] = chances
-    return kinds

@@ -17,11 +17,12 @@ from app import UserError
 from app.execution.carrier import Begun, Carrier
 from app.execution.interruption import BoardTouched, CarryFailed
 from app.execution.state import FRAME_AGE, NO_REMARK, AwaitedReply, Devices, Job, JobDone, Position, Remark, changed
-from app.pieces.inventory import Inventory, Ply, Transfer
+from app.pieces.inventory import Inventory, Ply
 from app.pieces.judging import Verdict, judge
 from app.pieces.layout import colour_of
 from app.pieces.manipulation import move_kind, transfers
-from app.records import FRAMES, GameRecord, PlyOutcome, recording
+from app.pieces.position import set_up
+from app.records import GameRecord, PlyOutcome
 from app.records.events import Purpose
 from app.records.history import Unfinished, transfer_of
 from app.terminal.interface import UserInterface
@@ -127,7 +128,7 @@ class Table:
         before = self.board.copy()
         moves = [before.pop() for _ in range(plies)]
         label = "take back " + before.variation_san(reversed(moves))
-        moved = _arranged(self.inventory, before)
+        moved = set_up(self.inventory, before)
         self._record.task(Purpose.TAKE_BACK, label, moved, self.now(), taken_back=plies)
         return self._do_task(Job(label, moved), None, before)
 
@@ -139,7 +140,7 @@ class Table:
         """
         if not self._look_again():
             return False
-        moved = _arranged(self.inventory, board)
+        moved = set_up(self.inventory, board)
         label = "set the pieces up"
         self._record.task(Purpose.SET_UP, label, moved, self.now(), fen=board.fen())
         return self._do_task(Job(label, moved), None, board)
@@ -217,7 +218,7 @@ class Table:
             if self.observer is not None:
                 self.observer.begin(self.board)
                 self.observer.remember(self.inventory)
-            self._keep(self._look(learns=False))
+            self._picture(self._look(learns=False))
             return True
         self._unwatched = by_hand
         well = self._finish() and self.repair(self._left_with(self.board))
@@ -281,9 +282,9 @@ class Table:
         # one that was not begun is thought over: what it was planned around, or refused for, only a look can tell
         repair = unfinished.repair if begun is not None or self._recovery is None else ()
         wanted = self.inventory.after_all(repair)
-        reply = self._left_with(goal) if not _arranged(wanted, goal) else None
+        reply = self._left_with(goal) if not set_up(wanted, goal) else None
         carried = self._carry(Job("put the board right", repair), wanted, begun, reply)
-        rest = () if carried.answered else _arranged(carried.inventory, goal)
+        rest = () if carried.answered else set_up(carried.inventory, goal)
         stands = self.inventory
         self.inventory = carried.inventory
         if rest:
@@ -343,7 +344,7 @@ class Table:
         self.inventory.check_against(self.board)
         frame = self._look(learns=not answered)
         outcome, verdict = (outcome, None) if answered else self._judged(outcome, places)
-        outcome = replace(outcome, frame=self._keep(frame))
+        outcome = replace(outcome, frame=self._picture(frame))
         event = self._record.ply(ply, outcome, self.now(), inventory)
         self._ui.ply(event, self.board)
         return verdict is None or verdict.ok
@@ -372,6 +373,9 @@ class Table:
         self._devices.arm.state()  # in pace fast: once plant time stands, so that the exposure's tick is decided
         return self._devices.camera.read(FRAME_AGE)
 
+    def _picture(self, frame: Frame | None) -> str | None:
+        return None if frame is None else self._record.picture(len(self.board.move_stack), frame.colour)
+
     def _reset_peak(self) -> None:
         if self._devices.referee is not None:
             self._devices.referee.look(reset_peak=True)
@@ -390,26 +394,3 @@ class Table:
             physical_ok=verdict.ok, failures=verdict.failures,
         )  # fmt: skip
         return judged, verdict
-
-    def _keep(self, frame: Frame | None) -> str | None:
-        """Write a frame's colours as JPEG, and say the name."""
-        if frame is None:
-            return None
-        import cv2  # only where there is a camera
-
-        name = f"{FRAMES}/ply-{len(self.board.move_stack):03d}.jpg"
-        path, colour = self._record.folder / name, cv2.cvtColor(frame.colour, cv2.COLOR_RGB2BGR)
-        done, encoded = cv2.imencode(".jpg", colour, [cv2.IMWRITE_JPEG_QUALITY, 88])
-        if not done:
-            raise RuntimeError(f"OpenCV could not encode {path.name}")
-        with recording(path):
-            path.parent.mkdir(exist_ok=True)
-            path.write_bytes(encoded.tobytes())
-        return name
-
-
-def _arranged(inventory: Inventory, board: chess.Board) -> tuple[Transfer, ...]:
-    """Transfers that put a position on the board."""
-    from app.pieces.position import set_up  # SciPy takes a second to load: not before something is to be set up
-
-    return set_up(inventory, board)

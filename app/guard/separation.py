@@ -15,7 +15,8 @@ import numpy as np
 
 from app.rig.devices import Holder
 from controller.loop.playback import CHANGE
-from hardware.table import ContactLimits, TableSettings
+from hardware.contact_limits import ContactLimits
+from hardware.table import TableSettings
 from vision.arrays import Array
 from vision.board.view import BoardView
 from vision.hands.stillness import Seen

@@ -9,8 +9,9 @@ from typing import Final, Self
 from pydantic import NonNegativeFloat, PositiveFloat
 
 from controller.settings import HELD_FORCE
+from hardware.contact_limits import CONTACT_PROFILES, ContactLimits
 from hardware.frozen import Frozen
-from hardware.table import CONTACT_PROFILES, ContactLimits, TableSettings
+from hardware.table import TableSettings
 
 
 class Law(StrEnum):

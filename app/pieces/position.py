@@ -14,8 +14,6 @@ from typing import Final, NamedTuple
 import chess
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial.distance import cdist
 
 from app import UserError
 from app.pieces.inventory import Inventory, Transfer
@@ -156,7 +154,7 @@ def _assigned(now: Inventory, pieces: Sequence[PieceSpec], squares: Sequence[Pla
     cost[:, : len(squares)][[[place == square for square in squares] for place in places]] = 0.0
     aside = _MOVED + _ways(now.table, places, now.table.tray_places()).min(axis=1)
     cost[:, len(squares) :] = np.where([place.on_board for place in places], aside, 0.0)[:, None]
-    rows, columns = linear_sum_assignment(cost)
+    rows, columns = _assign(cost)
     pairs = zip(rows.tolist(), columns.tolist(), strict=True)
     return {pieces[i].name: squares[j] for i, j in pairs if j < len(squares)}
 
@@ -164,7 +162,16 @@ def _assigned(now: Inventory, pieces: Sequence[PieceSpec], squares: Sequence[Pla
 def _ways(table: TableSettings, starts: Sequence[Place], ends: Sequence[Place]) -> Array:
     """Lengths of all ways, shape (starts, ends) [m]; to a micrometre, so that equal ones tie on every machine."""
     here, there = (np.array([table.xy(place) for place in places]) for places in (starts, ends))
-    return cdist(here, there).round(6)
+    ways: Array = np.linalg.norm(here[:, None] - there, axis=2).round(6)
+    return ways
+
+
+def _assign(cost: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of the cheapest assignment."""
+    from scipy.optimize import linear_sum_assignment  # takes a second to load: not before something is to be set up
+
+    rows, columns = linear_sum_assignment(cost)
+    return rows, columns
 
 
 def _left(now: Inventory, goals: Mapping[str, Place], leaving: Sequence[PieceSpec]) -> dict[str, Place]:
@@ -175,7 +182,7 @@ def _left(now: Inventory, goals: Mapping[str, Place], leaving: Sequence[PieceSpe
     places = [place for place in (*now.table.tray_places(), *now.table.box_places()) if place not in stay]
     if len(places) < len(leaving):
         raise PlacesMissing(len(leaving), len(places))
-    rows, columns = linear_sum_assignment(_beside(now, leaving, places))
+    rows, columns = _assign(_beside(now, leaving, places))
     return {leaving[i].name: places[j] for i, j in zip(rows.tolist(), columns.tolist(), strict=True)}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import chess
 import chess.engine
@@ -41,6 +41,10 @@ from app.records.history import History, RecordState
 from app.records.pgn import PgnFile, PgnMove
 from app.records.report import Report, summarise
 from hardware.table import Colour
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 FRAMES = "frames"
 """A folder: ``ply-000.jpg`` shows the position that the record begins with, each other the one after that ply."""
@@ -207,6 +211,21 @@ class GameRecord:
         """Record something that went wrong at the board, and who has put it right."""
         squares = tuple(squares)
         self._add(TroubleEvent, plant_time, kind=kind, squares=squares, sentence=sentence, mended_by=mended_by)
+
+    def picture(self, number: int, colour: NDArray[np.uint8]) -> str:
+        """Keep what the board looks like after so many plies, RGB (h, w, 3), as JPEG; its name, for the ply's event."""
+        import cv2  # only where there is a camera
+
+        name = f"{FRAMES}/ply-{number:03d}.jpg"
+        path = self.folder / name
+        quality = [cv2.IMWRITE_JPEG_QUALITY, 88]
+        done, encoded = cv2.imencode(".jpg", cv2.cvtColor(colour, cv2.COLOR_RGB2BGR), quality)
+        if not done:
+            raise RuntimeError(f"OpenCV could not encode {path.name}")
+        with recording(path):
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(encoded.tobytes())
+        return name
 
     def ply(self, ply: Ply, outcome: PlyOutcome, plant_time: float, stands: Inventory | None = None) -> PlyEvent:
         """Record a ply after it was done.

@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from hardware.contact_limits import ContactLimits
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.arm import inverse_kinematics
-from hardware.table import MOST_YAW, PIECE_SHAPES, ContactLimits, Kind, Place, TableSettings, square_place
+from hardware.table import MOST_YAW, PIECE_SHAPES, Kind, Place, TableSettings, square_place
 
 TABLE = TableSettings()
 SQUARES = [square_place(i) for i in range(64)]

@@ -8,17 +8,21 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
 
+import chess
 import numpy as np
 from numpy.typing import NDArray
 
 from app.pieces.inventory import Inventory
+from app.pieces.layout import PIECE_TYPES
 from app.pieces.order import Point
-from hardware.table import PIECE_SHAPES, Colour, Kind, square_place
+from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, square_place
 from vision.pieces.centres import Centre
 from vision.pieces.verify import Fault, FaultKind
-from vision.reading.appearance import BLACK, WHITE
+from vision.reading.appearance import BLACK, EMPTY, WHITE
 from vision.reading.piece_kinds import SPREAD
 
+States = NDArray[np.intp]
+Heights = NDArray[np.float64]
 Chances = Mapping[Kind, float]
 """How likely each kind is; they add up to 1."""
 FLUKE: Final = 1e-3
@@ -27,6 +31,8 @@ KNOWN: Final = 0.9
 """A kind as likely as this is known."""
 HEIGHTS: Final[Mapping[Kind, float]] = MappingProxyType({kind: shape.height for kind, shape in PIECE_SHAPES.items()})
 """Of the kinds [m]."""
+_LIKELY: Final = 0.5
+"""Of a piece's height: it is what it should be."""
 _COLOURS: Final[Mapping[int, Colour]] = MappingProxyType({WHITE: Colour.WHITE, BLACK: Colour.BLACK})
 
 
@@ -102,3 +108,37 @@ def kinds_by_height(height: float, known: Mapping[Kind, float] = HEIGHTS, spread
     likely = {kind: max(math.exp(-0.5 * ((height - of) / spread) ** 2), FLUKE) for kind, of in known.items()}
     whole = math.fsum(likely.values())
     return {kind: chance / whole for kind, chance in likely.items()}
+
+
+def on_board(inventory: Inventory) -> dict[int, PieceSpec]:
+    """The pieces that stand on squares, by square."""
+    return {piece.place.index: piece for piece in inventory if piece.place.on_board}
+
+
+def shown_position(stands: Inventory) -> chess.Board:
+    """The position that an inventory has on the board; whose move it is, nobody can see."""
+    board = chess.Board(None)
+    for square, piece in on_board(stands).items():
+        board.set_piece_at(square, chess.Piece(PIECE_TYPES[piece.kind], piece.colour is Colour.WHITE))
+    return board
+
+
+def kinds_on_squares(
+    stands: Inventory, states: States, top: Heights | None, known: Mapping[Kind, float]
+) -> dict[int, Chances]:
+    """How likely what stands on a square is of each kind by its height: of what stands where it should not, and of
+    what is as high as it should be, so that it is not taken for something else.
+    """
+    if top is None:
+        return {}
+    expected = np.full(64, EMPTY)
+    for square, piece in on_board(stands).items():
+        expected[square] = WHITE if piece.colour is Colour.WHITE else BLACK
+    strange = np.flatnonzero((states != expected) & (states != EMPTY) & (top > 0.0))
+    kinds: dict[int, Chances] = {int(square): kinds_by_height(float(top[square]), known) for square in strange}
+    for square, piece in on_board(stands).items():
+        if square not in kinds and states[square] != EMPTY and top[square] > 0.0:
+            chances = kinds_by_height(float(top[square]), known)
+            if chances[piece.kind] >= _LIKELY:
+                kinds[square] = chances
+    return kinds

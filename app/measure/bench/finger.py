@@ -20,10 +20,11 @@ from controller.protection.limits import REACTIONS, Reaction
 from controller.protocol import Result
 from controller.protocol.causes import explain
 from controller.protocol.states import State
+from hardware.contact_limits import ContactLimits
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.finger_world import RADIUS, Finger, build_finger_world, finger_force
 from hardware.sim.plant.plant import Plant
-from hardware.table import ContactLimits, TableSettings
+from hardware.table import TableSettings
 
 SEED: Final = 1
 TRIALS: Final = 200

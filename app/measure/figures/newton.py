@@ -18,8 +18,9 @@ from app.pieces.manipulation import transfers
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import TOLERANCE, newton_step
 from controller.model.reach import posture_at
+from hardware.contact_limits import ContactLimits
 from hardware.parameters import load_parameters
-from hardware.table import ContactLimits, TableSettings
+from hardware.table import TableSettings
 
 POSITION = "7r/8/8/8/8/8/8/Q1K4k w - - 0 1"
 MOVE = "a1h8"

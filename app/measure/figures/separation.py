@@ -12,8 +12,9 @@ from app.measure.figures.drawing import axes, board_map, label, picture, table_g
 from app.measure.figures.result import Bar, FigureResult, Progress
 from app.motion.timing.reference import Vector
 from app.rig.simulation.nominal_view import nominal_view
+from hardware.contact_limits import CONTACT_PROFILES, ContactLimits
 from hardware.sim.render.d435 import GLANCE, LEFT_IMAGER, colour_intrinsics, depth_intrinsics
-from hardware.table import CONTACT_PROFILES, ContactLimits, TableSettings
+from hardware.table import TableSettings
 
 HEIGHTS: Final = (0.04, 0.09, 0.14)
 """Of the tool over the board [m]: low with a piece, over others, and at home."""

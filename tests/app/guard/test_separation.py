@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from app.guard.separation import EDGE, GRACE, HAND_SPEED, TOOL_SIZE, Separation, borders, nearest_beyond, reach
 from app.rig.simulation.nominal_view import nominal_view
 from controller.loop.playback import CHANGE
+from hardware.contact_limits import CONTACT_PROFILES
 from hardware.sim.render.d435 import GLANCE, LEFT_IMAGER, colour_intrinsics, depth_intrinsics
-from hardware.table import CONTACT_PROFILES, TableSettings
+from hardware.table import TableSettings
 from vision.hands.stillness import Seen
 
 TABLE = TableSettings(limits=CONTACT_PROFILES["separation"])

@@ -19,8 +19,9 @@ from controller.protocol import MotionFlag, Result
 from controller.protocol.messages import AdmitSpeed, Announce, Samples
 from controller.protocol.states import State
 from controller.settings import ControllerSettings
+from hardware.contact_limits import CONTACT_PROFILES
 from hardware.parameters import load_parameters
-from hardware.table import CONTACT_PROFILES, TableSettings
+from hardware.table import TableSettings
 
 TABLE = TableSettings(limits=CONTACT_PROFILES["separation"])
 LIMITS = default_limits(load_parameters(), TABLE)

@@ -27,10 +27,11 @@ from app.pieces.manipulation import transfers
 from app.rig.arm import ArmGaveWay, ArmHeld
 from controller.protocol.causes import Cause
 from controller.wire.errors import MotionRefused, MotionStopped
+from hardware.contact_limits import CONTACT_PROFILES
 from hardware.interfaces import HardwareError
 from hardware.sim.clients.hand import SimHand
 from hardware.sim.hand.actions import HandSettings, Hover, Withdraw
-from hardware.table import CONTACT_PROFILES, Colour
+from hardware.table import Colour
 from vision.hands.stillness import Watch
 
 SEED: Final = 11
