@@ -52,4 +52,5 @@ coverage:
 	@bash .ci/setup dev
 	@.venv/bin/python -m pytest --cov=controller --cov-branch --cov-report= tests/controller $(ARGS)
 	@NUMBA_DISABLE_JIT=1 .venv/bin/python -m pytest --cov=controller --cov-branch --cov-append \
-		--cov-report=term-missing:skip-covered tests/controller/protection tests/controller/law/test_force.py $(ARGS)
+		--cov-report=term-missing:skip-covered tests/controller/protection \
+		tests/controller/loop/test_playback.py tests/controller/law/test_force.py $(ARGS)

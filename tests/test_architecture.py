@@ -44,7 +44,9 @@ FLOORS = {
     ),
     "controller": ("offline", "loop", "law", "protection", "wire", "model", "settings", "protocol"),
     "vision": ("standing", "pieces", "reading", "hands", "camera", "loops", "board", "arrays"),
-    "hardware": ("sim", "camera", "table", "contact_limits", "referee", "parameters", "frozen", "interfaces", "realtime"),
+    "hardware": (
+        "sim", "camera", "table", "contact_limits", "referee", "parameters", "frozen", "interfaces", "realtime",
+    ),
     "hardware.sim": ("process", "clients", "hand", "plant", "bodies", "render"),
 }  # fmt: skip
 """What lies in a room, from the top floor down: each may import what stands after it, and nothing before it."""

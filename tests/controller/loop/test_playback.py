@@ -16,6 +16,7 @@ from controller.loop.supervisor import Supervisor
 from controller.model.constants import DeltaModel
 from controller.protection.limits import default_limits
 from controller.protocol import MotionFlag, Result
+from controller.protocol.layout import DatagramKind
 from controller.protocol.messages import AdmitSpeed, Announce, Samples
 from controller.protocol.states import State
 from controller.settings import ControllerSettings
@@ -162,3 +163,19 @@ def test_what_cannot_be_meant_is_no_admission(speed: float) -> None:
     assert AdmitSpeed.unpack(AdmitSpeed(speed, 5, EVERYWHERE).pack()) is None
     assert AdmitSpeed.unpack(AdmitSpeed(1.0, 5, (math.nan, *EVERYWHERE[1:])).pack()) is None
     assert AdmitSpeed.unpack(AdmitSpeed(1.0, 5, EVERYWHERE).pack()) == AdmitSpeed(1.0, 5, EVERYWHERE)
+
+
+def test_over_udp_speed_is_admitted_by_the_client_alone_and_nonsense_is_counted(launch: Any, line: Any) -> None:
+    client = launch(limits=LIMITS).client()
+    client.connect()
+    slow = client.execute(line(HOME, FAR, TICKS)).duration
+    client.execute(line(FAR, HOME, TICKS))
+    now = client.wait_standing().tick * client.period
+    client.admit_speed(1.6, now + LONGEST, EVERYWHERE)
+    fast = client.execute(line(HOME, FAR, TICKS)).duration
+    planned = (TICKS - 1) * client.period
+    assert planned <= fast < slow - 0.02
+    before = client.telemetry.bad_content
+    client._connected.send(DatagramKind.ADMIT_SPEED, AdmitSpeed(math.nan, 5, EVERYWHERE).pack())
+    client.execute(line(FAR, HOME, TICKS))
+    assert client.telemetry.bad_content == before + 1
