@@ -7,7 +7,7 @@ exposed after the asking, with the arm at home.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -171,8 +171,11 @@ class GameObserver:
         """Up to which hand the newest frame shows the board; None: nothing was looked at."""
         return None if self._last is None else Clearance(self._arrivals)
 
-    def verify(self, stands: Inventory) -> BoardObservation:
+    def verify(self, stands: Inventory, righted: Set[str] = frozenset()) -> BoardObservation:
         """Whether the board is as it should be, in a new frame; ``stands`` says what should stand where.
+
+        ``righted`` are names of pieces that have just been stood up: they are held against depth besides, as one that
+        lies in its place may look from afar as if it stood.
 
         Raises:
             CannotSee: the board is not in the picture.
@@ -186,6 +189,10 @@ class GameObserver:
         expected = on_board(stands)
         examined = self._examine(expected)
         faults = examined.faults
+        if self.deep and not righted.isdisjoint(piece.name for piece in expected.values()):
+            low = {fault.square: fault for fault in toppled(stands, self._sightings(stands))}
+            faults += tuple(low[square] for square in low.keys() - {fault.square for fault in faults}
+                            if expected[square].name in righted)  # fmt: skip
         self._doubted = frozenset(fault.square for fault in faults if fault.kind is FaultKind.FALLEN)
         self._wrong = frozenset(fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE)
         if not faults:

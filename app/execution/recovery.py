@@ -152,9 +152,9 @@ class Recovery:
     ) -> tuple[tuple[Fault, ...], Repair | Ask | Fallen | Leaning | None]:
         """What is wrong, and what to do about it; None: nothing, the board shows what is wanted."""
         self._carrier.be_ready(stands)
-        found = self.observer.verify(stands)
+        found = self.observer.verify(stands, self._stood_up)
         if found.faults:  # one frame may be wrong
-            found = self.observer.verify(stands)
+            found = self.observer.verify(stands, self._stood_up)
         # a hand may have exchanged pieces that look alike, or moved some in the trays; the arm may have mistaken one
         handled = self._stood_up | self._clearing.pushed.keys()
         seen = self.observer.whereabouts(stands) if found.faults or handled or board is not None else None

@@ -57,7 +57,7 @@ class GuardStop:
     over: frozenset[int]
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Request:
     """Of somebody who waits for a frame without a hand.
 
@@ -282,11 +282,14 @@ class HandGuard:
                 # a frame that was exposed before this call may be on its way, and one or two more in the pipe
                 request.first = self._count + 3
             self._requests.append(request)
-            self._serve()
-            self._news.wait_for(lambda: self._trouble is not None or request.found is not None, patience)
+            try:
+                self._serve()
+                self._news.wait_for(lambda: self._trouble is not None or request.found is not None, patience)
+            finally:
+                if request in self._requests:  # nobody waits any more
+                    self._requests.remove(request)
+                    self._frames.wake(False)
             if request.found is None:
-                self._requests.remove(request)
-                self._frames.wake(False)
                 self._check()
         return request.found
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Set
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -205,7 +206,7 @@ class Paper:
     deep = True
     looked_at = math.inf
 
-    def verify(self, stands: Inventory) -> BoardObservation:
+    def verify(self, stands: Inventory, righted: Set[str] = frozenset()) -> BoardObservation:
         faults, states = [], np.full(64, EMPTY)
         for square in range(64):
             there, should = self.truth.at(square_place(square)), stands.at(square_place(square))
