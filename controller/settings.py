@@ -25,12 +25,17 @@ def _ipv4(host: str) -> str:
         raise ValueError("it must be an IPv4 address such as 192.168.7.2") from error
 
 
+LOOPBACK: Final = "127.0.0.1"
+"""Where nobody but this computer's own programs comes in; so unless told otherwise."""
+IPv4 = Annotated[str, AfterValidator(_ipv4)]
+
+
 class ControllerSettings(BaseModel):
     """How the controller process listens, holds, stops and ends."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    host: Annotated[str, AfterValidator(_ipv4)] = "127.0.0.1"
+    host: IPv4 = LOOPBACK
     """IPv4 address to listen at, and where clients find it."""
     port: Annotated[int, Field(ge=0, le=65535)] = ANY_PORT
     """UDP port; 0 takes a free one, which is written to ``controller.json``."""

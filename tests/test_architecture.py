@@ -39,7 +39,7 @@ ALLOWED = {
 
 FLOORS = {
     "app": (
-        "cli", "measure", "play", "game", "execution", "guard", "commissioning", "rig", "terminal", "settings",
+        "cli", "page", "measure", "play", "game", "execution", "guard", "commissioning", "rig", "terminal", "settings",
         "records", "motion", "players", "pieces",
     ),
     "controller": ("offline", "loop", "law", "protection", "wire", "model", "settings", "protocol"),

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, NonNegative
 
 from app.motion import Profile
 from app.settings.time_control import ArmTime
-from controller.settings import ANY_PORT
+from controller.settings import ANY_PORT, LOOPBACK, IPv4
 from engine.settings import HASH_MB, THREADS, OptionValue
 from hardware.interfaces import LINGER, SEED, Pace
 from hardware.table import Captured, Colour
@@ -181,6 +181,21 @@ class VisionSection(_Section):
     file names, where there is one; a simulation of our own is believed to be as it is meant."""
 
 
+class PageSection(_Section):
+    """``[page]``: what a browser is shown, and who may look."""
+
+    on: bool = True
+    """Games against a person, and between engines, can be watched and played in a browser."""
+    host: IPv4 = LOOPBACK
+    """IPv4 address to listen at; any other than a loopback one wants a password."""
+    port: Annotated[int, Field(ge=0, le=65535)] = 8064
+    """TCP port; where another game's page has it, any that is free. 0: any that is free."""
+    password: Path | None = None
+    """File that 'touchmove page --set-password FILE' wrote; who does not know the password sees nothing."""
+    address: str | None = None
+    """What the browser's address line shows where a proxy stands before the page, such as https://robot.example."""
+
+
 class Settings(_Section):
     """Everything."""
 
@@ -191,6 +206,7 @@ class Settings(_Section):
     black: SideSection = SideSection()
     clock: ClockSection = ClockSection()
     vision: VisionSection = VisionSection()
+    page: PageSection = PageSection()
     out: Path | None = None
     """Folder of the record; games/<time> if left out."""
 
