@@ -6,9 +6,13 @@ Most parameters of these commands are read through their context: each sets the 
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
-from collections.abc import Callable
+import webbrowser
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -18,7 +22,12 @@ from app.cli import options
 from app.cli.ending import fail, interrupt, say
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
+    from app.page.news import Program
     from app.play.session import SessionResult
+    from app.players.person import Lines
+    from app.settings.tree import Settings
     from app.terminal.interface import UserInterface
 
 
@@ -46,6 +55,8 @@ def demo(
     engine: options.EnginePath = None,
     white_engine: options.WhiteEngine = None,
     black_engine: options.BlackEngine = None,
+    page: options.Page = None,
+    page_port: options.PagePort = None,
     out: options.Out = None,
     verify: options.Verify = None,
     guard: options.Guard = None,
@@ -66,7 +77,7 @@ def demo(
     from app.play.launch import run_games
 
     settings = options.settings_of_command(context, config)
-    _show_game(lambda ui: run_games(settings, ui), headless=headless, as_json=as_json)
+    _show_game("demo", lambda ui, lines: run_games(settings, ui, lines), settings, headless=headless, as_json=as_json)
 
 
 def play(
@@ -89,6 +100,8 @@ def play(
     profile: options.Profile = None,
     seed: options.Seed = 1,
     guard: options.Guard = None,
+    page: options.Page = None,
+    page_port: options.PagePort = None,
     out: options.Out = None,
     config: options.Config = None,
     as_json: options.AsJson = False,
@@ -107,7 +120,9 @@ def play(
     other = "black" if color == "white" else "white"
     also |= {f"{color}.player": "human", f"{other}.player": "engine", f"{other}.elo": elo}
     settings = options.settings_of_command(context, config, also)
-    _show_game(lambda ui: run_games(settings, ui, sys.stdin), headless=False, as_json=as_json, talks=True)
+    _show_game(
+        "play", lambda ui, lines: run_games(settings, ui, lines), settings, as_json=as_json, awaited=page is True
+    )
 
 
 def replay(
@@ -122,6 +137,8 @@ def replay(
     seed: options.Seed = 1,
     verify: options.Verify = None,
     cameras: options.Cameras = True,
+    page: options.Page = None,
+    page_port: options.PagePort = None,
     out: options.Out = None,
     headless: options.Headless = False,
     config: options.Config = None,
@@ -131,7 +148,7 @@ def replay(
     from app.play.launch import run_games
 
     settings = options.settings_of_command(context, config, {"rig.video": False})
-    _show_game(lambda ui: run_games(settings, ui), headless=headless, as_json=as_json)
+    _show_game("replay", lambda ui, lines: run_games(settings, ui, lines), settings, headless=headless, as_json=as_json)
 
 
 def setup(
@@ -144,6 +161,8 @@ def setup(
     seed: options.Seed = 1,
     verify: options.Verify = None,
     cameras: options.Cameras = True,
+    page: options.Page = None,
+    page_port: options.PagePort = None,
     out: options.Out = None,
     headless: options.Headless = False,
     config: options.Config = None,
@@ -160,7 +179,7 @@ def setup(
         if config is None or options.given(context, name)
     }
     settings = options.settings_of_command(context, config, {**position, "game.plies": 0, "rig.video": False})
-    _show_game(lambda ui: run_games(settings, ui), headless=headless, as_json=as_json)
+    _show_game("setup", lambda ui, lines: run_games(settings, ui, lines), settings, headless=headless, as_json=as_json)
 
 
 def resume(
@@ -168,14 +187,25 @@ def resume(
     from_board: Annotated[
         bool, typer.Option("--from-board", help="Whatever its record says: go on from what stands on the board now.")
     ] = False,
+    page: options.Page = None,
     headless: options.Headless = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Go on with a game that was interrupted, or whose program or controller died: first with the ply under way."""
+    from app import UserError
     from app.play.launch import resume_from_board, resume_games
+    from app.play.match import match_of
+    from app.settings.files import kept_settings
 
     go_on = resume_from_board if from_board else resume_games
-    _show_game(lambda ui: go_on(folder, ui, sys.stdin), headless=headless, as_json=as_json, talks=True)
+    try:
+        settings = kept_settings(match_of(folder)).with_changes({"page.on": page})
+    except UserError as error:
+        fail(str(error))
+    _show_game(
+        "resume", lambda ui, lines: go_on(folder, ui, lines), settings, headless=headless, as_json=as_json,
+        awaited=page is True,
+    )  # fmt: skip
 
 
 def report(
@@ -210,39 +240,49 @@ def show_config(
 
 
 def _show_game(
-    play: Callable[[UserInterface], SessionResult], *, headless: bool, as_json: bool, talks: bool = False
-) -> NoReturn:
-    """Play a game before a face; ends the program."""
+    program: Program, play: Callable[[UserInterface, Lines], SessionResult], settings: Settings, *,
+    headless: bool = False, as_json: bool, awaited: bool = False,
+) -> NoReturn:  # fmt: skip
+    """Play a game before everybody who watches; ends the program.
+
+    Args:
+        program: that plays.
+        play: given a user interface, and what is said at the terminal and on the page.
+        settings: of the game.
+        headless: nothing is shown.
+        as_json: the report is printed.
+        awaited: a person may come by the page alone.
+    """
     from rich.console import Console
     from rich.text import Text
 
     from app import UserError
-    from app.terminal.interface import Conversation, Terminal, UserInterface
     from engine.errors import EngineProblem
 
     console = Console(stderr=True)
     for number in (signal.SIGINT, signal.SIGTERM):  # SIGINT too: a shell's background job starts with it ignored
         signal.signal(number, interrupt)
-    try:
-        if headless:
-            result = play(UserInterface())
-        else:
-            with Conversation(console, echoes=sys.stdin.isatty()) if talks else Terminal(console) as terminal:
-                result = play(terminal)
-    except (UserError, EngineProblem) as error:
-        fail(str(error))
-    except KeyboardInterrupt as stop:
-        from app.play.session import Interrupted
+    with ExitStack() as stack:
+        audience = stack.enter_context(_audience(program, settings, console, headless=headless, awaited=awaited))
+        try:
+            result = play(audience.ui, audience.lines)
+        except (UserError, EngineProblem) as error:
+            audience.end(str(error))
+            fail(str(error))
+        except KeyboardInterrupt as stop:
+            from app.play.session import Interrupted
 
-        more = f"; 'touchmove resume {stop.folder}' goes on with it" if isinstance(stop, Interrupted) else ""
-        fail(f"interrupted; the arm rests and nothing that this program started is left running{more}", 130)
-    if as_json:
-        print(result.report.model_dump_json(indent=2))
-    if not headless:
+            more = f"; 'touchmove resume {stop.folder}' goes on with it" if isinstance(stop, Interrupted) else ""
+            audience.end(f"the program was interrupted{more}")
+            fail(f"interrupted; the arm rests and nothing that this program started is left running{more}", 130)
         report = result.report
         ended = f"{report.exit_reason}, result {report.result}, {report.plies} plies; record in {result.folder}"
+        audience.end(ended)
+    if as_json:
+        print(report.model_dump_json(indent=2))
+    if not headless:
         console.print(ended, highlight=False, markup=False, soft_wrap=True)
-    for failure in result.report.failures:
+    for failure in report.failures:
         console.print(Text.assemble(("failed:", "red"), f" {failure.reason}"), soft_wrap=True)
     if result.resumable:
         from app.play.match import match_of
@@ -250,3 +290,47 @@ def _show_game(
         sentence = f"'touchmove resume {match_of(result.folder)}' goes on with it"
         console.print(sentence, highlight=False, markup=False, soft_wrap=True)
     raise typer.Exit(0 if result.holds else 1)
+
+
+@dataclass(frozen=True, slots=True)
+class _Audience:
+    """Who is shown a game, what they say, and how they are told that the program ends."""
+
+    ui: UserInterface
+    lines: Lines
+    end: Callable[[str], None] = lambda _: None
+
+
+@contextmanager
+def _audience(
+    program: Program, settings: Settings, console: Console, *, headless: bool, awaited: bool
+) -> Iterator[_Audience]:
+    """The terminal and the page, as far as they are wanted; arguments as of ``_show_game``."""
+    from app.terminal.interface import Conversation, Terminal, Together, TypedLines, UserInterface
+
+    talks = program in ("play", "resume")
+    with ExitStack() as stack:
+        terminal = UserInterface()
+        if not headless:
+            shown = Conversation(console, echoes=sys.stdin.isatty()) if talks else Terminal(console)
+            terminal = stack.enter_context(shown)
+        typed = sys.stdin if talks else None
+        if headless or not settings.page.on:
+            yield _Audience(terminal, TypedLines(typed, terminal.heard))
+            return
+        from app.page.publisher import PagePublisher
+        from app.page.supervisor import PageSupervisor
+        from app.records.files import GAMES
+
+        publisher = PagePublisher(program, lambda line: lines.offer(line))
+        ui = Together(terminal, publisher)
+        lines = TypedLines(typed, ui.heard, lambda: awaited or publisher.used)
+        stack.enter_context(PageSupervisor(settings.page, publisher, GAMES, _invite, say))
+        yield _Audience(ui, lines, publisher.end)
+
+
+def _invite(address: str) -> None:
+    """Say where the page is, and open it where there is a screen and somebody who has started this by hand."""
+    say(f"watch and play in a browser: {address}")
+    if sys.stderr.isatty() and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        webbrowser.open(address)

@@ -87,6 +87,16 @@ Guard = Annotated[
     bool | None,
     typer.Option(help="The camera watches for hands, and the arm stops while one is over the board; in a lab it does."),
 ]
+Page = Annotated[
+    bool | None,
+    typer.Option(
+        help="Shown in a browser as well, at the address that is printed, which is so unless --no-page says no; with "
+        "--page a game against a person waits for a browser where nobody types.",
+    ),
+]
+PagePort = Annotated[
+    int | None, typer.Option(min=0, max=65535, help="TCP port of the page, 8064 or any free one by default.")
+]
 Out = Annotated[Path | None, typer.Option(help="Folder of the record; games/<time> by default.")]
 Config = Annotated[
     Path | None,

@@ -7,13 +7,13 @@ exposed after the asking, with the arm at home.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Set
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Set
+from dataclasses import replace
 from typing import Final
 
 import chess
 
-from app.execution.board_view import find_view
+from app.execution.board_view import Reading, find_view, look_shown
 from app.execution.repair import BoardObservation, Whereabouts, exchanged, toppled, whereabouts
 from app.execution.repair.behind import behind_another
 from app.execution.repair.observed import HEIGHTS, kinds_on_squares, on_board, shown_position
@@ -22,6 +22,7 @@ from app.execution.unseen_reply import pieces_of, reply_shown
 from app.pieces.inventory import Inventory
 from app.pieces.layout import KINDS
 from app.rig.arm import Arm
+from app.terminal.shown import LookShown
 from hardware.interfaces import Camera, Clock, Frame, HardwareError, Intrinsics
 from hardware.table import Colour, Kind, Look, PieceSpec, TableSettings, square_place
 from vision.board.anchor import Anchor
@@ -32,9 +33,8 @@ from vision.pieces.pose_search import MisplacedPiece
 from vision.pieces.swapped import SHIFTED, UNLIKE, KnownPicture, looked_closer
 from vision.pieces.verify import Examination, Fault, FaultKind, examine_board
 from vision.reading.appearance import BLACK, WHITE
-from vision.reading.diagnosis import Diagnosis, explain
+from vision.reading.diagnosis import explain
 from vision.reading.evidence import codes_of
-from vision.reading.moves import MoveReading
 from vision.reading.observer import Observation, Observer
 from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 from vision.reading.rectified_view import sight_of_frame
@@ -47,21 +47,6 @@ PATIENCE: Final = 3.0
 _ANSWERS: Final = frozenset({Situation.LEGAL, Situation.UNFINISHED})
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Reading:
-    """One look at the board.
-
-    Attributes:
-        decision: what was played since the known position, or doubt.
-        finding: what is the matter, and what to do; for people.
-        look: to be confirmed.
-    """
-
-    decision: MoveReading
-    finding: Diagnosis
-    look: Observation
-
-
 class GameObserver:
     """Follows one game by one camera, from ``begin`` on.
 
@@ -70,9 +55,14 @@ class GameObserver:
         table: board and trays.
         view: where the board should be in the pictures of a camera, by calibration; None: nobody knows, so it is
             searched for.
+        show: told what each look came to.
     """
 
-    def __init__(self, devices: Devices, table: TableSettings, view: Callable[[Intrinsics], BoardView | None]) -> None:
+    def __init__(
+        self, devices: Devices, table: TableSettings, view: Callable[[Intrinsics], BoardView | None],
+        show: Callable[[LookShown], None] = lambda _: None,
+    ) -> None:  # fmt: skip
+        self._show = show
         assert devices.camera is not None
         self._camera: Camera = devices.camera
         self._clock: Clock = devices.clock
@@ -201,6 +191,8 @@ class GameObserver:
             self._remember(expected, examined)
             return BoardObservation({})
         look = self._known.look(sight_of_frame(frame, self.view))
+        sentence = " and ".join(fault.sentence for fault in faults)
+        self._publish(ReadingOutcome.DOUBT, sentence, (fault.square for fault in faults), look)
         states = look.evidence.read(codes_of(self._known.board))
         wrong = {fault.square for fault in faults if fault.kind is not FaultKind.OFF_CENTRE}
         for square in examined.likeness.keys() - wrong:  # the outline of a piece says more than its square's colours
@@ -339,7 +331,13 @@ class GameObserver:
         if self._shows_known is not None:
             now, pieces = KnownPicture(frame, self.view), pieces_of(self._known.board)
             finding = looked_closer(finding, states, self._known.board, self._shows_known, now, pieces)
+        self._publish(decision.verdict, finding.sentence, finding.squares, look)
         return Reading(decision, finding, look)
+
+    def _publish(self, outcome: ReadingOutcome, text: str, squares: Iterable[int], look: Observation) -> None:
+        """Show what the newest frame came to, to whom it concerns."""
+        likelihood = look.evidence.likelihood(codes_of(self._known.board))
+        self._show(look_shown(self.last, self.view, outcome, text, squares, likelihood))
 
     def answered(self, reply: AwaitedReply) -> bool:
         """Whether the newest frame shows that somebody has made the next move already, or has begun to.
@@ -373,6 +371,7 @@ class GameObserver:
         """
         if look is None:
             look = self._known.look(sight_of_frame(self.last, self.view))
+            self._publish(ReadingOutcome.NOTHING, "the board is as the game says", (), look)
         self._known.confirm(look, board)
         self._assumed = False
         self._shows_known = KnownPicture(self.last, self.view)

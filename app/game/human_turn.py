@@ -32,7 +32,7 @@ from hardware.interfaces import HardwareError
 from vision.reading.outcome import LOOKS, ReadingOutcome, Situation
 
 if TYPE_CHECKING:
-    from app.execution.observation import Reading
+    from app.execution.board_view import Reading
     from vision.pieces.verify import Fault
     from vision.reading.diagnosis import Diagnosis
 
@@ -75,6 +75,12 @@ class HumanTurn:
 
     def take(self) -> GameEnd | None:
         """Until a ply was made or taken back, sides were changed, or the game has ended."""
+        try:
+            return self._take()
+        finally:
+            self._ui.answered()
+
+    def _take(self) -> GameEnd | None:
         done = len(self._table.board.move_stack)
         self._unsaid = None
         if not self._table.replied:
@@ -143,7 +149,7 @@ class HumanTurn:
     def _prompt(self) -> None:
         left = self._timing.left()
         clocks = "" if left is None else f" ({clock_text(left[chess.WHITE])} - {clock_text(left[chess.BLACK])})"
-        self._ui.prompt(f"{side_name(self._colour)} to move{clocks}: your move")
+        self._ui.prompt(f"{side_name(self._colour)} to move{clocks}: your move", turn=True)
 
     def _obey(self, command: Command) -> GameEnd | None:
         self._unsaid, self._told = None, ""
@@ -293,7 +299,7 @@ class HumanTurn:
 
     def _complain(self, finding: Diagnosis) -> None:
         self._table.note(finding)
-        self._ask_to_fix(finding.sentence)
+        self._ask_to_fix(finding.sentence, finding.squares)
 
     def _complain_of_faults(self, *, centres: bool) -> bool:
         """Of what lies, or stands off its place, where the position is the same; whether there was any."""
@@ -304,13 +310,16 @@ class HumanTurn:
 
     def _complain_of(self, faults: Sequence[Fault]) -> None:
         self._table.note_faults(faults)
-        self._ask_to_fix(" and ".join(fault.sentence for fault in faults))
+        self._ask_to_fix(" and ".join(fault.sentence for fault in faults), [fault.square for fault in faults])
 
-    def _ask_to_fix(self, sentence: str) -> None:
+    def _ask_to_fix(self, sentence: str, squares: Sequence[chess.Square]) -> None:
         look = "" if self._notice.watches else " and say 'look'"
         lying = [(one.piece, one.target) for one in self._table.fallen()]
         what = " and ".join(f"the {piece.colour} {piece.kind} of {at} has fallen over" for piece, at in lying)
-        self._ui.say(f"{what or sentence}. Put it right by hand{look}, or say 'fix' and the arm does it")
+        self._ui.say(
+            f"{what or sentence}. Put it right by hand{look}, or say 'fix' and the arm does it",
+            [chess.square_name(square) for square in squares],
+        )
 
     def _look(self) -> Reading | None:
         """Again while in doubt."""
@@ -329,7 +338,8 @@ class HumanTurn:
         self, move: chess.Move, said: chess.Move | None, then: float, reading: Reading,
         question: str = "this looks like {}, but not clearly: was that it?",
     ) -> GameEnd | None:  # fmt: skip
-        if said == move or self._yes(question.format(self._table.board.san(move))):
+        squares = [chess.square_name(square) for square in (move.from_square, move.to_square)]
+        if said == move or self._yes(question.format(self._table.board.san(move)), squares):
             return self._accept(move, then, reading)
         self._ui.say("then put the pieces back as they were, or type the move that you have made")
         return None
@@ -367,10 +377,10 @@ class HumanTurn:
         assert said.move is not None, "who is asked has an answer, or says why not"
         self._ui.say(f"I would play {self._table.board.san(said.move)}")
 
-    def _yes(self, question: str) -> bool:
-        return self._answer(f"{question} (yes or no)", ("yes", "no", "y", "n")).startswith("y")
+    def _yes(self, question: str, squares: Sequence[str]) -> bool:
+        return self._answer(f"{question} (yes or no)", ("yes", "no", "y", "n"), squares).startswith("y")
 
-    def _answer(self, question: str, valid: tuple[str, ...]) -> str:
+    def _answer(self, question: str, valid: tuple[str, ...], squares: Sequence[str] = ()) -> str:
         """One of some words; any other command is done instead of what the question was about."""
 
         def other(line: str) -> bool:
@@ -379,4 +389,4 @@ class HumanTurn:
             except CommandError:
                 return False
 
-        return ask(self._human, self._ui, question, valid, other)
+        return ask(self._human, self._ui, question, valid, other, squares=squares)

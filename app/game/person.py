@@ -54,7 +54,8 @@ LEAVES: Final = (Word.QUIT, Word.RESIGN, Word.NEW, Word.KEEP)
 
 def ask(
     human: Human, ui: UserInterface, question: str, valid: Collection[str], other: Callable[[str], bool],
-    how: str | None = None, leaves: Collection[Word] = LEAVES,
+    how: str | None = None, leaves: Collection[Word] = LEAVES, *, offers: Collection[str] | None = None,
+    squares: Collection[str] = (),
 ) -> str:  # fmt: skip
     """Ask until the answer is one of some words.
 
@@ -66,6 +67,8 @@ def ask(
         other: takes any other line; False: it makes no sense here.
         how: what can be answered, for people, where that is more than those words.
         leaves: words by which they leave.
+        offers: answers to choose from where nobody types; None: ``valid``, but for what is short for another one.
+        squares: that the question is about.
 
     Returns:
         The answer, in lower case.
@@ -74,11 +77,13 @@ def ask(
         GameLeft: they quit, resign, want a new game, or one from what stands on the board.
         PersonGone: nobody types any more.
     """
-    ui.prompt(question)
+    words = [word for word in valid if len(word) > 1] or valid
+    ui.prompt(question, words if offers is None else offers, squares)
     while True:
         line = human.lines.next(POLL)
         if line is None:
             continue
+        ui.answered()
         if (answer := line.strip().lower()) in valid:
             return answer
         word = word_of(line)
@@ -88,7 +93,7 @@ def ask(
             ui.say(help_text() if how is None else how)
         elif not other(line):
             ui.say(f"'{line.strip()}' is no answer: {how or 'say ' + ' or '.join(valid)}, or quit or resign")
-        ui.prompt(question)
+        ui.prompt(question, words if offers is None else offers, squares)
 
 
 class HandNotice:
@@ -165,7 +170,7 @@ class PersonAsker:
         """See ``Asker.mend``. A simulated hand does what it is told meanwhile: 'hand move c8 c1', or simply 'c8c1'."""
         told = dict[Place, Look]()
         by_hand = " yourself" if self._human.hands is None else " by 'hand move …'"
-        self._ui.say(f"{sentence}. Put it right{by_hand} and say 'done'")
+        self._ui.say(f"{sentence}. Put it right{by_hand} and say 'done'", squares)
 
         def other(line: str) -> bool:
             if (said := said_of_square(line)) is not None and said[1] is not None:
@@ -182,7 +187,7 @@ class PersonAsker:
             self._move(command, stands)
             return True
 
-        ask(self._human, self._ui, "done?", DONE, other)
+        ask(self._human, self._ui, "done?", DONE, other, offers=DONE[:1], squares=squares)
         return told
 
     def _move(self, command: MoveHand, stands: Inventory) -> None:

@@ -16,6 +16,8 @@ import chess.engine
 from app.execution.state import GameEnd
 from app.game.clock import ChessClock, ClockMove
 from app.records import PlyEvent
+from app.settings.time_control import ArmTime
+from app.terminal.shown import ClockShown
 from hardware.table import Colour
 
 EXPECTED_MOTION = 2.0
@@ -29,12 +31,14 @@ class Timing:
         clock: as it stands when nobody's time runs; None: the game is played without.
         plant_time: of the rig [s].
         wall_time: monotonic [s].
+        show: told whenever somebody's time begins or ceases to run.
     """
 
     def __init__(
-        self, clock: ChessClock | None, plant_time: Callable[[], float], wall_time: Callable[[], float] = time.monotonic
-    ) -> None:
-        self._clock, self._plant_time, self._wall_time = clock, plant_time, wall_time
+        self, clock: ChessClock | None, plant_time: Callable[[], float],
+        wall_time: Callable[[], float] = time.monotonic, show: Callable[[ClockShown | None], None] = lambda _: None,
+    ) -> None:  # fmt: skip
+        self._stands, self._plant_time, self._wall_time, self._show = clock, plant_time, wall_time, show
         self._shift = 0.0
         self._moving: tuple[float, float] | None = None
         self._motion = EXPECTED_MOTION
@@ -42,7 +46,23 @@ class Timing:
     @property
     def clock(self) -> ChessClock | None:
         """As it stands."""
-        return self._clock
+        return self._stands
+
+    @property
+    def _clock(self) -> ChessClock | None:
+        return self._stands
+
+    @_clock.setter
+    def _clock(self, clock: ChessClock | None) -> None:
+        self._stands = clock
+        self.show()
+
+    def show(self) -> None:
+        """Tell what the clocks show."""
+        left, clock = self.left(), self._stands
+        stands = clock is None or clock.since is None or (clock.is_decided and clock.arm_time is not ArmTime.OWN)
+        running = None if clock is None or stands else clock.mover
+        self._show(None if left is None else ClockShown(left, running))
 
     def now(self) -> float:
         """The game's time [s]."""

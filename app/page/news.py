@@ -9,10 +9,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
+from app.terminal.shown import RigKind, View
 from hardware.frozen import FrozenFinite
 
 Side = Literal["white", "black"]
-View = Literal["camera", "film"]
+Program = Literal["play", "demo", "replay", "setup", "resume"]
 Triple = tuple[float, float, float]
 LONGEST_LINE = 200
 """Of what somebody can say at once [characters]."""
@@ -24,9 +25,9 @@ class SessionNews(FrozenFinite):
     """What is played on which rig; said once, first of all."""
 
     news: Literal["session"] = "session"
-    program: Literal["play", "demo", "replay", "setup", "resume"]
+    program: Program
     folder: str
-    rig: Literal["sim", "board", "lab"]
+    rig: RigKind
     pace: Literal["real", "fast"]
     tick: float
     """Length of a tick [s]."""

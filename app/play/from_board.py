@@ -68,7 +68,7 @@ class FromBoard:
     def _find_out(self, devices: Devices) -> tuple[chess.Board, Inventory]:
         hands = self.human.hands
         human = self.human if hands is None else replace(self.human, hands=SettledHands(hands, devices.arm))
-        observer = self.table_setup.observer(devices, self.table)
+        observer = self.table_setup.observer(devices, self.table, self.ui)
         held = Counter((piece.colour, piece.kind) for piece in physical_set())
         dialogue = PositionDialogue(human, self.ui, lambda: observer.recognise(held), self.table)
         board, found = dialogue.ask()

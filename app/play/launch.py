@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 import chess
 
@@ -20,35 +20,39 @@ from app.play.game_setup import RigSetup, rig_setup_of, start_board
 from app.play.match import Fixture, Match, Start, last_round, match_of
 from app.play.player_selection import engine_players, line_players, start_clock
 from app.play.replay import RecordedGame, recorded_games
-from app.play.session import Filming, Schedule, SessionResult, SessionVision, run_session
+from app.play.session import Filming, Schedule, SessionResult, run_session
 from app.play.simulated_hand import SimHands
 from app.play.table_setup import TableSetup
+from app.play.vision_setup import believed_view, looks, session_vision
 from app.players.given_line import parse_line
-from app.players.person import Human
+from app.players.person import Human, Lines
 from app.players.players import Players
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
 from app.records.events import EndEvent
 from app.records.files import GAMES, make_folder
+from app.rig.devices import Rig
+from app.rig.rig_file import RigFile
 from app.settings.files import keep_settings, kept_settings
 from app.settings.tree import BOARD, SIMULATED, PlayerKind, Settings
-from app.terminal.interface import TypedLines, UserInterface
-from hardware.interfaces import Intrinsics
+from app.terminal.interface import UserInterface
+from app.terminal.shown import RigKind, SessionShown
+from controller.wire.link import Listener
 from hardware.table import Colour
 
 if TYPE_CHECKING:
-    from vision.board.view import BoardView
+    pass
 
 NOBODY = "-"
 """Plays where a position is only set up."""
 
 
-def run_games(settings: Settings, ui: UserInterface, typed: TextIO | None = None) -> SessionResult:
+def run_games(settings: Settings, ui: UserInterface, lines: Lines | None = None) -> SessionResult:
     """Play as the settings say.
 
     Args:
         settings: of rig, games and players.
         ui: shown what happens.
-        typed: what the person at the board types; needed where one plays.
+        lines: what the person at the board says; needed where one plays.
 
     Raises:
         UserError: bad settings, something missing on this machine, or no space for the record.
@@ -59,7 +63,7 @@ def run_games(settings: Settings, ui: UserInterface, typed: TextIO | None = None
     settings = _completed(settings, rig_setup)
     folder = settings.out if settings.out is not None else new_folder(GAMES, utc_now())
     with ExitStack() as stack:
-        human = _human(settings, rig_setup, folder, typed, stack, ui)
+        human = _human(settings, rig_setup, folder, lines, stack)
         if settings.game.from_board:
             return _play_from_board(settings, rig_setup, folder, ui, human, stack, number=1)
         games = _Games(settings, rig_setup, ui, human)
@@ -70,14 +74,14 @@ def run_games(settings: Settings, ui: UserInterface, typed: TextIO | None = None
         rig = rig_setup.rig(folder, board, _person(settings) or settings.rig.person)
         return run_session(
             folder,
-            lambda listener: rig_setup.open(rig, ui.phase, listener, new=True),
+            _opening_rig(settings, rig_setup, rig, folder, ui, human, new=True),
             _keepable(settings, rig_setup, folder, ui, stack, human, match, 1), rig_setup.parameters.drive.tick,
             _filming(rig_setup, folder), ui,
-            _vision(settings, rig_setup, human, ui),
+            session_vision(settings, rig_setup, human, ui),
         )  # fmt: skip
 
 
-def resume_games(folder: Path, ui: UserInterface, typed: TextIO | None = None) -> SessionResult:
+def resume_games(folder: Path, ui: UserInterface, lines: Lines | None = None) -> SessionResult:
     """Go on with what was interrupted, or whose program or controller died: first with the ply under way.
 
     Raises:
@@ -96,7 +100,7 @@ def resume_games(folder: Path, ui: UserInterface, typed: TextIO | None = None) -
     if settings.rig.name == BOARD:  # nothing stands anywhere: what was under way is done over
         position = position.from_the_start()
     with ExitStack() as stack:
-        human = _human(settings, rig_setup, folder, typed, stack, ui)
+        human = _human(settings, rig_setup, folder, lines, stack)
         games = _Games(settings, rig_setup, ui, human, begun=number)
         if not sets_up and _over(history, games.most(number)) and games(number + 1, None) is None:
             raise UserError(f"the game in {path} is over, after {len(history.plies)} plies: start a new one")
@@ -108,13 +112,13 @@ def resume_games(folder: Path, ui: UserInterface, typed: TextIO | None = None) -
             require_present(rig_setup.run_dir(folder), history.events[-1].plant_time, rig_setup.parameters.drive.tick)
         return run_session(
             folder,
-            lambda listener: rig_setup.open(rig_setup.rig(folder), ui.phase, listener, new=False),
+            _opening_rig(settings, rig_setup, rig_setup.rig(folder), folder, ui, human, new=False),
             _keepable(settings, rig_setup, folder, ui, stack, human, match, number), rig_setup.parameters.drive.tick,
-            None, ui, _vision(settings, rig_setup, human, ui),
+            None, ui, session_vision(settings, rig_setup, human, ui),
         )  # fmt: skip
 
 
-def resume_from_board(folder: Path, ui: UserInterface, typed: TextIO | None = None) -> SessionResult:
+def resume_from_board(folder: Path, ui: UserInterface, lines: Lines | None = None) -> SessionResult:
     """Go on from whatever stands on the board, with another game in the same folder; its record need not be readable.
 
     Raises:
@@ -125,7 +129,7 @@ def resume_from_board(folder: Path, ui: UserInterface, typed: TextIO | None = No
     settings = _decided(kept_settings(folder))
     rig_setup = rig_setup_of(settings.rig, settings.vision.calibration)
     with ExitStack() as stack:
-        human = _human(settings, rig_setup, folder, typed, stack, ui)
+        human = _human(settings, rig_setup, folder, lines, stack)
         return _play_from_board(settings, rig_setup, folder, ui, human, stack, number=last_round(folder)[1] + 1)
 
 
@@ -145,9 +149,9 @@ def _play_from_board(
     rig = rig_setup.rig(folder, standing, _person(settings) or settings.rig.person)
     return run_session(
         folder,
-        lambda listener: rig_setup.open(rig, ui.phase, listener, new=number == 1),
+        _opening_rig(settings, rig_setup, rig, folder, ui, human, new=number == 1),
         _from_board(settings, rig_setup, folder, ui, human, stack, number), rig_setup.parameters.drive.tick, None, ui,
-        _vision(settings, rig_setup, human, ui),
+        session_vision(settings, rig_setup, human, ui),
     )  # fmt: skip
 
 
@@ -273,69 +277,10 @@ def _match(settings: Settings, rig_setup: RigSetup, games: _Games, folder: Path,
 
 
 def _table_setup(settings: Settings, rig_setup: RigSetup, human: Human | None) -> TableSetup:
-    looks = _looks(settings, rig_setup, human)
+    follows = looks(settings, rig_setup, human)
     return TableSetup(
-        rig_setup.motion, rig_setup.parameters, looks, lambda intrinsics: _believed_view(rig_setup, intrinsics)
+        rig_setup.motion, rig_setup.parameters, follows, lambda intrinsics: believed_view(rig_setup, intrinsics)
     )
-
-
-def _looks(settings: Settings, rig_setup: RigSetup, human: Human | None) -> bool:
-    """Whether the camera follows the games.
-
-    Raises:
-        UserError: it should, and there is none.
-    """
-    if settings.vision.verify and not rig_setup.sees:
-        raise UserError("this rig has no camera that could look after each ply: leave --verify out")
-    wanted = human is not None or not rig_setup.simulated
-    return rig_setup.sees and (wanted if settings.vision.verify is None else settings.vision.verify)
-
-
-def _believed_view(rig_setup: RigSetup, intrinsics: Intrinsics) -> BoardView | None:
-    """Where the board should be in the pictures of a camera: by its calibration; in a simulation also as it is meant.
-
-    Raises:
-        UserError: the calibration is of another camera.
-    """
-    if rig_setup.calibration is not None:
-        rig_setup.calibration.require_camera(intrinsics)
-        return rig_setup.calibration.board_view(rig_setup.table)
-    if not rig_setup.simulated:
-        return None
-    from app.rig.simulation.nominal_view import nominal_view
-
-    return nominal_view(intrinsics, rig_setup.table)
-
-
-def _vision(settings: Settings, rig_setup: RigSetup, human: Human | None, ui: UserInterface) -> SessionVision:
-    """What sees for the games: the camera, corrected by its calibration, and the guard where there is one.
-
-    Raises:
-        UserError: a guard is wanted where there is no camera, or where it would not know where the board is.
-    """
-    factor = 1.0 if rig_setup.calibration is None else rig_setup.calibration.depth_factor
-    wanted = settings.vision.guard
-    if wanted and not rig_setup.sees:
-        raise UserError("this rig has no camera that could watch for hands: leave --guard out")
-    guarding = None
-    if rig_setup.sees and (not rig_setup.simulated if wanted is None else wanted):
-        from app.guard.game_guard import Guarding  # what sees takes a second to load
-
-        knows = rig_setup.calibration is not None or rig_setup.simulated or _looks(settings, rig_setup, human)
-        if not knows:
-            raise UserError(
-                "a guard against hands has to know where the board is: run 'touchmove calibrate', let the camera "
-                "follow the game with --verify, or leave it out with --no-guard"
-            )
-        guarding = Guarding(
-            rig_setup.parameters, rig_setup.table, lambda intrinsics: _believed_view(rig_setup, intrinsics), factor,
-            1.0 / settings.vision.guard_rate, ui.phase,
-        )  # fmt: skip
-    if factor == 1.0:
-        return SessionVision(guarding=guarding)
-    from app.rig.depth_scale import scaled_camera
-
-    return SessionVision(lambda camera: scaled_camera(camera, factor), guarding)
 
 
 def _decided(settings: Settings) -> Settings:
@@ -379,18 +324,38 @@ def _person(settings: Settings) -> Colour | None:
 
 
 def _human(
-    settings: Settings, rig_setup: RigSetup, folder: Path, typed: TextIO | None, stack: ExitStack, ui: UserInterface
+    settings: Settings, rig_setup: RigSetup, folder: Path, lines: Lines | None, stack: ExitStack
 ) -> Human | None:
     colour = _person(settings)
     if colour is None:
         return None
-    if typed is None:
+    if lines is None:
         raise UserError("a person plays by 'touchmove play': say that, or let an engine play both sides")
     hands = None
     if rig_setup.own:
         hands = SimHands(rig_setup.run_dir(folder))
         stack.callback(hands.close)
-    return Human(colour is Colour.WHITE, TypedLines(typed, ui.heard), hands)
+    return Human(colour is Colour.WHITE, lines, hands)
+
+
+def _opening_rig(
+    settings: Settings, rig_setup: RigSetup, rig: RigFile | None, folder: Path, ui: UserInterface, human: Human | None,
+    *, new: bool,
+) -> Callable[[Listener], Rig]:  # fmt: skip
+    """Opens the rig and shows what it is; arguments as of ``RigSetup.open``."""
+    kind: RigKind = "lab" if rig is not None and not rig_setup.own else "board" if rig is None else "sim"
+
+    def opened(listener: Listener) -> Rig:
+        found = rig_setup.open(rig, ui.phase, listener, new=new)
+        ui.session(
+            SessionShown(
+                folder, kind, rig_setup.pace, rig_setup.parameters.drive.tick, _person(settings),
+                human is not None and human.hands is not None, rig_setup.sees, found.controller, found.film,
+            )
+        )  # fmt: skip
+        return found
+
+    return opened
 
 
 def _filming(rig_setup: RigSetup, folder: Path) -> Filming | None:

@@ -194,6 +194,7 @@ class Match:
         assert self._chosen is not None
         if position.begun:
             record.resumed(devices.clock.now())
+        self._ui.round(record.folder, self._number, sets_up=self._sets_up)
         human, side = self._fixture.human, persons_side(record.events)
         if human is not None and side is not None:
             human = replace(human, colour=side is Colour.WHITE)
@@ -204,7 +205,8 @@ class Match:
             goal = self._fixture.board
             return Round(record, lambda: _set_up(table, goal), dict)
         clock = clock_of(self._fixture.clock, counted_plies(record.events))
-        timing = Timing(clock, devices.clock.now)
+        timing = Timing(clock, devices.clock.now, show=self._ui.clock)
+        timing.show()
         game = Game(
             table, self._chosen, self._ui, human, self._fixture.comments, self._fixture.result, timing
         )  # fmt: skip

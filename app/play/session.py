@@ -15,6 +15,7 @@ from app.game import EXPECTED_FAILURES, Devices, GameEnd
 from app.records import GameRecord, RecordError, Report
 from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
 from app.rig.devices import EndState, Rig, RigFailed
+from app.rig.shown_arm import ShownArm
 from app.terminal.interface import UserInterface
 from controller.protocol.messages import Telemetry
 from controller.wire.errors import ControllerError
@@ -151,7 +152,7 @@ def run_session(
                 guard = None if guarding is None else guarding.open(rig)
                 if guard is not None:
                     stack.enter_context(guard)
-                so_far = _play_all(rig, _devices(rig, vision, guard), schedule, done)
+                so_far = _play_all(rig, _devices(rig, vision, guard, ui), schedule, done)
         except (ControllerError, HardwareError) as error:  # between two rounds
             raise RigFailed(rig.failure() or str(error)) from error
         ui.phase("the arm goes to rest")
@@ -173,9 +174,9 @@ def _note_the_end(so_far: _RoundProgress, rig: Rig, last: EndState | None) -> No
         so_far.failures.append("the arm did not come to rest")
 
 
-def _devices(rig: Rig, vision: SessionVision, guard: GameGuard | None) -> Devices:
+def _devices(rig: Rig, vision: SessionVision, guard: GameGuard | None, ui: UserInterface) -> Devices:
     camera = None if rig.camera is None else vision.camera(rig.camera)
-    return Devices(rig.arm, rig.clock, camera, rig.referee, guard)
+    return Devices(ShownArm(rig.arm, ui.path), rig.clock, camera, rig.referee, guard)
 
 
 def _play_all(rig: Rig, devices: Devices, schedule: Schedule, done: list[SessionResult]) -> _RoundProgress:

@@ -57,13 +57,13 @@ class TableSetup:
         if self.looks and devices.camera is not None:
             from app.execution.recovery import Recovery  # loads what sees: not where nobody looks
 
-            observer = self.observer(devices, position.inventory.table)
+            observer = self.observer(devices, position.inventory.table, ui)
             asker = UnattendedAsker() if human is None else PersonAsker(human, ui)
             recovery = Recovery(observer, carrier, asker, record, ui, devices.clock)
         return Table(position, devices, carrier, recovery, record, ui)
 
-    def observer(self, devices: Devices, table: TableSettings) -> GameObserver:
-        """Of one game; the devices have a camera."""
+    def observer(self, devices: Devices, table: TableSettings, ui: UserInterface) -> GameObserver:
+        """Of one game; the devices have a camera, and what it sees is shown."""
         from app.execution.observation import GameObserver
 
-        return GameObserver(devices, table, self.view)
+        return GameObserver(devices, table, self.view, ui.look)

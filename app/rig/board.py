@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from app.rig.arm import Arm, ArmAtRest, Outcome
 from app.rig.devices import EndState, GuardFeed
+from app.terminal.shown import View
 from controller.protocol import Result
 from hardware.interfaces import Clock
 from hardware.parameters import RobotParameters
@@ -107,12 +108,13 @@ class BoardRig:
         self.arm: Arm = BoardArm(home, parameters, clock)
         self.camera: None = None
         self.referee: None = None
+        self.controller: None = None
 
     def guard_feed(self) -> GuardFeed | None:
         """See ``Rig.guard_feed``."""
         return None
 
-    def film(self) -> None:
+    def film(self, view: View = "film", rate: float | None = None) -> None:
         """See ``Rig.film``."""
 
     def failure(self) -> str | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from app import UserError
 from app.rig.arm import Arm
+from app.terminal.shown import View
 from hardware.interfaces import Camera, Clock, DepthFrame, Frame
 from hardware.referee import Referee
 
@@ -110,8 +112,20 @@ class Rig(Protocol):
     def guard_feed(self) -> GuardFeed | None:
         """For a guard against hands; None where nothing can be watched."""
 
-    def film(self) -> FilmSource | None:
-        """For a film of the whole scene, from now on; None where nobody can take one."""
+    @property
+    def controller(self) -> tuple[str, int, Path] | None:
+        """Where listeners find the controller: host, UDP port, key file; None: there is none."""
+
+    def film(self, view: View = "film", rate: float | None = None) -> FilmSource | None:
+        """Pictures of the whole scene, or of the view ``camera``, from now on; None where nobody can take any.
+
+        Those of the camera are for people who watch while the arm moves: in pace fast there are none, as plant time
+        would wait for them.
+
+        Args:
+            view: film or camera.
+            rate: so many a second [1/s]; None: as a film wants them.
+        """
 
     def failure(self) -> str | None:
         """A sentence on what has ended unexpectedly, None while all runs."""

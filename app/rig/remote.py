@@ -9,13 +9,15 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
+from pathlib import Path
 from typing import Final, Self
 
 from app.rig.arm import Arm, ControllerArm
 from app.rig.attach import attach
 from app.rig.devices import EndState, FilmSource, GuardFeed, RigFailed
 from app.rig.rig_file import RigFile
-from app.rig.steady_frames import SteadyFrames
+from app.rig.steady_frames import CameraPictures, SteadyFrames
+from app.terminal.shown import View
 from controller.protocol.key import KeyFileError
 from controller.protocol.states import State
 from controller.wire.client import ControllerClient
@@ -57,10 +59,11 @@ class RemoteRig:
 
     Attributes:
         client: of the controller, for whoever has to stop the arm.
-        arm, clock, camera, referee: see ``Rig``.
+        controller, arm, clock, camera, referee: see ``Rig``.
     """
 
     client: ControllerClient
+    controller: tuple[str, int, Path]
     arm: Arm
     clock: Clock
     camera: Camera | None
@@ -93,7 +96,9 @@ class RemoteRig:
         """
         rig = self._rig
         with ExitStack() as devices:
-            self.client = ControllerClient(*rig.address(), name="touchmove game", listener=listener)
+            host, port, key = rig.address()
+            self.client = ControllerClient(host, port, key, name="touchmove game", listener=listener)
+            self.controller = host, port, rig.controller.key
             failing = devices.enter_context(ExitStack())
             failing.callback(self.client.close)
             attach(self.client, progress, forgive=forgive)
@@ -127,11 +132,15 @@ class RemoteRig:
             )  # fmt: skip
         return GuardFeed(lambda _: SteadyFrames(camera), self.client)
 
-    def film(self) -> FilmSource | None:
+    def film(self, view: View = "film", rate: float | None = None) -> FilmSource | None:
         """See ``Rig.film``."""
-        if not (self._rig.simulated and self._rig.sees):
+        rig = self._rig
+        if view == "camera" and self.camera is not None and not rig.simulated:
+            return CameraPictures(self.camera, rate, self.client.period)
+        if not (rig.simulated and rig.sees) or (view == "camera" and rig.pace is Pace.FAST):
             return None
-        return FrameStream(self._rig.run_dir, "film", FILM_TICKS[self._rig.pace])
+        ticks = FILM_TICKS[rig.pace] if rate is None else max(1, round(1.0 / (rate * self.client.period)))
+        return FrameStream(rig.run_dir, view, ticks)
 
     def failure(self) -> str | None:
         """A sentence on a controller that does not answer any more or a world that has ended; none once it is left."""

@@ -6,8 +6,13 @@ import threading
 import time
 from typing import Final
 
-from hardware.interfaces import Camera, CameraClosed, Frame
+import numpy as np
+from numpy.typing import NDArray
 
+from hardware.interfaces import Camera, CameraClosed, Frame, HardwareError
+
+PICTURE_AGE: Final = 1.0
+"""Nobody is shown an older picture as if it were of now [s]."""
 _AGAIN: Final = 0.004
 """How soon a camera that had no newer frame is asked again [s]."""
 
@@ -50,3 +55,37 @@ class SteadyFrames:
     def close(self) -> None:
         """A reader in another thread ends with ``CameraClosed``."""
         self._closed.set()
+
+
+class CameraPictures:
+    """``FilmSource`` of a camera that also others read: its newest picture, so many a second.
+
+    Args:
+        camera: stays open when this is closed.
+        rate: pictures a second [1/s]; None: as many as the camera gives.
+        period: of a tick [s].
+    """
+
+    def __init__(self, camera: Camera, rate: float | None, period: float) -> None:
+        self._frames, self._period = SteadyFrames(camera), period
+        self._pause = 0.0 if rate is None else 1.0 / rate
+        self._cancelled = threading.Event()
+
+    def next(self) -> tuple[NDArray[np.uint8], int] | None:
+        """See ``FilmSource.next``; None also where the camera does not answer any more."""
+        if self._cancelled.wait(self._pause):
+            return None
+        try:
+            frame = self._frames.read(PICTURE_AGE)
+        except HardwareError:
+            return None
+        return frame.colour, round(frame.stamp / self._period)
+
+    def cancel(self) -> None:
+        """See ``FilmSource.cancel``."""
+        self._cancelled.set()
+        self._frames.close()
+
+    def close(self) -> None:
+        """See ``FilmSource.close``."""
+        self.cancel()

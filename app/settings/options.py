@@ -34,6 +34,7 @@ _DRAWN: Final = Need("a simulation that is drawn (without --no-cameras)", lambda
 _FILMED: Final = Need("a film (without --no-video)", lambda settings: settings.rig.video)
 _ENGINES: Final = Need("engines that choose the moves (without --moves)", _thinks)
 _BY_TIME: Final = Need("engines that think by time (without --nodes)", lambda settings: settings.engine.nodes is None)
+_SHOWN: Final = Need("games that are shown in a browser (without --no-page)", lambda settings: settings.page.on)
 _GIVEN: Final = Need("a position that is given (without --from-board)", lambda settings: not settings.game.from_board)
 _STANDS: Final = Need(
     "a position that is set up, or that a simulation begins from (with --from-board)",
@@ -97,6 +98,8 @@ _ALL: Final = (
     SettingOption("clock.time", "--clock", (_ENGINES,)),
     SettingOption("vision.verify", "--verify"),
     SettingOption("vision.guard", "--guard"),
+    SettingOption("page.on", "--page"),
+    SettingOption("page.port", "--page-port", (_SHOWN,)),
     SettingOption("out", "--out"),
 )
 OPTIONS: Final = MappingProxyType({option.field: option for option in _ALL})

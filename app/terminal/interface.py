@@ -6,8 +6,9 @@ import io
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
+from pathlib import Path
 from typing import Final, Self, TextIO
 
 import chess
@@ -19,6 +20,7 @@ from rich.text import Text
 
 from app.players.person import PersonGone
 from app.records import PlyEvent
+from app.terminal.shown import ClockShown, LookShown, PathShown, SessionShown
 
 
 class UserInterface:
@@ -33,14 +35,102 @@ class UserInterface:
     def ply(self, event: PlyEvent, board: chess.Board) -> None:
         """A ply was done."""
 
-    def say(self, sentence: str) -> None:
-        """Something for the person at the board, who should not miss it."""
+    def say(self, sentence: str, squares: Collection[str] = ()) -> None:
+        """Something for the person at the board, who should not miss it; about some squares."""
 
-    def prompt(self, sentence: str) -> None:
-        """Somebody is to type something."""
+    def prompt(
+        self, sentence: str, answers: Collection[str] = (), squares: Collection[str] = (), *, turn: bool = False
+    ) -> None:
+        """Somebody is to say something: one of some words, about some squares, or at their turn a move."""
+
+    def answered(self) -> None:
+        """Nothing is asked any more."""
 
     def heard(self, line: str) -> None:
-        """Somebody has."""
+        """Somebody has said something."""
+
+    def session(self, shown: SessionShown) -> None:
+        """Devices were opened."""
+
+    def round(self, folder: Path, number: int, *, sets_up: bool) -> None:
+        """A game, or what is set up for it, begins; its record lies in a folder."""
+
+    def clock(self, shown: ClockShown | None) -> None:
+        """A clock was started or stopped; None: there are none."""
+
+    def look(self, shown: LookShown) -> None:
+        """The camera has looked at the board."""
+
+    def path(self, shown: PathShown) -> None:
+        """A motion of the arm begins."""
+
+    def device(self, name: str, ok: bool | None, sentence: str) -> None:
+        """How a device is: well, not well, or nobody can tell."""
+
+
+class Together(UserInterface):
+    """Several at once: each is told everything, in order."""
+
+    def __init__(self, *members: UserInterface) -> None:
+        self._members = members
+
+    def phase(self, text: str) -> None:
+        """See ``UserInterface.phase``."""
+        self._each(lambda one: one.phase(text))
+
+    def position(self, board: chess.Board) -> None:
+        """See ``UserInterface.position``."""
+        self._each(lambda one: one.position(board))
+
+    def ply(self, event: PlyEvent, board: chess.Board) -> None:
+        """See ``UserInterface.ply``."""
+        self._each(lambda one: one.ply(event, board))
+
+    def say(self, sentence: str, squares: Collection[str] = ()) -> None:
+        """See ``UserInterface.say``."""
+        self._each(lambda one: one.say(sentence, squares))
+
+    def prompt(
+        self, sentence: str, answers: Collection[str] = (), squares: Collection[str] = (), *, turn: bool = False
+    ) -> None:
+        """See ``UserInterface.prompt``."""
+        self._each(lambda one: one.prompt(sentence, answers, squares, turn=turn))
+
+    def answered(self) -> None:
+        """See ``UserInterface.answered``."""
+        self._each(lambda one: one.answered())
+
+    def heard(self, line: str) -> None:
+        """See ``UserInterface.heard``."""
+        self._each(lambda one: one.heard(line))
+
+    def session(self, shown: SessionShown) -> None:
+        """See ``UserInterface.session``."""
+        self._each(lambda one: one.session(shown))
+
+    def round(self, folder: Path, number: int, *, sets_up: bool) -> None:
+        """See ``UserInterface.round``."""
+        self._each(lambda one: one.round(folder, number, sets_up=sets_up))
+
+    def clock(self, shown: ClockShown | None) -> None:
+        """See ``UserInterface.clock``."""
+        self._each(lambda one: one.clock(shown))
+
+    def look(self, shown: LookShown) -> None:
+        """See ``UserInterface.look``."""
+        self._each(lambda one: one.look(shown))
+
+    def path(self, shown: PathShown) -> None:
+        """See ``UserInterface.path``."""
+        self._each(lambda one: one.path(shown))
+
+    def device(self, name: str, ok: bool | None, sentence: str) -> None:
+        """See ``UserInterface.device``."""
+        self._each(lambda one: one.device(name, ok, sentence))
+
+    def _each(self, tell: Callable[[UserInterface], None]) -> None:
+        for one in self._members:
+            tell(one)
 
 
 class Terminal(UserInterface):
@@ -86,11 +176,13 @@ class Terminal(UserInterface):
             self._console.print(_line(event), highlight=False, soft_wrap=True)
         self._show()
 
-    def say(self, sentence: str) -> None:
+    def say(self, sentence: str, squares: Collection[str] = ()) -> None:
         """See ``UserInterface.say``."""
         self._console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
-    def prompt(self, sentence: str) -> None:
+    def prompt(
+        self, sentence: str, answers: Collection[str] = (), squares: Collection[str] = (), *, turn: bool = False
+    ) -> None:
         """See ``UserInterface.prompt``."""
         self.say(sentence)
 
@@ -145,12 +237,14 @@ class Conversation(UserInterface):
         who = "you played" if event.by == "hand" else "I played"
         self._console.print(f"{_number(event)} {event.san}  ({who})", style="bold", highlight=False)
 
-    def say(self, sentence: str) -> None:
+    def say(self, sentence: str, squares: Collection[str] = ()) -> None:
         """See ``UserInterface.say``."""
         self._leave_prompt()
         self._console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
-    def prompt(self, sentence: str) -> None:
+    def prompt(
+        self, sentence: str, answers: Collection[str] = (), squares: Collection[str] = (), *, turn: bool = False
+    ) -> None:
         """See ``UserInterface.prompt``."""
         self._leave_prompt()
         self._console.print(f"{sentence} > ", style="bold", end="", highlight=False, markup=False, soft_wrap=True)
@@ -235,38 +329,52 @@ _NO_MORE: Final = None
 
 
 class TypedLines:
-    """``Lines`` of a stream, read in a thread of its own so that nobody is kept waiting.
+    """``Lines`` of a stream, read in a thread of its own so that nobody is kept waiting, and of others who offer some.
 
     Args:
-        stream: is read to its end.
+        stream: is read to its end; None: there is none, and others alone say something.
         heard: told each line when it is taken.
+        company: whether somebody else may yet say something, so that the end of the stream is not the last word.
     """
 
-    def __init__(self, stream: TextIO, heard: Callable[[str], None] = lambda _: None) -> None:
-        self._heard = heard
+    def __init__(
+        self, stream: TextIO | None, heard: Callable[[str], None] = lambda _: None,
+        company: Callable[[], bool] = lambda: False,
+    ) -> None:  # fmt: skip
+        self._heard, self._company = heard, company
         self._lines: queue.Queue[str | None] = queue.Queue()
-        self._stream = stream
-        self._thread = threading.Thread(target=self._read, name="typed lines", daemon=True)
-        self._thread.start()
+        self._ended = stream is None
+        if stream is not None:
+            threading.Thread(target=self._read, args=(stream,), name="typed lines", daemon=True).start()
 
     def next(self, timeout: float) -> str | None:
         """See ``Lines.next``; empty lines and what comes after ``#`` are left out: a script can be explained."""
         try:
-            line = self._lines.get(timeout=timeout)
+            line = self._lines.get(timeout=0.0 if self._ended and not self._company() else timeout)
         except queue.Empty:
-            return None
-        if line is _NO_MORE:
-            self._lines.put(_NO_MORE)
+            line = None
+        else:
+            if line is not _NO_MORE:
+                self._heard(line)
+                return line
+            self._ended = True
+        if self._ended and self._lines.empty() and not self._company():
             raise PersonGone
-        self._heard(line)
-        return line
+        return None
 
-    def _read(self) -> None:
-        if isinstance(self._stream, io.TextIOWrapper):
-            self._stream.reconfigure(errors="replace")  # what is no text is answered like any other nonsense
+    def offer(self, line: str) -> None:
+        """Somebody else says something; from any thread."""
+        if line := _meant(line):
+            self._lines.put(line)
+
+    def _read(self, stream: TextIO) -> None:
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # what is no text is answered like any other nonsense
         with suppress(OSError):  # the terminal was closed, or its computer is gone: the same as the end of input
-            for raw in self._stream:
-                line = raw.split("#", 1)[0].strip()
-                if line:
-                    self._lines.put(line)
+            for raw in stream:
+                self.offer(raw)
         self._lines.put(_NO_MORE)
+
+
+def _meant(raw: str) -> str:
+    return raw.split("#", 1)[0].strip()

@@ -146,6 +146,13 @@ def playing_area(table: TableSettings) -> Array:
     return np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]])
 
 
+def square_corners(table: TableSettings) -> Array:
+    """Corners of all squares, from a1's outer one along the files and then rank by rank, board frame, (81, 3) [m]."""
+    lines = (np.arange(9) - 4.0) * table.square
+    y, x = np.meshgrid(lines, lines, indexing="ij")
+    return np.stack([x.ravel(), y.ravel(), np.zeros(81)], axis=1)
+
+
 def _is_rigid(pose: Array) -> bool:
     rotation = pose[:3, :3]
     return bool(

@@ -77,10 +77,22 @@ class Evidence:
 
     def read(self, before: Codes) -> Indices:
         """The likeliest state of each square by its looks and by whether it has changed, whatever the rules: (64,)."""
-        looks, did, kept = (one[0] for one in self._terms(before[None], before))
-        as_before = np.arange(3) == states_of(before)[:, None]
-        read: Indices = (looks + np.where(as_before, kept[:, None], did[:, None])).argmax(axis=1)
+        read: Indices = self._each(before, before).argmax(axis=1)
         return read
+
+    def likelihood(self, before: Codes) -> Array:
+        """How likely each square is empty, white or black, by the same: shape (64, 3), rows that sum to one."""
+        each = self._each(before, before)
+        weights = np.exp(each - each.max(axis=1, keepdims=True))
+        likelihood: Array = weights / weights.sum(axis=1, keepdims=True)
+        return likelihood
+
+    def _each(self, codes: Codes, before: Codes) -> Array:
+        """How well states explain each square, the others being as a position says: natural logarithms, (64, 3)."""
+        looks, did, kept = (one[0] for one in self._terms(codes[None], before))
+        as_before = np.arange(3) == states_of(before)[:, None]
+        each: Array = looks + np.where(as_before, kept[:, None], did[:, None])
+        return each
 
     def altered(self, before: Codes) -> tuple[int, ...]:
         """Squares with a piece of the colour that was there, which look changed though nothing hides them: perhaps
@@ -110,11 +122,8 @@ class Evidence:
         Returns:
             Shape (64, 3), natural logarithms; minus infinity for the position's own states.
         """
-        looks, did, kept = (one[0] for one in self._terms(codes[None], before))
-        as_before = np.arange(3) == states_of(before)[:, None]
-        each = looks + np.where(as_before, kept[:, None], did[:, None])
         states = states_of(codes)
-        doubt: Array = each - self.scores(codes[None], before)[0][:, None]
+        doubt: Array = self._each(codes, before) - self.scores(codes[None], before)[0][:, None]
         doubt[np.arange(64), states] = -np.inf
         return doubt
 

@@ -12,7 +12,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Final, TextIO, cast
+from typing import Final
 
 import chess
 import numpy as np
@@ -78,7 +78,7 @@ def play_one(
         )  # fmt: skip
         person = ScriptedPerson(folder / "game" / "run", seed, board, often)
         try:
-            result = run_games(changes(settings), person, cast(TextIO, person.typed))
+            result = run_games(changes(settings), person, person.typed)
         except (*EXPECTED_FAILURES, EngineProblem) as error:
             person.failed(str(error))
             return person

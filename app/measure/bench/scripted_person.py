@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import queue
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -24,7 +23,7 @@ from app.pieces.manipulation import transfers
 from app.pieces.position import set_up
 from app.play.hand_moves import hand_transfers
 from app.records import PlyEvent
-from app.terminal.interface import UserInterface
+from app.terminal.interface import TypedLines, UserInterface
 from hardware.interfaces import HardwareError
 from hardware.referee import PiecePose
 from hardware.sim.clients.hand import SimHand
@@ -77,18 +76,6 @@ class Mishap:
     story: str
 
 
-class _Typed:
-    """Lines as of a stream that never ends."""
-
-    def __init__(self) -> None:
-        self._lines = queue.Queue[str]()
-        self.put = self._lines.put
-
-    def __iter__(self) -> Iterator[str]:
-        while True:
-            yield self._lines.get() + "\n"
-
-
 class ScriptedPerson(UserInterface):
     """Plays a game as the seed decides, and remembers what was said.
 
@@ -109,7 +96,7 @@ class ScriptedPerson(UserInterface):
         self._often = often
         self._run_dir, self._rng = run_dir, np.random.default_rng([seed, 11])
         self._board, self._table = board, TableSettings()
-        self.typed = _Typed()
+        self.typed = TypedLines(None, company=lambda: True)
         self.mishaps: list[Mishap] = []
         self.acts = Counter[Act]()
         self.flawed: set[int] = set()
@@ -123,7 +110,7 @@ class ScriptedPerson(UserInterface):
 
     # what is shown
 
-    def say(self, sentence: str) -> None:
+    def say(self, sentence: str, squares: Collection[str] = ()) -> None:
         """See ``UserInterface.say``."""
         self._said.append(sentence)
 
@@ -138,10 +125,12 @@ class ScriptedPerson(UserInterface):
         if event.by == "hand":
             self._moved.append(event.uci)
 
-    def prompt(self, sentence: str) -> None:
+    def prompt(
+        self, sentence: str, answers: Collection[str] = (), squares: Collection[str] = (), *, turn: bool = False
+    ) -> None:
         """See ``UserInterface.prompt``."""
         self._prompted = sentence
-        self.typed.put(next(self._script, "quit"))
+        self.typed.offer(next(self._script, "quit"))
 
     # what is done
 

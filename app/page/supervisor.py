@@ -1,0 +1,94 @@
+"""Keeps a page's process running beside a game, at one port, whatever becomes of it."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, Self
+from urllib.parse import urlsplit
+
+from app.page.publisher import PagePublisher
+from app.settings.tree import PageSection
+
+PATIENCE: Final = 3.0
+"""Longer than this nobody waits for a page that is to end [s, wall]."""
+TRIES: Final = 5
+"""A page that ends so often within ``SOON`` is not started again: the game goes on without."""
+SOON: Final = 30.0
+"""[s, wall]"""
+PAUSE: Final = 0.2
+"""Before a page is started again [s, wall]."""
+
+
+class PageSupervisor:
+    """Starts the page's process, again where it dies. A context manager.
+
+    Args:
+        settings: host, port, password.
+        publisher: tells the page what there is to see.
+        records: folder with all recorded games.
+        ready: told the address for the browser, once the page can be reached.
+        say: told a sentence about a page that there is not.
+    """
+
+    def __init__(
+        self, settings: PageSection, publisher: PagePublisher, records: Path, ready: Callable[[str], None],
+        say: Callable[[str], None],
+    ) -> None:  # fmt: skip
+        self._settings, self._publisher, self._records = settings, publisher, records
+        self._ready, self._say = ready, say
+        self._port, self._open = settings.port, True
+        self._process = self._start()
+        self._thread = threading.Thread(target=self._look_after, name="page supervisor", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """The page ends by itself when its socket does; one that does not is ended."""
+        self._open = False
+        self._publisher.disconnect()
+        try:
+            self._process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._thread.join()
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        ours, theirs = socket.socketpair()
+        wishes = self._settings.model_copy(update={"port": self._port}).model_dump_json()
+        with theirs:
+            process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "app.page.process", "--fd", str(theirs.fileno()), "--records",
+                 str(self._records.absolute()), "--settings", wishes],
+                pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, start_new_session=True,
+            )  # fmt: skip
+        self._publisher.connect(ours)
+        return process
+
+    def _look_after(self) -> None:
+        deaths: list[float] = []
+        told = False
+        while True:
+            assert self._process.stdout is not None
+            address = self._process.stdout.readline().decode().strip()
+            if address and not told:
+                told, self._port = True, urlsplit(address).port or self._port
+                self._ready(self._settings.address or address)
+            self._process.wait()
+            if not self._open:
+                return
+            now = time.monotonic()
+            deaths = [*(then for then in deaths if now - then < SOON), now]
+            if not told or len(deaths) >= TRIES:
+                self._say("the page's process ended, see what it says above; the game goes on without it")
+                return
+            time.sleep(PAUSE)
+            self._process = self._start()

@@ -1,0 +1,92 @@
+"""What user interfaces are shown besides words: devices, looks at the board, the arm's paths."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import chess
+
+from hardware.interfaces import Pace
+from hardware.table import Colour
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from app.rig.devices import FilmSource
+
+
+RigKind = Literal["sim", "board", "lab"]
+View = Literal["camera", "film"]
+
+
+@dataclass(frozen=True, slots=True)
+class SessionShown:
+    """What is played on which rig.
+
+    Attributes:
+        folder: of the session.
+        rig: sim, board or lab.
+        pace: of plant time.
+        tick: its length [s].
+        person: who plays by hand; None: nobody.
+        hands: a simulated hand moves that person's pieces.
+        sees: there is a camera.
+        controller: its host, UDP port and key file; None: there is none.
+        live: pictures of the view camera or film, so many a second, while plant time runs; None where there are none.
+    """
+
+    folder: Path
+    rig: RigKind
+    pace: Pace
+    tick: float
+    person: Colour | None
+    hands: bool
+    sees: bool
+    controller: tuple[str, int, Path] | None
+    live: Callable[[View, float], FilmSource | None]
+
+
+@dataclass(frozen=True, slots=True)
+class ClockShown:
+    """What both clocks show [s], and whose runs; None: nobody's."""
+
+    left: Mapping[chess.Color, float]
+    running: chess.Color | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LookShown:
+    """What a look at the board came to.
+
+    Attributes:
+        colour: the picture, RGB (h, w, 3).
+        stamp: of its exposure [s, plant].
+        outcome: one word.
+        text: for people.
+        likelihood: of empty, white and black on each square, shape (64, 3); None: the squares were not read.
+        grid: where the corners of the squares are in the picture, from a1's outer one along the files, (81, 2) [px].
+        squares: that the text is about.
+    """
+
+    colour: NDArray[np.uint8]
+    stamp: float
+    outcome: str
+    text: str
+    likelihood: NDArray[np.float64] | None
+    grid: NDArray[np.float64]
+    squares: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathShown:
+    """The reference of a motion that begins: its label, and of each sample the tool's place [m] and k_p [1/s²], both of
+    shape (n, 3), base frame.
+    """
+
+    label: str
+    position: NDArray[np.float64]
+    stiffness: NDArray[np.float64]
