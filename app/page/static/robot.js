@@ -11,6 +11,7 @@ import {View} from './robot/view.js';
 const FRAME = 1000 / 30; // [ms] no picture comes sooner after another
 const NAMES = {front: 'Front', top: 'Top', person: 'Person’s eye'};
 const panels = new WeakMap();
+let number = 0; // of panels made, for identifiers that occur once
 
 /** Shows the robot in an element; returns what takes it out again. */
 export function mount(element, store) {
@@ -38,6 +39,7 @@ class Panel {
     this.blend = new Blend();
     this.ends = [];
     this.stopped = false;
+    const keysId = `tm-scene-keys-${(number += 1)}`;
     this.canvas = make('canvas', {class: 'tm-scene-canvas'});
     this.stage = make(
       'div',
@@ -47,7 +49,7 @@ class Panel {
         role: 'application',
         'aria-label': 'The arm over the board, in three dimensions',
         'aria-roledescription': 'view',
-        'aria-describedby': 'tm-scene-keys',
+        'aria-describedby': keysId,
       },
       this.canvas,
     );
@@ -64,13 +66,13 @@ class Panel {
       toggle('Force', true, (on) => this.change(() => this.showForce(on))),
     );
     this.root = make(
-      'section',
-      {class: 'tm-panel tm-robot', 'aria-label': 'Robot'},
+      'div',
+      {class: 'tm-panel tm-robot'},
       this.stage,
       this.tools,
       this.sentence,
       this.live,
-      make('p', {class: 'tm-hidden', id: 'tm-scene-keys'}, keys),
+      make('p', {class: 'tm-hidden', id: keysId}, keys),
     );
   }
 

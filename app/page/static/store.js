@@ -15,12 +15,13 @@
  */
 export function createStore(storage = window.localStorage) {
   const values = new Map();
+  const covers = new Map();
   const listeners = new Map();
   const watched = {telemetry: 0, camera: 0, film: 0};
   let transport = null;
 
   function get(section) {
-    return values.get(section) ?? null;
+    return (covers.has(section) ? covers.get(section) : values.get(section)) ?? null;
   }
 
   /**
@@ -31,16 +32,32 @@ export function createStore(storage = window.localStorage) {
   function subscribe(section, callback) {
     if (!listeners.has(section)) listeners.set(section, new Set());
     listeners.get(section).add(callback);
-    if (values.has(section)) callback(get(section));
+    if (values.has(section) || covers.has(section)) callback(get(section));
     return () => listeners.get(section).delete(callback);
   }
 
   /** Several sections at once: sets all of them before anybody hears of it. */
   function change(changes) {
     for (const [section, value] of Object.entries(changes)) values.set(section, value);
-    for (const section of Object.keys(changes)) {
+    tell(Object.keys(changes).filter((section) => !covers.has(section)));
+  }
+
+  function tell(sections) {
+    for (const section of sections) {
       for (const callback of [...(listeners.get(section) ?? [])]) callback(get(section));
     }
+  }
+
+  /**
+   * Show other values in place of the newest ones, which go on behind them: those of a recorded game. Sections that are not
+   * named stay covered as they are; null takes all covers away.
+   * @param {Record<string, any> | null} sections
+   */
+  function cover(sections) {
+    const changed = Object.keys(sections ?? Object.fromEntries(covers));
+    if (sections === null) covers.clear();
+    else for (const section of changed) covers.set(section, sections[section]);
+    tell(changed);
   }
 
   /** Set a section. */
@@ -115,5 +132,5 @@ export function createStore(storage = window.localStorage) {
     }
   }
 
-  return {get, subscribe, change, set, send, say, watch, attach, holds, remembered, remember};
+  return {get, subscribe, change, cover, set, send, say, watch, attach, holds, remembered, remember};
 }

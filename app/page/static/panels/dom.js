@@ -23,12 +23,11 @@ export function toggle(label, pressed, changed) {
   return button;
 }
 
-/** Loads the panels' style sheet once: the page's Content-Security-Policy admits no inline style. */
-export function useStyles() {
-  const href = new URL('../panels.css', import.meta.url).href;
-  if ([...document.styleSheets].some((sheet) => sheet.href === href)) return;
-  if (document.querySelector('link[data-touchmove-panels]')) return;
-  document.head.append(make('link', {rel: 'stylesheet', href, 'data-touchmove-panels': ''}));
+/** Loads a style sheet of the page once: its Content-Security-Policy admits no inline style. */
+export function useStyles(address = './panels.css') {
+  const href = new URL(`../${address}`, import.meta.url).href;
+  if ([...document.querySelectorAll('link[rel="stylesheet"]')].some((link) => link.href === href)) return;
+  document.head.append(make('link', {rel: 'stylesheet', href}));
 }
 
 /** Sets a text only where it changed, so that screen readers and layout are left alone. */

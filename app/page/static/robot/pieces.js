@@ -9,6 +9,7 @@ export class Pieces {
   constructor(description, material) {
     this.kinds = description.kinds;
     this.places = description.table.places;
+    this.boxes = description.table.boxes;
     this.material = material;
     this.group = new Group();
     this.meshes = new Map(); // by the piece's name
@@ -23,7 +24,7 @@ export class Pieces {
       const mesh = this.meshes.get(piece.name) ?? this.#make(piece);
       gone.delete(piece.name);
       const [x, y] = piece.at ?? this.places[piece.place];
-      const boxed = piece.place.startsWith('B');
+      const boxed = this.boxes.some(({at, half}) => Math.abs(x - at[0]) <= half[0] && Math.abs(y - at[1]) <= half[1]);
       if (piece.name !== held) {
         // what was dropped into a box lies there, nobody knows how
         mesh.rotation.set(
