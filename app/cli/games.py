@@ -322,9 +322,10 @@ def _audience(
         from app.page.supervisor import PageSupervisor
         from app.records.files import GAMES
 
-        publisher = PagePublisher(program, lambda line: lines.offer(line))
+        publisher = PagePublisher(program)
         ui = Together(terminal, publisher)
         lines = TypedLines(typed, ui.heard, lambda: awaited or publisher.used)
+        publisher.subscribe(lines.offer)
         stack.enter_context(PageSupervisor(settings.page, publisher, GAMES, _invite, say))
         yield _Audience(ui, lines, publisher.end)
 

@@ -62,7 +62,7 @@ class Game:
             return self._play(plies)
         except GameLeft as left:
             assert self._human is not None, "only a person leaves"
-            return self._human.left(left.word)
+            return self._human.left(left.word, left.wish)
 
     def _play(self, plies: int) -> GameEnd:
         board = self._table.board

@@ -32,7 +32,7 @@ class LivePictures:
         self._live: Live | None = None
         self._tick = 0.0
         self._wanted = dict[View, float]()
-        self._running = dict[View, tuple[float, FilmSource]]()
+        self._running: dict[View, tuple[float, FilmSource]] = {}
         self._lock = threading.Lock()
 
     def open(self, live: Live, tick: float) -> None:

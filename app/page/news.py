@@ -149,6 +149,14 @@ class DeviceNews(FrozenFinite):
     text: str
 
 
+class ResultNews(FrozenFinite):
+    """The game that is played is over, or is left; its record may not have its end yet."""
+
+    news: Literal["result"] = "result"
+    result: str
+    reason: str
+
+
 class EndNews(FrozenFinite):
     """The program ends; nothing comes after it."""
 
@@ -158,7 +166,7 @@ class EndNews(FrozenFinite):
 
 AnyNews = (
     SessionNews | RoundNews | PhaseNews | SayNews | PromptNews | HeardNews | ClockNews | LookNews | PictureNews
-    | PathNews | DeviceNews | EndNews
+    | PathNews | DeviceNews | ResultNews | EndNews
 )  # fmt: skip
 NEWS: TypeAdapter[AnyNews] = TypeAdapter(Annotated[AnyNews, Field(discriminator="news")])
 
