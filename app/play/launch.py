@@ -276,6 +276,8 @@ def _opening_rig(
                 human is not None and human.hands is not None, rig_setup.sees, found.controller, found.film,
             )
         )  # fmt: skip
+        sees = "looks at the board" if found.camera is not None else "there is none: moves are said, not seen"
+        ui.device("camera", None if found.camera is None else True, sees)
         return found
 
     return opened
