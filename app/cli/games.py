@@ -55,6 +55,7 @@ def demo(
     engine: options.EnginePath = None,
     white_engine: options.WhiteEngine = None,
     black_engine: options.BlackEngine = None,
+    speak: options.Speak = False,
     page: options.Page = None,
     page_port: options.PagePort = None,
     out: options.Out = None,
@@ -100,6 +101,7 @@ def play(
     profile: options.Profile = None,
     seed: options.Seed = 1,
     guard: options.Guard = None,
+    speak: options.Speak = False,
     page: options.Page = None,
     page_port: options.PagePort = None,
     out: options.Out = None,
@@ -137,6 +139,7 @@ def replay(
     seed: options.Seed = 1,
     verify: options.Verify = None,
     cameras: options.Cameras = True,
+    speak: options.Speak = False,
     page: options.Page = None,
     page_port: options.PagePort = None,
     out: options.Out = None,
@@ -306,14 +309,22 @@ def _audience(
     program: Program, settings: Settings, console: Console, *, headless: bool, awaited: bool
 ) -> Iterator[_Audience]:
     """The terminal and the page, as far as they are wanted; arguments as of ``_show_game``."""
+    from app import UserError
     from app.terminal.interface import Conversation, Terminal, Together, TypedLines, UserInterface
 
     talks = program in ("play", "resume")
     with ExitStack() as stack:
-        terminal = UserInterface()
+        terminal: UserInterface = UserInterface()
         if not headless:
             shown = Conversation(console, echoes=sys.stdin.isatty()) if talks else Terminal(console)
             terminal = stack.enter_context(shown)
+        if settings.terminal.speak:
+            from app.terminal.speaker import Speaker
+
+            try:
+                terminal = Together(terminal, stack.enter_context(Speaker()))
+            except UserError as error:
+                fail(str(error))
         typed = sys.stdin if talks else None
         if headless or not settings.page.on:
             yield _Audience(terminal, TypedLines(typed, terminal.heard))
