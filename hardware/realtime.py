@@ -31,19 +31,16 @@ _LOCK_REMEDY = (
 
 
 class RealTime(NamedTuple):
-    """What a process got.
-
-    Attributes:
-        scheduled: SCHED_FIFO with the priority asked for: no ordinary program can keep it from its processor.
-        locked: its memory is never swapped out.
-        pinned: it stays on the core asked for; also true where none was asked for.
-        notes: what it did not get, why, and the remedy, one sentence each.
-    """
+    """What a process got."""
 
     scheduled: bool
+    """SCHED_FIFO with the priority asked for: no ordinary program can keep it from its processor."""
     locked: bool
+    """Its memory is never swapped out."""
     pinned: bool
+    """It stays on the core asked for; also true where none was asked for."""
     notes: tuple[str, ...]
+    """What it did not get, why, and the remedy, one sentence each."""
 
     @property
     def granted(self) -> bool:

@@ -52,18 +52,14 @@ def _boxes(table: TableSettings | None) -> Vector:
 
 @dataclass(frozen=True, slots=True)
 class Crowd:
-    """Pieces that stand, and boxes.
-
-    Attributes:
-        pieces: which.
-        table: of each x and y of its centre, height, foot's radius, stem's radius, foot's height, (n, 6) [m].
-        boxes: of each x and y of its centre, half its extent along x and y with its walls, and how high up it or what
-            lies in it reaches, (m, 5) [m].
-    """
+    """Pieces that stand, and boxes."""
 
     pieces: tuple[Obstacle, ...]
     table: Vector
+    """Of each x and y of its centre, height, foot's radius, stem's radius, foot's height, (n, 6) [m]."""
     boxes: Vector
+    """Of each x and y of its centre, half its extent along x and y with its walls, and how high up it or what lies in
+    it reaches, (m, 5) [m]."""
 
     @classmethod
     def of(cls, pieces: Iterable[Obstacle], table: TableSettings | None = None) -> Crowd:

@@ -20,13 +20,10 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """Pieces one after the other; each is a line or one half of a corner.
-
-    Attributes:
-        table: of each piece tangent, normal, sharpness, sign, length, begin, flat end, line, (n, 14).
-    """
+    """Pieces one after the other; each is a line or one half of a corner."""
 
     table: Vector
+    """Of each piece tangent, normal, sharpness, sign, length, begin, flat end, line, (n, 14)."""
 
     @property
     def tangent(self) -> Vector:

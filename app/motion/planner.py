@@ -34,19 +34,16 @@ _OPENINGS: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class Planner:
-    """Plans motions of an arm from where it rests.
-
-    Attributes:
-        cell: what plans are made for.
-        start: the arm's present reference, base frame (3,) [m].
-        finger: present finger position [m].
-        lead_ticks: pause between motions, for announcing the next one.
-    """
+    """Plans motions of an arm from where it rests."""
 
     cell: Workcell
+    """What plans are made for."""
     start: Vector
+    """The arm's present reference, base frame (3,) [m]."""
     finger: float
+    """Present finger position [m]."""
     lead_ticks: int = 0
+    """Pause between motions, for announcing the next one."""
 
     @classmethod
     def of(

@@ -59,27 +59,24 @@ NO_WORK: Final = PointSurvey(math.inf, math.nan, math.nan)
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Board, trays and boxes at several heights of the tool point.
-
-    Attributes:
-        places: n of them, the 64 squares first; of a box, its drop points.
-        height: shape (h,), of the tool point above the playing surface [m].
-        point: shape (n, h, 3), base frame [m].
-        reachable: shape (n, h), whether the robot can work there: within reach, and no singularity near.
-        condition: shape (n, h), of J_c; infinite where not reachable.
-        holding_torque: shape (n, h), largest servomotor torque that gravity takes [N m]; NaN where not reachable.
-        torque_margin: shape (n, h), rated torque less the holding torque [N m].
-        acceleration: shape (n, h), tool acceleration that the peak torque still gives in every direction [m/s²].
-    """
+    """Board, trays and boxes at several heights of the tool point."""
 
     places: tuple[Place, ...]
+    """n of them, the 64 squares first; of a box, its drop points."""
     height: FloatArray
+    """Shape (h,), of the tool point above the playing surface [m]."""
     point: FloatArray
+    """Shape (n, h, 3), base frame [m]."""
     reachable: NDArray[np.bool_]
+    """Shape (n, h), whether the robot can work there: within reach, and no singularity near."""
     condition: FloatArray
+    """Shape (n, h), of J_c; infinite where not reachable."""
     holding_torque: FloatArray
+    """Shape (n, h), largest servomotor torque that gravity takes [N m]; NaN where not reachable."""
     torque_margin: FloatArray
+    """Shape (n, h), rated torque less the holding torque [N m]."""
     acceleration: FloatArray
+    """Shape (n, h), tool acceleration that the peak torque still gives in every direction [m/s²]."""
 
 
 def working_heights() -> tuple[float, float]:
@@ -157,17 +154,14 @@ def require_fit(model: DeltaModel, table: TableSettings, heights: Sequence[float
 
 
 class LargestBoard(NamedTuple):
-    """The largest squares on which the robot can play, and how deep that board lies.
-
-    Attributes:
-        square: side of a square [m].
-        depth: of the playing surface below the base, z₃ [m].
-        by_depth: the largest square at each depth looked at, (n, 2): depth, square [m]; 0 where none fits.
-    """
+    """The largest squares on which the robot can play, and how deep that board lies."""
 
     square: float
+    """Side of a square [m]."""
     depth: float
+    """Of the playing surface below the base, z₃ [m]."""
     by_depth: FloatArray
+    """The largest square at each depth looked at, (n, 2): depth, square [m]; 0 where none fits."""
 
 
 def largest_board(model: DeltaModel, table: TableSettings, *, trays: bool = True) -> LargestBoard:

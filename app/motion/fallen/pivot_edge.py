@@ -62,19 +62,16 @@ class PivotSettings(FrozenFinite):
 
 @dataclass(frozen=True, slots=True)
 class PivotEdge:
-    """Where a lying piece's pivot edge is, frame ``over``.
-
-    Attributes:
-        rim: outwards to the rim on which the piece turns [m].
-        contact: where the fingers press, (2,) [m].
-        turn: by how much they go round the rim [rad].
-        stands: outwards to the middle of the foot once the piece stands [m].
-    """
+    """Where a lying piece's pivot edge is, frame ``over``."""
 
     rim: float
+    """Outwards to the rim on which the piece turns [m]."""
     contact: tuple[float, float]
+    """Where the fingers press, (2,) [m]."""
     turn: float
+    """By how much they go round the rim [rad]."""
     stands: float
+    """Outwards to the middle of the foot once the piece stands [m]."""
 
 
 def pivot_of(shape: PieceShape, how: PivotSettings) -> PivotEdge:

@@ -52,23 +52,20 @@ _EDGE: Final = 0.040
 
 @dataclass(frozen=True, slots=True)
 class Nudge:
-    """A push.
-
-    Attributes:
-        name: of the piece.
-        direction: from the x axis of the board, counter-clockwise [rad].
-        way: by so much [m].
-        tips: how high above the board the fingers' tips are [m].
-        begin: the tool's centre when the fingers have come down, board frame (x, y) [m].
-        end: when they go up again [m].
-    """
+    """A push."""
 
     name: str
+    """Of the piece."""
     direction: float
+    """From the x axis of the board, counter-clockwise [rad]."""
     way: float
+    """By so much [m]."""
     tips: float
+    """How high above the board the fingers' tips are [m]."""
     begin: tuple[float, float]
+    """The tool's centre when the fingers have come down, board frame (x, y) [m]."""
     end: tuple[float, float]
+    """When they go up again [m]."""
 
 
 def find_nudge(

@@ -19,13 +19,10 @@ __all__ = ["Bounds", "Segment", "Vector", "along", "dwell", "eased", "glide", "j
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """Rows a tick apart, the first one a tick after the segment's start.
-
-    Attributes:
-        table: position [m], velocity [m/s], acceleration [m/s²] in the base frame, (n, 9).
-    """
+    """Rows a tick apart, the first one a tick after the segment's start."""
 
     table: Vector
+    """Position [m], velocity [m/s], acceleration [m/s²] in the base frame, (n, 9)."""
 
     @property
     def position(self) -> Vector:

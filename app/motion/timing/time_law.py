@@ -92,18 +92,15 @@ class Traced:
 
 @dataclass(frozen=True, slots=True)
 class TimeParameterisation:
-    """Waypoints along the path by time, in intervals of a parameter u: the way is cubic in u, and u̇² quadratic.
-
-    Attributes:
-        begins: of the intervals, and the end of the last one, (n + 1,) [s], before stretching.
-        rows: of each interval the way along the piece and its three rates by u at its begin, the piece, the length in
-            u, and the coefficients of u̇² by the way into it, (n, 9), before stretching.
-        factor: everything takes so many times the time.
-    """
+    """Waypoints along the path by time, in intervals of a parameter u: the way is cubic in u, and u̇² quadratic."""
 
     begins: Vector
+    """Of the intervals, and the end of the last one, (n + 1,) [s], before stretching."""
     rows: Vector
+    """Of each interval the way along the piece and its three rates by u at its begin, the piece, the length in u, and
+    the coefficients of u̇² by the way into it, (n, 9), before stretching."""
     factor: float = 1.0
+    """Everything takes so many times the time."""
 
     @property
     def duration(self) -> float:

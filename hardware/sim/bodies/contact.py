@@ -26,19 +26,16 @@ class Solver(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """What a pair of surfaces is like.
-
-    Attributes:
-        stiffness: force by depth, as a blow of ``mass`` meets it [N/m].
-        mass: effective one of such a blow, for which stiffness and damping are right [kg].
-        damping_ratio: of the contact with that mass on it.
-        followed: mass that moves along with the surface while they touch, M above [kg].
-    """
+    """What a pair of surfaces is like."""
 
     stiffness: float
+    """Force by depth, as a blow of ``mass`` meets it [N/m]."""
     mass: float
+    """Effective one of such a blow, for which stiffness and damping are right [kg]."""
     damping_ratio: float
+    """Of the contact with that mass on it."""
     followed: float
+    """Mass that moves along with the surface while they touch, M above [kg]."""
 
     def met_by(self, mass: float) -> float:
         """Stiffness as a blow of another mass than the contact's own meets it [N/m].

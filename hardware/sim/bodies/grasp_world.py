@@ -32,25 +32,22 @@ _LINE = 0.0006
 
 @dataclass(frozen=True, slots=True)
 class BlockWorld:
-    """What stands where: board frame as in the game, z up, the surface at z = 0.
-
-    Attributes:
-        centre_in_base: origin of the board frame in the robot's base frame [m].
-        tool: where the tool starts, base frame [m].
-        fingers: where each finger starts, from the tool's centre [m].
-        mass: of the block [kg].
-        half_size: of the block, along x, y, z [m].
-        friction: between block and surface.
-        offset: of the block along x [m].
-    """
+    """What stands where: board frame as in the game, z up, the surface at z = 0."""
 
     centre_in_base: tuple[float, float, float]
+    """Origin of the board frame in the robot's base frame [m]."""
     tool: tuple[float, float, float]
+    """Where the tool starts, base frame [m]."""
     fingers: float
+    """Where each finger starts, from the tool's centre [m]."""
     mass: float
+    """Of the block [kg]."""
     half_size: tuple[float, float, float]
+    """Of the block, along x, y, z [m]."""
     friction: float
+    """Between block and surface."""
     offset: float
+    """Of the block along x [m]."""
 
 
 def build_block_world(parameters: RobotParameters, world: BlockWorld, substeps: int = SUBSTEPS) -> mujoco.MjModel:

@@ -90,21 +90,17 @@ _DISC_SPACING: Final = 0.005
 
 
 class HandPose(NamedTuple):
-    """Where a hand is.
-
-    Attributes:
-        x: of the middle between the fingertips, board frame [m].
-        y: likewise.
-        z: of the centres of the fingertips' rounded ends [m].
-        yaw: 0 where the forearm points along −y, as white's does; counter-clockwise [rad].
-        gap: of each fingertip's inner side from the middle [m].
-    """
+    """Where a hand is."""
 
     x: float
+    """Of the middle between the fingertips, board frame [m]."""
     y: float
     z: float
+    """Of the centres of the fingertips' rounded ends [m]."""
     yaw: float
+    """0 where the forearm points along −y, as white's does; counter-clockwise [rad]."""
     gap: float
+    """Of each fingertip's inner side from the middle [m]."""
 
 
 def parked(side: Colour) -> HandPose:

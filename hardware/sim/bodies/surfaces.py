@@ -36,17 +36,14 @@ LINED: Final = "lining."
 
 
 class Pair(NamedTuple):
-    """Two surfaces that can meet.
-
-    Attributes:
-        what: meets what.
-        contact: how.
-        source: of the number.
-    """
+    """Two surfaces that can meet."""
 
     what: str
+    """Meets what."""
     contact: Contact
+    """How."""
     source: str
+    """Of the number."""
 
 
 FOOT_ON_BOARD: Final = Pair(

@@ -43,17 +43,14 @@ class Stroke:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Program:
-    """A motor program.
-
-    Attributes:
-        start: pose before it.
-        strokes: that add up.
-        duration: after which nothing moves any more [s].
-    """
+    """A motor program."""
 
     start: HandPose
+    """Pose before it."""
     strokes: tuple[Stroke, ...]
+    """That add up."""
     duration: float
+    """After which nothing moves any more [s]."""
 
     def at(self, time: float) -> Target:
         """Where the hand shall be, so many seconds after the start."""
@@ -83,15 +80,12 @@ class Program:
 
 @dataclass(slots=True, eq=False)
 class Sketch:
-    """A program in the making.
-
-    Attributes:
-        pose: at its end so far.
-        speed: highest of a long stroke [m/s].
-    """
+    """A program in the making."""
 
     pose: HandPose
+    """At its end so far."""
     speed: float
+    """Highest of a long stroke [m/s]."""
     _start: HandPose = field(init=False)
     _strokes: list[Stroke] = field(init=False, default_factory=list)
     _end: float = field(init=False, default=0.0)

@@ -42,15 +42,12 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Traveller:
-    """Whose hand it is and how quick.
-
-    Attributes:
-        side: of the board.
-        speed: highest of a reach [m/s].
-    """
+    """Whose hand it is and how quick."""
 
     side: Colour
+    """Of the board."""
     speed: float
+    """Highest of a reach [m/s]."""
 
     @property
     def front(self) -> float:

@@ -54,15 +54,12 @@ class HandFailed(Exception):
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What a routine may ask of the world.
-
-    Attributes:
-        look: the table as it is.
-        pose: where the fingertips are told to be.
-    """
+    """What a routine may ask of the world."""
 
     look: Callable[[], TableView]
+    """The table as it is."""
     pose: Callable[[], HandPose]
+    """Where the fingertips are told to be."""
 
 
 class Routines:

@@ -29,23 +29,16 @@ OBSTACLES: Final = np.array(
 
 @dataclass(frozen=True, slots=True)
 class SeenPiece:
-    """A piece.
-
-    Attributes:
-        name: of it.
-        kind: of it.
-        x: of the middle of its foot, board frame [m].
-        y: likewise.
-        z: likewise.
-        axis: unit vector from its foot to its top.
-    """
+    """A piece."""
 
     name: str
     kind: Kind
     x: float
+    """Of the middle of its foot, board frame [m]."""
     y: float
     z: float
     axis: tuple[float, float, float]
+    """Unit vector from its foot to its top."""
 
     @property
     def shape(self) -> PieceShape:
@@ -79,15 +72,12 @@ class SeenPiece:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TableView:
-    """The table at one moment.
-
-    Attributes:
-        pieces: all of them.
-        tool: the robot's tool point, board frame, shape (3,) [m].
-    """
+    """The table at one moment."""
 
     pieces: tuple[SeenPiece, ...]
+    """All of them."""
     tool: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    """The robot's tool point, board frame, shape (3,) [m]."""
 
     def nearest(self, x: float, y: float) -> SeenPiece | None:
         """The piece nearest to a point; None where there are no pieces."""

@@ -20,15 +20,12 @@ from hardware.sim.render.appearance import CameraSettings, SceneState
 
 
 class Construction(NamedTuple):
-    """A world that can be built.
-
-    Attributes:
-        settings: what was asked for.
-        drawn: what the seed made of it.
-    """
+    """A world that can be built."""
 
     settings: WorldSettings
+    """What was asked for."""
     drawn: Draw
+    """What the seed made of it."""
 
     @classmethod
     def of(cls, settings: WorldSettings) -> Construction:

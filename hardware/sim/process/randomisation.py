@@ -71,21 +71,18 @@ class Randomisation(FrozenFinite):
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """One world of a seed.
-
-    Attributes:
-        pieces: where each stands, what it weighs, how it slides.
-        parameters: of the robot as it really is.
-        board: where the table really stands.
-        light: over it.
-        camera: as it really hangs and exposes.
-    """
+    """One world of a seed."""
 
     pieces: tuple[StandingPiece, ...]
+    """Where each stands, what it weighs, how it slides."""
     parameters: RobotParameters
+    """Of the robot as it really is."""
     board: BoardOffset
+    """Where the table really stands."""
     light: LightSettings
+    """Over it."""
     camera: CameraSettings
+    """As it really hangs and exposes."""
 
 
 def draw(
