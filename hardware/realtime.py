@@ -52,16 +52,10 @@ class RealTime(NamedTuple):
 def real_time(name: str, priority: int, core: int | None = None) -> Iterator[RealTime]:
     """Real time for the calling thread and its process, as far as the system grants it, until the block ends.
 
-    SCHED_FIFO is for this thread alone: threads and processes that it starts are ordinary ones. Whoever has it must
-    sleep in each period; the kernel takes the processor away for 50 ms from one that spins for 950 ms.
-
-    Args:
-        name: of the program, for the notes.
-        priority: of SCHED_FIFO, 1 to 99; above 50, where Linux with PREEMPT_RT handles interrupts.
-        core: number of the only core to run on; None leaves that to the system.
-
-    Yields:
-        What was granted.
+    SCHED_FIFO is for this thread alone, with a priority of 1 to 99; above 50, where Linux with PREEMPT_RT handles
+    interrupts. Threads and processes that it starts are ordinary ones. Whoever has it must sleep in each period; the
+    kernel takes the processor away for 50 ms from one that spins for 950 ms. ``core`` is the only one to run on; None
+    leaves that to the system. What was granted comes with ``name`` in its notes.
     """
     with contextlib.ExitStack() as undo:
         notes: list[str] = []

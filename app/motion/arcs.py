@@ -107,11 +107,7 @@ class Waypoints(NamedTuple):
 
 
 def over(cell: Workcell, arc: Arc, others: Crowd) -> Waypoints:
-    """Up, over and down.
-
-    Raises:
-        PlanRefused: what stands there is higher than the workspace.
-    """
+    """Up, over and down; raises ``PlanRefused`` if what stands there is higher than the workspace."""
     settings = cell.settings
     (x0, y0, z0), (x1, y1, z1) = arc.start, arc.end
     way = math.hypot(x1 - x0, y1 - y0)

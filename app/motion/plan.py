@@ -34,11 +34,9 @@ class PlanRefused(UserError):
 
 
 class InTheWay(PlanRefused):
-    """A piece is where the fingers have to go.
+    """A piece is where the fingers have to go; once it is moved away, they may.
 
-    Attributes:
-        piece: which; once it is moved away, they may.
-        around: what they would be around, and where; None: they would not open.
+    ``around`` is what they would be around, and where; None: they would not open.
     """
 
     def __init__(self, sentence: str, piece: Obstacle, around: Obstacle | None = None) -> None:

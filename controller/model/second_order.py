@@ -45,18 +45,10 @@ def arm_drift(constants: FloatArray, arm: int, q: Vector, v: Vector) -> Vector:
 def tool_drift(
     constants: FloatArray, y: FloatArray, rate: FloatArray, d: Triad, e: Triad, jacobian: FloatArray
 ) -> Vector:
-    """J̇_c ẏ: the tool's acceleration where ÿ = 0, without solving.
+    """J̇_c ẏ: the tool's acceleration z̈ where ÿ = 0 [m/s²], base frame, without solving.
 
-    Args:
-        constants: of the model.
-        y: shape (3,), servomotor angles [rad].
-        rate: shape (3,), ẏ [rad/s].
-        d: unit vectors along the distal links.
-        e: unit vectors in which the elbows move.
-        jacobian: shape (3, 3), J_c [m/rad].
-
-    Returns:
-        z̈ at ÿ = 0 [m/s²], base frame.
+    For servomotor angles y [rad] and rates ẏ [rad/s], shape (3,) each; d are unit vectors along the distal links, e
+    those in which the elbows move, and J_c has shape (3, 3) [m/rad].
     """
     l1, l2 = constants[PROXIMAL], constants[DISTAL]
     velocity = times(jacobian, (rate[0], rate[1], rate[2]))
@@ -73,23 +65,14 @@ def tool_drift(
 def velocity_torque(
     constants: FloatArray, y: FloatArray, rate: FloatArray, e: Triad, jacobian: FloatArray, drift: Vector
 ) -> Vector:
-    """The term a of (18), complete: Tᵀ (C + M (0, ẍ at ÿ = 0)), without the unmeasured angles.
+    """The term a of (18), complete: Tᵀ (C + M (0, ẍ at ÿ = 0)), without the unmeasured angles [N m].
 
     A uniform rod of mass m whose ends accelerate with v̇ and ẇ takes the forces m (2 v̇ + ẇ) / 6 and m (v̇ + 2 ẇ) / 6
     at them. Where ÿ = 0 the ends of rod i have -l1 ẏ_i² p_i and J̇_c ẏ, and e_i·p_i = 0:
 
         a = J_cᵀ ((mp + m2) J̇_c ẏ - (m2 l1 / 6) Σ ẏ_k² p_k) + (m2 l1 / 6) (e_i·J̇_c ẏ)_i.
 
-    Args:
-        constants: of the model.
-        y: shape (3,), servomotor angles [rad].
-        rate: shape (3,), ẏ [rad/s].
-        e: unit vectors in which the elbows move.
-        jacobian: shape (3, 3), J_c [m/rad].
-        drift: J̇_c ẏ of `tool_drift` [m/s²].
-
-    Returns:
-        a [N m].
+    Arguments are those of `tool_drift`, and ``drift`` is what it gives [m/s²].
     """
     coupling = constants[DISTAL_MASS] * constants[PROXIMAL] / 6.0
     force = combine((0.0, 0.0, 0.0), constants[DISTAL_MASS] + constants[PLATFORM_MASS], drift)

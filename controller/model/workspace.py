@@ -31,11 +31,7 @@ DEPTH_STEP: Final = 0.01
 
 
 class BoardDoesNotFit(ValueError):
-    """Somewhere on board or trays the robot cannot work; the message names the squares.
-
-    Attributes:
-        places: those that fail, board first.
-    """
+    """Somewhere on board or trays the robot cannot work; the message names the squares, ``places`` all that fail."""
 
     def __init__(self, sentence: str, places: tuple[Place, ...]) -> None:
         super().__init__(sentence)
@@ -107,12 +103,9 @@ def survey_point(model: DeltaModel, point: FloatArray) -> PointSurvey:
 
 
 def survey(model: DeltaModel, table: TableSettings, heights: Sequence[float] | None = None) -> Survey:
-    """What the robot can do over every square, tray place and drop point of a box.
+    """What the robot, with what it carries, can do over every square, tray place and drop point of a box.
 
-    Args:
-        model: the robot, with what it carries.
-        table: board and trays, and where they stand.
-        heights: of the tool point above the playing surface [m]; default `working_heights`.
+    Heights are of the tool point above the playing surface [m]; default `working_heights`.
     """
     places = tuple(square_place(square) for square in range(64)) + table.tray_places()
     places += table.drop_points()
@@ -126,16 +119,10 @@ def survey(model: DeltaModel, table: TableSettings, heights: Sequence[float] | N
 
 
 def require_fit(model: DeltaModel, table: TableSettings, heights: Sequence[float] | None = None) -> Survey:
-    """The survey of a table at which the robot can play.
+    """The survey of a table at which the robot, with the heaviest thing it carries, can play; heights as for `survey`.
 
-    Args:
-        model: the robot, with the heaviest thing it carries.
-        table: board and trays.
-        heights: as for `survey`.
-
-    Raises:
-        BoardDoesNotFit: at some height a place is out of reach, J_c is conditioned worse than `LARGEST_CONDITION`, or
-            holding there takes more than the rated torque.
+    Raises ``BoardDoesNotFit`` if at some height a place is out of reach, J_c is conditioned worse than
+    `LARGEST_CONDITION`, or holding there takes more than the rated torque.
     """
     found = survey(model, table, heights)
     _refuse(found, table, ~found.reachable, "out of reach")
@@ -165,12 +152,10 @@ class LargestBoard(NamedTuple):
 
 
 def largest_board(model: DeltaModel, table: TableSettings, *, trays: bool = True) -> LargestBoard:
-    """The largest board below the base's centre that `require_fit` accepts.
+    """The largest board below the base's centre that `require_fit` accepts; trays keep their size and their distance
+    from it.
 
-    Args:
-        model: the robot, with the heaviest thing it carries.
-        table: trays keep their size and their distance from the board.
-        trays: whether they and boxes have to be in reach, too; without them captured pieces need another place.
+    ``trays``: they and boxes have to be in reach, too; without them captured pieces need another place.
     """
     depths = np.arange(LEAST_DEPTH, MOST_DEPTH + 1e-9, DEPTH_STEP)
     squares = np.array([_largest_square(model, table, float(depth), trays) for depth in depths])
@@ -179,14 +164,10 @@ def largest_board(model: DeltaModel, table: TableSettings, *, trays: bool = True
 
 
 def seated(model: DeltaModel, table: TableSettings) -> TableSettings:
-    """The table as it is where it fits; else moved up towards the base, no further than it must.
+    """The table as it is where it fits the robot with the heaviest thing it carries; else moved up, no further than it
+    must.
 
-    Args:
-        model: the robot, with the heaviest thing it carries.
-        table: board and trays.
-
-    Raises:
-        BoardDoesNotFit: it fits nowhere below the base's centre; the message says how large squares may be.
+    Raises ``BoardDoesNotFit`` if it fits nowhere below the base's centre; the message says how large squares may be.
     """
     x, y, depth = table.centre_in_base
     for height in np.arange(0.0, depth - LEAST_DEPTH + 1e-9, DEPTH_STEP).tolist():

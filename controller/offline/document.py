@@ -38,11 +38,7 @@ _MARK = re.compile(r"<!-- generated: (?P<name>[a-z_ ]+) -->\n.*?<!-- end -->", r
 
 
 def refresh(page: str) -> str:
-    """The page with every generated part made anew.
-
-    Raises:
-        KeyError: a mark names a part that does not exist.
-    """
+    """The page with every generated part made anew; raises ``KeyError`` if a mark names a part that does not exist."""
     parts = _parts()
     return _MARK.sub(lambda mark: f"<!-- generated: {mark['name']} -->\n{parts[mark['name']]}\n<!-- end -->", page)
 

@@ -108,11 +108,8 @@ def sweep(pivot: PivotEdge, how: PivotSettings) -> list[tuple[float, float]]:
 def circle(pivot: PivotEdge, how: PivotSettings, stiffness: float, ticks: int, tick: float) -> Vector:
     """The way round the rim, from rest to rest in some ticks: the fingers' inner lower edge in frame ``over``.
 
-    ``stiffness`` is that of the tool's height [N/m].
-
-    Returns:
-        Outwards and up, each with velocity and acceleration, at 1, 2, … ticks: (ticks, 2, 3) [m, m/s, m/s²]. Heights
-        are those of the pivot edge, lowered by what presses.
+    Outwards and up, each with velocity and acceleration, at 1, 2, … ticks: (ticks, 2, 3) [m, m/s, m/s²]. Heights are
+    those of the pivot edge, lowered by what presses on the tool's ``stiffness`` in height [N/m].
     """
     share = eased(ticks, tick)
     across, up = pivot.contact[0] - pivot.rim, pivot.contact[1]

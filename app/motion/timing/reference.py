@@ -44,10 +44,8 @@ class Segment:
 
 
 def along(path: Path, law: TimeParameterisation, tick: float) -> Segment:
-    """A path by its law, slowed down by less than a tick so that it ends with one.
-
-    Returns:
-        Samples at tick, 2·tick, …; the last one is exactly at the path's end.
+    """A path by its law, slowed down by less than a tick so that it ends with one: the last sample is exactly at its
+    end.
     """
     ticks = max(1, math.ceil(law.duration / tick - 1e-9))
     law = law.stretched(ticks * tick / law.duration)

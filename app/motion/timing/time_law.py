@@ -71,16 +71,10 @@ class Bounds:
 
 
 class Traced:
-    """Where the tool is at many times, one row each.
+    """Where the tool is at many times, one row each, of a table (m, 12) as of `curves.TRACED`.
 
-    Attributes:
-        motion: position, velocity, acceleration, (m, 9).
-        position: base frame, (m, 3) [m].
-        velocity: (m, 3) [m/s].
-        acceleration: (m, 3) [m/s²].
-        way: along the path, (m,) [m].
-        speed: along the path, (m,) [m/s].
-        piece: of the path, (m,).
+    ``motion`` has position, velocity and acceleration, (m, 9), each also by itself in the base frame, (m, 3) [m, m/s,
+    m/s²]; ``way`` and ``speed`` are along the path, (m,) [m, m/s], and ``piece`` is of the path, (m,).
     """
 
     def __init__(self, table: Vector) -> None:

@@ -37,11 +37,7 @@ class Process(Protocol):
 class Adopted:
     """A running process that is no child of ours; what stays its own, even if its number is given away, is its handle.
 
-    Args:
-        pid: its number.
-
-    Raises:
-        ProcessLookupError: there is no such process.
+    Raises ``ProcessLookupError`` if there is no process of that number.
     """
 
     def __init__(self, pid: int) -> None:

@@ -11,12 +11,7 @@ from vision.board.view import BoardView
 
 
 def nominal_view(intrinsics: Intrinsics, table: TableSettings) -> BoardView:
-    """The view of a camera that hangs exactly where the simulated rig's is meant to.
-
-    Args:
-        intrinsics: of the camera.
-        table: board and trays that it looks at.
-    """
+    """The view of a camera that hangs just where the simulated rig's is meant to, over board and trays of a table."""
     pose = camera_poses(table)["camera"]
     position, target = np.array(pose.position), np.array(pose.target)
     forward = (target - position) / np.linalg.norm(target - position)

@@ -45,17 +45,12 @@ PAD_SOLIMP = (0.97, 0.99, 0.0003, 0.5, 2.0)
 
 
 def inverse_kinematics(parameters: RobotParameters, tool: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Joint positions (3 arms × [servomotor, universal 1, universal 2]) [rad] that put the tool at a point.
-
-    Args:
-        parameters: robot.
-        tool: point (3,) in the base frame [m].
-
-    Raises:
-        ValueError: an arm cannot reach the point.
+    """Joint positions (3 arms × [servomotor, universal 1, universal 2]) [rad] that put the tool at a point (3,) in the
+    base frame [m].
 
     The universal joint's angles are this model's own: first about the tangent, relative to the proximal link, then
-    about the rod's normal. Only used to place the arm before the world starts.
+    about the rod's normal. Only used to place the arm before the world starts. Raises ``ValueError`` if an arm cannot
+    reach the point.
     """
     g = parameters.geometry
     joints = np.empty((3, 3))
@@ -216,13 +211,10 @@ def _add_gripper_drive(spec: mujoco.MjSpec, parameters: RobotParameters) -> None
 def add_arm(
     spec: mujoco.MjSpec, parameters: RobotParameters, base_position: tuple[float, float, float], turn: float = 0.0
 ) -> None:
-    """Add the whole robot to a scene whose world frame is the board frame (z up).
+    """Add the whole robot to a scene whose world frame is the board frame (z up), the base's centre at a point of it
+    [m].
 
-    Args:
-        spec: scene to add to.
-        parameters: robot.
-        base_position: of the base's centre in the world frame [m].
-        turn: of the board about the vertical against the robot, which therefore is turned the other way [rad].
+    ``turn`` is of the board about the vertical against the robot, which therefore is turned the other way [rad].
     """
     cos, sin = math.cos(turn / 2.0), math.sin(turn / 2.0)
     # first about the world's z by -turn, then about x by half a turn: z₃ points down

@@ -49,14 +49,7 @@ class Finger:
 def build_finger_world(
     parameters: RobotParameters, table: TableSettings, home: NDArray[np.float64], finger: Finger
 ) -> mujoco.MjModel:
-    """Arm, board and finger; key frame 0 is the start.
-
-    Args:
-        parameters: robot.
-        table: board, which has no pieces here.
-        home: tool point at the start, base frame [m].
-        finger: what is in the way.
-    """
+    """Arm, board without pieces, and finger; key frame 0 is the start, with the tool at ``home``, base frame [m]."""
 
     def add_finger(spec: mujoco.MjSpec) -> None:
         hand = spec.worldbody.add_body(name="hand", pos=list(finger.position), gravcomp=1.0)

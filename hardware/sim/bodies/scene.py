@@ -263,23 +263,18 @@ def build_model(
     offset: BoardOffset = AS_BELIEVED,
     add: Callable[[mujoco.MjSpec], None] | None = None,
 ) -> mujoco.MjModel:
-    """Compile the world.
+    """Compile the world, whose frame is the board frame, z up; key frame 0 holds the whole start state.
 
     Args:
         parameters: robot.
         table: board and trays.
         pieces: every physical piece with its pose.
-        home: tool point in the base frame [m] at which the arm starts; key frame 0 holds the whole start state.
-        timestep: integration step [s], default the drive's tick.
+        home: tool point in the base frame at which the arm starts [m]; ``ValueError`` where it does not reach.
+        timestep: of the integration [s], default the drive's tick.
         looks: with all that is only seen. Without it a step is quicker, and what happens is the same.
         feet: of the pieces, on the board.
         offset: where the table really stands; robot and cameras stay where they are.
         add: puts something more into the world.
-
-    World frame: the board frame, z up.
-
-    Raises:
-        ValueError: the arm does not reach home.
     """
     spec = mujoco.MjSpec()
     spec.modelname = "touchmove"

@@ -36,15 +36,10 @@ def build_touchdown_world(
     home: NDArray[np.float64],
     stiffness: float,
 ) -> mujoco.MjModel:
-    """Arm, board and piece; key frame 0 is the start.
+    """Arm, board and one piece; key frame 0 is the start, with the tool at ``home``, base frame [m].
 
-    Args:
-        parameters: robot.
-        table: board.
-        piece: the only one.
-        raised: centre (x, y) of what stands out of the board, and how far [m].
-        home: tool point at the start, base frame [m].
-        stiffness: of the piece's foot on the board [N/m].
+    ``raised`` is the centre (x, y) of what stands out of the board, and how far [m], ``stiffness`` that of the foot on
+    it [N/m].
     """
     (x, y), height = raised
 

@@ -14,14 +14,7 @@ class HandRefused(HardwareError):
 
 
 class SimHand:
-    """The hand of a world.
-
-    Args:
-        run_dir: of the world.
-
-    Raises:
-        HardwareError: no world answers, or it has no hand.
-    """
+    """The hand of a world; raises ``HardwareError`` if none answers in the run directory, or it has no hand."""
 
     def __init__(self, run_dir: Path) -> None:
         self._link, answer = wire.connect(run_dir, "hand")
@@ -30,11 +23,8 @@ class SimHand:
         self._asked = False
 
     def perform(self, *actions: Action) -> None:
-        """Begin with some actions, one after the other; plant time runs until they are done.
-
-        Raises:
-            HandRefused: others are still under way.
-            HardwareError: the world is gone.
+        """Begin with some actions, one after the other; plant time runs until they are done. Raises ``HandRefused`` if
+        others are still under way and ``HardwareError`` if the world is gone.
         """
         if self._asked:
             raise HandRefused("the hand is busy: wait until its actions are done")
@@ -42,14 +32,10 @@ class SimHand:
         self._asked = True
 
     def wait(self) -> float:
-        """Wait until what was begun is done.
+        """Wait until what was begun is done; returns the plant time of its end [s].
 
-        Returns:
-            Plant time of its end [s].
-
-        Raises:
-            HandRefused: it could not be done, or nothing was asked for.
-            HardwareError: the world is gone.
+        Raises ``HandRefused`` if it could not be done, or nothing was asked for, and ``HardwareError`` if the world is
+        gone.
         """
         if not self._asked:
             raise HandRefused("the hand was not asked to do anything")

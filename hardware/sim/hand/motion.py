@@ -104,16 +104,10 @@ class Sketch:
         overlap: float = 0.0,
         speed: float | None = None,
     ) -> Sketch:
-        """Add a stroke to what is given of a pose.
+        """Add a stroke to what is given of a pose [m, rad]; the others stay unchanged.
 
-        Args:
-            x: [m]; as the others unchanged where it is not given.
-            y: [m].
-            z: [m].
-            yaw: [rad].
-            gap: [m].
-            overlap: begin so much before the end so far, as a share of the stroke before.
-            speed: highest [m/s], if it is another one.
+        It begins so much before the end so far as ``overlap`` says, a share of the stroke before, and is no faster than
+        ``speed`` [m/s], if it is another one.
         """
         given = (x, y, z, yaw, gap)
         new = HandPose(*(old if value is None else value for old, value in zip(self.pose, given, strict=True)))

@@ -65,15 +65,10 @@ class Traveller:
     ) -> tuple[Sketch, Hold]:
         """Up, over to a point, and no further down: the program's last pose is where the way down begins.
 
-        Of several ways and holds it takes the first that keeps clear of the robot, else the one that does so best.
-
-        Args:
-            sight: without what is held.
-            start: of the fingertips.
-            holds: at the end, best first.
-            tips: where the fingertips shall be for a hold, x and y [m].
-            below: lowest point of what is carried, or of the fingertips, under the fingertips' ends [m].
-            wide: from the way to the middle of a piece that could be touched [m].
+        Of several ways and holds, best first, it takes the first that keeps clear of the robot, else the one that does
+        so best. ``sight`` is without what is held; ``tips`` says where the fingertips shall be for a hold, x and y [m];
+        ``below`` is the lowest point of what is carried, or of the fingertips, under the fingertips' ends, and ``wide``
+        from the way to the middle of a piece that could be touched [m].
         """
         ways: list[tuple[Hold, HandPose, list[tuple[HandPose, ...]]]] = []
         for hold in holds:

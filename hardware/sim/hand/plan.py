@@ -81,7 +81,7 @@ class Person(Traveller):
 
         Args:
             sight: without the piece that is held.
-            x: of the piece [m].
+            x: of the piece, as y [m].
             y: likewise.
             z: of the fingertips at the piece [m].
             lifted: and when they come from above, or lift it [m].

@@ -63,17 +63,7 @@ class View:
 
 
 class Routines:
-    """Everything a person does with the hand.
-
-    Args:
-        view: of the table.
-        settings: of the person.
-        table: on which pieces stand.
-        rng: draws what is human about it.
-
-    Attributes:
-        held: what is between the fingertips.
-    """
+    """What a person does with the hand; ``rng`` draws what is human about it, ``held`` is between the fingertips."""
 
     def __init__(self, view: View, settings: HandSettings, table: TableSettings, rng: np.random.Generator) -> None:
         self.held: Held | None = None
@@ -84,11 +74,7 @@ class Routines:
         self._person = Person(settings.side, settings.speed)
 
     def do(self, actions: tuple[Action, ...]) -> Iterator[Program]:
-        """The programs of some actions.
-
-        Raises:
-            HandFailed: while they are carried out, as soon as one is impossible.
-        """
+        """The programs of some actions; raises ``HandFailed`` as soon as one of them is impossible."""
         for action in actions:
             yield from self._one(action)
 

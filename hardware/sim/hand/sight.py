@@ -94,9 +94,7 @@ class TableView:
     def highest(self, *points: tuple[float, float], width: float) -> float:
         """Top of the highest piece near a chain of straight lines [m], 0 where there is none.
 
-        Args:
-            points: corners of the chain [m].
-            width: to each side of it, to the middle of a piece's foot [m].
+        Near is up to ``width`` from the chain to the middle of a piece's foot [m].
         """
         tops = [piece.top for piece in self.pieces if _distance_to_chain(piece, points) < width]
         return max(tops, default=0.0)
@@ -104,12 +102,8 @@ class TableView:
     def pinch_room(self, x: float, y: float, yaw: float, z: float, half_width: float) -> float:
         """Least distance of fingertips beside a point from other pieces [m]; negative where they meet.
 
-        Args:
-            x: [m].
-            y: [m].
-            yaw: of the hand [rad].
-            z: of the fingertips [m].
-            half_width: from the middle to the middle of a fingertip [m].
+        ``yaw`` is of the hand [rad], ``z`` of the fingertips, ``half_width`` from the middle to the middle of a
+        fingertip [m].
         """
         room = math.inf
         for piece in self.pieces:

@@ -38,11 +38,7 @@ def save_snapshot(path: Path, model: mujoco.MjModel, data: mujoco.MjData, tick: 
 
 
 def load_snapshot(path: Path) -> Snapshot | None:
-    """Read what a world left; None where there is no snapshot.
-
-    Raises:
-        HardwareError: the file is none.
-    """
+    """Read what a world left; None where there is no snapshot. Raises ``HardwareError`` if the file is none."""
     try:
         with np.load(path) as content:
             return Snapshot(np.array(content["state"], dtype=float), int(content["tick"]), at_rest=True)

@@ -53,21 +53,11 @@ class _View:
 
 
 class CameraService:
-    """Frames for cameras.
+    """Frames for cameras: of the board's RGB-D camera, the view ``camera``, and clean pictures of other views.
 
-    Args:
-        facts: about the world that every visitor is told.
-        plant: what is seen.
-        renderer: draws; None in a world without cameras.
-        run_dir: where frames are written.
-        latency: from exposure to delivery [ticks].
-        camera: the board's RGB-D camera, which has the view ``camera``; other views are clean pictures.
-        seed: of its noise.
-        stage: how light and camera are at the moment.
-
-    Attributes:
-        due: tick at which the next frame is to be exposed or delivered.
-        waiting: somebody waits for a frame, so that plant time has to run.
+    ``due`` is the tick at which the next frame is to be exposed or delivered, ``waiting`` whether somebody waits for
+    one, so that plant time has to run. ``latency`` is from exposure to delivery [ticks]. ``renderer`` is None in a
+    world without cameras; ``seed`` is of the sensors' noise, ``stage`` how light and camera are at the moment.
     """
 
     def __init__(
@@ -191,14 +181,10 @@ class CameraService:
         )
 
     def serve(self, listen: Callable[[float], None] | None) -> bool:
-        """Expose and deliver what is due now.
+        """Expose and deliver what is due now; whether plant time had to wait.
 
-        Args:
-            listen: hears visitors for a while [s]; plant time then waits for frames and their takers (pace fast).
-                None: what is not drawn yet is delivered later, and streams leave frames out (pace real).
-
-        Returns:
-            Whether plant time had to wait.
+        ``listen`` hears visitors for a while [s]; plant time then waits for frames and their takers (pace fast). None:
+        what is not drawn yet is delivered later, and streams leave frames out (pace real).
         """
         tick, waited = self._plant.tick, False
         for view in [view for view in self._views.values() if view.due <= tick]:

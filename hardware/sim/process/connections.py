@@ -23,12 +23,7 @@ class Refused(Exception):
 
 
 class Visitor:
-    """One connection.
-
-    Attributes:
-        link: its socket; never blocks.
-        service: of its role; None before its greeting.
-    """
+    """One connection: ``link`` never blocks; ``service`` is that of its role, None before its greeting."""
 
     def __init__(self, link: socket.socket) -> None:
         link.setblocking(False)
@@ -56,11 +51,7 @@ class Service(Protocol):
     """What the world does for visitors of one role."""
 
     def welcome(self, visitor: Visitor, /) -> dict[str, Any]:
-        """What the visitor has to know.
-
-        Raises:
-            Refused: it cannot come in.
-        """
+        """What the visitor has to know; raises ``Refused`` if it cannot come in."""
 
     def hear(self, visitor: Visitor, message: bytes, /) -> None:
         """Take a message in; ``ValidationError`` is told the visitor."""
@@ -70,12 +61,7 @@ class Service(Protocol):
 
 
 class Visitors:
-    """All connections of a world.
-
-    Args:
-        run_dir: where the socket is made.
-        services: by role.
-    """
+    """All connections of a world, by a socket in its run directory; services are by role."""
 
     def __init__(self, run_dir: Path, services: Mapping[str, Service]) -> None:
         self._path = run_dir / wire.SOCKET_NAME
@@ -90,10 +76,9 @@ class Visitors:
         self._numbers = [self._door.fileno()]
 
     def listen(self, timeout: float) -> None:
-        """Handle everything that is there, or wait for something to come.
+        """Handle everything that is there, or wait up to ``timeout`` for something to come [s].
 
-        Args:
-            timeout: longest wait [s], to a few dozen microseconds (``poll`` would round up to whole milliseconds).
+        It is exact to a few dozen microseconds: ``poll`` would round up to whole milliseconds.
         """
         for number in select.select(self._numbers, (), (), timeout)[0]:
             if number == self._numbers[0]:

@@ -12,13 +12,7 @@ from hardware.sim.process.connections import Refused, Visitor
 
 
 class HandService:
-    """Actions for the hand, one list at a time; the answer comes when the last one is done, or one is impossible.
-
-    Args:
-        facts: about the world that every visitor is told.
-        plant: whose time it is.
-        hand: of the world; None in one without.
-    """
+    """Actions for the hand, one list at a time; the answer comes when the last one is done, or one is impossible."""
 
     def __init__(self, facts: dict[str, Any], plant: Plant, hand: Hand | None) -> None:
         self._facts = facts

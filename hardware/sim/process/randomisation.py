@@ -94,16 +94,9 @@ def draw(
     light: LightSettings,
     camera: CameraSettings,
 ) -> Draw:
-    """Draw a world. Each group of things has random numbers of its own, so that a range changes nothing but its own.
+    """Draw a world from what is believed of it, and light and camera as they are on average.
 
-    Args:
-        ranges: of what can differ.
-        seed: decides.
-        pieces: what is set up, and where.
-        table: as believed.
-        parameters: of the robot, as believed.
-        light: as it is on average.
-        camera: likewise.
+    Each group of things has random numbers of its own, so that a range changes nothing but its own.
     """
     board, robot, lamp, view = (np.random.default_rng([seed, group]) for group in range(1, 5))
     shift = np.array([ranges.board_shift, ranges.board_shift, ranges.board_height]) * board.uniform(-1.0, 1.0, 3)

@@ -12,16 +12,7 @@ from hardware.sim.render.appearance import ExposureSettings, LightSettings, Moun
 
 
 class SceneControlService:
-    """Keeps how light and camera are, and lets visitors change them.
-
-    Args:
-        facts: about the world that every visitor is told.
-        plant: whose time it is.
-        looks: at the start.
-
-    Attributes:
-        looks: from the next exposure on.
-    """
+    """Keeps how light and camera are from the next exposure on, its ``looks``, and lets visitors change them."""
 
     def __init__(self, facts: dict[str, Any], plant: Plant, looks: SceneState) -> None:
         self.looks = looks
@@ -47,11 +38,7 @@ class SceneControl:
     """The client: changes light, exposure and the camera's mount while a world runs."""
 
     def __init__(self, run_dir: Path) -> None:
-        """Connect to the world of a run directory.
-
-        Raises:
-            HardwareError: no world answers.
-        """
+        """Connect to the world of a run directory; raises ``HardwareError`` if no world answers."""
         self._link, answer = wire.connect(run_dir, "stage")
         self.looks = SceneState.model_validate(answer["looks"])
         """As they are, from the next exposure on."""
@@ -62,11 +49,7 @@ class SceneControl:
         exposure: ExposureSettings | None = None,
         mount: MountSettings | None = None,
     ) -> int:
-        """Change what is given; returns the tick from which it counts.
-
-        Raises:
-            HardwareError: the world is gone.
-        """
+        """Change what is given, from the returned tick on; raises ``HardwareError`` if the world is gone."""
         parts = {"light": light, "exposure": exposure, "mount": mount}
         wish = {name: part.model_dump() for name, part in parts.items() if part is not None}
         answer = wire.ask(self._link, wish)

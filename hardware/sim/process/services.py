@@ -20,17 +20,10 @@ NEVER: Final = 1 << 62
 
 
 class Drives:
-    """The servo bus: one controller at a time.
+    """The servo bus: one controller at a time, None while nobody holds the drives.
 
-    Args:
-        facts: about the world that every visitor is told.
-        first: how long the world waits for its first controller [s, wall].
-        linger: how long it waits for another one once that is gone [s, wall].
-
-    Attributes:
-        controller: who holds the drives.
-        command: received and not yet carried out.
-        goodbye: a controller has ended in good order, and with it the world.
+    ``command`` was received and is not yet carried out; ``goodbye``: a controller has ended in good order, and with it
+    the world. It waits ``first`` for its first controller, ``linger`` for another one once that is gone [s, wall].
     """
 
     def __init__(self, facts: dict[str, Any], first: float, linger: float) -> None:
@@ -98,14 +91,8 @@ class Drives:
 
 
 class ClockService:
-    """Plant time for those who ask, and for those who sleep until it has passed.
-
-    Args:
-        facts: about the world that every visitor is told.
-        plant: whose time it is.
-
-    Attributes:
-        due: tick at which the next sleeper wakes up.
+    """Plant time for those who ask, and for those who sleep until it has passed; ``due`` is when the next of them wakes
+    up.
     """
 
     def __init__(self, facts: dict[str, Any], plant: Plant) -> None:
@@ -144,13 +131,7 @@ class ClockService:
 
 
 class RefereeService:
-    """The truth, for the referee.
-
-    Args:
-        facts: about the world that every visitor is told.
-        plant: about which the truth is told.
-        speed: how fast it ran.
-    """
+    """The truth about the plant, and how fast it ran, for the referee."""
 
     def __init__(self, facts: dict[str, Any], plant: Plant, speed: SpeedMeter) -> None:
         self._facts = facts

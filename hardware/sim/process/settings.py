@@ -80,11 +80,7 @@ def keep_settings(settings: WorldSettings, run_dir: Path) -> None:
 
 
 def load_settings(run_dir: Path) -> WorldSettings:
-    """Read the settings the app left in the run directory.
-
-    Raises:
-        HardwareError: they are missing or malformed.
-    """
+    """Read what the app left in the run directory; raises ``HardwareError`` if they are missing or malformed."""
     path = run_dir / FILE_NAME
     try:
         return WorldSettings.model_validate_json(path.read_text(encoding="utf-8"))

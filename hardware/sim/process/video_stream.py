@@ -93,15 +93,9 @@ class StreamClient:
                 flight.drawing = False
 
     def deliver(self, tick: int, listen: Listen | None, present: Callable[[], bool]) -> bool:
-        """Deliver what is due.
+        """Deliver what is due at a tick to a visitor who is still ``present``; whether plant time had to wait.
 
-        Args:
-            tick: the present one.
-            listen: hears visitors for a while [s]; plant time waits. None: it does not (pace real).
-            present: whether the visitor still is there.
-
-        Returns:
-            Whether plant time had to wait.
+        ``listen`` hears visitors for a while [s]; plant time waits. None: it does not (pace real).
         """
         waited = False
         while self.flights and self.flights[0].due <= tick and present():
