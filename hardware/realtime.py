@@ -20,13 +20,9 @@ _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4
 _SET_TIMER_SLACK, _GET_TIMER_SLACK = 29, 30
 """``prctl``."""
 _CAP_IPC_LOCK = 1 << 14
-_FIFO_REMEDY = (
+_REMEDY = (
     "run as root, or 'sudo setcap cap_sys_nice,cap_ipc_lock+ep' the Python binary, "
-    "or allow your account 'rtprio 95' in /etc/security/limits.conf"
-)
-_LOCK_REMEDY = (
-    "run as root, or 'sudo setcap cap_sys_nice,cap_ipc_lock+ep' the Python binary, "
-    "or allow your account 'memlock unlimited' in /etc/security/limits.conf"
+    "or allow your account '{}' in /etc/security/limits.conf"
 )
 
 
@@ -125,7 +121,7 @@ def _lock_memory(undo: contextlib.ExitStack) -> None:
     # with a finite limit a locked process that grows would be refused memory in the middle of its work
     flags = _CURRENT | _ON_FAULT | (_FUTURE if _may_lock_everything() else 0)
     if lock(flags):
-        raise _NotGranted(f"{os.strerror(ctypes.get_errno())}: {_LOCK_REMEDY}")
+        raise _NotGranted(f"{os.strerror(ctypes.get_errno())}: {_REMEDY.format('memlock unlimited')}")
     undo.callback(unlock)
 
 
@@ -146,7 +142,7 @@ def _schedule(priority: int, undo: contextlib.ExitStack) -> None:
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
     except OSError as error:
-        raise _NotGranted(f"{error.strerror}: {_FIFO_REMEDY}") from error
+        raise _NotGranted(f"{error.strerror}: {_REMEDY.format('rtprio 95')}") from error
     undo.callback(_restore, policy, before)
 
 

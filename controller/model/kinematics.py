@@ -89,12 +89,8 @@ def elbows(constants: FloatArray, y: FloatArray) -> tuple[Triad, Triad]:
 @compiled
 def distal_directions(constants: FloatArray, centres: Triad, z: Vector) -> Triad:
     """(d_1, d_2, d_3) from elbows [m] and tool point z [m]; base frame."""
-    inverse = 1.0 / constants[DISTAL]
-    return (
-        scaled(inverse, minus(z, centres[0])),
-        scaled(inverse, minus(z, centres[1])),
-        scaled(inverse, minus(z, centres[2])),
-    )
+    s = 1.0 / constants[DISTAL]
+    return scaled(s, minus(z, centres[0])), scaled(s, minus(z, centres[1])), scaled(s, minus(z, centres[2]))
 
 
 @compiled
@@ -219,16 +215,6 @@ def distal_angles(constants: FloatArray, arm: int, q1: float, z: Vector) -> tupl
 
 
 @compiled
-def forward_kinematics_closed(constants: FloatArray, y: FloatArray, x: FloatArray) -> int:
-    """Unmeasured angles x, shape (6,), in closed form for servomotor angles y, shape (3,) [rad]; returns Status."""
-    status, z = spheres_meet(constants, y[0], y[1], y[2])
-    if status == OK:
-        for arm in range(3):
-            x[2 * arm], x[2 * arm + 1] = distal_angles(constants, arm, y[arm], z)
-    return status
-
-
-@compiled
 def inverse_arm(constants: FloatArray, arm: int, z: Vector) -> tuple[int, float]:
     """q1 of one arm, outward branch, for a tool point [m]: status (OK or UNREACHABLE) and q1 [rad].
 
@@ -257,28 +243,6 @@ def inverse_kinematics(constants: FloatArray, z: Vector, y: FloatArray, x: Float
         y[arm] = q1
         x[2 * arm], x[2 * arm + 1] = distal_angles(constants, arm, q1, z)
     return OK, 0
-
-
-@compiled
-def joint_rates(constants: FloatArray, y: FloatArray, x: FloatArray, jacobian: FloatArray, rates: FloatArray) -> None:
-    """∂g/∂y of (14), without solving: ż = l1 e_i q̇1 + l2 (a_i q̇2 + sin q2 n_i q̇3), multiplied by a_i and n_i.
-
-    Args:
-        constants: of the model.
-        y: shape (3,) [rad].
-        x: shape (6,), closing the chain [rad].
-        jacobian: shape (3, 3), J_c [m/rad].
-        rates: shape (6, 3), out: ∂x/∂y.
-    """
-    for arm in range(3):
-        e = elbow(constants, arm, y[arm])[1]
-        _, a, n = triad(arm, x[2 * arm], x[2 * arm + 1])
-        scale = constants[DISTAL] * math.sin(x[2 * arm])
-        for j in range(3):
-            tip = (jacobian[0, j], jacobian[1, j], jacobian[2, j])
-            w = combine(tip, -constants[PROXIMAL] if j == arm else 0.0, e)
-            rates[2 * arm, j] = dot(a, w) / constants[DISTAL]
-            rates[2 * arm + 1, j] = dot(n, w) / scale
 
 
 @compiled

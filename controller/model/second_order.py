@@ -20,7 +20,7 @@ import numpy as np
 from controller.model.compiled import FloatArray, Vector, compiled
 from controller.model.constants import DISTAL, DISTAL_MASS, PLATFORM_MASS, PROXIMAL, DeltaModel
 from controller.model.kinematics import Triad, triad
-from controller.model.vectors import combine, dot, minus, times, turn
+from controller.model.vectors import combine, dot, times, turn
 
 
 @compiled
@@ -83,27 +83,6 @@ def velocity_torque(
         jacobian[0, 1] * force[0] + jacobian[1, 1] * force[1] + jacobian[2, 1] * force[2] + coupling * dot(e[1], drift),
         jacobian[0, 2] * force[0] + jacobian[1, 2] * force[1] + jacobian[2, 2] * force[2] + coupling * dot(e[2], drift),
     )
-
-
-@compiled
-def unmeasured_drift(constants: FloatArray, q: FloatArray, rate: FloatArray, drift: Vector, result: FloatArray) -> None:
-    """ẍ where ÿ = 0, from (17): the tool's drift less what the arm's own rates make, along a_i and n_i.
-
-    Args:
-        constants: of the model.
-        q: shape (9,), arm by arm, closing the chain [rad].
-        rate: shape (9,), q̇, tangent to the constraint [rad/s].
-        drift: J̇_c ẏ [m/s²].
-        result: shape (6,), out: ẍ [rad/s²].
-    """
-    l2 = constants[DISTAL]
-    for arm in range(3):
-        k = 3 * arm
-        own = arm_drift(constants, arm, (q[k], q[k + 1], q[k + 2]), (rate[k], rate[k + 1], rate[k + 2]))
-        _, a, n = triad(arm, q[k + 1], q[k + 2])
-        rest = minus(drift, own)
-        result[2 * arm] = dot(a, rest) / l2
-        result[2 * arm + 1] = dot(n, rest) / (l2 * math.sin(q[k + 1]))
 
 
 def arm_hessian(model: DeltaModel, arm: int, q: FloatArray) -> FloatArray:

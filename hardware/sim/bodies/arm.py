@@ -248,3 +248,39 @@ def stiffen_closures(model: mujoco.MjModel) -> None:
     """
     for arm in (1, 2, 3):
         model.body_invweight0[model.body(f"distal{arm}").id, 0] *= CLOSURE_SHARE
+
+
+def add_contact_sensor(
+    spec: mujoco.MjSpec, name: str, part: str, kind: mujoco.mjtObj = mujoco.mjtObj.mjOBJ_BODY
+) -> None:
+    """Net force of all contacts of a part of the scene, world frame [N]."""
+    net = 3  # reduction of a contact sensor; before it its data: found bit 0, force bit 1; after it how many
+    spec.add_sensor(
+        name=name, type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=kind, objname=part,
+        reftype=mujoco.mjtObj.mjOBJ_UNKNOWN, intprm=[2, net, 1],
+    )  # fmt: skip
+
+
+def add_contact_sensors(spec: mujoco.MjSpec) -> None:
+    """Those that a plant reads: on each finger, on the gripper's body, and on the scene's geom ``deck``."""
+    for name, part in (("right", "finger_right"), ("left", "finger_left"), ("body", "platform")):
+        add_contact_sensor(spec, f"force_{name}", part)
+    add_contact_sensor(spec, "force_deck", "deck", mujoco.mjtObj.mjOBJ_GEOM)
+
+
+def start_positions(
+    model: mujoco.MjModel, parameters: RobotParameters, tool: NDArray[np.float64], fingers: float
+) -> NDArray[np.float64]:
+    """All generalised positions of a world, (nq,), with the tool at a point, base frame (3,), and fingers open [m].
+
+    Raises ``ValueError`` if the arm does not reach it.
+    """
+    qpos = np.array(model.qpos0)
+    joints = inverse_kinematics(parameters, tool)
+    values = {f"platform_{name}": tool[axis] for axis, name in enumerate("xyz")}
+    values |= {f"finger_{side}": fingers for side in ("right", "left")}
+    for arm in range(3):
+        values |= zip((f"servo{arm + 1}", f"universal{arm + 1}a", f"universal{arm + 1}b"), joints[arm], strict=True)
+    for name, value in values.items():
+        qpos[model.joint(name).qposadr[0]] = value
+    return qpos

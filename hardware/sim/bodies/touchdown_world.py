@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
-from hardware.sim.bodies.arm import SCENE_BITS, TOOL_BITS
+from hardware.sim.bodies.arm import SCENE_BITS, TOOL_BITS, add_contact_sensor
 from hardware.sim.bodies.contact import Contact
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
@@ -50,10 +50,7 @@ def build_touchdown_world(
             name="plate", type=mujoco.mjtGeom.mjGEOM_BOX, size=[_SIDE, _SIDE, height / 2.0], pos=[x, y, height / 2.0],
             contype=SCENE_BITS, conaffinity=SCENE_BITS | TOOL_BITS, friction=[FOOT_FRICTION, 0.005, 0.0001],
         )  # fmt: skip
-        world.add_sensor(
-            name="force_plate", type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_GEOM,
-            objname="plate", reftype=mujoco.mjtObj.mjOBJ_UNKNOWN, intprm=[2, 3, 1],
-        )  # fmt: skip
+        add_contact_sensor(world, "force_plate", "plate", mujoco.mjtObj.mjOBJ_GEOM)
 
     feet = Contact(stiffness, _FELT.mass, _FELT.damping_ratio, FOLLOWED)
     timestep = parameters.drive.tick / SUBSTEPS

@@ -19,14 +19,12 @@ from hardware.sim.clients import wire
 from hardware.sim.render.renderer import HEIGHT, WIDTH, frame_path, load_pictures
 
 
-class SimClock:
+class SimClock(wire.Client):
     """``Clock`` on plant time. Threads may share it: while one sleeps, the others wait."""
 
     def __init__(self, run_dir: Path) -> None:
-        """Connect to the world of a run directory."""
-        self._link, answer = wire.connect(run_dir, "clock")
+        super().__init__(run_dir, "clock")
         self._link.settimeout(None)
-        self._period = float(answer["period"])
         self._lock = threading.Lock()
 
     def now(self) -> float:
@@ -40,10 +38,6 @@ class SimClock:
         if ticks > 0:
             with self._lock:
                 wire.ask(self._link, {"sleep_ticks": ticks})
-
-    def close(self) -> None:
-        """Let the world go."""
-        self._link.close()
 
 
 class FrameStream:

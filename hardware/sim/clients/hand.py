@@ -13,12 +13,14 @@ class HandRefused(HardwareError):
     """The person cannot do what was asked; the message says why."""
 
 
-class SimHand:
-    """The hand of a world; raises ``HardwareError`` if none answers in the run directory, or it has no hand."""
+class SimHand(wire.Client):
+    """The hand of a world, which withdraws once this is closed.
+
+    Raises ``HardwareError`` if no world answers in the run directory, or it has no hand.
+    """
 
     def __init__(self, run_dir: Path) -> None:
-        self._link, answer = wire.connect(run_dir, "hand")
-        self._period = float(answer["period"])
+        super().__init__(run_dir, "hand")
         self._link.settimeout(None)  # a person takes the time that it takes
         self._asked = False
 
@@ -49,7 +51,3 @@ class SimHand:
         """Actions from their beginning to their end; see ``perform`` and ``wait``."""
         self.perform(*actions)
         return self.wait()
-
-    def close(self) -> None:
-        """Let the world go; a hand that is still at work withdraws."""
-        self._link.close()

@@ -14,7 +14,7 @@ import struct
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
@@ -126,8 +126,6 @@ class Change(Frozen):
 CameraRequest = Exposure | Subscription | WatchWish | Wake | Taken
 CAMERA_REQUEST: Final[TypeAdapter[CameraRequest]] = TypeAdapter(CameraRequest)
 
-_M = TypeVar("_M", bound=Frozen)
-
 
 def explain(error: ValidationError) -> str:
     """What is wrong with a message, in a few words."""
@@ -189,6 +187,18 @@ def connect(run_dir: Path, role: str, timeout: float = 30.0) -> tuple[socket.soc
     except HardwareError as error:
         link.close()
         raise HardwareError(f"no connection as {role}: {error}") from error
+
+
+class Client:
+    """A connection to the world of a run directory in a role, as of ``connect``."""
+
+    def __init__(self, run_dir: Path, role: str) -> None:
+        self._link, self._told = connect(run_dir, role)
+        self._period = float(self._told["period"])
+
+    def close(self) -> None:
+        """Let the world go."""
+        self._link.close()
 
 
 def _reach(run_dir: Path, timeout: float) -> socket.socket:

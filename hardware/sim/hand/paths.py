@@ -116,13 +116,7 @@ class Traveller:
         return pose._replace(x=pose.x + length * back[0], y=pose.y + length * back[1])
 
     def _way(
-        self,
-        sight: TableView,
-        start: HandPose,
-        between: tuple[HandPose, ...],
-        end: HandPose,
-        below: float,
-        wide: float,
+        self, sight: TableView, start: HandPose, between: tuple[HandPose, ...], end: HandPose, below: float, wide: float
     ) -> Sketch:
         """On each straight part only as high as what stands below it wants."""
         sketch, corners = Sketch(start, self.speed), (*between, end)

@@ -41,13 +41,7 @@ good, by up to 0.2 rad/s about the points that held it, and went nowhere; on a l
 REST_TICKS = 25
 """Everything must have been resting for so long."""
 
-_ENABLED: Final = int(DriveStatus.ENABLED)
-_BRAKED: Final = int(DriveStatus.BRAKED)
-_SATURATED: Final = int(DriveStatus.SATURATED)
-_WATCHDOG: Final = int(DriveStatus.WATCHDOG)
-_FAULT: Final = int(DriveStatus.FAULT)
-_STANDING: Final = int(DriveStatus.STANDING)
-_OVERSPEED: Final = int(DriveStatus.OVERSPEED)
+_ENABLED, _BRAKED, _SATURATED, _WATCHDOG, _FAULT, _STANDING, _OVERSPEED = map(int, DriveStatus)
 _TRIPS: Final = _WATCHDOG | _FAULT | _OVERSPEED
 """What switches the drives off and stays until they are disabled."""
 _STATUS: Final = tuple(DriveStatus(bits) for bits in range(1 << len(DriveStatus)))

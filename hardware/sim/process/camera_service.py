@@ -17,7 +17,7 @@ from hardware.interfaces import HardwareError
 from hardware.sim.bodies.scene import CAMERAS
 from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
-from hardware.sim.process.connections import Refused, Visitor
+from hardware.sim.process.connections import Refused, Service, Visitor
 from hardware.sim.process.scene_control import SceneControlService
 from hardware.sim.process.services import NEVER, SILENCE
 from hardware.sim.process.video_stream import PATIENCE, StreamClient
@@ -52,7 +52,7 @@ class _View:
         return self.drawing or not self.taken
 
 
-class CameraService:
+class CameraService(Service):
     """Frames for cameras: of the board's RGB-D camera, the view ``camera``, and clean pictures of other views.
 
     ``due`` is the tick at which the next frame is to be exposed or delivered, ``waiting`` whether somebody waits for
@@ -71,16 +71,10 @@ class CameraService:
         seed: int,
         stage: SceneControlService,
     ) -> None:
-        self.due = NEVER
-        self.waiting = False
-        self._facts = facts
-        self._plant = plant
-        self._renderer = renderer
-        self._run_dir = run_dir
-        self._latency = latency
-        self._camera = camera
-        self._seed = seed
-        self._stage = stage
+        super().__init__(facts)
+        self.due, self.waiting = NEVER, False
+        self._plant, self._renderer, self._run_dir, self._latency = plant, renderer, run_dir, latency
+        self._camera, self._seed, self._stage = camera, seed, stage
         self._views: dict[Visitor, _View] = {}
         self._stream_clients: dict[Visitor, StreamClient] = {}
         self._slots = 0

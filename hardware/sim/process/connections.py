@@ -11,7 +11,7 @@ import select
 import socket
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -47,16 +47,21 @@ class Visitor:
             self.link.shutdown(socket.SHUT_RDWR)
 
 
-class Service(Protocol):
-    """What the world does for visitors of one role."""
+class Service:
+    """What the world does for visitors of one role, who are all told the same facts about it."""
 
-    def welcome(self, visitor: Visitor, /) -> dict[str, Any]:
+    def __init__(self, facts: dict[str, Any]) -> None:
+        self._facts = facts
+
+    def welcome(self, visitor: Visitor) -> dict[str, Any]:
         """What the visitor has to know; raises ``Refused`` if it cannot come in."""
+        return self._facts
 
-    def hear(self, visitor: Visitor, message: bytes, /) -> None:
+    def hear(self, visitor: Visitor, message: bytes) -> None:
         """Take a message in; ``ValidationError`` is told the visitor."""
+        raise NotImplementedError
 
-    def leave(self, visitor: Visitor, /) -> None:
+    def leave(self, visitor: Visitor) -> None:
         """The visitor is gone."""
 
 

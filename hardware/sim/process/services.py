@@ -10,7 +10,7 @@ from typing import Any, Final
 from hardware.interfaces import Command
 from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
-from hardware.sim.process.connections import Refused, Visitor
+from hardware.sim.process.connections import Refused, Service, Visitor
 from hardware.sim.process.pacing import SpeedMeter
 
 SILENCE = 2.0
@@ -19,7 +19,7 @@ NEVER: Final = 1 << 62
 """A tick that does not come."""
 
 
-class Drives:
+class Drives(Service):
     """The servo bus: one controller at a time, None while nobody holds the drives.
 
     ``command`` was received and is not yet carried out; ``goodbye``: a controller has ended in good order, and with it
@@ -27,11 +27,11 @@ class Drives:
     """
 
     def __init__(self, facts: dict[str, Any], first: float, linger: float) -> None:
+        super().__init__(facts)
         self.controller: Visitor | None = None
         self.command: Command | None = None
         self.goodbye = False
         self._receiver: wire.Receiver | None = None
-        self._facts = facts
         self._linger = linger
         self._patience = first
         self._heard = time.monotonic()
@@ -90,20 +90,16 @@ class Drives:
         return time.monotonic() - self._heard > self._patience
 
 
-class ClockService:
+class ClockService(Service):
     """Plant time for those who ask, and for those who sleep until it has passed; ``due`` is when the next of them wakes
     up.
     """
 
     def __init__(self, facts: dict[str, Any], plant: Plant) -> None:
+        super().__init__(facts)
         self.due = NEVER
-        self._facts = facts
         self._plant = plant
         self._sleepers: list[tuple[int, Visitor]] = []
-
-    def welcome(self, _visitor: Visitor) -> dict[str, Any]:
-        """See ``Service``."""
-        return self._facts
 
     def hear(self, visitor: Visitor, message: bytes) -> None:
         """See ``Service``."""
@@ -130,17 +126,12 @@ class ClockService:
         self.due = min((due for due, _ in sleepers), default=NEVER)
 
 
-class RefereeService:
+class RefereeService(Service):
     """The truth about the plant, and how fast it ran, for the referee."""
 
     def __init__(self, facts: dict[str, Any], plant: Plant, speed: SpeedMeter) -> None:
-        self._facts = facts
-        self._plant = plant
-        self._speed = speed
-
-    def welcome(self, _visitor: Visitor) -> dict[str, Any]:
-        """See ``Service``."""
-        return self._facts
+        super().__init__(facts)
+        self._plant, self._speed = plant, speed
 
     def hear(self, visitor: Visitor, message: bytes) -> None:
         """See ``Service``."""
@@ -152,6 +143,3 @@ class RefereeService:
         pieces = [[p.name, p.x, p.y, p.z, p.tilt] for p in truth.pieces]
         ran = {"ran_ticks": self._speed.ticks, "ran_wall": self._speed.wall}
         visitor.tell({**asdict(truth), "pieces": pieces, **ran})
-
-    def leave(self, _visitor: Visitor) -> None:
-        """See ``Service``."""

@@ -5,13 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Self
 
-from pydantic import (
-    NonNegativeFloat,
-    NonNegativeInt,
-    PositiveFloat,
-    ValidationError,
-    model_validator,
-)
+from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, ValidationError, model_validator
 
 from hardware.frozen import Frozen
 from hardware.interfaces import LINGER, SEED, HardwareError, Pace

@@ -29,8 +29,15 @@ from hardware.sim.render.renderer import (
     frame_path,
     unpack_request,
 )
-from hardware.sim.render.sensor_model import colour_picture, depth_picture, seen_from_left, whole_units
-from hardware.sim.render.sensors import COLOUR, GLANCING, STEREO
+from hardware.sim.render.sensor_model import (
+    COLOUR,
+    GLANCING,
+    STEREO,
+    colour_picture,
+    depth_picture,
+    seen_from_left,
+    whole_units,
+)
 
 ROD_HALF_DISTANCE = 0.024
 """Between the rods of a pair, each from the middle [m]; they are drawn, the physics lumps them."""

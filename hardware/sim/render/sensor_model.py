@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.interfaces import Intrinsics
+from hardware.sim.render.d435 import GLANCE, depth_intrinsics
 
 Image = NDArray[np.uint8]
 Field = NDArray[np.float32]
@@ -102,6 +103,11 @@ class ColourSensor:
     def noisier(self, factor: float) -> ColourSensor:
         """One with so many times the noise: of fewer electrons."""
         return replace(self, full_well=self.full_well / factor**2, read_noise=self.read_noise / factor)
+
+
+STEREO: Final = StereoSensor(depth_intrinsics())
+GLANCING: Final = STEREO.decimated(depth_intrinsics(GLANCE), GLANCE)
+COLOUR: Final = ColourSensor()
 
 
 def depth_picture(
