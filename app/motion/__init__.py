@@ -9,7 +9,6 @@ Names are loaded when they are first asked for, as what plans takes seconds to l
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -22,15 +21,18 @@ __all__ = [
 ]  # fmt: skip
 
 
-_MODULES = {
-    "plan": ("Motion", "Plan", "PlanRefused"), "planner": ("Planner",),
-    "settings": ("PROFILES", "MotionSettings", "Profile", "contact_limits"),
-}  # fmt: skip
-
-
 def __getattr__(name: str) -> Any:
     """The name, from the module below that has it."""
-    for module, names in _MODULES.items():
-        if name in names:
-            return getattr(import_module(f"app.motion.{module}"), name)
+    if name in ("PROFILES", "MotionSettings", "Profile", "contact_limits"):
+        from app.motion import settings
+
+        return getattr(settings, name)
+    if name in ("Motion", "Plan", "PlanRefused"):
+        from app.motion import plan
+
+        return getattr(plan, name)
+    if name == "Planner":
+        from app.motion import planner
+
+        return getattr(planner, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
