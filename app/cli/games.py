@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from app.cli import options
+import app.cli.options as options  # noqa: PLR0402 - the package itself imports this module
 from app.cli.ending import fail, interrupt, say
 
 if TYPE_CHECKING:

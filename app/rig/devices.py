@@ -76,18 +76,15 @@ class Holder(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class GuardFeed:
-    """What a guard against hands needs of a rig.
-
-    Attributes:
-        frames: begins to read the board's camera, each time anew. Given the interval from frame to frame [s] of a
-            camera that has none of its own.
-        holder: of the arm.
-        seen_from: where the board is in these frames, given where it is in the camera's colour pictures.
-    """
+    """What a guard against hands needs of a rig."""
 
     frames: Callable[[float], GuardFrames]
+    """Begins to read the board's camera, each time anew. Given the interval from frame to frame [s] of a camera that
+    has none of its own."""
     holder: Holder
+    """Of the arm."""
     seen_from: Callable[[BoardView], BoardView] = lambda view: view
+    """Where the board is in these frames, given where it is in the camera's colour pictures."""
 
 
 class Rig(Protocol):
