@@ -5,13 +5,14 @@
 # make coverage   line and branch coverage of the controller
 # make clean   back to a fresh clone; records in games/ stay
 # make constraints   pin the newest versions that the ranges in pyproject.toml admit
+# make vendor  fetch the page's libraries anew, as app/page/static/vendor/vendor.json names them (needs npm)
 #
 # Each target sets up by itself what it needs (.ci/setup).
 
 ARGS ?=
 TIMES ?= 20
 
-.PHONY: demo test nightly check clean constraints coverage
+.PHONY: demo test nightly check clean constraints coverage vendor
 
 demo:
 	@bash .ci/setup demo
@@ -46,6 +47,9 @@ constraints:
 	echo '# Made by "make constraints": all packages of a new environment with the dev extras, as pip freeze lists them.' > constraints.txt
 	bash .ci/setup dev
 	.venv/bin/python -m pip freeze --all --exclude pip --exclude-editable >> constraints.txt
+
+vendor:
+	@python3 .ci/vendor.py
 
 # line and branch coverage of the controller; what is compiled is run once more without, so that its lines count
 coverage:

@@ -1,0 +1,91 @@
+/** The WebSocket to the page's process: opened, and opened again with growing pauses whenever it is lost. */
+
+const FIRST_PAUSE = 250;    // [ms]
+const LONGEST_PAUSE = 5000; // [ms]
+const TOKEN = 'touchmove.token';
+
+/** By which the server knows this tab again after a reload; drawn by lot. */
+function token() {
+  let own = null;
+  try {
+    own = sessionStorage.getItem(TOKEN);
+    if (own !== null) return own;
+  } catch {  // storage is forbidden: this page is a new one whenever it is loaded
+  }
+  own = Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, '0')).join('');
+  try {
+    sessionStorage.setItem(TOKEN, own);
+  } catch {  // as above
+  }
+  return own;
+}
+
+/**
+ * Connect a store to the server, for good.
+ * @param {import('./store.js').Store} store
+ */
+export function connect(store) {
+  const own = token();
+  let pause = FIRST_PAUSE;
+  let timer = 0;
+  let socket = null;
+
+  function open() {
+    clearTimeout(timer);
+    const address = new URL('/live', window.location.href);
+    address.protocol = address.protocol === 'https:' ? 'wss:' : 'ws:';
+    const mine = socket = new WebSocket(address);
+    mine.addEventListener('open', () => mine.send(JSON.stringify({type: 'hello', token: own})));
+    mine.addEventListener('message', (event) => {
+      if (mine === socket) receive(JSON.parse(event.data));
+    });
+    mine.addEventListener('close', () => {
+      if (mine === socket) lost();
+    });
+  }
+
+  function receive(frame) {
+    if (frame.type === 'state') {
+      // the first one holds all: from then on it counts as connected
+      const arrived = performance.now();
+      const changes = {...frame.changes};
+      if (changes.clock) changes.clock = {...changes.clock, arrived};
+      if (store.get('connection') !== 'open') {
+        pause = FIRST_PAUSE;
+        changes.connection = 'open';
+        store.attach((out) => {
+          if (socket.readyState !== WebSocket.OPEN) return false;
+          socket.send(JSON.stringify(out));
+          return true;
+        });
+      }
+      store.change(changes);
+    } else if (frame.type === 'telemetry') {
+      store.set('telemetry', frame);
+    } else if (frame.type === 'refused') {
+      store.set('refused', frame.text);
+    }
+  }
+
+  function lost() {
+    store.attach(null);
+    store.set('connection', 'away');
+    // some randomness, so that five watchers do not come back at the same moment
+    timer = setTimeout(open, pause * (0.75 + 0.5 * Math.random()));
+    pause = Math.min(2 * pause, LONGEST_PAUSE);
+  }
+
+  // who comes back to a tab, or to the net, does not want to wait for the next try
+  const hurry = () => {
+    if (document.visibilityState === 'visible' && store.get('connection') === 'away' &&
+        socket.readyState === WebSocket.CLOSED) {
+      pause = FIRST_PAUSE;
+      open();
+    }
+  };
+  document.addEventListener('visibilitychange', hurry);
+  window.addEventListener('online', hurry);
+
+  store.set('connection', 'connecting');
+  open();
+}

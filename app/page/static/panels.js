@@ -1,0 +1,74 @@
+/**
+ * The views of the robot, one at a time; a view's module is loaded when it is first opened.
+ *
+ * Each module exports `mount(element, store)`, which is called once. A view that is closed stays in the page, hidden: it looks
+ * at `element.hidden`, or listens for the events 'shown' and 'hidden' at its element, and asks the store for telemetry and
+ * pictures (`store.watch`) only while it is shown.
+ */
+
+const VIEWS = {
+  robot: () => import('./robot.js'),
+  camera: () => import('./camera.js'),
+  plots: () => import('./plots.js'),
+  record: () => import('./record.js'),
+};
+
+/**
+ * Make the tabs work.
+ * @param {import('./store.js').Store} store
+ */
+export function mountPanels(store) {
+  const names = Object.keys(VIEWS);
+  const tabs = names.map((name) => document.getElementById(`tab-${name}`));
+  const mounted = new Set();
+  let open = null;
+
+  async function show(name) {
+    if (open === name) return;
+    for (const [index, other] of names.entries()) {
+      const panel = document.getElementById(other);
+      const chosen = other === name;
+      tabs[index].setAttribute('aria-selected', String(chosen));
+      if (chosen || name !== null) tabs[index].tabIndex = chosen ? 0 : -1;
+      if (panel.hidden === chosen) {
+        panel.hidden = !chosen;
+        panel.dispatchEvent(new Event(chosen ? 'shown' : 'hidden'));
+      }
+    }
+    open = name;
+    store.remember('panel', name);
+    if (name !== null && !mounted.has(name)) {
+      mounted.add(name);
+      const panel = document.getElementById(name);
+      panel.classList.add('loading');
+      try {
+        (await VIEWS[name]()).mount(panel, store);
+      } catch (error) {
+        mounted.delete(name);
+        panel.textContent = 'This view could not be loaded. Open it again to try once more.';
+        console.error(error);
+      } finally {
+        panel.classList.remove('loading');
+      }
+    }
+  }
+
+  for (const [index, tab] of tabs.entries()) {
+    tab.addEventListener('click', () => show(open === names[index] ? null : names[index]));
+    tab.addEventListener('keydown', (event) => {
+      const step = {ArrowRight: 1, ArrowLeft: -1}[event.key];
+      if (step === undefined) return;
+      event.preventDefault();
+      event.stopPropagation();
+      const next = (index + step + tabs.length) % tabs.length;
+      tabs[next].focus();
+      show(names[next]);
+    });
+  }
+
+  // a recorded game that is chosen is shown where records are shown
+  store.subscribe('record', (id) => {
+    if (id !== null) show('record');
+  });
+  return {show};
+}
