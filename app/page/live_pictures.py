@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from app.rig.devices import FilmSource
+    from app.terminal.shown import FilmSource
 
 Live = Callable[[View, float], "FilmSource | None"]
 """Opens the pictures of a view, so many a second; None where there are none."""

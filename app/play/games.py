@@ -29,7 +29,7 @@ NOBODY = "-"
 """Plays where a position is only set up."""
 
 
-class Games:
+class GameSeries:
     """``Fixtures`` of the settings.
 
     Args:

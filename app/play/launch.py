@@ -1,4 +1,4 @@
-"""Games from their settings: the demo of two engines, a game against a person, and going on with either."""
+"""GameSeries from their settings: the demo of two engines, a game against a person, and going on with either."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from app.play.from_board import FromBoard
 from app.play.game_setup import RigSetup, rig_setup_of, start_board
-from app.play.games import Games
+from app.play.games import GameSeries
 from app.play.match import Match, Start, last_round, match_of
 from app.play.session import Filming, Schedule, SessionResult, run_session
 from app.play.simulated_hand import SimHands
@@ -60,7 +60,7 @@ def run_games(settings: Settings, ui: UserInterface, lines: Lines | None = None)
         human = _human(settings, rig_setup, folder, lines, stack)
         if settings.game.from_board:
             return _play_from_board(settings, rig_setup, folder, ui, human, stack, number=1)
-        games = Games(settings, rig_setup, ui, human, folder)
+        games = GameSeries(settings, rig_setup, ui, human, folder)
         match = stack.enter_context(_match(settings, rig_setup, games, folder, ui))
         standing = None if settings.game.standing is None else start_board(settings.game.standing, option="--standing")
         board = match.start(lambda board: Inventory.of(start_layout(board, rig_setup.table), rig_setup.table), standing)
@@ -95,7 +95,7 @@ def resume_games(folder: Path, ui: UserInterface, lines: Lines | None = None) ->
         position = position.from_the_start()
     with ExitStack() as stack:
         human = _human(settings, rig_setup, folder, lines, stack)
-        games = Games(settings, rig_setup, ui, human, folder, begun=number)
+        games = GameSeries(settings, rig_setup, ui, human, folder, begun=number)
         if not sets_up and _over(history, games.most(number)) and games(number + 1, None) is None:
             raise UserError(f"the game in {path} is over, after {len(history.plies)} plies: start a new one")
         match = stack.enter_context(_match(settings, rig_setup, games, folder, ui))
@@ -153,13 +153,13 @@ def _from_board(
     settings: Settings, rig_setup: RigSetup, folder: Path, ui: UserInterface, human: Human, stack: ExitStack,
     number: int, match: Match | None = None,
 ) -> FromBoard:  # fmt: skip
-    """Games from what stands on the board, the first of them of a number; after a match, where a person keeps that."""
+    """GameSeries from what stands on the board, the first of them of a number; after a match, where a person keeps that."""
     numbers = itertools.count(number)
 
     def begin(board: chess.Board, inventory: Inventory, now: float) -> Match:
         number = next(numbers)
         found = settings.with_changes({"game.fen": board.fen(), "game.from_board": False})
-        games = Games(found, rig_setup, ui, human, folder, begun=number)
+        games = GameSeries(found, rig_setup, ui, human, folder, begun=number)
         made = stack.enter_context(_match(found, rig_setup, games, folder, ui))
         made.start(lambda _: inventory, None, number, now)
         if number == 1:
@@ -181,7 +181,7 @@ def _keepable(
 
 def _require_players(settings: Settings, rig_setup: RigSetup, ui: UserInterface, human: Human, folder: Path) -> None:
     """Find out before anything moves whether there are engines that can play."""
-    fixture = Games(settings, rig_setup, ui, human, folder)(1, None)
+    fixture = GameSeries(settings, rig_setup, ui, human, folder)(1, None)
     assert fixture is not None, "a match has at least one game"
     with ExitStack() as stack:
         fixture.players(stack)
@@ -194,7 +194,7 @@ def _over(history: History, most: int) -> bool:
     return history.ended and history.unfinished is None and (decided or len(history.plies) >= most)
 
 
-def _match(settings: Settings, rig_setup: RigSetup, games: Games, folder: Path, ui: UserInterface) -> Match:
+def _match(settings: Settings, rig_setup: RigSetup, games: GameSeries, folder: Path, ui: UserInterface) -> Match:
     table_setup = _table_setup(settings, rig_setup, games.human)
     return Match(folder, games, table_setup, ui, settings.rig.seed, rig_setup.pace)
 

@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from app import UserError
 from app.rig.arm import Arm
-from app.terminal.shown import View
+from app.terminal.shown import FilmSource, View
 from hardware.interfaces import Camera, Clock, DepthFrame, Frame
 from hardware.referee import Referee
 
@@ -46,19 +43,6 @@ class GuardFrames(Protocol):
 
     def release(self) -> None:
         """The last frame is done with."""
-
-
-class FilmSource(Protocol):
-    """Pictures of the whole scene at a steady rate of plant time, for a film."""
-
-    def next(self) -> tuple[NDArray[np.uint8], int] | None:
-        """The next picture, RGB (h, w, 3), and its tick; None when there are no more."""
-
-    def cancel(self) -> None:
-        """Let ``next`` return None, from another thread."""
-
-    def close(self) -> None:
-        """Take no more."""
 
 
 class Holder(Protocol):

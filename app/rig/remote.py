@@ -14,10 +14,10 @@ from typing import Final, Self
 
 from app.rig.arm import Arm, ControllerArm
 from app.rig.attach import attach
-from app.rig.devices import EndState, FilmSource, GuardFeed, RigFailed
+from app.rig.devices import EndState, GuardFeed, RigFailed
 from app.rig.rig_file import RigFile
 from app.rig.steady_frames import CameraPictures, SteadyFrames
-from app.terminal.shown import View
+from app.terminal.shown import FilmSource, View
 from controller.protocol.key import KeyFileError
 from controller.protocol.states import State
 from controller.wire.client import ControllerClient
