@@ -45,7 +45,8 @@ FLOORS = {
     "controller": ("offline", "loop", "law", "protection", "wire", "model", "settings", "protocol"),
     "vision": ("standing", "pieces", "reading", "hands", "camera", "loops", "board", "arrays"),
     "hardware": (
-        "sim", "camera", "table", "contact_limits", "referee", "parameters", "frozen", "interfaces", "realtime",
+        "sim", "camera", "turned_shapes", "table", "contact_limits", "referee", "parameters", "frozen", "interfaces",
+        "realtime",
     ),
     "hardware.sim": ("process", "clients", "hand", "plant", "bodies", "render"),
 }  # fmt: skip

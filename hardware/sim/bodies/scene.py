@@ -23,11 +23,11 @@ from hardware.sim.bodies.board_texture import board_png
 from hardware.sim.bodies.contact import Contact
 from hardware.sim.bodies.placed import AS_BELIEVED, BoardOffset, StandingPiece
 from hardware.sim.bodies.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, LINED, WALL, WOOD_FRICTION, give_stiffness
-from hardware.sim.bodies.turned_shapes import turned_mesh
 from hardware.sim.render.appearance import LightSettings
 from hardware.sim.render.d435 import COLOUR_FIELD_OF_VIEW
 from hardware.sim.render.lamps import lamps, set_ambient
 from hardware.table import FELT_HEIGHT, FELT_RADIUS, PIECE_SHAPES, Colour, Kind, PieceShape, TableSettings
+from hardware.turned_shapes import turned_mesh
 
 FOOT_SIDE = 0.85
 """Half a side of the square that stands for a foot, in radii of the foot: it tips over as late as the round one on
