@@ -153,7 +153,7 @@ def _from_board(
     settings: Settings, rig_setup: RigSetup, folder: Path, ui: UserInterface, human: Human, stack: ExitStack,
     number: int, match: Match | None = None,
 ) -> FromBoard:  # fmt: skip
-    """GameSeries from what stands on the board, the first of them of a number; after a match, where a person keeps that."""
+    """Games from what stands on the board, the first of them of a number; after a match, where a person keeps that."""
     numbers = itertools.count(number)
 
     def begin(board: chess.Board, inventory: Inventory, now: float) -> Match:
