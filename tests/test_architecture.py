@@ -40,7 +40,7 @@ ALLOWED = {
 FLOORS = {
     "app": (
         "cli", "page", "measure", "play", "game", "execution", "guard", "commissioning", "rig", "terminal", "settings",
-        "records", "motion", "players", "scene", "pieces",
+        "report", "records", "motion", "players", "scene", "pieces",
     ),
     "controller": ("offline", "loop", "law", "protection", "wire", "model", "settings", "protocol"),
     "vision": ("standing", "pieces", "reading", "hands", "camera", "loops", "board", "arrays"),

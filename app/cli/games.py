@@ -214,6 +214,10 @@ def resume(
 def report(
     folder: Annotated[Path, typer.Argument(help="Folder of a game's record.")],
     as_json: options.AsJson = False,
+    as_html: Annotated[
+        bool,
+        typer.Option("--html", help="Write it as a page, report.html in the folder; of a match, one for each round."),
+    ] = False,
 ) -> None:
     """Compute the report of a recorded game again, from its events alone, also of one that broke off."""
     from rich.console import Console
@@ -224,13 +228,22 @@ def report(
 
     try:
         found = summarise(read_events(folder / EVENTS_FILE, say))
+        pages = _report_pages(folder) if as_html else ()
     except UserError as error:
         fail(str(error))
+    for page in pages:
+        print(page, file=sys.stderr if as_json else sys.stdout)
     if as_json:
         print(found.model_dump_json(indent=2))
-    else:
+    elif not as_html:
         Console(markup=False).print(report_table(found))
     raise typer.Exit(0 if found.physical_ok is not False and not found.failures else 1)
+
+
+def _report_pages(folder: Path) -> tuple[Path, ...]:
+    from app.report import write_report_pages  # loads OpenCV: not where only numbers are asked for
+
+    return write_report_pages(folder)
 
 
 def show_config(
