@@ -16,7 +16,7 @@ import uvicorn
 from app.page.address import Entrance, open_entrance
 from app.page.live.hub import Hub
 from app.page.live.people import People
-from app.page.live.state import LiveState
+from app.page.live.state import PageState
 from app.page.news import AnyNews, AnySaid, EndNews, PictureNews, SessionNews
 from app.page.recorded.catalogue import Catalogue
 from app.page.recorded.shower import RecordShower
@@ -53,7 +53,7 @@ class PageServer:
     def __init__(self, entrance: Entrance, records: Path, tell: Callable[[AnySaid], None] = lambda _: None) -> None:
         self.catalogue = Catalogue(records)
         self.hub = Hub()
-        self.state = LiveState(self.hub, self.catalogue.id_of)
+        self.state = PageState(self.hub, self.catalogue.id_of)
         self.people = People(self.hub, tell)
         self.pictures = Pictures(self.state.pictures, self.people)
         self._entrance = entrance

@@ -1,7 +1,7 @@
 """Who holds the controls: one of those who watch, who can hand them over. Pure: time is an argument.
 
-Whoever comes first to a page where nobody is holds them. Who leaves keeps them for ``GRACE`` seconds, so that a page can
-be loaded anew; then they go to who asks for them, or to nobody. Where nobody holds them, anybody takes them.
+Whoever comes first to a page where nobody is holds them. Who leaves keeps them for ``GRACE`` seconds, so that a page
+can be loaded anew; then they go to who asks for them, or to nobody. Where nobody holds them, anybody takes them.
 """
 
 from __future__ import annotations

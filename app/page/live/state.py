@@ -21,6 +21,7 @@ from app.page.news import (
     PhaseNews,
     PictureNews,
     PromptNews,
+    ResultNews,
     RoundNews,
     SayNews,
     SessionNews,
@@ -36,7 +37,7 @@ KEPT: Final = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class ShownPicture:
     """A picture of a view.
 
     Attributes:
@@ -50,7 +51,7 @@ class Picture:
     jpeg: bytes
 
 
-class LiveState:
+class PageState:
     """Takes news and the record in, and puts sections into the hub.
 
     Args:
@@ -65,8 +66,9 @@ class LiveState:
         self.ended: str | None = None
         self._live = True
         self._shows: str | None = None
-        self.pictures: dict[View, Picture] = {}
+        self.pictures: dict[View, ShownPicture] = {}
         self._round: RoundNews | None = None
+        self._result: ResultNews | None = None
         self._record: RecordFollower | None = None
         self._failed: str | None = None
         self._log: deque[dict[str, Any]] = deque(maxlen=KEPT)
@@ -95,7 +97,7 @@ class LiveState:
                 self._put_session()
                 self._begin()
             case RoundNews():
-                self._round = news
+                self._round, self._result = news, None
                 self._begin()
             case PhaseNews(text=text):
                 self._hub.put("phase", text)
@@ -104,23 +106,32 @@ class LiveState:
                 self._write("say", text, squares)
             case HeardNews(text=text):
                 self._write("heard", text)
+            case ResultNews():
+                self._result = news
+                self._put_game()
+            case EndNews(text=text):
+                self.end(text)
+            case PictureNews():
+                self._take_picture(news, jpeg)
+            case _:
+                self._put(news)
+
+    def _put(self, news: PromptNews | ClockNews | LookNews | PathNews | DeviceNews) -> None:
+        """News that are a section, nearly."""
+        shown = news.model_dump(exclude={"news"})
+        match news:
             case PromptNews():
-                self._hub.put("prompt", news.model_dump(exclude={"news"}) if news.id else None)
+                self._hub.put("prompt", shown if news.id else None)
             case ClockNews():
                 self._put_clock(news)
             case LookNews():
                 camera = self.pictures.get("camera")
-                look = news.model_dump(exclude={"news"})
-                self._hub.put("look", {**look, "picture": None if camera is None else camera.number})
-            case PictureNews():
-                self._take_picture(news, jpeg)
+                self._hub.put("look", {**shown, "picture": None if camera is None else camera.number})
             case PathNews():
-                self._hub.put("path", news.model_dump(exclude={"news"}))
+                self._hub.put("path", shown)
             case DeviceNews():
-                self._devices[news.name] = news.model_dump(exclude={"news"})
+                self._devices[news.name] = shown
                 self._hub.put("devices", list(self._devices.values()))
-            case EndNews(text=text):
-                self.end(text)
 
     def end(self, sentence: str) -> None:
         """Nothing more comes."""
@@ -158,15 +169,14 @@ class LiveState:
         self.follow()
 
     def _put_game(self) -> None:
-        assert self._record is not None
-        assert self._round is not None
-        game = self._record.game
-        assert game is not None
+        if self._round is None or self._record is None or (game := self._record.game) is None:
+            return
+        decided = None if self._result is None else (self._result.result, self._result.reason)
         person = None if self.session is None or self.session.person is None else Colour(self.session.person)
         shown = RoundShown(
             self._record_id(Path(self._round.folder)), self._round.number, self._round.sets_up, person
         )  # fmt: skip
-        self._hub.put_made("game", lambda: game.section(shown))
+        self._hub.put_made("game", lambda: game.section(shown, decided))
 
     def _put_session(self) -> None:
         news = self.session
@@ -181,7 +191,7 @@ class LiveState:
 
     def _take_picture(self, news: PictureNews, jpeg: bytes) -> None:
         before = self.pictures.get(news.view)
-        self.pictures[news.view] = Picture(1 if before is None else before.number + 1, news.stamp, jpeg)
+        self.pictures[news.view] = ShownPicture(1 if before is None else before.number + 1, news.stamp, jpeg)
         self._hub.put(
             "pictures",
             {

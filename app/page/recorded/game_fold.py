@@ -1,4 +1,4 @@
-"""A game as the page shows it, from its recorded events alone: the same while it is played and when it is shown again."""
+"""A game as the page shows it, from its recorded events alone: the same while it is played and whenever it is shown."""
 
 from __future__ import annotations
 
@@ -85,14 +85,22 @@ class GameFold:
             self._person = event.person
             self._names = {Colour.WHITE: self._names[Colour.BLACK], Colour.BLACK: self._names[Colour.WHITE]}
 
-    def section(self, shown: RoundShown) -> dict[str, Any]:
-        """The section ``game`` of the page's state (docs/page.md)."""
+    def section(self, shown: RoundShown, decided: tuple[str, str] | None = None) -> dict[str, Any]:
+        """The section ``game`` of the page's state (docs/page.md).
+
+        Args:
+            shown: what else is known of it.
+            decided: result and reason, of a game that is over and whose record does not say so yet.
+        """
         board, person = self.board, self._person or shown.person
+        result, reason = decided or (UNDECIDED, None)
+        if self._end is not None:
+            result, reason = self._end.result, self._end.reason
         check = board.king(board.turn) if board.is_check() else None
         last = board.peek() if board.move_stack else None
         legal = dict[str, list[str]]()
         promoting = dict[tuple[str, str], None]()
-        for move in board.legal_moves if self._end is None else ():
+        for move in board.legal_moves if reason is None else ():
             # castling is written as the king's own way, but from where another way is meant as well
             way = board.uci(move)
             source, target = way[:2], way[2:4]
@@ -109,8 +117,7 @@ class GameFold:
             "turn": "white" if board.turn else "black", "check": None if check is None else chess.square_name(check),
             "legal": legal, "promoting": [list(way) for way in promoting],
             "last": None if last is None else _way(board, last), "moves": [_move(ply) for ply in self._state.plies],
-            "result": UNDECIDED if self._end is None else self._end.result,
-            "reason": None if self._end is None else self._end.reason,
+            "result": result, "reason": reason,
             "opening": None if opening is None else opening._asdict(),
             **self.pieces(), "assists": not self._between_people(),
         }  # fmt: skip

@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator, Mapping
 from typing import Final
 
 from app.page.live.people import People
-from app.page.live.state import VIEWS, Picture
+from app.page.live.state import VIEWS, ShownPicture
 from app.terminal.shown import View
 
 BOUNDARY: Final = "touchmove-picture"
@@ -19,12 +19,12 @@ MOST_STREAMS: Final = 32
 class Pictures:
     """The newest picture of each view, for whoever looks at it; who is slow misses some."""
 
-    def __init__(self, newest: Mapping[View, Picture], people: People) -> None:
+    def __init__(self, newest: Mapping[View, ShownPicture], people: People) -> None:
         self._newest, self._people = newest, people
         self._news = {view: asyncio.Event() for view in VIEWS}
         self._open = True
 
-    def newest(self, view: View) -> Picture | None:
+    def newest(self, view: View) -> ShownPicture | None:
         """Of a view; None: there is none yet."""
         return self._newest.get(view)
 

@@ -59,7 +59,7 @@ class Names:
         return cls(frozenset(hosts), frozenset(origins))
 
 
-class Guard:
+class Gatekeeper:
     """Middleware before everything else: what is foreign is refused, and every answer carries the headers.
 
     Args:

@@ -29,7 +29,7 @@ from app.page.recorded.catalogue import Catalogue, RecordPlace
 from app.page.recorded.shower import JSON, Made, RecordShower
 from app.page.web.live_socket import Allowance, serve_watcher
 from app.page.web.pictures import STREAM_TYPE, Pictures
-from app.page.web.security import Guard, Names
+from app.page.web.security import Gatekeeper, Names
 from app.page.web.sign_in import SignIn
 from app.records.files import FILM_FILE
 from app.records.game import FRAMES
@@ -64,7 +64,7 @@ class Site:
 
 def site_app(site: Site, names: Names) -> ASGIApp:
     """The page as an ASGI application."""
-    return Guard(_Routes(site).app(), names, site.sign_in)
+    return Gatekeeper(_Routes(site).app(), names, site.sign_in)
 
 
 class _Routes:

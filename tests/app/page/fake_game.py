@@ -2,9 +2,9 @@
 
     python -m tests.app.page.fake_game --port 8064
 
-A person has White and says moves, or lets the script make them with --demo; the script answers with moves drawn by lot. The
-record is real, written by the program's own recorder, as are publisher, supervisor and page; the robot is not there, but its
-motions take a while, and its camera shows a picture that is drawn here.
+A person has White and says moves, or lets the script make them with --demo; the script answers with moves drawn by lot.
+The record is real, written by the program's own recorder, as are publisher, supervisor and page; the robot is missing,
+but its motions take a while, and its camera shows a picture that is drawn here.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ HOME = (0.0, 0.0, 0.36)
 
 
 def grid() -> NDArray[np.float64]:
-    """Where the corners of the squares are in the picture, as a camera sees a board that lies before it, (81, 2) [px]."""
+    """Where the corners of the squares are in the picture, as a camera sees a board before it, (81, 2) [px]."""
     points = []
     for rank in range(9):
         for file in range(9):
@@ -124,7 +124,8 @@ class FakeGame:
     board: chess.Board = field(default_factory=chess.Board)
 
     def __post_init__(self) -> None:
-        self.publisher = PagePublisher("play", self._heard)
+        self.publisher = PagePublisher("play")
+        self.publisher.subscribe(self._heard)
         self._lot = random.Random(self.seed)
         self._said = threading.Condition()
         self._began = time.monotonic()
