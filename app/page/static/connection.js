@@ -59,9 +59,9 @@ export function connect(store) {
           return true;
         });
       }
-      store.change(changes);
+      store.receive(changes);
     } else if (frame.type === 'telemetry') {
-      store.set('telemetry', frame);
+      store.receive({telemetry: frame});
     } else if (frame.type === 'refused') {
       store.set('refused', frame.text);
     }

@@ -90,7 +90,7 @@ class Records {
       return;
     }
     this.opening = null;
-    this.store.set('record', id);
+    this.store.showRecord(id);
     say(this.sentence, '');
     this.place.replaceChildren(this.player.root);
     this.player.onclose = () => {
@@ -106,7 +106,7 @@ class Records {
     if (this.player === null) return;
     this.player.stop();
     this.player = null;
-    if (this.store.get('record') !== null) this.store.set('record', null);
+    this.store.showRecord(null);
     say(this.sentence, 'Choose a game to see it again.');
   }
 }

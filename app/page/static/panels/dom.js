@@ -1,16 +1,8 @@
-// Elements, made without markup in strings: nothing that comes over the wire is ever parsed as HTML.
+// What all panels share: buttons that stay pressed, their style sheet, and sentences for screen readers.
 
-/** An element with attributes (`class`, `aria-…`; `on…` functions become listeners) and children (nodes or texts). */
-export function make(tag, attributes = {}, ...children) {
-  const element = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (name.startsWith('on')) element.addEventListener(name.slice(2), value);
-    else if (typeof value === 'boolean') element.toggleAttribute(name, value);
-    else if (value !== null && value !== undefined) element.setAttribute(name, value);
-  }
-  element.append(...children);
-  return element;
-}
+import {make} from '../dom.js';
+
+export {icon, make} from '../dom.js';
 
 /** A button that stays pressed; `changed(pressed)` is called when it is. */
 export function toggle(label, pressed, changed) {
@@ -24,7 +16,7 @@ export function toggle(label, pressed, changed) {
 }
 
 /** Loads a style sheet of the page once: its Content-Security-Policy admits no inline style. */
-export function useStyles(address = './panels.css') {
+export function useStyles(address = './css/panels.css') {
   const href = new URL(`../${address}`, import.meta.url).href;
   if ([...document.querySelectorAll('link[rel="stylesheet"]')].some((link) => link.href === href)) return;
   document.head.append(make('link', {rel: 'stylesheet', href}));

@@ -10,7 +10,7 @@ import {Trace} from './trace.js';
 const FRAME = 1000 / 30; // [ms] the page's state is not set more often
 const RESTS = 400; // [ms] after which the moment is written into the address
 
-/** Shows a record. While it is there it covers the sections of the game that runs. */
+/** Shows a record. The store keeps what the game that runs says meanwhile (`showRecord`). */
 export class Player {
   constructor(store, {id, address, record, telemetry, tick}) {
     Object.assign(this, {
@@ -69,8 +69,7 @@ export class Player {
 
   /** Begins, at a moment or at the beginning. */
   start(t) {
-    const covered = {prompt: null, look: null, pictures: null, trace: this.trace};
-    this.store.cover({...covered, session: {...this.store.get('session'), live: false, shows: this.id}});
+    this.store.change({trace: this.trace, prompt: null, look: null, pictures: null});
     this.ends.push(
       this.store.subscribe('viewing', (ply) => this.#viewed(ply)),
       this.#mount('../robot.js', this.robot),
@@ -85,7 +84,7 @@ export class Player {
     this.#plot(false);
     this.film.dispose();
     this.root.remove();
-    this.store.cover(null);
+    this.store.set('trace', null);
   }
 
   seek(t) {
@@ -151,7 +150,7 @@ export class Player {
       this.path = path;
     }
     this.setting = true;
-    this.store.cover(sections);
+    this.store.change(sections);
     this.setting = false;
     const done = timeline.pliesAt(t);
     const ply = done > 0 ? timeline.plies[done - 1] : null;

@@ -1,6 +1,6 @@
 // The one slider over plant time, with marks for plies and for trouble, and the buttons beside it.
 
-import {make, say} from '../panels/dom.js';
+import {icon, make, say} from '../panels/dom.js';
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
 const STEP = 0.1; // [s] of an arrow key
@@ -27,9 +27,13 @@ export class Slider {
       oninput: () => to.seek(Number(this.range.value)),
       onkeydown: (event) => this.#key(event, to),
     });
-    const button = (label, text, act) =>
-      make('button', {type: 'button', class: 'tm-button', 'aria-label': label, title: label, onclick: act}, text);
-    this.play = button('Play', '▶', () => to.play());
+    const button = (label, picture, act) =>
+      make(
+        'button',
+        {type: 'button', class: 'tm-button', 'aria-label': label, title: label, onclick: act},
+        icon(picture),
+      );
+    this.play = button('Play', 'go', () => to.play());
     this.speed = make(
       'select',
       {class: 'tm-button', 'aria-label': 'Speed', onchange: () => to.speed(Number(this.speed.value))},
@@ -43,11 +47,11 @@ export class Slider {
       make(
         'div',
         {class: 'tm-tools'},
-        button('Beginning', '⏮', () => to.seek(start)),
-        button('Ply before', '◀', () => to.jump(-1)),
+        button('Beginning', 'first', () => to.seek(start)),
+        button('Ply before', 'back', () => to.jump(-1)),
         this.play,
-        button('Next ply', '▷', () => to.jump(1)),
-        button('End', '⏭', () => to.seek(end)),
+        button('Next ply', 'forth', () => to.jump(1)),
+        button('End', 'last', () => to.seek(end)),
         this.speed,
         this.time,
       ),
@@ -105,7 +109,9 @@ export class Slider {
     this.range.value = t;
     this.range.setAttribute('aria-valuetext', `${t.toFixed(1)} seconds, ${words}`);
     say(this.time, `${t.toFixed(2)} s of ${this.timeline.end.toFixed(1)} s · ${words}`);
-    say(this.play, running ? '⏸' : '▶');
+    if (running === this.running) return;
+    this.running = running;
+    this.play.replaceChildren(icon(running ? 'pause' : 'go'));
     for (const name of ['aria-label', 'title']) this.play.setAttribute(name, running ? 'Pause' : 'Play');
   }
 }
