@@ -10,7 +10,8 @@ export class Film {
   constructor(record, address) {
     this.address = address;
     this.frame = null;
-    this.begins = record.film?.start ?? record.film?.begins ?? (record.film === true ? record.span[0] : null);
+    // a film that does not say when it begins was begun with the game
+    this.begins = record.film ? (record.film_begins ?? record.span[0]) : null;
     this.video = make('video', {
       class: 'tm-video',
       muted: '',

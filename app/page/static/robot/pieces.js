@@ -2,7 +2,7 @@
 
 import {Group, Mesh} from '../vendor/three/three.module.js';
 import {FELT, WOOD} from './materials.js';
-import {pieceGeometry} from './shapes.js';
+import {pieceGeometry, pieceShape} from './shapes.js';
 
 /** All pieces of a game, in a group that has the board's frame. */
 export class Pieces {
@@ -13,7 +13,8 @@ export class Pieces {
     this.material = material;
     this.group = new Group();
     this.meshes = new Map(); // by the piece's name
-    this.shapes = new Map(); // geometries by kind and colour
+    this.shapes = new Map(); // by kind
+    this.geometries = new Map(); // by kind and colour
     this.held = null;
   }
 
@@ -52,8 +53,11 @@ export class Pieces {
 
   #make({name, kind, colour}) {
     const key = `${kind} ${colour}`;
-    if (!this.shapes.has(key)) this.shapes.set(key, pieceGeometry(this.kinds[kind], WOOD[colour], FELT));
-    const mesh = new Mesh(this.shapes.get(key), this.material);
+    if (!this.shapes.has(kind)) this.shapes.set(kind, pieceShape(this.kinds[kind]));
+    if (!this.geometries.has(key)) {
+      this.geometries.set(key, pieceGeometry(this.shapes.get(kind), WOOD[colour], FELT));
+    }
+    const mesh = new Mesh(this.geometries.get(key), this.material);
     mesh.castShadow = mesh.receiveShadow = true;
     mesh.userData = {kind, colour};
     this.meshes.set(name, mesh);
@@ -62,6 +66,6 @@ export class Pieces {
   }
 
   dispose() {
-    for (const shape of this.shapes.values()) shape.dispose();
+    for (const shape of this.geometries.values()) shape.dispose();
   }
 }
