@@ -26,7 +26,7 @@ from app.play.vision_setup import believed_view, looks, session_vision
 from app.players.person import Human, Lines
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
 from app.records.events import EndEvent
-from app.records.files import GAMES, make_folder
+from app.records.files import FILM_FILE, GAMES, make_folder
 from app.rig.devices import Rig
 from app.rig.rig_file import RigFile
 from app.settings.files import keep_settings, kept_settings
@@ -287,4 +287,4 @@ def _filming(rig_setup: RigSetup, folder: Path) -> Filming | None:
     section = rig_setup.section
     if not (section.video and section.cameras and rig_setup.simulated):
         return None
-    return Filming(folder / "game.webm", section.video_length)
+    return Filming(folder / FILM_FILE, section.video_length)
