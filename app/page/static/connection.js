@@ -59,7 +59,7 @@ export function connect(store) {
           return true;
         });
       }
-      store.change(changes);
+      store.receive(changes);
     } else if (frame.type === 'telemetry') {
       store.set('telemetry', frame);
     } else if (frame.type === 'refused') {

@@ -6,6 +6,8 @@
  * pictures (`store.watch`) only while it is shown.
  */
 
+import {byId} from './dom.js';
+
 const VIEWS = {
   robot: () => import('./robot.js'),
   camera: () => import('./camera.js'),
@@ -19,14 +21,14 @@ const VIEWS = {
  */
 export function mountPanels(store) {
   const names = Object.keys(VIEWS);
-  const tabs = names.map((name) => document.getElementById(`tab-${name}`));
+  const tabs = names.map((name) => byId(`tab-${name}`));
   const mounted = new Set();
   let open = null;
 
   async function show(name) {
     if (open === name) return;
     for (const [index, other] of names.entries()) {
-      const panel = document.getElementById(other);
+      const panel = byId(other);
       const chosen = other === name;
       tabs[index].setAttribute('aria-selected', String(chosen));
       if (chosen || name !== null) tabs[index].tabIndex = chosen ? 0 : -1;
@@ -39,7 +41,7 @@ export function mountPanels(store) {
     store.remember('panel', name);
     if (name !== null && !mounted.has(name)) {
       mounted.add(name);
-      const panel = document.getElementById(name);
+      const panel = byId(name);
       panel.classList.add('loading');
       try {
         (await VIEWS[name]()).mount(panel, store);
@@ -68,7 +70,9 @@ export function mountPanels(store) {
 
   // a recorded game that is chosen is shown where records are shown
   store.subscribe('record', (id) => {
+    byId('tab-record').hidden = id === null;
     if (id !== null) show('record');
+    else if (open === 'record') show('robot');
   });
   return {show};
 }

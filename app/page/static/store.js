@@ -4,8 +4,13 @@
  * Sections that the server sends are those of docs/page.md ("session", "game", "clock", …). Besides them stand sections of
  * this browser's own: "connection" ("connecting", "open" or "away"), "telemetry" (the newest frame), "refused" (a sentence),
  * "viewing" (how many plies of the game the board shows; null: the newest position), "sent" (the newest line sent),
- * "record" (which recorded game is shown; null: none).
+ * "orientation" ("white" or "black": whose side is near), "evaluation" (true, false, or null: as usual), "record" (which
+ * recorded game is shown; null: none). While a recorded game is shown its viewer sets "game", "clock" and the like; what the
+ * server says of them waits until one goes back.
  */
+
+/** Sections that the viewer of a recorded game sets in the server's place. */
+const SHOWN_OF_RECORDS = ['game', 'clock', 'prompt', 'phase', 'path', 'look'];
 
 /** @typedef {ReturnType<typeof createStore>} Store */
 
@@ -16,6 +21,7 @@
 export function createStore(storage = window.localStorage) {
   const values = new Map();
   const listeners = new Map();
+  const waiting = new Map();  // what the server said of sections that a recorded game takes
   const watched = {telemetry: 0, camera: 0, film: 0};
   let transport = null;
 
@@ -46,6 +52,29 @@ export function createStore(storage = window.localStorage) {
   /** Set a section. */
   function set(section, value) {
     change({[section]: value});
+  }
+
+  /** Take changes from the server in. */
+  function receive(changes) {
+    if (get('record') === null) {
+      change(changes);
+      return;
+    }
+    const rest = {};
+    for (const [section, value] of Object.entries(changes)) {
+      if (SHOWN_OF_RECORDS.includes(section)) waiting.set(section, value);
+      else rest[section] = value;
+    }
+    change(rest);
+  }
+
+  /** Show a recorded game; null: go back to what is played. */
+  function showRecord(id) {
+    const before = get('record');
+    if (before === id) return;
+    if (before === null) for (const section of SHOWN_OF_RECORDS) waiting.set(section, get(section));
+    const sections = Object.fromEntries(SHOWN_OF_RECORDS.map((section) => [section, id === null ? waiting.get(section) : null]));
+    change({record: id, viewing: null, ...sections});
   }
 
   /** Send a frame; true: it has been handed to the connection, false: there is none. */
@@ -93,7 +122,7 @@ export function createStore(storage = window.localStorage) {
   /** Whether this browser holds the controls of a program that runs. */
   function holds() {
     const controls = get('controls');
-    return get('connection') === 'open' && get('session')?.live !== false &&
+    return get('connection') === 'open' && get('session')?.live !== false && get('record') === null &&
       controls !== null && controls.you === controls.holder;
   }
 
@@ -115,5 +144,5 @@ export function createStore(storage = window.localStorage) {
     }
   }
 
-  return {get, subscribe, change, set, send, say, watch, attach, holds, remembered, remember};
+  return {get, subscribe, change, set, receive, showRecord, send, say, watch, attach, holds, remembered, remember};
 }

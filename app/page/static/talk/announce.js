@@ -1,0 +1,67 @@
+/** Reads moves and questions out: in a line for screen readers, and by voice where this browser is told to. */
+
+import {byId} from '../dom.js';
+import {other, spoken, turnOf} from '../game/position.js';
+
+/**
+ * Read out what happens.
+ * @param {import('../store.js').Store} store
+ * @param {(sentence: string) => void} speak says a sentence aloud, where that is wanted.
+ * @returns {(sentence: string) => void} puts a sentence into the line.
+ */
+export function mountAnnouncements(store, speak) {
+  const line = byId('announce');
+  let game = null;
+  let asked = 0;
+  let heard = null;  // id of the last entry of the log that was read
+
+  function announce(sentence) {
+    // the same sentence twice is a change as well
+    line.textContent = line.textContent === sentence ? `${sentence}\u00a0` : sentence;
+  }
+
+  function moved(next) {
+    const before = game;
+    game = next === null ? null : {id: next.id, plies: next.moves.length, result: next.result};
+    if (before === null || game === null || before.id !== game.id) return;
+    if (game.plies === before.plies + 1) {
+      const move = next.moves.at(-1);
+      const words = `${side(other(turnOf(move.fen)))}: ${spoken(move.san)}`;
+      announce(words);
+      speak(words);
+    } else if (game.plies < before.plies) {
+      announce('taken back');
+      speak('taken back');
+    }
+    if (game.result !== '*' && before.result === '*') {
+      const words = `The game is over: ${next.reason || next.result}`;
+      announce(words);
+      speak(words);
+    }
+  }
+
+  store.subscribe('game', moved);
+  store.subscribe('prompt', (prompt) => {
+    if (prompt === null || prompt.id === asked) return;
+    const first = asked === 0;
+    asked = prompt.id;
+    announce(prompt.text);
+    // that it is one's move is heard from the other's move; what else the robot asks is said
+    if (!prompt.turn && !first) speak(prompt.text);
+  });
+  store.subscribe('log', (log) => {
+    const entries = log ?? [];
+    const last = entries.at(-1)?.id ?? 0;
+    if (heard !== null) {
+      for (const entry of entries.filter(({id, kind}) => id > heard && (kind === 'say' || kind === 'trouble'))) {
+        speak(entry.text);
+      }
+    }
+    heard = last;
+  });
+  return announce;
+}
+
+function side(colour) {
+  return colour === 'white' ? 'White' : 'Black';
+}

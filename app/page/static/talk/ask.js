@@ -1,0 +1,91 @@
+/** The card that says what goes on, or what the robot needs, and takes the answer. */
+
+import {byId, button, capital, icon, make} from '../dom.js';
+import {openNewGame} from '../dialogs/newgame.js';
+import {WORDS, answerLabel, suggested} from './words.js';
+
+/**
+ * Make the card.
+ * @param {import('../store.js').Store} store
+ * @param {ReturnType<typeof import('../game/board.js').mountBoard>} board
+ */
+export function mountAsk(store, board) {
+  const card = byId('ask');
+  const parts = {
+    picture: make('span', {class: 'ask-picture', 'aria-hidden': 'true'}),
+    title: make('h2', {class: 'ask-title'}),
+    detail: make('p', {class: 'ask-detail'}),
+    answers: make('div', {class: 'answers'}),
+  };
+  card.append(make('div', {class: 'ask-head'}, parts.picture, make('div', {}, parts.title, parts.detail)), parts.answers);
+  let drawn = '';
+
+  /** What was said since somebody last said anything to the game. */
+  function context() {
+    const last = (store.get('log') ?? []).findLast(({kind}) => kind === 'say' || kind === 'trouble' || kind === 'heard');
+    return last === undefined || last.kind === 'heard' ? '' : last.text;
+  }
+
+  function what() {
+    const [session, game, prompt, controls, phase] = ['session', 'game', 'prompt', 'controls', 'phase'].map(store.get);
+    const holds = store.holds();
+    if (session === null) return {mood: 'wait', title: 'Connecting to the game', detail: ''};
+    if (session.live === false) {
+      return {mood: 'over', title: 'The program has ended', detail: capital(session.ended ?? '')};
+    }
+    const watching = controls?.holder === null ? 'Nobody holds the controls: take them to answer'
+      : 'Whoever holds the controls answers';
+    if (prompt !== null && !prompt.turn) {
+      const question = capital(prompt.text.replace(/\s*\(yes or no\)$/, '').replace(/\? q, r, b or n$/, '?'));
+      const before = capital(context());
+      const detail = before !== '' && before !== question ? before : '';
+      return {
+        mood: 'ask', title: question, detail: holds ? detail : `${detail} ${watching}`.trim(),
+        answers: holds ? prompt.answers : [],
+      };
+    }
+    if (game !== null && game.result !== '*' && prompt === null) {
+      const detail = `${game.result.replaceAll('1/2', '½')} · ${game.reason ?? ''}`;
+      return {mood: 'over', title: 'The game is over', detail, again: holds && session.person !== null};
+    }
+    if (prompt !== null) {
+      const pending = board.pending();
+      if (pending !== null) return {mood: 'work', title: 'Your move is being made', detail: capital(phase ?? '')};
+      const side = capital(game?.turn ?? session.person ?? '');
+      if (!holds) return {mood: 'wait', title: `${side} to move`, detail: watching};
+      const said = context();
+      const how = session.sees && !session.hands ? 'Make it on the board; the camera sees it' : `You play ${side}`;
+      return {
+        mood: 'turn', title: 'Your move', detail: said === '' ? how : capital(said), answers: suggested(said),
+      };
+    }
+    return {mood: 'work', title: capital(phase || 'The robot is at work'), detail: capital(context())};
+  }
+
+  function draw() {
+    const now = what();
+    const key = JSON.stringify(now);
+    if (key === drawn) return;
+    drawn = key;
+    card.dataset.mood = now.mood;
+    const pictures = {ask: 'ask', turn: 'turn', work: 'work', over: 'over', wait: 'wait'};
+    parts.picture.replaceChildren(icon(pictures[now.mood]));
+    parts.title.textContent = now.title;
+    parts.detail.textContent = now.detail;
+    parts.detail.hidden = now.detail === '';
+    const answers = (now.answers ?? []).map((answer, index) => button(
+      answerLabel(answer), WORDS[answer]?.picture ?? null, () => store.say(answer),
+      {class: index === 0 ? 'primary' : '', 'data-answer': answer},
+    ));
+    if (now.again) answers.push(button('New game', 'new', () => openNewGame(store), {class: 'primary'}));
+    const inside = parts.answers.contains(document.activeElement);
+    parts.answers.replaceChildren(...answers);
+    parts.answers.hidden = answers.length === 0;
+    if (inside && answers.length > 0) answers[0].focus();
+  }
+
+  for (const section of ['session', 'game', 'prompt', 'controls', 'phase', 'log', 'connection']) {
+    store.subscribe(section, draw);
+  }
+  board.listen(draw);
+}

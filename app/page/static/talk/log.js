@@ -1,0 +1,68 @@
+/** What was said, and how the devices are. */
+
+import {byId, capital, icon, make} from '../dom.js';
+
+const MARKS = {say: 'say', heard: 'heard', phase: 'phase', trouble: 'warning'};
+const WHO = {say: 'Robot', heard: 'You', phase: 'Now', trouble: 'Trouble'};
+
+/**
+ * Make the log and the list of devices.
+ * @param {import('../store.js').Store} store
+ * @param {(squares: string[]) => void} mark lights squares on the board.
+ */
+export function mountLog(store, mark) {
+  const list = make('ol', {class: 'said', role: 'log', 'aria-live': 'polite', 'aria-label': 'What was said', tabindex: 0});
+  byId('log').append(list);
+  let newest = 0;
+
+  store.subscribe('log', (log) => {
+    const entries = log ?? [];
+    const first = newest === 0 || (entries.at(-1)?.id ?? 0) < newest;
+    if (first) {
+      list.replaceChildren();
+      newest = 0;
+    }
+    const atEnd = list.scrollHeight - list.scrollTop - list.clientHeight < 40;
+    for (const entry of entries.filter(({id}) => id > newest)) {
+      list.append(line(entry));
+      newest = entry.id;
+    }
+    while (list.children.length > 200) list.firstChild.remove();
+    if (first || atEnd) list.scrollTop = list.scrollHeight;
+  });
+
+  function line({kind, text, squares}) {
+    const about = squares ?? [];
+    const item = make(
+      'li', {class: kind},
+      icon(MARKS[kind] ?? 'say'),
+      make('span', {class: 'unseen'}, `${WHO[kind] ?? 'Robot'}: `),
+      make('span', {class: 'words'}, capital(text)),
+    );
+    if (about.length > 0) {
+      item.addEventListener('pointerenter', () => mark(about));
+      item.addEventListener('pointerleave', () => mark([]));
+    }
+    return item;
+  }
+
+  const devices = make('ul', {class: 'device-list'});
+  byId('devices').append(devices);
+  store.subscribe('devices', (all) => {
+    byId('devices').hidden = (all ?? []).length === 0;
+    devices.replaceChildren(...(all ?? []).map(({name, ok, text}) => {
+      const state = ok === true ? 'well' : ok === false ? 'not well' : 'not known';
+      return make(
+        'li', {class: `device ${ok === true ? 'well' : ok === false ? 'ill' : 'unknown'}`},
+        icon(ok === true ? 'well' : ok === false ? 'ill' : 'unknown'),
+        make('span', {class: 'device-name'}, capital(name), make('span', {class: 'unseen'}, `, ${state}: `)),
+        make('span', {class: 'device-text'}, text),
+      );
+    }));
+  });
+
+  store.subscribe('phase', (phase) => {
+    byId('phase-text').textContent = capital(phase || '');
+    byId('phase').hidden = !phase;
+  });
+}
