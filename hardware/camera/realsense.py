@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import pyrealsense2 as rs
 
-from hardware.camera.background import Reading
+from hardware.camera.background import ReaderThread
 from hardware.camera.framesets import FrameMaker
 from hardware.camera.settings import RealSenseSettings
 from hardware.interfaces import Clock, Frame, HardwareError, StaleFrame
@@ -55,7 +55,7 @@ class RealSenseCamera:
         self._exposed = -math.inf
         self._made: tuple[_Pair, Frame] | None = None
         self._pipeline = self._start()  # here, so that a wrong setting is told at once
-        self._reading = Reading[_Pair]("realsense", self._run)
+        self._reading = ReaderThread[_Pair]("realsense", self._run)
         silent = f"RealSense {self._serial} sends no pictures: plug it into a USB 3 port, and close other programs "
         self._reading.start(FIRST_FRAME, HardwareError(f"{silent}that use it"))
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.camera.background import Reading
+from hardware.camera.background import ReaderThread
 from hardware.camera.settings import WebcamSettings
 from hardware.interfaces import Clock, Frame, HardwareError, Intrinsics, StaleFrame
 
@@ -36,7 +36,7 @@ class WebcamCamera:
         self._capture = self._open()
         if self._capture is None:
             raise self._lost("cannot be opened")
-        self._reading = Reading[tuple[NDArray[np.uint8], float]]("webcam", self._run)
+        self._reading = ReaderThread[tuple[NDArray[np.uint8], float]]("webcam", self._run)
         first, _ = self._reading.start(FIRST_FRAME, self._lost("sends no pictures"))
         self.intrinsics = pinhole(first.shape[1], first.shape[0], settings)
 
