@@ -13,19 +13,12 @@ from hardware.frozen import Frozen
 
 
 class ShownPoint(Frozen):
-    """One point at which the arm showed its marker.
+    """One point at which the arm showed its marker."""
 
-    Attributes:
-        point: the marker's centre, base frame [m].
-        seen: whether the camera saw it.
-        counted: whether it counts.
-        residual: how far across the view it is seen from where it should be [m]; None if it was not seen.
-    """
-
-    point: tuple[float, float, float]
-    seen: bool
-    counted: bool
-    residual: float | None
+    point: tuple[float, float, float]  # the marker's centre, base frame [m]
+    seen: bool  # whether the camera saw it
+    counted: bool  # whether it counts
+    residual: float | None  # how far across the view it is seen from where it should be [m]; None if it was not seen
 
     def said(self) -> str | Text:
         """Its residual, for people."""
@@ -36,23 +29,14 @@ class ShownPoint(Frozen):
 
 
 class CalibrateReport(Frozen):
-    """A calibration, or why there is none.
+    """A calibration, or why there is none."""
 
-    Attributes:
-        rig: whose.
-        holds: whether there is one.
-        failure: one sentence where there is none.
-        file: it was written to.
-        calibration: itself.
-        shown: all points.
-    """
-
-    rig: str
-    holds: bool
-    failure: str | None
-    file: str | None
-    calibration: Calibration | None
-    shown: tuple[ShownPoint, ...]
+    rig: str  # whose
+    holds: bool  # whether there is one
+    failure: str | None  # one sentence where there is none
+    file: str | None  # it was written to
+    calibration: Calibration | None  # itself
+    shown: tuple[ShownPoint, ...]  # all points
 
     def table(self) -> RenderableType:
         """One screen for people."""

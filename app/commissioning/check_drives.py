@@ -47,25 +47,15 @@ _POWERED: Final = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=True, busy=Tr
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """What the drives said for a while; one row a fresh tick.
+    """What the drives said for a while; one row a fresh tick."""
 
-    Attributes:
-        wall: how long it took [s].
-        ticks: tick numbers, (n,).
-        angle: (n, 3) [rad].
-        velocity: (n, 3) [rad/s].
-        finger: (n,) [m].
-        tactile: (n, 2) [N].
-        status: of the last one.
-    """
-
-    wall: float
-    ticks: Vector
-    angle: Vector
-    velocity: Vector
-    finger: Vector
-    tactile: Vector
-    status: DriveStatus
+    wall: float  # how long it took [s]
+    ticks: Vector  # tick numbers, (n,)
+    angle: Vector  # (n, 3) [rad]
+    velocity: Vector  # (n, 3) [rad/s]
+    finger: Vector  # (n,) [m]
+    tactile: Vector  # (n, 2) [N]
+    status: DriveStatus  # of the last one
 
 
 def check_drives(

@@ -45,41 +45,24 @@ BUFFER: Final = 1 << 20
 
 
 class LinkCheck(Frozen):
-    """One line of the test: ``holds`` where the value is on the good side of its limit.
+    """One line of the test: ``holds`` where the value is on the good side of its limit."""
 
-    Attributes:
-        unit: of value and limit.
-        value: found.
-        limit: the bar.
-        at_least: whether the value must reach the limit instead of staying below.
-        holds: whether it is good enough.
-        advice: what to change where it is not.
-    """
-
-    unit: str
-    value: float
-    limit: float
-    at_least: bool = False
-    holds: bool
-    advice: str
+    unit: str  # of value and limit
+    value: float  # found
+    limit: float  # the bar
+    at_least: bool = False  # whether the value must reach the limit instead of staying below
+    holds: bool  # whether it is good enough
+    advice: str  # what to change where it is not
 
 
 class LinkReport(Frozen):
-    """All checks; ``holds`` says whether all of them hold.
+    """All checks; ``holds`` says whether all of them hold."""
 
-    Attributes:
-        rig: on which.
-        duration: of the measurement [s].
-        holds: whether PC and network are good enough.
-        checks: by name.
-        notes: what real time was not granted, with the remedy.
-    """
-
-    rig: str
-    duration: float
-    holds: bool
-    checks: dict[str, LinkCheck]
-    notes: tuple[str, ...]
+    rig: str  # on which
+    duration: float  # of the measurement [s]
+    holds: bool  # whether PC and network are good enough
+    checks: dict[str, LinkCheck]  # by name
+    notes: tuple[str, ...]  # what real time was not granted, with the remedy
 
     def table(self) -> Table:
         """One screen for people."""

@@ -69,8 +69,7 @@ class MarkerObservation:
 
     point: Array
     seen: SeenMarker | None
-    depth: float
-    """Measured at its centre [m]; 0 where there is none."""
+    depth: float  # measured at its centre [m]; 0 where there is none
 
 
 def showing_points(setup: Setup) -> tuple[Array, ...]:

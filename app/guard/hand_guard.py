@@ -59,23 +59,14 @@ class GuardStop:
 
 @dataclass(slots=True, eq=False)
 class _Request:
-    """Of somebody who waits for a frame without a hand.
+    """Of somebody who waits for a frame without a hand."""
 
-    Attributes:
-        gone: that is all; else the board is to be settled, too.
-        admit: motions shall be admitted then.
-        colour: the frame shall have colour.
-        after: it shall be stamped later [s]; None: it shall be a new one.
-        first: number of the first frame that will do.
-        found: the frame.
-    """
-
-    gone: bool = False
-    admit: bool = False
-    colour: bool = False
-    after: float | None = None
-    first: int = 0
-    found: _Shown | None = None
+    gone: bool = False  # that is all; else the board is to be settled, too
+    admit: bool = False  # motions shall be admitted then
+    colour: bool = False  # the frame shall have colour
+    after: float | None = None  # it shall be stamped later [s]; None: it shall be a new one
+    first: int = 0  # number of the first frame that will do
+    found: _Shown | None = None  # the frame
 
 
 class ArmMasks:

@@ -38,21 +38,16 @@ SAMPLES: Final = 9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AnchorCheck:
-    """What a picture tells about the board's place.
-
-    Attributes:
-        shift: how far the corners a1, h1, h8, a8 are from where they were, shape (4,) [sides of a square]; not a number
-            where it is not known.
-        moved: whether a corner is further off than ``TOLERANCE``; None if too little of the board can be seen, or if
-            it is not where it was and has not been searched for.
-        seen: share of the reference's crossings that were found again.
-        corners: where the corners are now, shape (4, 2) [px]; those of the reference unless the board has moved.
-    """
+    """What a picture tells about the board's place."""
 
     shift: Array
+    """How far the corners a1, h1, h8, a8 are from where they were, shape (4,) [sides of a square]; not a number where
+    it is not known."""
     moved: bool | None
-    seen: float
-    corners: Array
+    """Whether a corner is further off than ``TOLERANCE``; None if too little of the board can be seen, or if it is not
+    where it was and has not been searched for."""
+    seen: float  # share of the reference's crossings that were found again
+    corners: Array  # where the corners are now, shape (4, 2) [px]; those of the reference unless the board has moved
 
 
 class Anchor:

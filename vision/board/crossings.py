@@ -36,17 +36,11 @@ FINEST, COARSEST = 18.0, 44.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crossings:
-    """Crossings that were seen.
+    """Crossings that were seen."""
 
-    Attributes:
-        places: shape (n, 2).
-        found: where they are, as places by the grid they were looked for with, shape (n, 2).
-        border: whether each lies on the border, shape (n,).
-    """
-
-    places: Array
-    found: Array
-    border: Mask
+    places: Array  # shape (n, 2)
+    found: Array  # where they are, as places by the grid they were looked for with, shape (n, 2)
+    border: Mask  # whether each lies on the border, shape (n,)
 
 
 def refine_grid(look: Look, grid: Grid, dark: int) -> GridFit | None:

@@ -51,19 +51,15 @@ MOST_ERROR: Final = 0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundBoard:
-    """A board in a picture.
-
-    Attributes:
-        corners: outer corners of the playing area a1, h1, h8, a8, counter-clockwise seen from above, shape (4, 2) [px].
-        oriented: False where a1 may be the opposite corner: all that is known then is that a1 is dark.
-        error: the worst error of a corner that is to be expected, exceeded by one board in twenty [sides of a square].
-        doubt: what is wrong and what to do about it, a sentence, where ``error`` is above ``SURE_ERROR``; else None.
-    """
+    """A board in a picture."""
 
     corners: Array
-    oriented: bool
+    """Outer corners of the playing area a1, h1, h8, a8, counter-clockwise seen from above, shape (4, 2) [px]."""
+    oriented: bool  # False where a1 may be the opposite corner: all that is known then is that a1 is dark
     error: float
+    """The worst error of a corner that is to be expected, exceeded by one board in twenty [sides of a square]."""
     doubt: str | None = None
+    """What is wrong and what to do about it, a sentence, where ``error`` is above ``SURE_ERROR``; else None."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,17 +84,11 @@ class _Measured:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Candidate:
-    """A board as a resized picture shows it.
+    """A board as a resized picture shows it."""
 
-    Attributes:
-        grid: place (0, 0) is one of the board's corners.
-        weights: of the channels, so that light less dark squares is about 1.
-        dark: 1 where the square at place (0, 0) is dark, otherwise -1.
-    """
-
-    grid: Grid
-    weights: Array
-    dark: int
+    grid: Grid  # place (0, 0) is one of the board's corners
+    weights: Array  # of the channels, so that light less dark squares is about 1
+    dark: int  # 1 where the square at place (0, 0) is dark, otherwise -1
 
 
 def find_board(colour: Picture, *, near: ArrayLike | None = None) -> FoundBoard:

@@ -52,22 +52,15 @@ LEAST_ERROR: Final = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointFit:
-    """Corners of a board in a picture.
+    """Corners of a board in a picture."""
 
-    Attributes:
-        corners: in the order of ``CORNERS``, shape (4, 2) [px].
-        scatter: of good measurements, one sigma [sides of a square].
-        sigma: of each corner, by the covariance of the fit, shape (4,) [sides of a square].
-        halves: how far each corner moves when a quarter of the board is left out, jackknife deviation, shape (4,)
-            [sides of a square].
-        sides: shorter side of the square at each corner, shape (4,) [px].
-    """
-
-    corners: Array
-    scatter: float
-    sigma: Array
+    corners: Array  # in the order of ``CORNERS``, shape (4, 2) [px]
+    scatter: float  # of good measurements, one sigma [sides of a square]
+    sigma: Array  # of each corner, by the covariance of the fit, shape (4,) [sides of a square]
     halves: Array
-    sides: Array
+    """How far each corner moves when a quarter of the board is left out, jackknife deviation, shape (4,) [sides of a
+    square]."""
+    sides: Array  # shorter side of the square at each corner, shape (4,) [px]
 
     def error(self, factor: float = 1.0) -> float:
         """What the worst corner's error stays below for nineteen boards of twenty [sides of a square].

@@ -30,20 +30,14 @@ SPAN: Final = 9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lattice:
-    """Saddles with the crossings they are.
-
-    Attributes:
-        places: column and row of each crossing, from any origin, shape (n, 2); one column further is to the right of
-            one row further, as the eye sees it counter-clockwise.
-        points: where they are, shape (n, 2) [px].
-        homography: from places to pixels, shape (3, 3).
-        bright: 1 where the square at the upper indices of crossing (0, 0) is a light one, otherwise -1.
-    """
+    """Saddles with the crossings they are."""
 
     places: Indices
-    points: Array
-    homography: Array
-    bright: int
+    """Column and row of each crossing, from any origin, shape (n, 2); one column further is to the right of one row
+    further, as the eye sees it counter-clockwise."""
+    points: Array  # where they are, shape (n, 2) [px]
+    homography: Array  # from places to pixels, shape (3, 3)
+    bright: int  # 1 where the square at the upper indices of crossing (0, 0) is a light one, otherwise -1
 
     def __len__(self) -> int:
         return len(self.points)

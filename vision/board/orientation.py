@@ -29,17 +29,11 @@ LEAST_MARGIN: Final = 4.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Orientation:
-    """How a board lies.
+    """How a board lies."""
 
-    Attributes:
-        corners: outer corners a1, h1, h8, a8, shape (4, 2) [px].
-        sure: False where the pieces do not tell; the corners are then as they were given.
-        margin: how much better this turn fits than the next best [standard errors].
-    """
-
-    corners: Array
-    sure: bool
-    margin: float
+    corners: Array  # outer corners a1, h1, h8, a8, shape (4, 2) [px]
+    sure: bool  # False where the pieces do not tell; the corners are then as they were given
+    margin: float  # how much better this turn fits than the next best [standard errors]
 
 
 def orient(colour: Picture, corners: ArrayLike, placement: chess.BaseBoard | None = None) -> Orientation:

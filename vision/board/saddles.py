@@ -32,19 +32,12 @@ LEAST_CONTRAST: Final = 4.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Saddles:
-    """Saddle points of a picture, best first.
+    """Saddle points of a picture, best first."""
 
-    Attributes:
-        points: where, shape (n, 2) [px].
-        bright: direction in which the brighter sectors lie, modulo half a turn, shape (n,) [rad].
-        edges: directions of the two edges that cross, modulo half a turn, shape (n, 2) [rad].
-        quality: symmetry of the ring times the logarithm of its contrast, shape (n,).
-    """
-
-    points: Array
-    bright: Array
-    edges: Array
-    quality: Array
+    points: Array  # where, shape (n, 2) [px]
+    bright: Array  # direction in which the brighter sectors lie, modulo half a turn, shape (n,) [rad]
+    edges: Array  # directions of the two edges that cross, modulo half a turn, shape (n, 2) [rad]
+    quality: Array  # symmetry of the ring times the logarithm of its contrast, shape (n,)
 
     def __len__(self) -> int:
         return len(self.points)

@@ -49,21 +49,13 @@ SAME_EDGE: Final = 0.03
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SideEdges:
-    """Edges that were seen, each across the line that it belongs to.
+    """Edges that were seen, each across the line that it belongs to."""
 
-    Attributes:
-        places: where on the line, shape (n, 2).
-        axis: 0 across columns, 1 across rows, shape (n,).
-        off: how far beyond the line it was seen, shape (n,) [sides of a square].
-        rising: 1 where it is lighter beyond the line, otherwise -1, shape (n,).
-        border: whether the line is the board's border, shape (n,).
-    """
-
-    places: Array
-    axis: Indices
-    off: Array
-    rising: Array
-    border: Mask
+    places: Array  # where on the line, shape (n, 2)
+    axis: Indices  # 0 across columns, 1 across rows, shape (n,)
+    off: Array  # how far beyond the line it was seen, shape (n,) [sides of a square]
+    rising: Array  # 1 where it is lighter beyond the line, otherwise -1, shape (n,)
+    border: Mask  # whether the line is the board's border, shape (n,)
 
 
 def measure_edges(look: Look, grid: Grid, dark: int) -> SideEdges:

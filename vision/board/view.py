@@ -31,18 +31,13 @@ class BoardNotFound(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardView:
-    """A board as one camera sees it.
+    """A board as one camera sees it."""
 
-    Attributes:
-        intrinsics: of the camera.
-        camera_from_board: rigid transform that takes points of the board frame into the camera frame, shape (4, 4),
-            translation in [m]; read-only.
-        table: size of the squares.
-    """
-
-    intrinsics: Intrinsics
+    intrinsics: Intrinsics  # of the camera
     camera_from_board: Array
-    table: TableSettings
+    """Rigid transform that takes points of the board frame into the camera frame, shape (4, 4), translation in [m];
+    read-only."""
+    table: TableSettings  # size of the squares
 
     def __post_init__(self) -> None:
         """Keep a read-only copy of the pose.

@@ -31,23 +31,14 @@ LEAST_SEEN: Final = 0.75
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Window:
-    """Eight rows and columns of a lattice.
+    """Eight rows and columns of a lattice."""
 
-    Attributes:
-        origin: column and row of the first square.
-        mean: mean mark of the rows and columns.
-        weakest: least mark of a row or column.
-        margin: how much better the outermost rows and columns are than what a shift by one would bring.
-        outside: largest mark of a row or column just beyond, as far as it is in the picture.
-        seen: share of the sides between squares that lies within the picture.
-    """
-
-    origin: tuple[int, int]
-    mean: float
-    weakest: float
-    margin: float
-    outside: float
-    seen: float
+    origin: tuple[int, int]  # column and row of the first square
+    mean: float  # mean mark of the rows and columns
+    weakest: float  # least mark of a row or column
+    margin: float  # how much better the outermost rows and columns are than what a shift by one would bring
+    outside: float  # largest mark of a row or column just beyond, as far as it is in the picture
+    seen: float  # share of the sides between squares that lies within the picture
 
     @property
     def doubt(self) -> str | None:

@@ -38,23 +38,14 @@ class CalibrationFailed(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraPose:
-    """A calibrated camera.
+    """A calibrated camera."""
 
-    Attributes:
-        intrinsics: of the camera.
-        camera_from_base: takes points of the base frame into the camera's, shape (4, 4), translation in [m].
-        used: which of the n points count, (n,) bool.
-        residual: how far each marker is seen from where it should be, (n,) [px].
-        aside: the same across the view at the marker, (n,) [m].
-        covariance: of a small rotation vector [rad] about the camera's axes and a shift [m] along them, (6, 6).
-    """
-
-    intrinsics: Intrinsics
-    camera_from_base: Array
-    used: Mask
-    residual: Array
-    aside: Array
-    covariance: Array
+    intrinsics: Intrinsics  # of the camera
+    camera_from_base: Array  # takes points of the base frame into the camera's, shape (4, 4), translation in [m]
+    used: Mask  # which of the n points count, (n,) bool
+    residual: Array  # how far each marker is seen from where it should be, (n,) [px]
+    aside: Array  # the same across the view at the marker, (n,) [m]
+    covariance: Array  # of a small rotation vector [rad] about the camera's axes and a shift [m] along them, (6, 6)
 
     @property
     def base_from_camera(self) -> Array:

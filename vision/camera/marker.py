@@ -17,15 +17,10 @@ LEAST_SIDE: Final = 14.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenMarker:
-    """A marker in a picture.
+    """A marker in a picture."""
 
-    Attributes:
-        centre: picture of the centre of the black square, (2,) [px].
-        corners: of the black square, (4, 2) [px].
-    """
-
-    centre: Array
-    corners: Array
+    centre: Array  # picture of the centre of the black square, (2,) [px]
+    corners: Array  # of the black square, (4, 2) [px]
 
 
 @cache

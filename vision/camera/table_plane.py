@@ -29,34 +29,21 @@ _ROUNDS: Final = 6
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """The board's plane in the base frame.
+    """The board's plane in the base frame."""
 
-    Attributes:
-        height: z₃ below the middle of the expected board [m].
-        slope: dz₃/dz₁ and dz₃/dz₂.
-        share: of the pixels on the board that lie in it; pieces do not.
-    """
-
-    height: float
-    slope: tuple[float, float]
-    share: float
+    height: float  # z₃ below the middle of the expected board [m]
+    slope: tuple[float, float]  # dz₃/dz₁ and dz₃/dz₂
+    share: float  # of the pixels on the board that lie in it; pieces do not
 
 
 @dataclass(frozen=True, slots=True)
 class BoardPlace:
-    """Where a board lies in the base frame.
+    """Where a board lies in the base frame."""
 
-    Attributes:
-        centre: of the playing surface [m].
-        yaw: turn of the board about its own z axis, against a board along the base's axes [rad].
-        tilt: of its normal from the vertical [rad].
-        by_depth: whether height and tilt are from depth; else from the corners.
-    """
-
-    centre: tuple[float, float, float]
-    yaw: float
-    tilt: float
-    by_depth: bool
+    centre: tuple[float, float, float]  # of the playing surface [m]
+    yaw: float  # turn of the board about its own z axis, against a board along the base's axes [rad]
+    tilt: float  # of its normal from the vertical [rad]
+    by_depth: bool  # whether height and tilt are from depth; else from the corners
 
 
 def nominal_view(pose: CameraPose, table: TableSettings) -> BoardView:

@@ -32,15 +32,10 @@ _FAR: Final = 1e5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Capsules:
-    """Some capsules; arrays are read-only.
+    """Some capsules; arrays are read-only."""
 
-    Attributes:
-        ends: of their axes, board frame, shape (n, 2, 3) [m].
-        radii: shape (n,) [m].
-    """
-
-    ends: Array
-    radii: Array
+    ends: Array  # of their axes, board frame, shape (n, 2, 3) [m]
+    radii: Array  # shape (n,) [m]
 
     def __post_init__(self) -> None:
         """Keep read-only copies.
@@ -74,16 +69,12 @@ class Capsules:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hidden:
-    """What is known to be before the table.
+    """What is known to be before the table."""
 
-    Attributes:
-        mask: where it is in the picture, generously, shape (height, width).
-        bodies: in which all of it is. With depth, what is seen within the mask but outside of these is something else:
-            a hand behind the arm's outline, or before it. None: whatever the mask covers is not looked at.
-    """
-
-    mask: Mask
+    mask: Mask  # where it is in the picture, generously, shape (height, width)
     bodies: Capsules | None = None
+    """In which all of it is. With depth, what is seen within the mask but outside of these is something else: a hand
+    behind the arm's outline, or before it. None: whatever the mask covers is not looked at."""
 
 
 def draw_mask(view: BoardView, capsules: Capsules, margin: float = 0.0, grow: int = 0) -> Mask:

@@ -39,17 +39,11 @@ _SMALL: Final = np.ones((3, 3), dtype=np.uint8)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColourObservation:
-    """What one picture shows.
+    """What one picture shows."""
 
-    Attributes:
-        moving: area that moved since the last picture, over the board [squares].
-        reaching: area of what reaches in or is larger than pieces [squares].
-        over: squares under that.
-    """
-
-    moving: float
-    reaching: float
-    over: frozenset[int]
+    moving: float  # area that moved since the last picture, over the board [squares]
+    reaching: float  # area of what reaches in or is larger than pieces [squares]
+    over: frozenset[int]  # squares under that
 
 
 class Differences:

@@ -41,23 +41,14 @@ _SMALL: Final = np.ones((3, 3), dtype=np.uint8)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Relief:
-    """What one depth picture shows that is no piece.
+    """What one depth picture shows that is no piece."""
 
-    Attributes:
-        area: of it, as the camera sees it [m²].
-        over: squares that it is over.
-        low: squares over which it is low enough to touch a piece.
-        before: it hides a part of the board, or of a piece on it, or may touch one.
-        moving: area over the board that is higher or lower than in the picture since which it has lain still [m²].
-        away: points of what stands out beyond what is watched, board frame, (n, 3) [m].
-    """
-
-    area: float
-    over: frozenset[int]
-    low: frozenset[int]
-    before: bool
-    moving: float
-    away: Array
+    area: float  # of it, as the camera sees it [m²]
+    over: frozenset[int]  # squares that it is over
+    low: frozenset[int]  # squares over which it is low enough to touch a piece
+    before: bool  # it hides a part of the board, or of a piece on it, or may touch one
+    moving: float  # area over the board that is higher or lower than in the picture since which it has lain still [m²]
+    away: Array  # points of what stands out beyond what is watched, board frame, (n, 3) [m]
 
 
 NOWHERE: Final = np.zeros((0, 3))

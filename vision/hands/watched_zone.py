@@ -42,23 +42,14 @@ def shrink(colour: Picture, step: int) -> Picture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Zone:
-    """What is watched of a picture.
+    """What is watched of a picture."""
 
-    Attributes:
-        step: see ``step_of``.
-        board: small mask of the playing area.
-        around: of the playing area and a margin about it.
-        rim: the outermost pixels of ``around``: what reaches in from outside crosses them.
-        square: number of the square seen in each pixel of the small picture, ``NO_SQUARE`` where there is none.
-        square_area: mean area of a square in the small picture [px].
-    """
-
-    step: int
-    board: Mask
-    around: Mask
-    rim: Mask
-    square: Indices
-    square_area: float
+    step: int  # see ``step_of``
+    board: Mask  # small mask of the playing area
+    around: Mask  # of the playing area and a margin about it
+    rim: Mask  # the outermost pixels of ``around``: what reaches in from outside crosses them
+    square: Indices  # number of the square seen in each pixel of the small picture, ``NO_SQUARE`` where there is none
+    square_area: float  # mean area of a square in the small picture [px]
 
     @classmethod
     def of_corners(cls, corners: ArrayLike, size: tuple[int, int], margin: float) -> Zone:
@@ -121,20 +112,13 @@ class Space:
     """What a depth camera's small pixels are of, as points of the board frame.
 
     A pixel's point is linear in its depth: (x, y, height) = depth · ray + position of the camera.
-
-    Attributes:
-        ray: for each pixel of the small picture, (3, h, w), board frame.
-        position: of the camera, (3,) [m].
-        pixel: area that a pixel covers at depth 1 [1/1].
-        half: half sizes of what is watched along x and y [m].
-        board: small mask of where the board and the pieces on it are seen.
     """
 
-    ray: Field
-    position: Field
-    pixel: float
-    half: tuple[float, float]
-    board: Mask
+    ray: Field  # for each pixel of the small picture, (3, h, w), board frame
+    position: Field  # of the camera, (3,) [m]
+    pixel: float  # area that a pixel covers at depth 1 [1/1]
+    half: tuple[float, float]  # half sizes of what is watched along x and y [m]
+    board: Mask  # small mask of where the board and the pieces on it are seen
 
     @classmethod
     def of_view(cls, view: BoardView, margin: float) -> Space:

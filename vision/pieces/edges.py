@@ -21,17 +21,11 @@ _NEARER: Final = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edges:
-    """The picture's edges across the outlines of n pieces.
+    """The picture's edges across the outlines of n pieces."""
 
-    Attributes:
-        offset: how far outside of each contour point the edge lies, (n, points) [px].
-        sure: how clear it is, 0 to 1.
-        open: whether that part of the outline is in sight.
-    """
-
-    offset: Array
-    sure: Array
-    open: Mask
+    offset: Array  # how far outside of each contour point the edge lies, (n, points) [px]
+    sure: Array  # how clear it is, 0 to 1
+    open: Mask  # whether that part of the outline is in sight
 
 
 def line_samples() -> Field:

@@ -41,19 +41,12 @@ _STEP: Final = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """Outline and silhouette of one kind from one elevation; points (n, 3) in ``aside`` [m].
+    """Outline and silhouette of one kind from one elevation; points (n, 3) in ``aside`` [m]."""
 
-    Attributes:
-        contour: ``CONTOUR_POINTS`` on the surface, evenly along the outline.
-        normal: outward normals of the outline at those, across the view; unit vectors.
-        weight: how far each of them can be trusted, 0 to 1.
-        inside: ``INSIDE_POINTS`` spread over the silhouette.
-    """
-
-    contour: Array
-    normal: Array
-    weight: Array
-    inside: Array
+    contour: Array  # ``CONTOUR_POINTS`` on the surface, evenly along the outline
+    normal: Array  # outward normals of the outline at those, across the view; unit vectors
+    weight: Array  # how far each of them can be trusted, 0 to 1
+    inside: Array  # ``INSIDE_POINTS`` spread over the silhouette
 
 
 def outline(kind: Kind, elevation: float) -> Outline:
@@ -140,21 +133,13 @@ def _spread(mask: Picture) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Silhouettes:
-    """Of n pieces that stand at places (n, 2) [m], in pixels of the surface's window.
+    """Of n pieces that stand at places (n, 2) [m], in pixels of the surface's window."""
 
-    Attributes:
-        contour: (n, points, 2).
-        normal: outwards, unit vectors, (n, points, 2).
-        inside: (n, samples, 2).
-        jacobian: pixels per metre along x and y of the board, at half height, (n, 2, 2).
-        distance: of the pieces from the camera, (n,) [m].
-    """
-
-    contour: Array
-    normal: Array
-    inside: Array
-    jacobian: Array
-    distance: Array
+    contour: Array  # (n, points, 2)
+    normal: Array  # outwards, unit vectors, (n, points, 2)
+    inside: Array  # (n, samples, 2)
+    jacobian: Array  # pixels per metre along x and y of the board, at half height, (n, 2, 2)
+    distance: Array  # of the pieces from the camera, (n,) [m]
 
 
 class Shapes:

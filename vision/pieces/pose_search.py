@@ -71,28 +71,18 @@ _FLOOR: Final = 0.0005, 0.02
 
 @dataclass(frozen=True, slots=True)
 class MisplacedPiece:
-    """A piece that is not where it should stand.
+    """A piece that is not where it should stand."""
 
-    Attributes:
-        piece: which of the missing ones; of several alike, the first.
-        target: where it should stand.
-        pose: how it is there.
-        std: expected error of its place, as a standard deviation, each of x and y [m].
-        yaw_std: of its direction [rad]; 0 for one that stands.
-        support: mean evidence over its silhouette, of the most there can be, -1 to 1.
-        seen: share of its silhouette that nothing hides.
-        lead: evidence by which this piece in this way, lying or standing, explains more than the next best of the
-            missing ones would in any, as a share of its own; 0 where another one does as well.
-    """
-
-    piece: PieceSpec
-    target: Place
-    pose: Pose
-    std: float = 0.0
-    yaw_std: float = 0.0
-    support: float = 0.0
-    seen: float = 0.0
+    piece: PieceSpec  # which of the missing ones; of several alike, the first
+    target: Place  # where it should stand
+    pose: Pose  # how it is there
+    std: float = 0.0  # expected error of its place, as a standard deviation, each of x and y [m]
+    yaw_std: float = 0.0  # of its direction [rad]; 0 for one that stands
+    support: float = 0.0  # mean evidence over its silhouette, of the most there can be, -1 to 1
+    seen: float = 0.0  # share of its silhouette that nothing hides
     lead: float = 0.0
+    """Evidence by which this piece in this way, lying or standing, explains more than the next best of the missing ones
+    would in any, as a share of its own; 0 where another one does as well."""
 
     @property
     def lies(self) -> bool:

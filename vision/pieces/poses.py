@@ -37,17 +37,11 @@ _APART: Final = 0.016, 0.7
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """How a piece is there, board frame.
+    """How a piece is there, board frame."""
 
-    Attributes:
-        x: of its foot's underside, the middle, seen from above [m].
-        y: likewise [m].
-        yaw: from there to the head, from the x axis, counter-clockwise [rad]; None: it stands.
-    """
-
-    x: float
-    y: float
-    yaw: float | None = None
+    x: float  # of its foot's underside, the middle, seen from above [m]
+    y: float  # likewise [m]
+    yaw: float | None = None  # from there to the head, from the x axis, counter-clockwise [rad]; None: it stands
 
 
 @lru_cache(maxsize=16)
@@ -130,19 +124,12 @@ def _distances(kind: Kind) -> Array:
 
 
 class Drawn(NamedTuple):
-    """A silhouette in a part of a picture.
+    """A silhouette in a part of a picture."""
 
-    Attributes:
-        rows: of the part, around the silhouette.
-        columns: likewise.
-        mask: of the silhouette, over those; empty where none of it is within the part.
-        underside: of what the camera sees of the foot's underside, which is felt; over the same.
-    """
-
-    rows: slice
-    columns: slice
-    mask: Mask
-    underside: Mask
+    rows: slice  # of the part, around the silhouette
+    columns: slice  # likewise
+    mask: Mask  # of the silhouette, over those; empty where none of it is within the part
+    underside: Mask  # of what the camera sees of the foot's underside, which is felt; over the same
 
 
 def drawn(kind: Kind, pose: Pose, view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> Drawn:

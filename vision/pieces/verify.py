@@ -53,35 +53,23 @@ class FaultKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One thing that is not as it should be.
+    """One thing that is not as it should be."""
 
-    Attributes:
-        kind: of fault.
-        square: 0 = a1 … 63 = h8.
-        sentence: for people.
-        place: of the piece or the thing, board frame [m]; None where nothing is there.
-    """
-
-    kind: FaultKind
-    square: int
-    sentence: str
-    place: tuple[float, float] | None
+    kind: FaultKind  # of fault
+    square: int  # 0 = a1 … 63 = h8
+    sentence: str  # for people
+    place: tuple[float, float] | None  # of the piece or the thing, board frame [m]; None where nothing is there
 
 
 @dataclass(frozen=True, slots=True)
 class Examination:
-    """What a look at the board says.
+    """What a look at the board says."""
 
-    Attributes:
-        faults: by square.
-        likeness: of each piece in sight, by square: how well it looks like itself, at most 2; to be held against the
-            next look's.
-        centres: of the same pieces, board frame [m].
-    """
-
-    faults: tuple[Fault, ...]
+    faults: tuple[Fault, ...]  # by square
     likeness: Mapping[int, float]
-    centres: Mapping[int, tuple[float, float]]
+    """Of each piece in sight, by square: how well it looks like itself, at most 2; to be held against the next look's.
+    """
+    centres: Mapping[int, tuple[float, float]]  # of the same pieces, board frame [m]
 
 
 def examine_board(

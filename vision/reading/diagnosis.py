@@ -26,17 +26,11 @@ MANY: Final = 6
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """What is the matter, and what to do.
+    """What is the matter, and what to do."""
 
-    Attributes:
-        situation: its sort.
-        squares: all that are not as they should be, and those that the advice is about.
-        sentence: for the person at the board.
-    """
-
-    situation: Situation
-    squares: tuple[int, ...]
-    sentence: str
+    situation: Situation  # its sort
+    squares: tuple[int, ...]  # all that are not as they should be, and those that the advice is about
+    sentence: str  # for the person at the board
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,37 +43,25 @@ HIGH: Final = np.array([-1, 0, 1, 1, 1, 2, 2])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cover:
-    """How much of each square's middle the picture does not show, as depth has measured it: shares, shape (64,).
+    """How much of each square's middle the picture does not show, as depth has measured it: shares, shape (64,)."""
 
-    Attributes:
-        now: something that stands elsewhere hides so much.
-        before: so much was hidden in the picture that this one is compared with.
-        differs: so much was hidden in one of the two pictures alone.
-    """
-
-    now: Array
-    before: Array
-    differs: Array
+    now: Array  # something that stands elsewhere hides so much
+    before: Array  # so much was hidden in the picture that this one is compared with
+    differs: Array  # so much was hidden in one of the two pictures alone
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """What one look says.
+    """What one look says."""
 
-    Attributes:
-        states: logarithm of how likely empty, white and black are by looks, shape (64, 3), at most 0.
-        changed: logarithm of the odds that the content has changed, shape (64,).
-        cover: share of the squares (columns) that a piece on a square (rows) covers, shape (64, 64); or one of these
-            for each of the heights of ``HIGH``, (3, 64, 64).
-        solid: the same as ``states``, by depth; no piece hides another there. None: the camera has no depth.
-        measured: what hides squares, by depth, in place of ``cover``.
-    """
-
-    states: Array
-    changed: Array
+    states: Array  # logarithm of how likely empty, white and black are by looks, shape (64, 3), at most 0
+    changed: Array  # logarithm of the odds that the content has changed, shape (64,)
     cover: Array
+    """Share of the squares (columns) that a piece on a square (rows) covers, shape (64, 64); or one of these for each
+    of the heights of ``HIGH``, (3, 64, 64)."""
     solid: Array | None = None
-    measured: Cover | None = None
+    """The same as ``states``, by depth; no piece hides another there. None: the camera has no depth."""
+    measured: Cover | None = None  # what hides squares, by depth, in place of ``cover``
 
     def read(self, before: Codes) -> Indices:
         """The likeliest state of each square by its looks and by whether it has changed, whatever the rules: (64,)."""

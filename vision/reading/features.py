@@ -40,18 +40,13 @@ and tried on it, the weights change little and the errors do not."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Light:
-    """A sight in logarithmic brightness, with its gradients.
+    """A sight in logarithmic brightness, with its gradients."""
 
-    Attributes:
-        level: natural logarithm of brightness, shape (PLAN_PX, PLAN_PX, 3).
-        slopes: gradients of the smoothed ``level``: along columns in red, green and blue, then along rows, shape
-            (PLAN_PX, PLAN_PX, 6) [1/px].
-        size: length of the gradient over all colours, shape (PLAN_PX, PLAN_PX) [1/px].
-    """
-
-    level: Field
+    level: Field  # natural logarithm of brightness, shape (PLAN_PX, PLAN_PX, 3)
     slopes: Field
-    size: Field
+    """Gradients of the smoothed ``level``: along columns in red, green and blue, then along rows, shape (PLAN_PX,
+    PLAN_PX, 6) [1/px]."""
+    size: Field  # length of the gradient over all colours, shape (PLAN_PX, PLAN_PX) [1/px]
 
     def brighter(self, step: Array) -> Light:
         """The same, with so much more light in each colour, shape (3,), logarithmic."""

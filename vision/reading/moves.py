@@ -37,36 +37,22 @@ MANY: Final = 4.0
 
 @dataclass(frozen=True, slots=True)
 class MoveReading:
-    """What is believed to have been played.
+    """What is believed to have been played."""
 
-    Attributes:
-        verdict: what the look came to.
-        moves: what was played; in doubt the likeliest, which must not be taken.
-        confidence: probability of ``moves`` among everything weighed.
-        margin: what is left of the margins, in natural logarithms; negative in doubt.
-        squares: those that speak against ``moves``, the loudest first.
-        promotion_unsure: the promoted piece was not seen; a queen is written.
-    """
-
-    verdict: ReadingOutcome
-    moves: tuple[chess.Move, ...]
-    confidence: float
-    margin: float
-    squares: tuple[int, ...]
-    promotion_unsure: bool = False
+    verdict: ReadingOutcome  # what the look came to
+    moves: tuple[chess.Move, ...]  # what was played; in doubt the likeliest, which must not be taken
+    confidence: float  # probability of ``moves`` among everything weighed
+    margin: float  # what is left of the margins, in natural logarithms; negative in doubt
+    squares: tuple[int, ...]  # those that speak against ``moves``, the loudest first
+    promotion_unsure: bool = False  # the promoted piece was not seen; a queen is written
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """Positions that could have come about.
+    """Positions that could have come about."""
 
-    Attributes:
-        lines: the moves to each; empty for none.
-        codes: the pieces after them, shape (n, 64).
-    """
-
-    lines: tuple[tuple[chess.Move, ...], ...]
-    codes: Codes
+    lines: tuple[tuple[chess.Move, ...], ...]  # the moves to each; empty for none
+    codes: Codes  # the pieces after them, shape (n, 64)
 
 
 def candidates(board: chess.Board, plies: int = 1) -> Candidates:

@@ -34,19 +34,12 @@ FOCAL_RANGE: Final = (0.5, 3.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RectifiedView:
-    """One look at the board.
+    """One look at the board."""
 
-    Attributes:
-        plan: RGB, shape (PLAN_PX, PLAN_PX, 3); the row of the 8th rank is above, the a-file left.
-        camera: the pinhole in the plan frame, shape (3,) [squares]; approximate where the camera is unknown.
-        solids: what stands up from the board, by depth. None: the camera has no depth.
-        stamp: of exposure [s].
-    """
-
-    plan: Picture
-    camera: Array
-    solids: Solids | None = None
-    stamp: float = 0.0
+    plan: Picture  # RGB, shape (PLAN_PX, PLAN_PX, 3); the row of the 8th rank is above, the a-file left
+    camera: Array  # the pinhole in the plan frame, shape (3,) [squares]; approximate where the camera is unknown
+    solids: Solids | None = None  # what stands up from the board, by depth. None: the camera has no depth.
+    stamp: float = 0.0  # of exposure [s]
 
 
 def sight_of_picture(colour: Picture, corners: ArrayLike, stamp: float = 0.0) -> RectifiedView:

@@ -65,41 +65,29 @@ _HIDES: Final = 0.015
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """Something that stands, or lies.
+    """Something that stands, or lies."""
 
-    Attributes:
-        x: of its axis, board frame [m]; without depth's bias (see ``sightings_of``) to about 2 mm.
-        y: likewise [m].
-        height: of its top [m].
-        upright: as high and as narrow as a piece that stands; else it lies, or leans, or is none.
-        white: evidence that it is White's, less that for Black's, the median of its pixels (natural logarithm).
-            Measured over 2,000 pieces in 60 lights: White's 1.0 to 4.2, Black's -0.4 to -4.7.
-    """
-
-    x: float
-    y: float
-    height: float
-    upright: bool
+    x: float  # of its axis, board frame [m]; without depth's bias (see ``sightings_of``) to about 2 mm
+    y: float  # likewise [m]
+    height: float  # of its top [m]
+    upright: bool  # as high and as narrow as a piece that stands; else it lies, or leans, or is none
     white: float
+    """Evidence that it is White's, less that for Black's, the median of its pixels (natural logarithm). Measured over
+    2,000 pieces in 60 lights: White's 1.0 to 4.2, Black's -0.4 to -4.7."""
     breadth: float = math.nan
     """Of its top, the narrower way: standard deviation of the points up to 4 mm below the highest [m]."""
-    reach: float = 0.0
-    """Nearly all of it is no further from its axis [m]."""
+    reach: float = 0.0  # nearly all of it is no further from its axis [m]
     lightness: float = math.nan
     """CIELAB's, from 0 to 255, the median along its axis; NaN where too little of that is in sight."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sightings:
-    """What a frame shows.
+    """What a frame shows."""
 
-    Attributes:
-        all: that stands or lies there.
-        hidden: places of expected pieces that something else hides, so that nobody can say whether they are there.
-    """
-
-    all: tuple[Sighting, ...]
+    all: tuple[Sighting, ...]  # that stands or lies there
     hidden: frozenset[Place]
+    """Places of expected pieces that something else hides, so that nobody can say whether they are there."""
 
 
 def sightings_of(

@@ -34,12 +34,9 @@ class Played(NamedTuple):
     """What a game came to."""
 
     clock: ChessClock
-    errors: list[float]
-    """Of each ply: what was charged for the thought, less what the engine took [s]."""
-    total_error: float
-    """Of the sum of all charges, by ply [s]."""
-    flag: str | None
-    """Whose flag fell, and when."""
+    errors: list[float]  # of each ply: what was charged for the thought, less what the engine took [s]
+    total_error: float  # of the sum of all charges, by ply [s]
+    flag: str | None  # whose flag fell, and when
 
 
 def clock_bench(quick: bool, progress: Progress) -> BenchReport:

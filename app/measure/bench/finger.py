@@ -58,14 +58,10 @@ class Missed(Exception):
 class Felt(NamedTuple):
     """What the finger felt."""
 
-    peak: float
-    """[N]"""
-    freed: float
-    """From the contact until it felt less than 10 N for good [s]."""
-    pressing: float
-    """The largest force later than 0.3 s after the contact [N]."""
-    at_rest: bool
-    """Whether the arm rested at the end."""
+    peak: float  # [N]
+    freed: float  # from the contact until it felt less than 10 N for good [s]
+    pressing: float  # the largest force later than 0.3 s after the contact [N]
+    at_rest: bool  # whether the arm rested at the end
 
 
 def in_the_air(parameters: RobotParameters, random: np.random.Generator) -> FingerTrial:

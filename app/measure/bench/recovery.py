@@ -54,12 +54,9 @@ class RecoveryTally:
 
     losses: int = 0
     mishaps: int = 0
-    unmended: int = 0
-    """Games that could not go on without a person's help."""
-    wrong: int = 0
-    """Plies after which the board was not as recorded."""
-    broken: int = 0
-    """Games whose record is not the beginning of what was to be played."""
+    unmended: int = 0  # games that could not go on without a person's help
+    wrong: int = 0  # plies after which the board was not as recorded
+    broken: int = 0  # games whose record is not the beginning of what was to be played
     games: int = 0
 
 

@@ -63,17 +63,11 @@ class NoSuchAct(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Mishap:
-    """What went otherwise than it should.
+    """What went otherwise than it should."""
 
-    Attributes:
-        what: wrong, asked, unnoticed, stuck or failed.
-        act: after which.
-        story: what was done and said.
-    """
-
-    what: str
-    act: str
-    story: str
+    what: str  # wrong, asked, unnoticed, stuck or failed
+    act: str  # after which
+    story: str  # what was done and said
 
 
 class ScriptedPerson(UserInterface):

@@ -53,12 +53,9 @@ ComplexArray = NDArray[np.complex128]
 class LinearLoop(NamedTuple):
     """ξ̇ = A ξ + B f, finger velocity = C ξ + D f for a force f on the right finger; D is zero."""
 
-    a: FloatArray
-    """Shape (22, 22)."""
-    b: FloatArray
-    """Shape (22,)."""
-    c: FloatArray
-    """Shape (22,)."""
+    a: FloatArray  # shape (22, 22)
+    b: FloatArray  # shape (22,)
+    c: FloatArray  # shape (22,)
 
     def state(self, omega: float) -> ComplexArray:
         """Ξ(jω) / F, shape (22,)."""
@@ -97,8 +94,7 @@ class _Pushed(NamedTuple):
     fingers: Fingers
     amplitude: float
     omega: float
-    states: FloatArray
-    """At time 0."""
+    states: FloatArray  # at time 0
 
     def _forces(self, time: float) -> Pair:
         return self.amplitude * float(np.cos(self.omega * time)), 0.0
@@ -173,13 +169,10 @@ def _harmonic(path: Trajectory, omega: float) -> complex:
 class Curve(NamedTuple):
     """The admittance for one k*, [m/(N s)]."""
 
-    linear: ComplexArray
-    """At ``OMEGA``."""
-    at_sweep: ComplexArray
-    """The linear model at the frequencies of the sweep."""
+    linear: ComplexArray  # at ``OMEGA``
+    at_sweep: ComplexArray  # the linear model at the frequencies of the sweep
     sweep: ComplexArray
-    sampled: ComplexArray
-    """From ``SAMPLED_FROM`` on."""
+    sampled: ComplexArray  # from ``SAMPLED_FROM`` on
     formula_error: float
     """Of the closed form `controller.law.tactile.admittance` of an arm that is one mass, the largest [dB]."""
 

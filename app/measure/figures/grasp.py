@@ -71,19 +71,13 @@ SUBSTEPS: Final = 8
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A wooden Jenga block, standing on a long narrow side: 15 mm between the fingers, 25 mm high.
+    """A wooden Jenga block, standing on a long narrow side: 15 mm between the fingers, 25 mm high."""
 
-    Attributes:
-        mass: [kg].
-        half_size: across the fingers' pads (z1), along it, and up [m].
-        friction: Coulomb coefficient on the surface, at rest as in motion; wood on wood.
-        offset: of its middle from the gripper's, along z1 [m].
-    """
-
-    mass: float = 0.015
+    mass: float = 0.015  # [kg]
     half_size: tuple[float, float, float] = (0.0075, 0.0375, 0.0125)
-    friction: float = 0.4
-    offset: float = 0.010
+    """Across the fingers' pads (z1), along it, and up [m]."""
+    friction: float = 0.4  # Coulomb coefficient on the surface, at rest as in motion; wood on wood
+    offset: float = 0.010  # of its middle from the gripper's, along z1 [m]
 
     @property
     def holds(self) -> float:
@@ -93,21 +87,13 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Grasp:
-    """One grasp.
+    """One grasp."""
 
-    Attributes:
-        tactile_gain: k* [1/kg].
-        finger_speed: closing speed asked of each finger [m/s].
-        joint_friction: Coulomb friction of each servomotor's shaft [N m].
-        compensated: the law feeds the shafts' friction forward.
-        block: what is grasped.
-    """
-
-    tactile_gain: float
-    finger_speed: float = 0.030
-    joint_friction: float = 0.0
-    compensated: bool = True
-    block: Block = Block()
+    tactile_gain: float  # k* [1/kg]
+    finger_speed: float = 0.030  # closing speed asked of each finger [m/s]
+    joint_friction: float = 0.0  # Coulomb friction of each servomotor's shaft [N m]
+    compensated: bool = True  # the law feeds the shafts' friction forward
+    block: Block = Block()  # what is grasped
 
     @property
     def parameters(self) -> RobotParameters:
@@ -136,27 +122,16 @@ class Grasp:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """A grasp over time, one entry a tick: displacements along z1 [m], forces on the pads [N].
+    """A grasp over time, one entry a tick: displacements along z1 [m], forces on the pads [N]."""
 
-    Attributes:
-        grasp: what was done.
-        time: [s].
-        arm: the tool from its start.
-        right: the right pad, from the tool's start.
-        left: the left pad, from the tool's start.
-        block: the block from its start.
-        forces: on the right and the left pad as the sensors give them, shape (n, 2).
-        poses: MuJoCo's joint positions at start and end, each shape (nq,), for pictures.
-    """
-
-    grasp: Grasp
-    time: FloatArray
-    arm: FloatArray
-    right: FloatArray
-    left: FloatArray
-    block: FloatArray
-    forces: FloatArray
-    poses: tuple[FloatArray, ...] = ()
+    grasp: Grasp  # what was done
+    time: FloatArray  # [s]
+    arm: FloatArray  # the tool from its start
+    right: FloatArray  # the right pad, from the tool's start
+    left: FloatArray  # the left pad, from the tool's start
+    block: FloatArray  # the block from its start
+    forces: FloatArray  # on the right and the left pad as the sensors give them, shape (n, 2)
+    poses: tuple[FloatArray, ...] = ()  # MuJoCo's joint positions at start and end, each shape (nq,), for pictures
 
     @property
     def final(self) -> float:
@@ -193,15 +168,10 @@ def sliding(grasp: Grasp, mass: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class Fingers:
-    """Gripper and sensors.
+    """Gripper and sensors."""
 
-    Attributes:
-        parameters: of the robot.
-        asked: ṙ4, velocity asked of each finger, positive opening [m/s].
-    """
-
-    parameters: RobotParameters
-    asked: float = 0.0
+    parameters: RobotParameters  # of the robot
+    asked: float = 0.0  # ṙ4, velocity asked of each finger, positive opening [m/s]
 
     def rates(self, own: FloatArray, forces: Pair) -> tuple[float, float, float, float]:
         """Time derivatives of the four states under forces on the pads."""

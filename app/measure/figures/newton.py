@@ -39,10 +39,8 @@ class Steps(NamedTuple):
 
     residual: Vector
     """|h| that the last tick's solution leaves at this tick's angles, then after each step, shape (n, 6) [m]."""
-    to_decimals: Vector
-    """Steps until |h| <= 1e-8 m, shape (n,)."""
-    to_tolerance: Vector
-    """Steps until |h| <= 1e-10 m, what the law asks for, shape (n,)."""
+    to_decimals: Vector  # steps until |h| <= 1e-8 m, shape (n,)
+    to_tolerance: Vector  # steps until |h| <= 1e-10 m, what the law asks for, shape (n,)
 
 
 def fast_way(model: DeltaModel) -> Vector:

@@ -44,12 +44,9 @@ class FigureResult(NamedTuple):
     """A figure as computed."""
 
     title: str
-    bars: Mapping[str, Bar]
-    """By name; what the figure must show."""
-    numbers: Mapping[str, JsonValue]
-    """Everything else worth keeping, with units in the names."""
-    pictures: Mapping[str, Picture]
-    """By suffix of the file's name; the main one has none."""
+    bars: Mapping[str, Bar]  # by name; what the figure must show
+    numbers: Mapping[str, JsonValue]  # everything else worth keeping, with units in the names
+    pictures: Mapping[str, Picture]  # by suffix of the file's name; the main one has none
 
     @property
     def holds(self) -> bool:

@@ -32,10 +32,8 @@ class Maps(NamedTuple):
     """Quantities over a grid at one height, each of shape (rows, columns); NaN out of reach."""
 
     condition: Vector
-    margin: Vector
-    """Rated torque less the torque that holds the arm [N m]."""
-    acceleration: Vector
-    """[m/s²]"""
+    margin: Vector  # rated torque less the torque that holds the arm [N m]
+    acceleration: Vector  # [m/s²]
 
 
 def maps(model: DeltaModel, grid: TableGrid, height: float) -> Maps:

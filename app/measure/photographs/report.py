@@ -9,40 +9,25 @@ from hardware.frozen import Frozen
 
 
 class VisionEvent(Frozen):
-    """One picture, or one settled view of a video.
+    """One picture, or one settled view of a video."""
 
-    Attributes:
-        frame: name of its file; of a video, its number.
-        moves: played since the one before, in UCI; where it was asked, what the answer was.
-        confidence: probability of the moves by what was seen, before anybody was asked.
-        asked: whether a person had to say what was played.
-        said: what there is to say about it, in words.
-    """
-
-    frame: str
-    moves: tuple[str, ...]
-    confidence: float
-    asked: bool
-    said: str = ""
+    frame: str  # name of its file; of a video, its number
+    moves: tuple[str, ...]  # played since the one before, in UCI; where it was asked, what the answer was
+    confidence: float  # probability of the moves by what was seen, before anybody was asked
+    asked: bool  # whether a person had to say what was played
+    said: str = ""  # what there is to say about it, in words
 
 
 class Score(Frozen):
-    """How it compares with what is known.
+    """How it compares with what is known."""
 
-    Attributes:
-        plies: that were played by the labels.
-        right: of them, seen and accepted as played.
-        wrong: accepted as something else, or overlooked.
-        asked: left to a person.
-        square_accuracy: share of squares whose state (empty, white, black) was read right, before the rules and any
-            answer counted; the first picture left out. None where no position is known.
-    """
-
-    plies: int
-    right: int
-    wrong: int
-    asked: int
+    plies: int  # that were played by the labels
+    right: int  # of them, seen and accepted as played
+    wrong: int  # accepted as something else, or overlooked
+    asked: int  # left to a person
     square_accuracy: float | None
+    """Share of squares whose state (empty, white, black) was read right, before the rules and any answer counted; the
+    first picture left out. None where no position is known."""
 
 
 class VisionReport(Frozen):

@@ -64,19 +64,16 @@ SLOWED_LIMIT: Final = 0.01
 class HandFigures:
     """What was seen: durations in plant time [s], and counts."""
 
-    rest: list[float] = field(default_factory=list)
-    """Of hands that the arm did not touch, until it was at rest."""
+    rest: list[float] = field(default_factory=list)  # of hands that the arm did not touch, until it was at rest
     yielded: list[float] = field(default_factory=list)
     """Of hands that reached the arm before it was at rest, until it left off its motion and gave way: after that it is
     the hand that moves it."""
-    force: list[float] = field(default_factory=list)
-    """Of the robot on those hands [N]."""
+    force: list[float] = field(default_factory=list)  # of the robot on those hands [N]
     touch_speed: list[float] = field(default_factory=list)
     """Of the tool where a hand was touched, whoever gave way [m/s]."""
     top_speed: list[float] = field(default_factory=list)
     """Of the tool within the half second before a hand crossed the edge, the most [m/s]."""
-    quiet: list[float] = field(default_factory=list)
-    """Plies of one transfer, from home to home, with nobody near."""
+    quiet: list[float] = field(default_factory=list)  # plies of one transfer, from home to home, with nobody near
     frames: int = 0
     unadmitted: int = 0
     missed: int = 0

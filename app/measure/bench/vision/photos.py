@@ -61,14 +61,10 @@ def sequences(photos: Path) -> Iterator[Path]:
 class Photograph(NamedTuple):
     """A labelled picture."""
 
-    name: str
-    """Folder and file."""
-    colour: NDArray[np.uint8]
-    """RGB, shape (h, w, 3)."""
-    corners: Array
-    """Outer corners counter-clockwise, from a1 on where ``oriented``, shape (4, 2) [px]."""
-    oriented: bool
-    """Whether the label tells a1."""
+    name: str  # folder and file
+    colour: NDArray[np.uint8]  # RGB, shape (h, w, 3)
+    corners: Array  # outer corners counter-clockwise, from a1 on where ``oriented``, shape (4, 2) [px]
+    oriented: bool  # whether the label tells a1
 
 
 def photographs(photos: Path) -> Iterator[Photograph]:
