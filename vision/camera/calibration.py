@@ -64,8 +64,7 @@ class CameraPose:
         turned = -np.array([_cross_matrix(one) for one in seen])
         jacobian = np.concatenate([turned, np.broadcast_to(np.eye(3), turned.shape)], axis=2)
         spread = np.einsum("nij,jk,nik->n", jacobian, self.covariance, jacobian)
-        error: Array = np.sqrt(np.maximum(spread, 0.0))
-        return error
+        return np.asarray(np.sqrt(np.maximum(spread, 0.0)))
 
 
 def solve_pose(intrinsics: Intrinsics, points: Array, pixels: Array) -> CameraPose:

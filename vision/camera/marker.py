@@ -51,5 +51,4 @@ def _crossing(corners: Array) -> Array:
     """Where the diagonals cross: the picture of the centre, whichever way the marker faces."""
     first, second = corners[2] - corners[0], corners[3] - corners[1]
     share = np.linalg.solve(np.column_stack([first, -second]), corners[1] - corners[0])
-    crossing: Array = corners[0] + share[0] * first
-    return crossing
+    return np.asarray(corners[0] + share[0] * first)

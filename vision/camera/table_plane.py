@@ -144,8 +144,7 @@ def _points_on_board(depth: Field, pose: CameraPose, table: TableSettings) -> Ar
     eye = pose.intrinsics
     ray = np.column_stack([(u - eye.cx) / eye.fx, (v - eye.cy) / eye.fy, np.ones(len(u))])[there]
     base = pose.base_from_camera
-    points: Array = (ray * z[there, None]) @ base[:3, :3].T + base[:3, 3]
-    return points
+    return np.asarray((ray * z[there, None]) @ base[:3, :3].T + base[:3, 3])
 
 
 def _meet(pose: CameraPose, pixels: Array, plane: Plane, table: TableSettings) -> Array:
@@ -157,5 +156,4 @@ def _meet(pose: CameraPose, pixels: Array, plane: Plane, table: TableSettings) -
     along = ray @ normal
     if (np.abs(along) < 1e-6).any():
         raise BoardNotFound("the camera looks along the board's plane: hang it higher")
-    points: Array = base[:3, 3] + ray * (((anchor - base[:3, 3]) @ normal) / along)[:, None]
-    return points
+    return np.asarray(base[:3, 3] + ray * (((anchor - base[:3, 3]) @ normal) / along)[:, None])

@@ -51,8 +51,7 @@ def evidence(piece: Field, others: Field, grounds: list[Field]) -> Field:
     """
     instead = (1.0 - _OTHERS) * np.stack(grounds) + _OTHERS * others[None, :]
     ratio = np.log(piece)[None, :] - np.log(instead)
-    table: Field = np.clip(ratio, -MOST, MOST).astype(np.float32).ravel()
-    return table
+    return np.asarray(np.clip(ratio, -MOST, MOST).astype(np.float32).ravel())
 
 
 def looked_up(table: Field, ground: Whole, bins: Whole) -> Field:

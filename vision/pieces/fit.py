@@ -162,8 +162,7 @@ class Fit:
 
         def moved(points: Array) -> Whole:
             at = points[:, None].astype(np.float32) + shift[:, :, None]
-            whole: Whole = np.rint(at).astype(np.int32)
-            return whole
+            return np.asarray(np.rint(at).astype(np.int32))
 
         score = _BY_REGION * self._inside_out(seen, moved) + self._across(seen, moved)
         off = self.places[:, None] + tried - self._nominal[:, None]
@@ -174,8 +173,7 @@ class Fit:
         """Evidence inside each silhouette less that around it, (n, tried)."""
         inner = self.sampled(moved(seen.inside), self.maps).mean(axis=2)
         outer = self.sampled(moved(seen.contour + _RING * seen.normal), self.maps).mean(axis=2)
-        difference: Array = (inner - outer).astype(float)
-        return difference
+        return np.asarray((inner - outer).astype(float))
 
     def _across(self, seen: Silhouettes, moved: Callable[[Array], Whole]) -> Array:
         """How steeply evidence falls, and brightness changes, across each outline where it is in sight, (n, tried)."""
@@ -189,8 +187,7 @@ class Fit:
         contrast = np.abs(along(self._contrast, flat, normal)) / np.float32(_CONTRAST)
         edge = np.clip(fall, 0.0, 1.0) + np.float32(_BY_CONTRAST) * np.clip(contrast, 0.0, 1.0)
         least = 8.0  # with less of the outline in sight it says little
-        steep: Array = (edge * free).sum(axis=2) / np.maximum(free.sum(axis=2), least)
-        return steep
+        return np.asarray((edge * free).sum(axis=2) / np.maximum(free.sum(axis=2), least))
 
     def _flat(self, at: Whole) -> tuple[Whole, Mask]:
         """Indices into the window of pixels (n, …, 2), and whether they count: within it, and of no other piece."""
@@ -265,13 +262,11 @@ class Fit:
         """Share of each outline in sight where the picture has an edge just there, (n,)."""
         edges = self.edges
         good = (edges.sure > _CLEAR_EDGE * self._shapes.weight) & (np.abs(edges.offset) < _AGREES) & edges.open
-        share: Array = good.sum(axis=1) / np.maximum(edges.open.sum(axis=1), 1)
-        return share
+        return np.asarray(good.sum(axis=1) / np.maximum(edges.open.sum(axis=1), 1))
 
     def in_sight(self) -> Array:
         """Share of each outline that no other piece hides or touches, (n,)."""
-        share: Array = self.edges.open.mean(axis=1)
-        return share
+        return np.asarray(self.edges.open.mean(axis=1))
 
     def too_low(self) -> Mask:
         """Whether depth shows each piece's silhouette, and nothing in it as high as if the piece stood, (n,).

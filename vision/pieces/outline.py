@@ -170,8 +170,7 @@ class Shapes:
         self.weight = np.array([one.weight for one in outlines]).reshape(-1, CONTOUR_POINTS)
 
     def _turned(self, points: list[Array], count: int) -> Array:
-        turned: Array = np.einsum("nki,nij->nkj", np.array(points).reshape(-1, count, 3), self._axes)
-        return turned
+        return np.asarray(np.einsum("nki,nij->nkj", np.array(points).reshape(-1, count, 3), self._axes))
 
     def at(self, places: Array) -> Silhouettes:
         """Where outlines are when the pieces stand at these places, (n, 2) [m]."""
@@ -187,8 +186,7 @@ class Shapes:
         return Silhouettes(contour, normal, self._pixels(self._inside + foot), jacobian, distance)
 
     def _pixels(self, points: Array) -> Array:
-        pixels: Array = self._view.project(points) - self._origin
-        return pixels
+        return np.asarray(self._view.project(points) - self._origin)
 
 
 def labels(seen: Silhouettes, shape: tuple[int, ...]) -> NDArray[np.int16]:

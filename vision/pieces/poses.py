@@ -91,8 +91,7 @@ def off_surface(points: Field, kind: Kind, pose: Pose) -> Array:
     across = np.sqrt(np.maximum((from_start**2).sum(axis=1) - along**2, 0.0))
     row = np.clip(np.rint((along + _AROUND) / _CELL).astype(np.intp), 0, table.shape[0] - 1)
     column = np.minimum(np.rint(across / _CELL).astype(np.intp), table.shape[1] - 1)
-    off: Array = table[row, column]
-    return off
+    return np.asarray(table[row, column])
 
 
 def off_standing(points: Field, kind: Kind, places: Array) -> Array:
@@ -101,8 +100,7 @@ def off_standing(points: Field, kind: Kind, places: Array) -> Array:
     row = np.clip(np.rint((points[:, 2] + _AROUND) / _CELL).astype(np.intp), 0, table.shape[0] - 1)
     away = np.hypot(points[:, 0] - places[:, :1], points[:, 1] - places[:, 1:])
     column = np.minimum(np.rint(away / _CELL).astype(np.intp), table.shape[1] - 1)
-    off: Array = table[row, column]
-    return off
+    return np.asarray(table[row, column])
 
 
 @lru_cache(maxsize=16)

@@ -65,22 +65,19 @@ class Evidence:
 
     def read(self, before: Codes) -> Indices:
         """The likeliest state of each square by its looks and by whether it has changed, whatever the rules: (64,)."""
-        read: Indices = self._each(before, before).argmax(axis=1)
-        return read
+        return np.asarray(self._each(before, before).argmax(axis=1))
 
     def likelihood(self, before: Codes) -> Array:
         """How likely each square is empty, white or black, by the same: shape (64, 3), rows that sum to one."""
         each = self._each(before, before)
         weights = np.exp(each - each.max(axis=1, keepdims=True))
-        likelihood: Array = weights / weights.sum(axis=1, keepdims=True)
-        return likelihood
+        return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
     def _each(self, codes: Codes, before: Codes) -> Array:
         """How well states explain each square, the others being as a position says: natural logarithms, (64, 3)."""
         looks, did, kept = (one[0] for one in self._terms(codes[None], before))
         as_before = np.arange(3) == states_of(before)[:, None]
-        each: Array = looks + np.where(as_before, kept[:, None], did[:, None])
-        return each
+        return np.asarray(looks + np.where(as_before, kept[:, None], did[:, None]))
 
     def altered(self, before: Codes) -> tuple[int, ...]:
         """Squares with a piece of the colour that was there, which look changed though nothing hides them: perhaps
@@ -165,8 +162,7 @@ class Evidence:
     def _covered(self, codes: Codes) -> Array:
         """Share of each square's middle that pieces on the other squares cover: shape (..., 64)."""
         high, layers = HIGH[np.abs(codes)], np.broadcast_to(self.cover, (HIGH.max() + 1, 64, 64))
-        covered: Array = sum((high == k).astype(float) @ layer for k, layer in enumerate(layers)) - (high >= 0)
-        return covered
+        return np.asarray(sum((high == k).astype(float) @ layer for k, layer in enumerate(layers)) - (high >= 0))
 
 
 def _taller(one: Codes, other: Codes) -> Codes:

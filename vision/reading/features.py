@@ -114,5 +114,4 @@ def change_measures(light: Light, reference: Light) -> Array:
 
 def change_odds(light: Light, reference: Light) -> Array:
     """Logarithm of the odds that a square's content has changed: shape (64,), within ±``BOUND``."""
-    odds: Array = np.clip(change_measures(light, reference) @ np.array(WEIGHTS) + OFFSET, -BOUND, BOUND)
-    return odds
+    return np.asarray(np.clip(change_measures(light, reference) @ np.array(WEIGHTS) + OFFSET, -BOUND, BOUND))

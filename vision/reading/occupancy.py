@@ -79,15 +79,13 @@ class DepthOccupancy:
 def _share(solids: Solids) -> Array:
     """Of the points over each square those that stand up."""
     least = max(FEW * float(solids.seen.mean()), 1.0)
-    share: Array = solids.standing / np.maximum(solids.seen - solids.above, least)
-    return share
+    return np.asarray(solids.standing / np.maximum(solids.seen - solids.above, least))
 
 
 def _shown(solids: Solids) -> Array:
     """How much the colour of what stands on each square counts, 0 to 1."""
     hidden = solids.other.mean(axis=1)
-    shown: Array = np.clip((MOSTLY - hidden) / (MOSTLY - HARDLY), LITTLE, 1.0)
-    return shown
+    return np.asarray(np.clip((MOSTLY - hidden) / (MOSTLY - HARDLY), LITTLE, 1.0))
 
 
 def _reached(solids: Solids) -> Mask:
@@ -122,8 +120,7 @@ class _Two:
             return np.zeros(len(values))
         variance = np.maximum(self._scatter / self._count.sum(), least**2)
         off = ((values[:, None, :] - self._mean) ** 2 / variance).mean(axis=2)
-        odds: Array = np.clip(0.5 * (off[:, 0] - off[:, 1]), -BOUND, BOUND)
-        return odds
+        return np.asarray(np.clip(0.5 * (off[:, 0] - off[:, 1]), -BOUND, BOUND))
 
     @property
     def known(self) -> bool:
@@ -136,5 +133,4 @@ class _Two:
         """
         spread = np.sqrt(np.maximum(self._scatter / self._count[0], least**2))
         above = np.maximum((values - self._mean[0]) / spread, 0.0)
-        surprise: Array = np.minimum(0.5 * (above**2).mean(axis=1), 2.0 * BOUND)
-        return surprise
+        return np.asarray(np.minimum(0.5 * (above**2).mean(axis=1), 2.0 * BOUND))

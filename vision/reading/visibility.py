@@ -56,8 +56,7 @@ def room_of(depth: Field, view: BoardView) -> Array:
     pixels, away, usual = _trials(view)
     seen = depth.ravel().take(pixels) > away
     free = np.count_nonzero(seen, axis=0) >= ENOUGH
-    room: Array = np.where(free, 0.0, usual).sum(axis=1)
-    return room
+    return np.asarray(np.where(free, 0.0, usual).sum(axis=1))
 
 
 @lru_cache(maxsize=4)
@@ -99,8 +98,7 @@ def hidden_by(label: Picture, view: BoardView) -> Mask:
     square a1 to h8, more where it shows anything else; shape (height, width).
     """
     seen = label.ravel().take(_cells(view))
-    other: Mask = (seen > 0) & (seen != np.arange(1, 65)[:, None])
-    return other
+    return np.asarray((seen > 0) & (seen != np.arange(1, 65)[:, None]))
 
 
 @lru_cache(maxsize=4)
@@ -111,8 +109,7 @@ def _cells(view: BoardView) -> Indices:
     points[..., :2] = _middles()[:, None] + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     column, row = np.moveaxis(np.rint(view.project(points * view.table.square)), -1, 0).astype(np.intp)
     width, height = view.intrinsics.width, view.intrinsics.height
-    cells: Indices = column.clip(0, width - 1) + width * row.clip(0, height - 1)
-    return cells
+    return np.asarray(column.clip(0, width - 1) + width * row.clip(0, height - 1))
 
 
 def _middles() -> Array:

@@ -162,8 +162,7 @@ def _axis_pixels(one: Sighting, view: BoardView, part: Surface) -> Whole:
     at = np.unique((middle[:, None] + beside).reshape(-1, 2), axis=0)
     h, w = part.ground.shape
     within = (at >= 0).all(axis=1) & (at < (w, h)).all(axis=1)
-    pixels: Whole = at[within, 1] * w + at[within, 0]
-    return pixels
+    return np.asarray(at[within, 1] * w + at[within, 0])
 
 
 def clusters(points: Field, view: BoardView, beside: tuple[float, float]) -> list[Whole]:

@@ -79,8 +79,7 @@ def until_touch(plan: Plan) -> list[NDArray[Any]]:
 
 def _jerk(samples: NDArray[Any]) -> Vector:
     tick = load_parameters().drive.tick
-    jerk: Vector = np.diff(samples["acceleration"], axis=0, prepend=samples["acceleration"][:1]) / tick
-    return jerk
+    return np.diff(samples["acceleration"], axis=0, prepend=samples["acceleration"][:1]) / tick
 
 
 def _shares(plan: Plan, settings: MotionSettings) -> dict[str, float]:
