@@ -1,7 +1,6 @@
 """``touchmove calibrate``: the arm shows its marker to the camera all over the board; where the camera hangs follows.
 
-The arm stays higher than any piece, so that the board may be set up or empty. At each point it rests, one frame is
-taken that was exposed after it came to rest, and the encoders say where the tool really is.
+How the arm shows it: ``app.commissioning.marker_survey``.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app import UserError
 from app.commissioning.calibrate_report import CalibrateReport, ShownPoint
@@ -31,12 +29,12 @@ from controller.wire.errors import ControllerError
 from hardware.interfaces import Frame, HardwareError, Pace
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings, square_place
+from vision.arrays import Array
 from vision.board.find import find_board
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.camera.calibration import CalibrationFailed, CameraPose, depth_factor, solve_pose
 from vision.camera.table_plane import board_place, find_plane, nominal_view
 
-Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 FindCorners = Callable[[Frame, BoardView], Array | None]
 """Corners a1, h1, h8, a8 in a frame, (4, 2) [px], near to where a view has them; None where no board is seen."""

@@ -11,17 +11,16 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.motion import MotionSettings, Plan, Planner, PlanRefused
 from app.rig.devices import Rig
 from hardware.interfaces import Camera, Frame, HardwareError
 from hardware.parameters import Marker, RobotParameters
 from hardware.table import PIECE_SHAPES, TableSettings
+from vision.arrays import Array
 from vision.camera.calibration import CalibrationFailed
 from vision.camera.marker import SeenMarker, find_marker
 
-Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 PAUSE: Final = 0.15

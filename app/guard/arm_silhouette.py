@@ -13,7 +13,6 @@ from collections import deque
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.scene.arm import (
     BODY_HALF_LENGTH,
@@ -32,9 +31,8 @@ from controller.settings import ControllerSettings
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, TableSettings
+from vision.arrays import Array
 from vision.hands.arm_mask import Capsules
-
-Array = NDArray[np.float64]
 
 HELD_RADIUS: Final = 0.002 + max(shape.foot_radius for shape in PIECE_SHAPES.values())
 HELD_BELOW: Final = max(shape.grip_height for shape in PIECE_SHAPES.values())

@@ -11,8 +11,9 @@ import chess.pgn
 import numpy as np
 
 from app.measure.photographs.labels import FrameLabel, Labels
-from app.measure.photographs.pictures import Array, Picture
+from app.measure.photographs.pictures import Picture
 from app.measure.photographs.report import Score, VisionEvent, VisionReport
+from vision.arrays import Array
 from vision.board.view import BoardNotFound
 from vision.reading.evidence import codes_of, states_of
 from vision.reading.moves import MoveReading

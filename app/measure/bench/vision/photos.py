@@ -21,7 +21,8 @@ from app import UserError
 from app.measure.bench.report import Progress, Row, row
 from app.measure.photographs import CornersFrom, follow_folder
 from app.measure.photographs.labels import FILE_NAME, load_labels
-from app.measure.photographs.pictures import Array, read_picture, read_video
+from app.measure.photographs.pictures import read_picture, read_video
+from vision.arrays import Array
 from vision.board.find import find_board
 from vision.board.grid import CORNERS
 from vision.board.lattice import fit_homography, project
