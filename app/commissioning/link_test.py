@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable
+from dataclasses import dataclass
 from ipaddress import ip_address
-from typing import Final
+from pathlib import Path
+from typing import Final, Self
 
 import numpy as np
 from rich.table import Table
 from rich.text import Text
 
 from app import UserError
-from app.commissioning.processor import ProcessorTime, stolen_share
 from app.rig.factory import choose_rig
 from app.rig.rig_file import RigFile
 from app.rig.simulation.timed import GrantedRealTime, timed_rig
@@ -42,6 +43,35 @@ STOLEN: Final = 0.1
 """Processor time taken by the host of a virtual machine [%]."""
 BUFFER: Final = 1 << 20
 """What the controller asks for [bytes]: 3000 datagrams."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessorTime:
+    """Counters since the PC was started, over all cores [ticks of the system]: all time, and what a host stole.
+
+    In a virtual machine stolen time is what the host gave to others while this machine wanted to work. No privilege
+    within the machine protects a loop from it.
+    """
+
+    total: int
+    stolen: int
+
+    @classmethod
+    def now(cls) -> Self | None:
+        """The counters; None where the system does not tell."""
+        try:
+            first = Path("/proc/stat").read_text(encoding="ascii").splitlines()[0].split()
+        except (OSError, IndexError):
+            return None
+        values = [int(value) for value in first[1:9]]  # what follows is counted in these already
+        return cls(sum(values), values[7]) if len(values) == 8 else None
+
+
+def stolen_share(before: ProcessorTime | None, after: ProcessorTime | None) -> float:
+    """Share of the processors' time that a host stole between two counts, 0 to 1; 0 where it is not known."""
+    if before is None or after is None or after.total <= before.total:
+        return 0.0
+    return (after.stolen - before.stolen) / (after.total - before.total)
 
 
 class LinkCheck(Frozen):

@@ -74,18 +74,16 @@ def find_crossings(look: Look, grid: Grid, dark: int) -> Crossings:
 
     ``dark`` is as of ``refine_grid``.
     """
-    window = window_places(WINDOW)
-    places = PLACES
-    found = places.copy()
-    alive = np.ones(len(places), dtype=bool)
+    window, found = window_places(WINDOW), PLACES.copy()
+    alive = np.ones(len(PLACES), dtype=bool)
     for _ in range(ROUNDS):
         values = look(grid.project(found[:, None, None] + window))
         alive &= np.isfinite(values).all(axis=(1, 2))
         found = found + np.clip(_crossing_of_edges(np.nan_to_num(values), window), -0.1, 0.1)
-        alive &= np.abs(found - places).max(axis=1) < FURTHEST
-        found = np.where(alive[:, None], found, places)
+        alive &= np.abs(found - PLACES).max(axis=1) < FURTHEST
+        found = np.where(alive[:, None], found, PLACES)
     values = np.nan_to_num(look(grid.project(found[:, None, None] + window)))
-    likeness = _likeness(values, window, places, np.zeros_like(places), dark)
+    likeness = _likeness(values, window, np.zeros_like(PLACES), dark)
     return _select(found, alive & (likeness > LEAST_LIKENESS))
 
 
@@ -99,7 +97,7 @@ def crossings_in(values: Array, dark: int) -> Crossings:
     shift = _crossing_of_edges(safe, window)
     alive = np.isfinite(values).all(axis=(1, 2)) & (np.abs(shift).max(axis=1) < FURTHEST)
     shift = np.where(alive[:, None], shift, 0.0)
-    likeness = _likeness(safe, window, PLACES, shift, dark)
+    likeness = _likeness(safe, window, shift, dark)
     return _select(PLACES + shift, alive & (likeness > LEAST_LIKENESS))
 
 
@@ -126,12 +124,12 @@ def _crossing_of_edges(values: Array, window: Array) -> Array:
     return np.stack([(vv * bu - uv * bv) / safe, (uu * bv - uv * bu) / safe], axis=1)
 
 
-def _likeness(values: Array, window: Array, places: Array, shift: Array, dark: int) -> Array:
+def _likeness(values: Array, window: Array, shift: Array, dark: int) -> Array:
     """Correlation with light and dark squares that meet off the middle, over what is on the board, shape (n,)."""
     spot = window - shift[:, None, None]
-    place = places[:, None, None] + spot
+    place = PLACES[:, None, None] + spot
     clear = ((place > 0.02) & (place < 7.98)).all(axis=-1) & (np.abs(spot).min(axis=-1) > 0.03)
-    parity = dark * (2.0 * (places.sum(axis=1) % 2) - 1.0)
+    parity = dark * (2.0 * (PLACES.sum(axis=1) % 2) - 1.0)
     pattern = parity[:, None, None] * np.sign(spot[..., 0] * spot[..., 1])
     count = np.maximum(clear.sum(axis=(1, 2)), 1)
     a, b = (

@@ -52,8 +52,7 @@ def fit_homography(places: Array, points: Array, weights: Array | None = None) -
         Shape (3, 3), the last entry 1 unless it vanishes.
     """
     source, target = _to_unit(places), _to_unit(points)
-    p = _apply_affine(source, places)
-    q = _apply_affine(target, points)
+    p, q = (each @ unit[:2, :2].T + unit[:2, 2] for each, unit in ((places, source), (points, target)))
     ones, zeros = np.ones((len(p), 1)), np.zeros((len(p), 3))
     full = np.hstack([p, ones])
     rows = np.vstack([np.hstack([full, zeros, -q[:, :1] * full]), np.hstack([zeros, full, -q[:, 1:] * full])])
@@ -230,7 +229,3 @@ def _to_unit(points: Array) -> Array:
     centre = points.mean(axis=0)
     scale = np.sqrt(2.0) / max(float(np.linalg.norm(points - centre, axis=1).mean()), 1e-12)
     return np.array([[scale, 0.0, -scale * centre[0]], [0.0, scale, -scale * centre[1]], [0.0, 0.0, 1.0]])
-
-
-def _apply_affine(matrix: Array, points: Array) -> Array:
-    return np.asarray(points @ matrix[:2, :2].T + matrix[:2, 2])

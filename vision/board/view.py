@@ -107,16 +107,14 @@ class BoardView:
     @property
     def camera_position(self) -> Array:
         """The pinhole in the board frame, shape (3,) [m]."""
-        rotation, shift = self.camera_from_board[:3, :3], self.camera_from_board[:3, 3]
-        return -rotation.T @ shift
+        return -self.camera_from_board[:3, :3].T @ self.camera_from_board[:3, 3]
 
     def depth(self, points: ArrayLike) -> Array:
         """Distance of points (..., 3) [m] of the board frame from the camera's plane, along its view: (...) [m]."""
         return self._in_camera(points)[..., 2]
 
     def _in_camera(self, points: ArrayLike) -> Array:
-        rotation, shift = self.camera_from_board[:3, :3], self.camera_from_board[:3, 3]
-        return np.asarray(points, dtype=float) @ rotation.T + shift
+        return np.asarray(points, dtype=float) @ self.camera_from_board[:3, :3].T + self.camera_from_board[:3, 3]
 
     def project(self, points: ArrayLike) -> Array:
         """Where points (..., 3) [m] of the board frame are in the picture, (..., 2) [px], also where they lie outside

@@ -28,6 +28,14 @@ NOISE: Final = 4.0
 """Least standard deviation of a pixel's noise that is reckoned with [grey levels]."""
 MOVES: Final = 3.5
 """A pixel moves where it differs by so many standard deviations of noise."""
+REACH: Final = 0.15
+"""What differs, touches the rim, and covers at least so much of the board reaches in [squares] …"""
+BODY: Final = 0.5
+"""… if it is so large outside of the board: pieces near the edge that lean out of it are smaller [squares];"""
+LONE: Final = 1.2
+"""or if it covers so much of the board, whatever is seen of it outside [squares]."""
+LARGE: Final = 5.0
+"""Whatever differs and is at least so large is no piece, nor a few of them [squares]."""
 _SPARSE: Final = 5
 """Statistics over all of a picture are taken of each so manieth pixel along both axes."""
 _LEARNING: Final = 0.2
@@ -47,24 +55,10 @@ class ColourObservation:
 
 
 class Differences:
-    """Watches in colour. Not thread-safe.
+    """Watches a zone in colour. Not thread-safe."""
 
-    Args:
-        zone: what is watched.
-        reach: what differs, touches the rim, and covers at least so much of the board reaches in [squares] …
-        body: … if it is so large outside of the board: pieces near the edge that lean out of it are smaller [squares].
-        lone: or if it covers so much of the board, whatever is seen of it outside [squares].
-        large: whatever differs and is at least so large is no piece, nor a few of them [squares].
-    """
-
-    def __init__(
-        self, zone: Zone, reach: float = 0.15, body: float = 0.5, lone: float = 1.2, large: float = 5.0
-    ) -> None:
+    def __init__(self, zone: Zone) -> None:
         self._zone = zone
-        self._reach = reach
-        self._body = body
-        self._lone = lone
-        self._large = large
         self._before: Picture | None = None
         self._hidden: Mask | None = None
         self._background: Picture | None = None
@@ -137,8 +131,8 @@ class Differences:
         at_rim[0] = False
         self._entering = at_rim[labels]
         inside = np.bincount(labels[self._zone.board], minlength=count) / self._zone.square_area
-        enters = ((inside >= self._reach) & (areas - inside >= self._body)) | (inside >= self._lone)
-        hands = (areas >= self._large) | (at_rim & enters)
+        enters = ((inside >= REACH) & (areas - inside >= BODY)) | (inside >= LONE)
+        hands = (areas >= LARGE) | (at_rim & enters)
         hands[0] = False
         if not hands.any():
             return 0.0, None

@@ -21,6 +21,18 @@ from vision.loops import learn_heights, measure_parts, squares_under, stand_out
 
 TALLEST: Final = max(shape.height for shape in PIECE_SHAPES.values())
 """Height of the tallest piece [m]."""
+_MARGIN: Final = 0.018
+"""What is higher than the tallest piece by this is no piece [m]."""
+_CEILING: Final = 0.34
+"""What is higher than this is not over the board but between it and the camera [m]."""
+_LEAST: Final = 0.00045
+"""Area of what is no piece [m²]."""
+_REACH: Final = 0.0018
+"""Area of what comes in from outside, however low [m²]."""
+_LARGE: Final = 0.006
+"""Area of what is no piece wherever it is: castling moves two of them at once [m²]."""
+_MOVES: Final = 0.00024
+"""Area that changes on a board at rest, by noise, at most [m²]."""
 _LEARNING: Final = 0.2
 _STANDS: Final = 0.012
 """What is lower is the board, or noise of the depth camera [m]."""
@@ -55,34 +67,12 @@ NOWHERE: Final = np.zeros((0, 3))
 
 
 class Heights:
-    """Watches in depth. Not thread-safe.
+    """Watches a space, with squares as of a table, in depth. Not thread-safe."""
 
-    Args:
-        space: what is watched.
-        table: its squares.
-        margin: what is higher than the tallest piece by this is no piece [m].
-        ceiling: what is higher than this is not over the board but between it and the camera [m].
-        least: area of what is no piece [m²].
-        reach: area of what comes in from outside, however low [m²].
-        large: area of what is no piece wherever it is: castling moves two of them at once [m²].
-        moves: area that changes on a board at rest, by noise, at most [m²].
-    """
-
-    def __init__(
-        self,
-        space: Space,
-        table: TableSettings,
-        margin: float = 0.018,
-        ceiling: float = 0.34,
-        least: float = 0.00045,
-        reach: float = 0.0018,
-        large: float = 0.006,
-        moves: float = 0.00024,
-    ) -> None:
+    def __init__(self, space: Space, table: TableSettings) -> None:
         self._space, self._table = space, table
-        self._limits = np.array([TALLEST + margin, ceiling, _STANDS, _RISES], dtype=np.float32)
+        self._limits = np.array([TALLEST + _MARGIN, _CEILING, _STANDS, _RISES], dtype=np.float32)
         self._half = np.array(space.half, dtype=np.float32)
-        self._least, self._reach, self._large, self._moves = least, reach, large, moves
         shape = space.ray.shape[1:]
         self._usual = np.full(shape, np.inf, dtype=np.float32)
         self._nothing = np.zeros(shape, dtype=np.bool_)
@@ -111,7 +101,7 @@ class Heights:
         areas, high, enters = measure_parts(
             parts, count, found, depth, space.ray, space.position, space.pixel, self._half - np.float32(_RIM), _BORDER
         )
-        chosen = (high >= self._least) | (enters & (areas >= self._reach)) | (areas >= self._large)
+        chosen = (high >= _LEAST) | (enters & (areas >= _REACH)) | (areas >= _LARGE)
         if not chosen.any():
             return self._nobody(depth, hidden, away)
         self._still = None
@@ -141,7 +131,7 @@ class Heights:
         seen = self._space.board & (depth > 0.0) & (then > 0.0) & ~covered & ~covered_then
         changed = cv2.morphologyEx(((rises > _STANDS) & seen).astype(np.uint8), cv2.MORPH_OPEN, _SMALL) > 0
         area = float(self._space.pixel * (depth[changed] ** 2).sum())
-        if area > self._moves:
+        if area > _MOVES:
             self._still = depth, covered
         return Relief(0.0, _NO_SQUARES, _NO_SQUARES, before=False, moving=area, away=away)
 

@@ -77,14 +77,7 @@ class Zone:
         u, v = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
         x, y, w = np.tensordot(to_grid, np.stack([u, v, np.ones_like(u)]), axes=1)
         ahead = w * np.sign((to_grid @ np.append(small.mean(axis=0), 1.0))[2]) > 1e-9
-        x, y = (
-            np.where(ahead, x / np.where(ahead, w, 1.0), np.inf),
-            np.where(ahead, y / np.where(ahead, w, 1.0), np.inf),
-        )
-        return cls._on_grid(step, x, y, margin, area)
-
-    @classmethod
-    def _on_grid(cls, step: int, x: Array, y: Array, margin: float, area: float) -> Zone:
+        x, y = (np.where(ahead, one / np.where(ahead, w, 1.0), np.inf) for one in (x, y))
         board = (x >= 0.0) & (x < 8.0) & (y >= 0.0) & (y < 8.0)
         around = (x >= -margin) & (x < 8.0 + margin) & (y >= -margin) & (y < 8.0 + margin)
         inner = margin - _RIM
@@ -148,6 +141,5 @@ def _rays(pinhole: Intrinsics, step: int) -> Array:
     """Through the pixels that ``depth[::step, ::step]`` takes, camera frame, depth 1: (h, w, 3)."""
     width, height = pinhole.width // step, pinhole.height // step
     u, v = np.meshgrid(np.arange(width) * step, np.arange(height) * step)
-    return np.stack(
-        [(u - pinhole.cx) / pinhole.fx, (v - pinhole.cy) / pinhole.fy, np.ones_like(u, dtype=float)], axis=2
-    )
+    across, down = (u - pinhole.cx) / pinhole.fx, (v - pinhole.cy) / pinhole.fy
+    return np.stack([across, down, np.ones_like(across)], axis=2)

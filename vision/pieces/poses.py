@@ -85,21 +85,21 @@ def _axes(kind: Kind, pose: Pose) -> tuple[Array, Array]:
 def off_surface(points: Field, kind: Kind, pose: Pose) -> Array:
     """How far points (n, 3) of the board frame are from the surface of a piece, whether within or without, (n,) [m]."""
     start, axes = _axes(kind, pose)
-    table = _distances(kind)
     from_start = points - start
     along = from_start @ axes[2]
-    across = np.sqrt(np.maximum((from_start**2).sum(axis=1) - along**2, 0.0))
-    row = np.clip(np.rint((along + _AROUND) / _CELL).astype(np.intp), 0, table.shape[0] - 1)
-    column = np.minimum(np.rint(across / _CELL).astype(np.intp), table.shape[1] - 1)
-    return np.asarray(table[row, column])
+    return _off(kind, along, np.sqrt(np.maximum((from_start**2).sum(axis=1) - along**2, 0.0)))
 
 
 def off_standing(points: Field, kind: Kind, places: Array) -> Array:
     """The same for a piece that stands at each of some places, board frame (m, 2) [m]: (m, n) [m]."""
+    return _off(kind, points[:, 2], np.hypot(points[:, 0] - places[:, :1], points[:, 1] - places[:, 1:]))
+
+
+def _off(kind: Kind, along: Array | Field, across: Array) -> Array:
+    """How far points are from the surface, by where they are along the axis and how far from it [m]."""
     table = _distances(kind)
-    row = np.clip(np.rint((points[:, 2] + _AROUND) / _CELL).astype(np.intp), 0, table.shape[0] - 1)
-    away = np.hypot(points[:, 0] - places[:, :1], points[:, 1] - places[:, 1:])
-    column = np.minimum(np.rint(away / _CELL).astype(np.intp), table.shape[1] - 1)
+    row = np.clip(np.rint((along + _AROUND) / _CELL).astype(np.intp), 0, table.shape[0] - 1)
+    column = np.minimum(np.rint(across / _CELL).astype(np.intp), table.shape[1] - 1)
     return np.asarray(table[row, column])
 
 

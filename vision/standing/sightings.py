@@ -260,9 +260,8 @@ def hidden_places(frame: Frame, view: BoardView, expected: Mapping[Place, PieceS
             continue
         axis = np.array([(*view.table.xy(place), share * PIECE_SHAPES[piece.kind].height) for share in (0.5, 0.7, 0.9)])
         pixels = np.rint(view.project(axis)).astype(int)
-        far = (axis @ view.camera_from_board[:3, :3].T + view.camera_from_board[:3, 3])[:, 2]
         nearer = 0
-        for (u, v), z in zip(pixels.tolist(), far.tolist(), strict=True):
+        for (u, v), z in zip(pixels.tolist(), view.depth(axis).tolist(), strict=True):
             inside = 0 <= u < view.intrinsics.width and 0 <= v < view.intrinsics.height
             nearer += not inside or float(frame.depth[v, u]) < z - _HIDES
         if nearer > 1:

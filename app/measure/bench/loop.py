@@ -18,7 +18,7 @@ import chess
 import numpy as np
 
 from app import UserError
-from app.commissioning.processor import ProcessorTime, stolen_share
+from app.commissioning.link_test import ProcessorTime, stolen_share
 from app.measure.bench.beds.bed import straight
 from app.measure.bench.report import BenchReport, Progress, Row, row
 from app.motion import Motion, MotionSettings, Plan

@@ -12,10 +12,9 @@ from typing import Final
 import chess
 
 from app import UserError
-from app.measure.photographs.follow import CornerSource, follow
+from app.measure.photographs.follow import CornerSource, VisionReport, follow
 from app.measure.photographs.labels import Labels, load_labels
 from app.measure.photographs.pictures import VIDEOS, Picture, picture_files, read_picture, read_video
-from app.measure.photographs.report import VisionReport
 from app.records import EVENTS_FILE, FRAMES, read_events
 from app.records.events import StartEvent
 from app.records.history import counted_plies
