@@ -46,10 +46,8 @@ FindCorners = Callable[[Frame, BoardView], Array | None]
 FILE: Final = "calibration.json"
 MOST_EXPECTED: Final = 0.0015
 """A calibration whose worst square is expected to be off by more, as a standard deviation, is refused [m]."""
-MOST_RESIDUAL: Final = 0.0015
-"""And one whose points disagree by more than this on average [m]."""
-MOST_FACTOR: Final = 0.05
-"""Depth that is wrong by a larger share is no depth of this scene."""
+MOST_RESIDUAL: Final = 0.0015  # and one whose points disagree by more than this on average [m]
+MOST_FACTOR: Final = 0.05  # depth that is wrong by a larger share is no depth of this scene
 
 
 class ShownPoint(Frozen):

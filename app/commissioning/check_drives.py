@@ -19,27 +19,18 @@ from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Serv
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 
-DURATION: Final = 1.0
-"""How long the drives are listened to [s of plant time]."""
-SETTLING: Final = 0.5
-"""Before that, as a share of it."""
-PERIOD_TOLERANCE: Final = 0.02
-"""Of the tick's length."""
-LOST_TICKS: Final = 0.01
-"""Share of ticks that may go by without an exchange, on a PC that does other things as well."""
-STILL: Final = 0.01
-"""Closed brakes hold the servomotors below this [rad/s]."""
-NOISE_COUNTS: Final = 4.0
-"""Standard deviation of an encoder at rest [counts]."""
-FINGER_TOLERANCE: Final = 0.001
-"""Beyond its stroke [m]."""
+DURATION: Final = 1.0  # how long the drives are listened to [s of plant time]
+SETTLING: Final = 0.5  # before that, as a share of it
+PERIOD_TOLERANCE: Final = 0.02  # of the tick's length
+LOST_TICKS: Final = 0.01  # share of ticks that may go by without an exchange, on a PC that does other things as well
+STILL: Final = 0.01  # closed brakes hold the servomotors below this [rad/s]
+NOISE_COUNTS: Final = 4.0  # standard deviation of an encoder at rest [counts]
+FINGER_TOLERANCE: Final = 0.001  # beyond its stroke [m]
 TACTILE_OFFSET: Final = 0.5
 TACTILE_NOISE: Final = 0.2
 """Of a finger that holds nothing [N]."""
-SILENCE: Final = 5.0
-"""How long nothing is said to try the drives' watchdog, in its own times."""
-BELOW_BOARD: Final = 0.02
-"""The tool cannot be deeper than so far below the playing surface [m]."""
+SILENCE: Final = 5.0  # how long nothing is said to try the drives' watchdog, in its own times
+BELOW_BOARD: Final = 0.02  # the tool cannot be deeper than so far below the playing surface [m]
 
 _REST: Final = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=False, busy=True)
 _POWERED: Final = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=True, busy=True)

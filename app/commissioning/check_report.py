@@ -17,8 +17,7 @@ class CheckState(StrEnum):
 
     GOOD = "good"
     WRONG = "wrong"
-    LEFT_OUT = "left out"
-    """It could not be looked at, or the rig has none; not counted against it."""
+    LEFT_OUT = "left out"  # it could not be looked at, or the rig has none; not counted against it
 
 
 class Finding(Frozen):

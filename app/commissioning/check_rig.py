@@ -34,20 +34,13 @@ from hardware.table import PIECE_SHAPES
 FRAMES: Final = 6
 MOST_AGE: Final = 0.5
 """Of a frame when it is read [s]."""
-PATIENCE: Final = 5.0
-"""For the first such one [s, wall]."""
-DARK, BRIGHT = 40.0, 215.0
-"""Mean brightness of a picture, of 255."""
-BLOWN: Final = 0.10
-"""Share of pixels that may be white or black through and through."""
-SHARP: Final = 20.0
-"""Variance of the picture's Laplacian; a lens out of focus stays far below."""
-DEPTH_SHARE: Final = 0.5
-"""Of pixels with depth."""
-NEAR, FAR = 0.2, 2.0
-"""Between which most of the picture lies [m]."""
-NODES: Final = 2000
-"""What the engine is asked to look at."""
+PATIENCE: Final = 5.0  # for the first such one [s, wall]
+DARK, BRIGHT = 40.0, 215.0  # mean brightness of a picture, of 255
+BLOWN: Final = 0.10  # share of pixels that may be white or black through and through
+SHARP: Final = 20.0  # variance of the picture's Laplacian; a lens out of focus stays far below
+DEPTH_SHARE: Final = 0.5  # of pixels with depth
+NEAR, FAR = 0.2, 2.0  # between which most of the picture lies [m]
+NODES: Final = 2000  # what the engine is asked to look at
 
 
 class WallClock:

@@ -29,20 +29,13 @@ from hardware.frozen import Frozen
 SEED: Final = 1
 ROUND_TRIP: Final = 13.0
 """p99 [ms]: an announcement is sent 26 ms ahead, and must arrive with as much to spare."""
-JITTER: Final = 5.0
-"""p99 less median of the round trip [ms]."""
-LOST: Final = 1.0
-"""Pings lost [%]: a motion survives thirty times as much, but a wired network loses next to nothing."""
-OVERTAKEN: Final = 1.0
-"""Telemetry overtaken or repeated [%]."""
-MISSED: Final = 0.1
-"""Ticks without an exchange [%]."""
-HALF_TICK: Final = 0.44
-"""Lateness and work of a tick [ms]: the other half is the reserve."""
-STOLEN: Final = 0.1
-"""Processor time taken by the host of a virtual machine [%]."""
-BUFFER: Final = 1 << 20
-"""What the controller asks for [bytes]: 3000 datagrams."""
+JITTER: Final = 5.0  # p99 less median of the round trip [ms]
+LOST: Final = 1.0  # pings lost [%]: a motion survives thirty times as much, but a wired network loses next to nothing
+OVERTAKEN: Final = 1.0  # telemetry overtaken or repeated [%]
+MISSED: Final = 0.1  # ticks without an exchange [%]
+HALF_TICK: Final = 0.44  # lateness and work of a tick [ms]: the other half is the reserve
+STOLEN: Final = 0.1  # processor time taken by the host of a virtual machine [%]
+BUFFER: Final = 1 << 20  # what the controller asks for [bytes]: 3000 datagrams
 
 
 @dataclass(frozen=True, slots=True)

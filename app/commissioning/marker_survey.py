@@ -23,20 +23,15 @@ from vision.camera.marker import SeenMarker, find_marker
 
 Progress = Callable[[str], None]
 
-PAUSE: Final = 0.15
-"""From rest to a picture: what swings comes to rest [s]."""
-PATIENCE: Final = 3.0
-"""For a frame that was exposed after the arm came to rest [s]."""
+PAUSE: Final = 0.15  # from rest to a picture: what swings comes to rest [s]
+PATIENCE: Final = 3.0  # for a frame that was exposed after the arm came to rest [s]
 MOST_AGE: Final = 0.5
 _SIDES: Final = (-1.0, 0.0, 1.0)
 _SPREAD: Final = 0.75
 """Points lie so far out, in half boards."""
-_CLEAR: Final = 0.012
-"""Between pads and the tallest piece [m]."""
-_LAYERS: Final = (0.0, 0.045, 0.090)
-"""Heights above the lowest one [m]."""
-_INNER: Final = 8
-"""Depth is taken from the middle of the marker, an eighth of its side to each side."""
+_CLEAR: Final = 0.012  # between pads and the tallest piece [m]
+_LAYERS: Final = (0.0, 0.045, 0.090)  # heights above the lowest one [m]
+_INNER: Final = 8  # depth is taken from the middle of the marker, an eighth of its side to each side
 
 
 @dataclass(frozen=True, slots=True)

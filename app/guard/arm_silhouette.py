@@ -38,14 +38,11 @@ HELD_RADIUS: Final = 0.002 + max(shape.foot_radius for shape in PIECE_SHAPES.val
 HELD_BELOW: Final = max(shape.grip_height for shape in PIECE_SHAPES.values())
 HELD_ABOVE: Final = max(shape.height - shape.grip_height for shape in PIECE_SHAPES.values())
 """From the tool point to both ends of the tallest piece that it may hold [m]."""
-_FAN: Final = 4
-"""The flange is drawn as so many bars across it."""
-_PLATE_BARS: Final = 3
-"""The marker's plate is drawn as so many bars along it."""
+_FAN: Final = 4  # the flange is drawn as so many bars across it
+_PLATE_BARS: Final = 3  # the marker's plate is drawn as so many bars along it
 _EVERY: Final = ControllerSettings().telemetry_ticks
 """On a lockstep bus one of so many ticks is kept, the first: that is told in every run [ticks]."""
-_MOST_WAIT: Final = 2.0
-"""For telemetry that is on its way [s, wall]."""
+_MOST_WAIT: Final = 2.0  # for telemetry that is on its way [s, wall]
 
 
 class ArmPose(NamedTuple):

@@ -19,10 +19,8 @@ from vision.board.grid import Grid
 
 Look = Callable[[Array], Array]
 """Gives lightness at points (..., 2) [px], shape (...), light less dark squares about 1; not a number outside."""
-ALONG: Final = np.array([0.12, 0.24, 0.37, 0.5, 0.63, 0.76, 0.88])
-"""Where along a side [sides of a square]."""
-ACROSS: Final = 0.13
-"""How far from it to either side [sides of a square]."""
+ALONG: Final = np.array([0.12, 0.24, 0.37, 0.5, 0.63, 0.76, 0.88])  # where along a side [sides of a square]
+ACROSS: Final = 0.13  # how far from it to either side [sides of a square]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

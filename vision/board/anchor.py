@@ -24,16 +24,11 @@ from vision.board.lattice import fit_homography
 from vision.board.view import BoardNotFound
 from vision.board.window import judge
 
-TOLERANCE: Final = 0.06
-"""A corner that is off by more has moved [sides of a square]."""
-LEAST_CROSSINGS: Final = 10
-"""Crossings that must be seen to tell anything, in at least three rows and columns."""
-LEAST_SHARE: Final = 0.3
-"""Share of the crossings of the reference that must be seen."""
-GONE_ON: Final = -0.3
-"""Margin of the window below which squares go on beyond the border: a shift by whole squares."""
-SAMPLES: Final = 9
-"""Along a side of a window: coarser than for finding, since what is looked for is known to be close."""
+TOLERANCE: Final = 0.06  # a corner that is off by more has moved [sides of a square]
+LEAST_CROSSINGS: Final = 10  # crossings that must be seen to tell anything, in at least three rows and columns
+LEAST_SHARE: Final = 0.3  # share of the crossings of the reference that must be seen
+GONE_ON: Final = -0.3  # margin of the window below which squares go on beyond the border: a shift by whole squares
+SAMPLES: Final = 9  # along a side of a window: coarser than for finding, since what is looked for is known to be close
 
 
 @dataclass(frozen=True, slots=True, eq=False)

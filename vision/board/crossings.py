@@ -18,14 +18,10 @@ from vision.board.grid import CORNERS, Grid, GridFit, fit_grid
 
 HALF_WINDOW: Final = 0.24
 """Half of the window around a crossing [sides of a square]; pieces that stand in the middle begin at about 0.3."""
-WINDOW: Final = 17
-"""Samples along a side of the window; odd."""
-ROUNDS: Final = 4
-"""How often the window is moved onto the crossing."""
-LEAST_LIKENESS: Final = 0.75
-"""Correlation of the window with four squares that meet."""
-FURTHEST: Final = 0.2
-"""A crossing that moves further than this is another feature [sides of a square]."""
+WINDOW: Final = 17  # samples along a side of the window; odd
+ROUNDS: Final = 4  # how often the window is moved onto the crossing
+LEAST_LIKENESS: Final = 0.75  # correlation of the window with four squares that meet
+FURTHEST: Final = 0.2  # a crossing that moves further than this is another feature [sides of a square]
 BORDER_WEIGHT: Final = 0.1
 """Weight across the border of crossings on it: frames and inlays have lines of their own, up to 0.1 squares outside."""
 PLACES: Final = np.stack(np.meshgrid(np.arange(9.0), np.arange(9.0), indexing="ij"), axis=-1).reshape(-1, 2)

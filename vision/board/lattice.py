@@ -18,14 +18,10 @@ from scipy.spatial import cKDTree
 from vision.arrays import Array, Indices
 from vision.board.saddles import Saddles
 
-NEIGHBOURS: Final = 16
-"""How many saddles around one are looked at for the next crossing of a line."""
-LEAST_TURN: Final = 0.5
-"""Cosine of twice the angle between where the bright sectors are and where they should be."""
-REACH: Final = 0.2
-"""A saddle further than this from where a crossing must be is another one [sides of a square]."""
-SPAN: Final = 9
-"""No board has more lines than this in one direction."""
+NEIGHBOURS: Final = 16  # how many saddles around one are looked at for the next crossing of a line
+LEAST_TURN: Final = 0.5  # cosine of twice the angle between where the bright sectors are and where they should be
+REACH: Final = 0.2  # a saddle further than this from where a crossing must be is another one [sides of a square]
+SPAN: Final = 9  # no board has more lines than this in one direction
 
 
 @dataclass(frozen=True, slots=True, eq=False)

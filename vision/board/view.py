@@ -19,10 +19,8 @@ from vision.arrays import Array
 
 CORNER_NAMES = ("a1", "h1", "h8", "a8")
 """Outer corners of the playing area in the order used throughout: counter-clockwise seen from above."""
-CORNER_TOLERANCE = 3.0
-"""A corner further than this from where the fitted pose puts it was not a corner [px]."""
-LEAST_AREA = 1000.0
-"""A board that covers less than this is too small to work with [px²]."""
+CORNER_TOLERANCE = 3.0  # a corner further than this from where the fitted pose puts it was not a corner [px]
+LEAST_AREA = 1000.0  # a board that covers less than this is too small to work with [px²]
 
 
 class BoardNotFound(Exception):

@@ -17,17 +17,13 @@ from scipy.optimize import least_squares
 from hardware.interfaces import Intrinsics
 from vision.arrays import Array, Mask
 
-LEAST_POINTS: Final = 8
-"""The marker has to be seen at so many points at least."""
+LEAST_POINTS: Final = 8  # the marker has to be seen at so many points at least
 LEAST_SPREAD: Final = 0.04
 """Points have to spread at least so far in every direction, as a standard deviation over the largest two; and at
 least a third of it in the third [m]."""
-ROBUST: Final = 0.5
-"""Pictures that are further than this from where they should be count less [px]."""
-OUTLIER: Final = 5.0
-"""And not at all beyond so many of the usual error … """
-LEAST_OUTLIER: Final = 1.0
-"""… if that is more than this [px]."""
+ROBUST: Final = 0.5  # pictures that are further than this from where they should be count less [px]
+OUTLIER: Final = 5.0  # and not at all beyond so many of the usual error …
+LEAST_OUTLIER: Final = 1.0  # … if that is more than this [px]
 LEAST_NOISE: Final = 0.05
 """No picture of a marker is more exact than this, whatever the residuals of few points say [px]."""
 

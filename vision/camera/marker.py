@@ -11,8 +11,7 @@ import numpy as np
 
 from vision.arrays import Array, Picture
 
-LEAST_SIDE: Final = 14.0
-"""A marker with a shorter side is too small to be measured [px]."""
+LEAST_SIDE: Final = 14.0  # a marker with a shorter side is too small to be measured [px]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

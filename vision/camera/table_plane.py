@@ -17,12 +17,9 @@ from vision.arrays import Array, Field
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.camera.calibration import CameraPose
 
-_STEP: Final = 3
-"""Every so many pixels one is taken."""
-_REACH: Final = 0.06
-"""The board is looked for within so much of its expected height [m]."""
-_CLOSE: Final = 0.004
-"""What is further from the plane than this does not belong to it [m]."""
+_STEP: Final = 3  # every so many pixels one is taken
+_REACH: Final = 0.06  # the board is looked for within so much of its expected height [m]
+_CLOSE: Final = 0.004  # what is further from the plane than this does not belong to it [m]
 _LEAST_PIXELS: Final = 300
 _ROUNDS: Final = 6
 

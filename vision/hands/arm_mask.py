@@ -18,16 +18,13 @@ from numpy.typing import ArrayLike
 from vision.arrays import Array, Indices, Mask
 from vision.board.view import BoardView
 
-NEAREST: Final = 0.05
-"""What is nearer to the camera's plane than this, beyond its radius, is not drawn [m]."""
-_ROUND: Final = 16
-"""Corners of the polygon that stands for a circle; it is drawn about it."""
+NEAREST: Final = 0.05  # what is nearer to the camera's plane than this, beyond its radius, is not drawn [m]
+_ROUND: Final = 16  # corners of the polygon that stands for a circle; it is drawn about it
 _TURN: Final = 2.0 * math.pi * np.arange(_ROUND) / _ROUND
 _OUTSIDE: Final = 1.0 / math.cos(math.pi / _ROUND)
 _SHIFT: Final = 4
 """OpenCV takes corners in whole parts of a pixel: 2 ** -4."""
-_FAR: Final = 1e5
-"""Corners further away than this are drawn there [px]."""
+_FAR: Final = 1e5  # corners further away than this are drawn there [px]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,28 +20,18 @@ from vision.hands.watched_zone import Zone
 
 DEEPEST_SHADOW: Final = 0.42
 """Brightness that is left in the deepest shadow that counts as one: lamps of a room fill shadows up."""
-BRIGHTEST: Final = 1.25
-"""A surface that is brighter than this, compared with the background, is another one."""
-OFF_COLOUR: Final = 13.0
-"""A colour so far off the background's line is another surface [grey levels of 255]."""
-NOISE: Final = 4.0
-"""Least standard deviation of a pixel's noise that is reckoned with [grey levels]."""
-MOVES: Final = 3.5
-"""A pixel moves where it differs by so many standard deviations of noise."""
-REACH: Final = 0.15
-"""What differs, touches the rim, and covers at least so much of the board reaches in [squares] …"""
+BRIGHTEST: Final = 1.25  # a surface that is brighter than this, compared with the background, is another one
+OFF_COLOUR: Final = 13.0  # a colour so far off the background's line is another surface [grey levels of 255]
+NOISE: Final = 4.0  # least standard deviation of a pixel's noise that is reckoned with [grey levels]
+MOVES: Final = 3.5  # a pixel moves where it differs by so many standard deviations of noise
+REACH: Final = 0.15  # what differs, touches the rim, and covers at least so much of the board reaches in [squares] …
 BODY: Final = 0.5
 """… if it is so large outside of the board: pieces near the edge that lean out of it are smaller [squares];"""
-LONE: Final = 1.2
-"""or if it covers so much of the board, whatever is seen of it outside [squares]."""
-LARGE: Final = 5.0
-"""Whatever differs and is at least so large is no piece, nor a few of them [squares]."""
-_SPARSE: Final = 5
-"""Statistics over all of a picture are taken of each so manieth pixel along both axes."""
-_LEARNING: Final = 0.2
-"""Share of a settled picture in the new background."""
-_COVERED: Final = 0.12
-"""A square of which a hand covers such a share lies under it."""
+LONE: Final = 1.2  # or if it covers so much of the board, whatever is seen of it outside [squares]
+LARGE: Final = 5.0  # whatever differs and is at least so large is no piece, nor a few of them [squares]
+_SPARSE: Final = 5  # statistics over all of a picture are taken of each so manieth pixel along both axes
+_LEARNING: Final = 0.2  # share of a settled picture in the new background
+_COVERED: Final = 0.12  # a square of which a hand covers such a share lies under it
 _SMALL: Final = np.ones((3, 3), dtype=np.uint8)
 
 

@@ -19,31 +19,20 @@ from vision.hands.arm_mask import Capsules
 from vision.hands.watched_zone import Space
 from vision.loops import learn_heights, measure_parts, squares_under, stand_out
 
-TALLEST: Final = max(shape.height for shape in PIECE_SHAPES.values())
-"""Height of the tallest piece [m]."""
-_MARGIN: Final = 0.018
-"""What is higher than the tallest piece by this is no piece [m]."""
-_CEILING: Final = 0.34
-"""What is higher than this is not over the board but between it and the camera [m]."""
-_LEAST: Final = 0.00045
-"""Area of what is no piece [m²]."""
-_REACH: Final = 0.0018
-"""Area of what comes in from outside, however low [m²]."""
-_LARGE: Final = 0.006
-"""Area of what is no piece wherever it is: castling moves two of them at once [m²]."""
-_MOVES: Final = 0.00024
-"""Area that changes on a board at rest, by noise, at most [m²]."""
+TALLEST: Final = max(shape.height for shape in PIECE_SHAPES.values())  # height of the tallest piece [m]
+_MARGIN: Final = 0.018  # what is higher than the tallest piece by this is no piece [m]
+_CEILING: Final = 0.34  # what is higher than this is not over the board but between it and the camera [m]
+_LEAST: Final = 0.00045  # area of what is no piece [m²]
+_REACH: Final = 0.0018  # area of what comes in from outside, however low [m²]
+_LARGE: Final = 0.006  # area of what is no piece wherever it is: castling moves two of them at once [m²]
+_MOVES: Final = 0.00024  # area that changes on a board at rest, by noise, at most [m²]
 _LEARNING: Final = 0.2
 _STANDS: Final = 0.012
 """What is lower is the board, or noise of the depth camera [m]."""
-_RISES: Final = 0.020
-"""A height that changed by less may be noise of the depth camera [m]."""
-_RIM: Final = 0.012
-"""What comes so near to the border of the space that is watched comes in from outside [m]."""
-_TOUCHING: Final = 0.11
-"""A hand whose skin is seen lower than this may touch what stands below [m]."""
-_BORDER: Final = 3
-"""So does what comes so near to the picture's edge, in the small picture [px]."""
+_RISES: Final = 0.020  # a height that changed by less may be noise of the depth camera [m]
+_RIM: Final = 0.012  # what comes so near to the border of the space that is watched comes in from outside [m]
+_TOUCHING: Final = 0.11  # a hand whose skin is seen lower than this may touch what stands below [m]
+_BORDER: Final = 3  # so does what comes so near to the picture's edge, in the small picture [px]
 _NO_ENDS: Final = np.zeros((0, 2, 3))
 _NO_RADII: Final = np.zeros(0)
 _EVERYWHERE: Final = np.array([np.inf, np.inf], dtype=np.float32)

@@ -29,8 +29,7 @@ _T = TypeVar("_T", bound=np.generic)
 _NOBODY: Final = frozenset[int]()
 _DARK: Final = 12.0
 """A board whose lightest parts are darker than this is not seen: a camera that starts, a lamp that is out."""
-STABLE_TIME = 0.1
-"""Players of a quick game leave the board alone for hardly longer between two moves [s]."""
+STABLE_TIME = 0.1  # players of a quick game leave the board alone for hardly longer between two moves [s]
 
 
 @dataclass(frozen=True, slots=True)

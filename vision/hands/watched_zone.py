@@ -17,13 +17,11 @@ from hardware.table import PIECE_SHAPES
 from vision.arrays import Array, Field, Indices, Mask, Picture
 from vision.board.view import BoardView, playing_area
 
-SMALL: Final = 320
-"""Pictures are made smaller by a whole number, to about this width [px]."""
+SMALL: Final = 320  # pictures are made smaller by a whole number, to about this width [px]
 NO_SQUARE: Final = 64
 _RIM: Final = 0.3
 """The rim is so wide [squares] …"""
-_EDGE: Final = 4
-"""… or this at the edge of the small picture [px]."""
+_EDGE: Final = 4  # … or this at the edge of the small picture [px]
 
 
 def step_of(width: int) -> int:

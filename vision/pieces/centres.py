@@ -19,13 +19,11 @@ from hardware.table import PieceSpec, Place, square_place
 from vision.board.view import BoardView
 from vision.pieces.fit import LEAST_AGREEMENT, LEAST_SUPPORT, Fit
 
-FLOOR: Final = 0.0002
-"""No place is known better than this: shapes are not exact [m]."""
+FLOOR: Final = 0.0002  # no place is known better than this: shapes are not exact [m]
 _NEIGHBOURS: Final = 3.5
 """Edges side by side err alike, so that fewer count than there are: by so much the error is larger than their scatter
 says (measured over rendered positions)."""
-LEAST_SEEN: Final = 0.15
-"""With less of its outline in sight nobody can say whether a piece stands there."""
+LEAST_SEEN: Final = 0.15  # with less of its outline in sight nobody can say whether a piece stands there
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,35 +19,25 @@ from vision.pieces.surface import GROUNDS, Surface, heights, surface
 
 SEARCH: Final = 0.010
 """A piece is looked for so far around its square's centre, and found further away only by the last bit [m]."""
-_GRIDS: Final = ((0.0025, 4), (0.001, 2))
-"""Searches: step between places tried [m], and how many on either side."""
-_RING: Final = 2.5
-"""Outside an outline by so much there should be no piece [px]."""
-_CONTRAST: Final = 12.0
-"""Difference of brightness over a pixel at which an edge is clear [levels of 255]."""
+_GRIDS: Final = ((0.0025, 4), (0.001, 2))  # searches: step between places tried [m], and how many on either side
+_RING: Final = 2.5  # outside an outline by so much there should be no piece [px]
+_CONTRAST: Final = 12.0  # difference of brightness over a pixel at which an edge is clear [levels of 255]
 _BY_REGION, _BY_CONTRAST, _BY_PLACE = 0.3, 0.5, 0.1
 """What the silhouette's inside, plain brightness and nearness to the square's centre weigh in the search, compared with
 the step of evidence across the outline."""
-_ROUNDS: Final = (3, 3)
-"""Of least squares, before and after colours are learnt again from the outlines found."""
-_ROBUST: Final = 1.2
-"""Edges further than this from where the fitted outline has them count less [px]."""
-_LONGEST: Final = 0.004
-"""Move of one round [m]."""
-_FIRM: Final = 1e3
-"""Keeps a piece with no edges where it is [px²/m²]."""
+_ROUNDS: Final = (3, 3)  # of least squares, before and after colours are learnt again from the outlines found
+_ROBUST: Final = 1.2  # edges further than this from where the fitted outline has them count less [px]
+_LONGEST: Final = 0.004  # move of one round [m]
+_FIRM: Final = 1e3  # keeps a piece with no edges where it is [px²/m²]
 TALL, FLAT = 0.012, 0.004
 """What is higher above the board than the first is no board; what is lower than the second may be [m]."""
 LEAST_SUPPORT: Final = 0.15
 LEAST_AGREEMENT: Final = 0.45
 """A piece that stands where it was found has more than both (measured: at least 0.31 and 0.55; where none stands, at
 most -0.05 and 0.38 with depth, 0.59 and 0.50 without)."""
-_TOP: Final = 0.9
-"""Of the points of a piece, this share is below what counts as its top: single points fly."""
-_HIGHEST: Final = 0.08
-"""No piece is as high [m]."""
-_ENOUGH: Final = 25
-"""With fewer points of known height a piece's is not known."""
+_TOP: Final = 0.9  # of the points of a piece, this share is below what counts as its top: single points fly
+_HIGHEST: Final = 0.08  # no piece is as high [m]
+_ENOUGH: Final = 25  # with fewer points of known height a piece's is not known
 _CLEAR_EDGE: Final = 0.1
 _AGREES: Final = 1.5
 """An edge so near to the fitted outline agrees with it [px]."""

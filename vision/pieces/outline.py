@@ -20,20 +20,13 @@ from vision.arrays import Array, Picture
 from vision.board.view import BoardView
 from vision.pieces.surface import Surface
 
-CONTOUR_POINTS: Final = 56
-"""Of each outline."""
-INSIDE_POINTS: Final = 48
-"""Of each silhouette."""
-STEP_DEG: Final = 4.0
-"""Outlines are made for elevations so far apart [°]."""
-HEAD_WEIGHT: Final = 0.1
-"""Of a knight's outline above its turned part: its head looks different from all sides."""
-_HEAD_RADIUS: Final = 0.75
-"""Of a knight's head seen from anywhere, in stem radii."""
-_SCALE: Final = 6000.0
-"""Of the drawing in which outlines are found [px/m]."""
-_RING_STEP: Final = 0.0005
-"""Between rings of the drawing [m]."""
+CONTOUR_POINTS: Final = 56  # of each outline
+INSIDE_POINTS: Final = 48  # of each silhouette
+STEP_DEG: Final = 4.0  # outlines are made for elevations so far apart [°]
+HEAD_WEIGHT: Final = 0.1  # of a knight's outline above its turned part: its head looks different from all sides
+_HEAD_RADIUS: Final = 0.75  # of a knight's head seen from anywhere, in stem radii
+_SCALE: Final = 6000.0  # of the drawing in which outlines are found [px/m]
+_RING_STEP: Final = 0.0005  # between rings of the drawing [m]
 _RING_POINTS: Final = 40
 _STEP: Final = 1e-3
 """For derivatives, and to see which way a normal points in the picture [m]."""

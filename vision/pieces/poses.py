@@ -23,16 +23,11 @@ _RINGS: Final = 15
 _ANGLES: Final = 2.0 * np.pi * np.arange(16) / 16
 _CIRCLE: Final = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 """Of a ring."""
-_KNIGHT: Final = 0.75
-"""Radius of a knight's head from wherever it is seen, in stem radii."""
-_AROUND: Final = 0.02
-"""Distances from a piece's surface are known up to so far from it [m] …"""
-_CELL: Final = 0.00025
-"""… in steps of this [m]."""
-_RESTS: Final = 0.92
-"""A foot's rim is rounded: so far from the axis does it rest, in radii of the foot."""
-_APART: Final = 0.016, 0.7
-"""Poses that differ by so much in place [m] or in direction [rad] are two."""
+_KNIGHT: Final = 0.75  # radius of a knight's head from wherever it is seen, in stem radii
+_AROUND: Final = 0.02  # distances from a piece's surface are known up to so far from it [m] …
+_CELL: Final = 0.00025  # … in steps of this [m]
+_RESTS: Final = 0.92  # a foot's rim is rounded: so far from the axis does it rest, in radii of the foot
+_APART: Final = 0.016, 0.7  # poses that differ by so much in place [m] or in direction [rad] are two
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,8 +19,7 @@ a mixture where two of these meet."""
 GROUNDS: Final = 4
 MARGIN: Final = 14
 """Around the board and what stands on it [px]."""
-_SEAM: Final = 1.2
-"""So far to either side of a line between squares a pixel shows both [px]."""
+_SEAM: Final = 1.2  # so far to either side of a line between squares a pixel shows both [px]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,8 +20,7 @@ from vision.reading.outcome import Situation
 
 States = Indices
 
-MANY: Final = 6
-"""With more squares wrong than this, they are counted rather than explained."""
+MANY: Final = 6  # with more squares wrong than this, they are counted rather than explained
 
 
 @dataclass(frozen=True, slots=True)

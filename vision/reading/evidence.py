@@ -18,8 +18,7 @@ from vision.arrays import Array, Indices, Mask
 from vision.reading.appearance import BLACK, EMPTY, WHITE
 from vision.reading.features import BOUND
 
-Codes = NDArray[np.int8]
-"""Pieces by square: 0 empty, 1 to 6 white pawn to king, -1 to -6 black; shape (..., 64)."""
+Codes = NDArray[np.int8]  # pieces by square: 0 empty, 1 to 6 white pawn to king, -1 to -6 black; shape (..., 64)
 NUDGE: Final = -4.0
 """Nothing that looks changed counts for more than this against the same piece, or none, still being there: people brush
 past pieces, and shadows wander."""
@@ -31,10 +30,8 @@ ALTERED: Final = 4.0
 """Where the odds of a change are higher than this, another piece may stand there, if nothing else shows it [nat]."""
 PASSED: Final = 0.05
 """Where more than this has come to be hidden by measurement, or is hidden no more, a change of looks says nothing."""
-MOSTLY: Final = 0.4
-"""A square of whose middle more than this is hidden looks like what hides it."""
-COVERED: Final = 0.15
-"""A square of whose middle another piece covers more than this is not seen as it is."""
+MOSTLY: Final = 0.4  # a square of whose middle more than this is hidden looks like what hides it
+COVERED: Final = 0.15  # a square of whose middle another piece covers more than this is not seen as it is
 
 
 HIGH: Final = np.array([-1, 0, 1, 1, 1, 2, 2])

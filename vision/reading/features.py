@@ -22,16 +22,11 @@ from vision.loops import changes, slopes_of
 from vision.reading.rectified_view import MARGIN, PLAN_PX, SQUARE_PX
 from vision.reading.solids import LOGARITHM
 
-SMOOTHING: Final = 0.75
-"""Of what gradients are taken from: below it there is noise, and the camera's own blur [px]."""
-BLOCKS: Final = 5
-"""A square is described by BLOCKS × BLOCKS blocks."""
-EDGE: Final = 0.02
-"""Added to the size of gradients before their logarithm, for the same reason."""
-MIDDLE: Final = 0.8
-"""Share of a square's side that is compared: its edges are where neighbours and a shake show."""
-BOUND: Final = 8.0
-"""No square counts for more than this, in natural logarithms."""
+SMOOTHING: Final = 0.75  # of what gradients are taken from: below it there is noise, and the camera's own blur [px]
+BLOCKS: Final = 5  # a square is described by BLOCKS × BLOCKS blocks
+EDGE: Final = 0.02  # added to the size of gradients before their logarithm, for the same reason
+MIDDLE: Final = 0.8  # share of a square's side that is compared: its edges are where neighbours and a shake show
+BOUND: Final = 8.0  # no square counts for more than this, in natural logarithms
 WEIGHTS: Final = (1.3, 4.3, 3.0, 2.9)
 OFFSET: Final = -0.1
 """Logistic regression over the measures below, fitted to photographs of six games on four boards; fitted without a game

@@ -29,10 +29,8 @@ STRAY: Final = 6.0
 """How much rarer than a legal move it is that, besides, a piece is missing; that one too many stands there, or one of
 the other colour [nat]. Every square must keep the margin against that by itself. Of a square that is not seen nothing
 can be said, so that there even a missing piece counts as the latter: it would take a wonder."""
-UNEXPLAINED: Final = 12.0
-"""The most that may be left unexplained over the whole board: three pieces brushed past [nat]."""
-MANY: Final = 4.0
-"""Two plies in one look must keep the margin by so much more: there are hundreds of them [nat]."""
+UNEXPLAINED: Final = 12.0  # the most that may be left unexplained over the whole board: three pieces brushed past [nat]
+MANY: Final = 4.0  # two plies in one look must keep the margin by so much more: there are hundreds of them [nat]
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,27 +16,22 @@ from vision.arrays import Array, Indices, Mask
 from vision.reading.appearance import BLACK, EMPTY, MEMORY, WHITE
 from vision.reading.solids import Solids
 
-BOUND: Final = 8.0
-"""Neither counts for more than this, in natural logarithms."""
+BOUND: Final = 8.0  # neither counts for more than this, in natural logarithms
 LEAST_SPREAD: Final = 0.02
 """Standard deviation of the share of standing points over an empty square that is allowed for at least: edges of
 neighbours, points that fly. Of a pawn's square a fourth stands up where all of it is seen."""
 LEAST_SHADE: Final = 0.25
 """Standard deviation of a piece's brightness that is allowed for at least, logarithmic: light varies over the board."""
-ENOUGH: Final = 12
-"""Standing points with which a colour is fully believed."""
+ENOUGH: Final = 12  # standing points with which a colour is fully believed
 FEW: Final = 0.25
 """Shares are of at least so many points, in those of an average square: of a square that is hardly seen, a few say
 little."""
-ABOVE: Final = 0.1
-"""Where a larger share of points is above any piece, fingers may be what stands up."""
-HARDLY: Final = 0.2
-"""A piece of whose square less than this is hidden shows its colour …"""
+ABOVE: Final = 0.1  # where a larger share of points is above any piece, fingers may be what stands up
+HARDLY: Final = 0.2  # a piece of whose square less than this is hidden shows its colour …
 MOSTLY: Final = 0.4
 """… and where more than this is hidden it shows a rim past another piece. Depth is fat at edges: where it shows a rim,
 the picture shows what lies behind."""
-LITTLE: Final = 0.1
-"""So little does its colour count then: it tells only where nothing else does."""
+LITTLE: Final = 0.1  # so little does its colour count then: it tells only where nothing else does
 
 
 class DepthOccupancy:

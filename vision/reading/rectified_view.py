@@ -22,8 +22,7 @@ from vision.reading.solids import Solids, solids_of
 
 SQUARE_PX: Final = 24
 """Side of a square in the plan [px]: about as many as a camera of 640×480 shows. More tell no more."""
-MARGIN: Final = 1
-"""Squares around the board that the plan shows as well: pieces lean over its edge."""
+MARGIN: Final = 1  # squares around the board that the plan shows as well: pieces lean over its edge
 PLAN_PX: Final = (8 + 2 * MARGIN) * SQUARE_PX
 USUAL_FOCAL: Final = 1.0
 """Focal length of an unknown camera in widths of its picture: 53° wide, between webcams (60°–78°) and telephones'

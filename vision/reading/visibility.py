@@ -20,12 +20,9 @@ from hardware.table import PIECE_SHAPES, Kind, piece_profile
 from vision.arrays import Array, Field, Indices, Mask, Picture
 from vision.board.view import BoardView
 
-PLACES: Final = 7
-"""Along each axis of a square, at which a piece is tried."""
-REACH: Final = 0.42
-"""They lie up to so far from the middle [sides of a square]; closer together than a piece's radius."""
-USUAL: Final = 0.15
-"""Standard deviation of how far off the middle people put pieces [sides of a square]."""
+PLACES: Final = 7  # along each axis of a square, at which a piece is tried
+REACH: Final = 0.42  # they lie up to so far from the middle [sides of a square]; closer together than a piece's radius
+USUAL: Final = 0.15  # standard deviation of how far off the middle people put pieces [sides of a square]
 LEVELS: Final = (0.10, 0.15, 0.47, 0.80, 0.91)
 """Heights at which a piece is tried: foot, stem and head, where it is wide [heights of the lowest piece]."""
 ASIDE: Final = (-0.6, 0.0, 0.6)
@@ -34,18 +31,14 @@ blind in a strip that is narrower than a piece: axes alone would lie in it too o
 BEHIND: Final = 0.002
 """What is seen further behind a point than this has been seen through it [m]; a piece is seen before these points, by
 most of its radius and more."""
-ENOUGH: Final = 3
-"""With so many of a place's points seen through, nothing stands there: a ray or two may err."""
-CELLS: Final = 6
-"""Along each axis of a square's middle, in which it is told what hides the square."""
-MIDDLE: Final = 0.8
-"""Share of a square's side that counts as its middle."""
+ENOUGH: Final = 3  # with so many of a place's points seen through, nothing stands there: a ray or two may err
+CELLS: Final = 6  # along each axis of a square's middle, in which it is told what hides the square
+MIDDLE: Final = 0.8  # share of a square's side that counts as its middle
 RADIUS: Final = 0.30
 HEIGHTS: Final = (1.0, 1.2, 1.65)
 """Of a pawn, of knight, bishop and rook, and of queen and king [squares]: tournament sets are 1 (pawn) to 1.7 (king)
 squares high, with feet of 0.6 to 0.8."""
-COUNTED: Final = 12
-"""Along a square, when shares are counted."""
+COUNTED: Final = 12  # along a square, when shares are counted
 
 
 def room_of(depth: Field, view: BoardView) -> Array:

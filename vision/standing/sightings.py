@@ -22,45 +22,29 @@ from vision.pieces.fit import TALL, Fit
 from vision.pieces.poses import off_standing
 from vision.pieces.surface import Surface, heights, raised, surface
 
-_CELL: Final = 0.0015
-"""Side of the cells into which points fall, seen from above [m]."""
-_CEILING: Final = 0.07
-"""Nothing that stands is higher [m]."""
-_LEAST_POINTS: Final = 60
-"""Smaller clusters are noise [px]."""
+_CELL: Final = 0.0015  # side of the cells into which points fall, seen from above [m]
+_CEILING: Final = 0.07  # nothing that stands is higher [m]
+_LEAST_POINTS: Final = 60  # smaller clusters are noise [px]
 _WIDEST: Final = 0.013
 """A cluster that reaches further from its middle, but for single points, is no one piece that stands [m]."""
-_STRAY: Final = 0.92
-"""Of a cluster's points so many are within that, and below its top: single points fly."""
-_HEAD: Final = 0.008
-"""Points so far below the top are above a piece's axis, about [m]."""
-_CROWN: Final = 0.004
-"""Points so far below the top say how broad that is [m]."""
+_STRAY: Final = 0.92  # of a cluster's points so many are within that, and below its top: single points fly
+_HEAD: Final = 0.008  # points so far below the top are above a piece's axis, about [m]
+_CROWN: Final = 0.004  # points so far below the top say how broad that is [m]
 _GRIDS: Final = ((0.002, 3), (0.0007, 2))
 """Searches of the axis: step between places tried [m], and how many on either side."""
-_OFF: Final = 0.0015
-"""Standard deviation of a point from the surface that it is on [m]."""
-_MOST: Final = 9.0
-"""A single point speaks against a place by no more than this; squared standard deviations."""
-_POINTS: Final = 400
-"""Of a piece are enough."""
-_AGREES: Final = 0.7
-"""Share of an outline that agrees with the picture, with which its place is known to a millimetre."""
-_SAME: Final = 0.009
-"""An outline and a sighting, or two sightings, no further apart are one piece's [m]."""
-_OUTLINED: Final = 0.005
-"""… and, without depth's bias, no further [m]."""
-_STRAYS: Final = 0.005
-"""An outline that is so much further from a sighting than the others is something else's [m]."""
+_OFF: Final = 0.0015  # standard deviation of a point from the surface that it is on [m]
+_MOST: Final = 9.0  # a single point speaks against a place by no more than this; squared standard deviations
+_POINTS: Final = 400  # of a piece are enough
+_AGREES: Final = 0.7  # share of an outline that agrees with the picture, with which its place is known to a millimetre
+_SAME: Final = 0.009  # an outline and a sighting, or two sightings, no further apart are one piece's [m]
+_OUTLINED: Final = 0.005  # … and, without depth's bias, no further [m]
+_STRAYS: Final = 0.005  # an outline that is so much further from a sighting than the others is something else's [m]
 _FEW: Final = 8
 _SPREAD_OUT: Final = 0.15
 """With fewer pieces, or those nearer together [m], depth's bias is taken to be the same everywhere."""
-_ALONG: Final = np.linspace(0.35, 0.9, 12)
-"""Where lightness is looked at, in heights."""
-_LEAST_ALONG: Final = 12
-"""Fewer pixels of an axis tell nothing [px]."""
-_HIDES: Final = 0.015
-"""What is so much nearer than a piece would be hides it [m]."""
+_ALONG: Final = np.linspace(0.35, 0.9, 12)  # where lightness is looked at, in heights
+_LEAST_ALONG: Final = 12  # fewer pixels of an axis tell nothing [px]
+_HIDES: Final = 0.015  # what is so much nearer than a piece would be hides it [m]
 
 
 @dataclass(frozen=True, slots=True)

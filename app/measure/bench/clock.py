@@ -26,8 +26,7 @@ CONTROL = TimeControl.parse("5+0")
 QUICK_CONTROL = TimeControl.parse("0:10+0")
 ARM = 2.0
 """Motion of the arm for each ply [s]; quick, a twentieth."""
-LIMIT_MS = 50.0
-"""Greatest error of a ply, and of the sum by plies [ms]."""
+LIMIT_MS = 50.0  # greatest error of a ply, and of the sum by plies [ms]
 
 
 class Played(NamedTuple):

@@ -30,8 +30,7 @@ TICKS: Final = 10_000
 SEED: Final = 1
 CLOSURE_LIMIT: Final = 1e-8
 """Newton must leave less than this between the arms' tool points [m]."""
-BATCH = 100
-"""Ticks of one timed loop; its duration divided by this is one value of a part."""
+BATCH = 100  # ticks of one timed loop; its duration divided by this is one value of a part
 FRICTION_SPEED = 0.05
 Part = Callable[[slice], float]
 FIRST_TICK = """
@@ -215,8 +214,7 @@ def _idle(state: FloatArray, angle: Vector, velocity: Vector) -> int:
     return 0
 
 
-_nothing = direct(_idle)
-"""The price of a call from Python."""
+_nothing = direct(_idle)  # the price of a call from Python
 
 
 @compiled

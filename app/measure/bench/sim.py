@@ -36,10 +36,8 @@ QUICK_PLIES: Final = 6
 NODES: Final = 20_000
 COST_LIMIT: Final = 1.0 / 8.0
 """Wall time of a simulated second while ticks run, controller in the loop [s]."""
-OVERHEAD_LIMIT: Final = 2.5
-"""That, over the cost of the same ticks in MuJoCo alone."""
-CLOSURE_LIMIT: Final = 30.0
-"""Of the arm's loops [µm]."""
+OVERHEAD_LIMIT: Final = 2.5  # that, over the cost of the same ticks in MuJoCo alone
+CLOSURE_LIMIT: Final = 30.0  # of the arm's loops [µm]
 
 
 class PlayedGame(NamedTuple):

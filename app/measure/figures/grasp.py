@@ -39,34 +39,25 @@ from hardware.sim.plant.plant import Plant
 from hardware.sim.render.still import StillRenderer
 from hardware.table import TableSettings
 
-HEIGHT: Final = 0.0125
-"""Of the pads' centre over the surface: half the block's height [m]."""
-POINT: Final = (0.0, 0.0, 0.47 - HEIGHT)
-"""Where the tool starts, base frame [m]."""
-DAMPING: Final = 0.1
-"""k_v1 [1/s], the paper's; k_p1 is 0."""
+HEIGHT: Final = 0.0125  # of the pads' centre over the surface: half the block's height [m]
+POINT: Final = (0.0, 0.0, 0.47 - HEIGHT)  # where the tool starts, base frame [m]
+DAMPING: Final = 0.1  # k_v1 [1/s], the paper's; k_p1 is 0
 ASIDE: Final = (70.0, 20.0)
 """ω along z2 and z3, as in a game: soft downwards, as k_p3 times any error of height presses a gripped block to the
 surface or lifts it [rad/s]."""
-START: Final = 0.020
-"""Where each finger starts, from the tool's centre [m]."""
-SETTLING: Final = 0.75
-"""Time after the second contact in which everything comes to rest [s]."""
+START: Final = 0.020  # where each finger starts, from the tool's centre [m]
+SETTLING: Final = 0.75  # time after the second contact in which everything comes to rest [s]
 Z4, SPEED, RIGHT, LEFT = 0, 1, 2, 3
 """Places of z4 [m], ż4 [m/s] and both sensors' outputs [N] among the attachment's states."""
 STATES: Final = 4
 PLACE, PACE, BRISTLE = STATES, STATES + 1, STATES + 2
 """Places of the block's middle [m] and speed [m/s] along z1 and the bristle's deflection [m] among the states."""
-PRESLIDING: Final = 5e-6
-"""Deflection of the bristle at which it slips [m]."""
-PAD_STIFFNESS: Final = 2e4
-"""Of pad and sensor in series, assumed [N/m]."""
-PAD_DAMPING: Final = 40.0
-"""Of the same; the block does not rebound, assumed [N s/m]."""
+PRESLIDING: Final = 5e-6  # deflection of the bristle at which it slips [m]
+PAD_STIFFNESS: Final = 2e4  # of pad and sensor in series, assumed [N/m]
+PAD_DAMPING: Final = 40.0  # of the same; the block does not rebound, assumed [N s/m]
 SHAFT_SPEED: Final = 0.002
 """The sign of the shafts' Coulomb friction is smoothed over this; the law's compensation is softer [rad/s]."""
-SUBSTEPS: Final = 8
-"""Steps of the integrator in a tick."""
+SUBSTEPS: Final = 8  # steps of the integrator in a tick
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,10 +37,8 @@ from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from controller.law.tactile import grip_force, least_contact_damping
 from controller.model.constants import DeltaModel
 
-GAINS = (0.0, 2.0)
-"""k* [1/kg]."""
-SPEEDS = (0.020, 0.025, 0.030, 0.040, 0.050)
-"""Of each finger [m/s]."""
+GAINS = (0.0, 2.0)  # k* [1/kg]
+SPEEDS = (0.020, 0.025, 0.030, 0.040, 0.050)  # of each finger [m/s]
 CHANGES: tuple[tuple[str, Grasp], ...] = (
     *((f"fingers {1e3 * speed:g} mm/s", Grasp(0.0, finger_speed=speed)) for speed in SPEEDS),
     *((f"wood friction {friction:g}", Grasp(0.0, block=Block(friction=friction))) for friction in (0.3, 0.5)),
@@ -56,10 +54,8 @@ FINER = 16
 """Steps a tick of a second run of each model: what its own steps do to the result."""
 TITLES = {"dae": "constrained dynamics (2)", "mujoco": "MuJoCo"}
 _WOOD = "#b8864e"
-_PAD = (0.003, 0.006)
-"""Thickness and half height of a pad as drawn [m]."""
-_ROWS = slice(40, 440)
-"""Of a rendered picture: block and pads."""
+_PAD = (0.003, 0.006)  # thickness and half height of a pad as drawn [m]
+_ROWS = slice(40, 440)  # of a rendered picture: block and pads
 
 
 Grasps = dict[str, tuple[Run, Run]]

@@ -24,10 +24,8 @@ MOVE = "a1h8"
 """The longest way over the board, and a capture, so that a tray is visited too."""
 SPEED, ACCELERATION, JERK = 1.5, 25.0, 1000.0
 """Of the fast profile [m/s, m/s², m/s³]; beyond it the drives exceed their rated torque."""
-DECIMALS = 1e-8
-"""What the paper iterates to, 8 decimals; here of |h| [m]."""
-MOVING = 0.05
-"""A tool faster than this moves [m/s]."""
+DECIMALS = 1e-8  # what the paper iterates to, 8 decimals; here of |h| [m]
+MOVING = 0.05  # a tool faster than this moves [m/s]
 ENOUGH = 6
 
 

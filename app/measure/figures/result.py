@@ -17,8 +17,7 @@ from app import UserError
 Picture = Figure
 
 
-Progress = Callable[[str], None]
-"""Told what is being done."""
+Progress = Callable[[str], None]  # told what is being done
 
 
 class Bar(NamedTuple):

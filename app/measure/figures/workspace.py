@@ -24,8 +24,7 @@ from controller.model.workspace import (
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, TableSettings
 
-MARGIN = 0.04
-"""What is drawn around squares and trays [m]."""
+MARGIN = 0.04  # what is drawn around squares and trays [m]
 
 
 class Maps(NamedTuple):

@@ -57,8 +57,7 @@ class FrameLabel(_Read):
 
     file: str
     moves_since_previous: tuple[str, ...] = ()
-    fen: Fen | None = None
-    """The position after them."""
+    fen: Fen | None = None  # the position after them
     corners_px: Corners | None = None
 
 

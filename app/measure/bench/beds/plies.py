@@ -127,8 +127,7 @@ class GameBed(Bed):
         return pushed
 
 
-ALONG_THE_FINGERS: Final = Disorder(offset=(0.003, 0.0))
-"""Pieces stand off along the fingers' axis."""
+ALONG_THE_FINGERS: Final = Disorder(offset=(0.003, 0.0))  # pieces stand off along the fingers' axis
 
 
 def stand_off(

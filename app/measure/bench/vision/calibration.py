@@ -35,12 +35,9 @@ from vision.arrays import Array
 from vision.board.view import BoardView
 from vision.pieces.centres import piece_centres
 
-OFF: Final = 0.2
-"""Pieces stand up to so far off, in squares."""
-SHIFT: Final = 0.030
-"""The camera hangs up to so far off [m] …"""
-TURN: Final = math.radians(4.0)
-"""… and turned by up to so much [rad]."""
+OFF: Final = 0.2  # pieces stand up to so far off, in squares
+SHIFT: Final = 0.030  # the camera hangs up to so far off [m] …
+TURN: Final = math.radians(4.0)  # … and turned by up to so much [rad]
 POSE_SHIFT, POSE_TURN = 1.5e-4, 2e-4
 """The board's pose is known to within this, standard deviations along each axis [m, rad]: about twice what calibrations
 leave that ``calibration_rows`` measures."""

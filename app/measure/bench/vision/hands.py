@@ -44,20 +44,14 @@ FORCE_LIMIT: Final = 280.0
 """On a hand that comes into the arm's way and is free to give way, ISO/TS 15066: twice what a clamped one bears [N]."""
 CONTROLLED_STOP: Final = 0.12
 """A controlled stop takes no longer [s]; an arm that a hand reaches meanwhile gives way and rests later."""
-TOUCH: Final = 0.5
-"""A hand that feels more is touched [N]."""
-FALSE_STOPS_LIMIT: Final = 1.0
-"""In 500 plies."""
-A_WORLD: Final = 20
-"""So many entries, or plies, are made in one world."""
-HAND_SPEEDS: Final = (0.4, 1.6)
-"""[m/s]"""
+TOUCH: Final = 0.5  # a hand that feels more is touched [N]
+FALSE_STOPS_LIMIT: Final = 1.0  # in 500 plies
+A_WORLD: Final = 20  # so many entries, or plies, are made in one world
+HAND_SPEEDS: Final = (0.4, 1.6)  # [m/s]
 TOUCH_SPEED_LIMIT: Final = CONTACT_PROFILES["default"].tool_speed + 0.05
 """Of the tool where it touches a hand: the default profile's, and what tracking adds [m/s]."""
-QUIET_LIMIT: Final = 1.1
-"""A quiet ply from home to home with nobody near, mean [s]."""
-SLOWED_LIMIT: Final = 0.01
-"""Share of frames that admit no speed though nobody is there."""
+QUIET_LIMIT: Final = 1.1  # a quiet ply from home to home with nobody near, mean [s]
+SLOWED_LIMIT: Final = 0.01  # share of frames that admit no speed though nobody is there
 
 
 @dataclass(slots=True)

@@ -28,10 +28,8 @@ from vision.board.grid import CORNERS
 from vision.board.lattice import fit_homography, project
 from vision.board.view import CORNER_NAMES, BoardNotFound
 
-TOLERANCE: Final = 0.15
-"""A corner further from where it was labelled is wrong [sides of a square]."""
-LEAST_FOUND: Final = 0.9
-"""Share of pictures in which the board must be found."""
+TOLERANCE: Final = 0.15  # a corner further from where it was labelled is wrong [sides of a square]
+LEAST_FOUND: Final = 0.9  # share of pictures in which the board must be found
 POLYGON_ORIGIN: Final = 0.5
 """Polygons drawn in LabelMe (``corners_unordered``) count from the outer corner of the first pixel, as its canvas draws
 the picture from (0, 0) on and a click may lie anywhere within a pixel; everything else here, like OpenCV, counts from
@@ -39,10 +37,8 @@ that pixel's centre [px]."""
 ASTRAY: Final = 0.5
 """A corner this far off belongs to another row of squares, whatever the labels' precision [sides of a square]."""
 
-VARIABLE: Final = "TOUCHMOVE_PHOTOS"
-"""Names the folder with labelled photographs where the command line does not."""
-LEAST: Final = {CornersFrom.LABELS: 0.95, CornersFrom.FIND: 0.90}
-"""Share of plies that must be read without asking."""
+VARIABLE: Final = "TOUCHMOVE_PHOTOS"  # names the folder with labelled photographs where the command line does not
+LEAST: Final = {CornersFrom.LABELS: 0.95, CornersFrom.FIND: 0.90}  # share of plies that must be read without asking
 
 
 def photo_folder(given: Path | None) -> Path | None:
