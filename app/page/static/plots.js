@@ -3,6 +3,7 @@
 import {announce, make, say, silence, toggle, useStyles} from './panels/dom.js';
 import {isDark, onTheme} from './panels/theme.js';
 import {watchWhileSeen} from './panels/watch.js';
+import {robotAddress} from './panels/addresses.js';
 import {CHARTS, Recent, SPAN} from './plots/series.js';
 import uPlot from './vendor/uplot/uPlot.esm.js';
 
@@ -43,7 +44,7 @@ class Plots {
       store.subscribe('path', (path) => (this.path = path)),
       store.subscribe('telemetry', (frame) => this.take(frame)),
     ];
-    fetch('/robot.json')
+    fetch(robotAddress(store))
       .then((answer) => (answer.ok ? answer.json() : null))
       .then((robot) => (this.limits = robot?.limits ?? null))
       .catch(() => (this.limits = null)); // without limits there are fewer lines, and nothing else is missing

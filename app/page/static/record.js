@@ -80,10 +80,11 @@ class Records {
     const address = `/games/${encodeURIComponent(id)}`;
     try {
       const record = await json(`${address}/record.json`);
-      const telemetry = record.telemetry ? await json(`${address}/telemetry.json`) : null;
-      const robot = await json('/robot.json');
+      // games on the rig "board" have none, and that of a match lies in its first folder: the server knows
+      const answer = await fetch(`${address}/telemetry.json`);
+      const telemetry = answer.ok ? await answer.json() : null;
       if (this.opening !== id) return;
-      this.player = new Player(this.store, {id, address, record, telemetry, tick: robot.tick});
+      this.player = new Player(this.store, {id, address, record, telemetry});
     } catch (error) {
       if (this.opening === id) this.opening = null;
       say(this.sentence, `This game cannot be shown: ${error.message}`);

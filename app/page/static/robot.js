@@ -1,5 +1,6 @@
 // The arm live in three dimensions: where telemetry says that it is, among the pieces where the game believes them.
 
+import {robotAddress} from './panels/addresses.js';
 import {announce, make, say, silence, toggle, useStyles} from './panels/dom.js';
 import {onTheme} from './panels/theme.js';
 import {watchWhileSeen} from './panels/watch.js';
@@ -79,7 +80,7 @@ class Panel {
   async start() {
     this.element.append(this.root);
     try {
-      const answer = await fetch('/robot.json');
+      const answer = await fetch(robotAddress(this.store));
       if (!answer.ok) throw new Error(`the server answered ${answer.status}`);
       this.description = await answer.json();
     } catch (error) {

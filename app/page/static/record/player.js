@@ -12,7 +12,7 @@ const RESTS = 400; // [ms] after which the moment is written into the address
 
 /** Shows a record. The store keeps what the game that runs says meanwhile (`showRecord`). */
 export class Player {
-  constructor(store, {id, address, record, telemetry, tick}) {
+  constructor(store, {id, address, record, telemetry}) {
     Object.assign(this, {
       store,
       id,
@@ -30,7 +30,7 @@ export class Player {
     for (const [index, ply] of this.timeline.plies.entries()) {
       ply.name = plyName(index === 0 ? record.game.start : this.timeline.plies[index - 1].fen, ply.san);
     }
-    this.trace = telemetry && telemetry.columns.t.length > 0 ? new Trace(telemetry, tick) : null;
+    this.trace = telemetry?.columns.t?.length > 0 ? new Trace(telemetry) : null;
     this.film = new Film(record, address);
     this.slider = new Slider(this.timeline, {
       seek: (t) => this.seek(t),
@@ -196,7 +196,7 @@ export class Player {
   #downloads() {
     const link = (name, text) => make('a', {class: 'tm-link', href: `${this.address}/${name}`, download: ''}, text);
     const links = [link('game.pgn', 'PGN'), link('report.html', 'Report')];
-    if (this.record.telemetry) links.push(link('telemetry.mcap', 'Telemetry (MCAP)'));
+    if (this.trace) links.push(link('telemetry.mcap', 'Telemetry (MCAP)'));
     const copy = make(
       'button',
       {type: 'button', class: 'tm-button', onclick: () => this.#copy(copy)},

@@ -5,12 +5,11 @@ import {CHARTS, SPAN, valuesOf} from '../plots/series.js';
 const POINTS = 64; // of a path
 const MIXED = ['tool', 'reference', 'velocity', 'angles', 'force', 'torque', 'tactile', 'finger'];
 
-/** Made once of telemetry.json: `columns` by the names of a telemetry frame, all as long as `t`. */
+/** Made once of telemetry.json: `columns` by the names of a telemetry frame, of vectors a list for each component. */
 export class Trace {
-  constructor({columns}, tick) {
+  constructor({columns}) {
     this.columns = columns;
     this.t = columns.t;
-    this.tick = tick;
     this.path = null;
     this.values = null;
   }
@@ -29,7 +28,9 @@ export class Trace {
   /** The frame of a row. */
   row(index) {
     const frame = {type: 'telemetry', exact: true};
-    for (const [name, column] of Object.entries(this.columns)) frame[name] = column[index];
+    for (const [name, column] of Object.entries(this.columns)) {
+      frame[name] = Array.isArray(column[0]) ? column.map((one) => one[index]) : column[index];
+    }
     return frame;
   }
 
@@ -40,10 +41,10 @@ export class Trace {
     const next = i + 1;
     if (next >= this.t.length || t <= this.t[i]) return frame;
     const share = Math.min(1, (t - this.t[i]) / (this.t[next] - this.t[i]));
+    const after = this.row(next);
     for (const name of MIXED) {
-      const [a, b] = [this.columns[name]?.[i], this.columns[name]?.[next]];
-      if (Array.isArray(a)) frame[name] = a.map((value, k) => mix(value, b[k], share));
-      else if (a !== undefined) frame[name] = mix(a, b, share);
+      if (Array.isArray(frame[name])) frame[name] = frame[name].map((value, k) => mix(value, after[name][k], share));
+      else frame[name] = mix(frame[name], after[name], share);
     }
     if (this.columns.motion[i] === this.columns.motion[next]) {
       frame.executed = mix(this.columns.executed[i], this.columns.executed[next], share);
@@ -69,7 +70,7 @@ export class Trace {
       const sample = (k * samples) / (count - 1);
       let row = first;
       while (row < last && this.columns.executed[row + 1] <= sample) row += 1;
-      return this.columns.reference[row];
+      return this.columns.reference.map((column) => column[row]);
     });
     this.path = {label: '', motion, points, stiffness: [], stride: samples / (count - 1)};
     return this.path;

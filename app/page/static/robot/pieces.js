@@ -4,11 +4,12 @@ import {Group, Mesh} from '../vendor/three/three.module.js';
 import {FELT, WOOD} from './materials.js';
 import {pieceGeometry, pieceShape} from './shapes.js';
 
+const LYING = 0.012; // [m] how high the middle of a piece lies that lies
+
 /** All pieces of a game, in a group that has the board's frame. */
 export class Pieces {
   constructor(description, material) {
     this.kinds = description.kinds;
-    this.places = description.table.places;
     this.boxes = description.table.boxes;
     this.material = material;
     this.group = new Group();
@@ -24,17 +25,14 @@ export class Pieces {
     for (const piece of pieces) {
       const mesh = this.meshes.get(piece.name) ?? this.#make(piece);
       gone.delete(piece.name);
-      const [x, y] = piece.at ?? this.places[piece.place];
+      mesh.visible = piece.at !== null || piece.name === held; // some are not on the table
+      if (piece.name === held || piece.at === null) continue;
+      const [x, y] = piece.at;
       const boxed = this.boxes.some(({at, half}) => Math.abs(x - at[0]) <= half[0] && Math.abs(y - at[1]) <= half[1]);
-      if (piece.name !== held) {
-        // what was dropped into a box lies there, nobody knows how
-        mesh.rotation.set(
-          boxed ? Math.PI / 2 : 0,
-          0,
-          piece.kind === 'knight' && piece.colour === 'black' ? Math.PI : 0,
-        );
-        mesh.position.set(x, y, boxed ? 0.012 : 0);
-      }
+      // what was dropped into a box lies there, nobody knows how; knights look at each other
+      const facing = piece.kind === 'knight' && piece.colour === 'black' ? Math.PI : 0;
+      mesh.rotation.set(boxed ? Math.PI / 2 : 0, 0, facing);
+      mesh.position.set(x, y, boxed ? LYING : 0);
     }
     for (const name of gone) {
       this.group.remove(this.meshes.get(name));
