@@ -144,7 +144,7 @@ class Plots {
   }
 
   take(frame) {
-    if (!frame?.tool || this.paused) return;
+    if (!frame?.tool || frame.tool.includes(null) || this.paused) return;
     const trace = this.store.get('trace');
     if (trace && frame.exact) {
       this.recent = trace.until(frame.t, this.limits);

@@ -80,11 +80,8 @@ class Records {
     const address = `/games/${encodeURIComponent(id)}`;
     try {
       const record = await json(`${address}/record.json`);
-      // games on the rig "board" have none, and that of a match lies in its first folder: the server knows
-      const answer = await fetch(`${address}/telemetry.json`);
-      const telemetry = answer.ok ? await answer.json() : null;
       if (this.opening !== id) return;
-      this.player = new Player(this.store, {id, address, record, telemetry});
+      this.player = new Player(this.store, {id, address, record});
     } catch (error) {
       if (this.opening === id) this.opening = null;
       say(this.sentence, `This game cannot be shown: ${error.message}`);
@@ -99,7 +96,24 @@ class Records {
       writePlace(null, null);
     };
     this.player.start(t);
+    this.readTelemetry(this.player);
     announce(this.live, `${this.player.title} is shown; the slider is below the film.`);
+  }
+
+  /** Telemetry comes after the game: it takes the server a moment. */
+  async readTelemetry(player) {
+    say(this.sentence, 'The telemetry is being read …');
+    let telemetry = null;
+    try {
+      // games on the rig "board" have none, and that of a match lies in its first folder: the server knows
+      const answer = await fetch(`${player.address}/telemetry.json`);
+      if (answer.ok) telemetry = await answer.json();
+    } catch (error) {
+      console.error(error);
+    }
+    if (this.player !== player) return;
+    say(this.sentence, telemetry === null ? 'There is no telemetry of this game: the arm stands still.' : '');
+    if (telemetry !== null) player.follow(telemetry);
   }
 
   close() {

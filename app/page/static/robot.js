@@ -155,7 +155,8 @@ class Panel {
   }
 
   follow(frame) {
-    if (!frame?.angles) return;
+    // what is not finite comes as null: then the arm stays where it was
+    if (!frame?.angles || [...frame.angles, ...frame.tool].includes(null)) return;
     this.blend.take(frame, performance.now(), frame.exact === true);
     this.wake(true);
     this.tell();

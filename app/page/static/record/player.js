@@ -12,7 +12,7 @@ const RESTS = 400; // [ms] after which the moment is written into the address
 
 /** Shows a record. The store keeps what the game that runs says meanwhile (`showRecord`). */
 export class Player {
-  constructor(store, {id, address, record, telemetry}) {
+  constructor(store, {id, address, record}) {
     Object.assign(this, {
       store,
       id,
@@ -30,7 +30,7 @@ export class Player {
     for (const [index, ply] of this.timeline.plies.entries()) {
       ply.name = plyName(index === 0 ? record.game.start : this.timeline.plies[index - 1].fen, ply.san);
     }
-    this.trace = telemetry?.columns.t?.length > 0 ? new Trace(telemetry) : null;
+    this.trace = null;
     this.film = new Film(record, address);
     this.slider = new Slider(this.timeline, {
       seek: (t) => this.seek(t),
@@ -58,8 +58,7 @@ export class Player {
         make('h2', {class: 'tm-title'}, this.title),
         make('button', {type: 'button', class: 'tm-button', onclick: () => this.onclose()}, 'Close'),
       ),
-      make('div', {class: 'tm-stage'}, this.film.root, this.robot),
-      this.slider.root,
+      make('div', {class: 'tm-stage'}, this.film.root, this.slider.root, this.robot),
       this.#downloads(),
       this.troubles,
       figures,
@@ -69,12 +68,21 @@ export class Player {
 
   /** Begins, at a moment or at the beginning. */
   start(t) {
-    this.store.change({trace: this.trace, prompt: null, look: null, pictures: null});
+    this.store.change({trace: null, prompt: null, look: null, pictures: null});
     this.ends.push(
       this.store.subscribe('viewing', (ply) => this.#viewed(ply)),
       this.#mount('../robot.js', this.robot),
     );
     this.seek(t ?? this.timeline.start);
+  }
+
+  /** Takes the telemetry of the game: from now on arm and plots follow. */
+  follow(telemetry) {
+    if (!(telemetry.columns.t?.length > 0)) return;
+    this.trace = new Trace(telemetry);
+    this.mcap.hidden = false;
+    this.store.set('trace', this.trace);
+    this.show();
   }
 
   stop() {
@@ -196,7 +204,9 @@ export class Player {
   #downloads() {
     const link = (name, text) => make('a', {class: 'tm-link', href: `${this.address}/${name}`, download: ''}, text);
     const links = [link('game.pgn', 'PGN'), link('report.html', 'Report')];
-    if (this.trace) links.push(link('telemetry.mcap', 'Telemetry (MCAP)'));
+    this.mcap = link('telemetry.mcap', 'Telemetry (MCAP)');
+    this.mcap.hidden = true;
+    links.push(this.mcap);
     const copy = make(
       'button',
       {type: 'button', class: 'tm-button', onclick: () => this.#copy(copy)},

@@ -73,7 +73,7 @@ export class Orbit {
   place() {
     this.polar = Math.min(HIGHEST, Math.max(LOWEST, this.polar));
     this.distance = Math.min(FARTHEST, Math.max(NEAREST, this.distance));
-    const away = this.distance * Math.max(1, 1.25 / this.camera.aspect);
+    const away = this.distance * Math.max(1, 1.45 / this.camera.aspect);
     const across = away * Math.sin(this.polar);
     this.camera.position.set(
       this.target.x + across * Math.sin(this.azimuth),
