@@ -96,7 +96,7 @@ export function mountActions(store, board) {
     }
     field.disabled = !holds;
     send.disabled = !holds;
-    field.placeholder = holds ? (plays ? 'Type a move or a word: Nf3, e2e4, help' : 'Type a word: help') : 'Only whoever has the controls can type';
+    field.placeholder = holds ? (plays ? 'Type a move or a word: Nf3, e2e4, help' : 'Type a word: help') : 'You watch: nothing can be typed here';
   }
   for (const section of ['session', 'game', 'prompt', 'controls', 'connection']) store.subscribe(section, draw);
 }

@@ -33,8 +33,8 @@ export function mountAsk(store, board) {
     if (session.live === false) {
       return {mood: 'over', title: 'The program has ended', detail: capital(session.ended ?? '')};
     }
-    const watching = controls?.holder === null ? 'Nobody holds the controls: take them to answer'
-      : 'Whoever holds the controls answers';
+    const watching = controls?.holder === null ? 'Nobody has the controls: take them to play.'
+      : 'You watch; whoever has the controls answers.';
     if (prompt !== null && !prompt.turn) {
       const question = capital(prompt.text.replace(/\s*\(yes or no\)$/, '').replace(/\? q, r, b or n$/, '?'));
       const before = capital(context());
