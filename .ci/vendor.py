@@ -1,9 +1,10 @@
 """Fetch the page's libraries anew: ``make vendor``.
 
-``app/page/static/vendor/vendor.json`` names them: npm package, version, licence, and of every file its path in the package
-and the SHA-256 of what stands in ``vendor/FOLDER/``. A new version: change it, and empty the hashes of its files. A file
-whose hash is empty is taken as it comes and its hash written down; any other must come as it came before. ``replace`` of a
-file lists pairs of texts, each of which must occur: a browser without an import map finds no bare module names.
+``app/page/static/vendor/vendor.json`` names them: npm package, version, licence, and of every file its path in the
+package and the SHA-256 of what stands in ``vendor/FOLDER/``. A new version: change it, and empty the hashes of its
+files. A file whose hash is empty is taken as it comes and its hash written down; any other must come as it came
+before. ``replace`` of a file lists pairs of texts, each of which must occur: a browser without an import map finds no
+bare module names.
 """
 
 from __future__ import annotations

@@ -40,11 +40,7 @@ class Book:
     """
 
     def __init__(self, settings: BookSettings, seed: int = 0) -> None:
-        """Open the book.
-
-        Raises:
-            BookBroken: it is not there or no Polyglot book.
-        """
+        """Open the book; raises ``BookBroken`` if it is not there or no Polyglot book."""
         _check(settings.path)
         self._settings = settings
         self._seed = seed

@@ -35,20 +35,12 @@ def opening_engine(settings: EngineSettings) -> Engine:
 
 
 def varied_opening(engine: Engine, board: chess.Board, plies: int, rng: random.Random) -> tuple[chess.Move, ...]:
-    """An opening line that depends on position, seed and engine binary only.
+    """An opening line that depends on position, seed and engine binary only; shorter than asked for where the game
+    ends.
 
-    Args:
-        engine: open, at full strength on one thread (see ``opening_engine``).
-        board: where to begin; left as it is.
-        plies: how many moves of both sides together.
-        rng: draws once a ply.
-
-    Returns:
-        The moves; fewer than asked for when the game ends before.
-
-    Raises:
-        EngineRefused: the engine is limited in strength or has several threads.
-        EngineFailed: it failed twice at one position.
+    ``engine`` is open, at full strength on one thread (see ``opening_engine``); the board is left as it is; ``plies``
+    are of both sides together, and ``rng`` draws once for each. Raises ``EngineRefused`` if the engine is limited in
+    strength or has several threads, and ``EngineFailed`` if it failed twice at one position.
     """
     if engine.settings.elo is not None or engine.settings.threads != 1:
         raise EngineRefused(

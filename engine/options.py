@@ -22,11 +22,7 @@ Configuration = dict[str, chess.engine.ConfigValue]
 
 
 def configuration(settings: EngineSettings, uci: chess.engine.UciProtocol) -> Configuration:
-    """Options to set.
-
-    Raises:
-        EngineRefused: an option is not offered, or not with that value; says what is.
-    """
+    """Options to set; raises ``EngineRefused`` if an option is not offered, or not with that value: says what is."""
     wanted: Configuration = {}
     if settings.threads > 1 or "Threads" in uci.options:
         wanted["Threads"] = _within(uci, "Threads", settings.threads)

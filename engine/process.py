@@ -50,14 +50,10 @@ class UciProcess:
     """A running engine that has said ``uciok``, in a session of its own so that Ctrl-C does not reach it."""
 
     def __init__(self, path: str, deadline: float) -> None:
-        """Start the process and shake hands.
+        """Start the process and shake hands, each within the deadline [s, wall].
 
-        Args:
-            path: the binary; a script around it must ``exec`` it, or it will not end with us.
-            deadline: wall time for each of start and handshake [s].
-
-        Raises:
-            Misbehaved: it could not be started, died or did not answer.
+        A script around the binary must ``exec`` it, or it will not end with us. Raises ``Misbehaved`` if it could not
+        be started, died or did not answer.
         """
         self._transport: asyncio.SubprocessTransport | None = None
         self._uci: Uci | None = None
@@ -87,11 +83,8 @@ class UciProcess:
     def call(self, question: Callable[[Uci], Awaitable[T]], deadline: float) -> T:
         """Ask and wait for the answer, whatever happens no longer than the deadline, in wall time [s].
 
-        The question makes the awaitable, in the engine's thread.
-
-        Raises:
-            Hung: no answer in time.
-            Misbehaved: the process died, or it broke the protocol. Kill it then, as after ``Hung``.
+        The question makes the awaitable, in the engine's thread. Raises ``Hung`` if there is no answer in time and
+        ``Misbehaved`` if the process died, or it broke the protocol. Kill it then, as after ``Hung``.
         """
         return self._wait_for(self._answer(question), deadline)
 

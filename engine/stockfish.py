@@ -46,11 +46,7 @@ class _Ahead(NamedTuple):
 
 
 def find_engine(path: str | None = None) -> str:
-    """Path of the binary to start.
-
-    Raises:
-        EngineMissing: it is not there or not executable; says how to get one.
-    """
+    """Path of the binary to start; ``EngineMissing`` says how to get one if it is not there or not executable."""
     found = shutil.which(path) if path else shutil.which("stockfish") or shutil.which(DEBIAN_PATH)
     if found:
         return found
@@ -78,10 +74,8 @@ class Engine:
     def open(self) -> Self:
         """Find, start and configure the engine, so that what is wrong shows here.
 
-        Raises:
-            EngineMissing: no binary.
-            EngineRefused: the engine does not offer a setting, or not that value.
-            EngineFailed: it could not be started, several times.
+        Raises ``EngineMissing``; ``EngineRefused`` if it does not offer a setting, or not that value; and
+        ``EngineFailed`` if it could not be started, several times.
         """
         self._supervised.open(find_engine(self.settings.path))
         return self
@@ -113,20 +107,14 @@ class Engine:
         self._game = object()
 
     def choose(self, board: chess.Board, limit: chess.engine.Limit | None = None) -> EngineMove:
-        """The engine's move, always a legal one; what was pondered on this position counts.
+        """The engine's move, always a legal one; what was pondered on this position counts, and the board is left as it
+        is.
 
-        Args:
-            board: the position with its history; left as it is.
-            limit: for this move, such as the chess clock's; None takes the settings'. With a clock its ``time`` is the
-                longest that the move may take.
-
-        Returns:
-            At the latest after ``MOST_HANGS`` deadlines (see ``budget``) and a start for each attempt.
-
-        Raises:
-            EngineRefused: the game is over, nothing limits the search, or the engine is not open.
-            EngineFailed: hung, died, answered illegally or broke the protocol, again after restarts. Asked anew, it is
-                started anew.
+        ``limit`` is for this move, such as the chess clock's; None takes the settings'. With a clock its ``time`` is
+        the longest that the move may take. It returns at the latest after ``MOST_HANGS`` deadlines (see ``budget``) and
+        a start for each attempt. Raises ``EngineRefused`` if the game is over, nothing limits the search, or the engine
+        is not open, and ``EngineFailed`` if it hung, died, answered illegally or broke the protocol, again after
+        restarts. Asked anew, it is started anew.
         """
         limit = limit or self.settings.limit
         self._check_question(board, limit)
@@ -143,10 +131,8 @@ class Engine:
         """Begin to think about a position that is expected, with the engine's side to move; returns at once.
 
         The next question ends it. ``limit`` is what ``choose`` is expected to be asked with; None takes the settings'.
-
-        Returns:
-            False when it does not: by the settings, as the engine offers no option Ponder, at the end of a game, or as
-            it just failed. ``choose`` then starts anew and tells of trouble that lasts.
+        False when it does not: by the settings, as the engine offers no option Ponder, at the end of a game, or as it
+        just failed. ``choose`` then starts anew and tells of trouble that lasts.
         """
         limit = limit or self.settings.limit
         if not self.settings.ponders or not any(board.legal_moves):
@@ -169,10 +155,8 @@ class Engine:
     def hint(self, board: chess.Board, seconds: float = 1.0) -> EngineMove:
         """What the engine would play at its full strength, whatever its settings; for the person on the other side.
 
-        It thinks so many ``seconds`` where the settings name no number of nodes; the board is left as it is.
-
-        Raises:
-            EngineProblem: as for ``choose``.
+        It thinks so many ``seconds`` where the settings name no number of nodes; the board is left as it is. Raises
+        ``EngineProblem`` as for ``choose``.
         """
         nodes = self.settings.nodes
         limit = chess.engine.Limit(time=seconds) if nodes is None else chess.engine.Limit(nodes=nodes)
@@ -194,10 +178,7 @@ class Engine:
         on it alone.
 
         ``nodes`` positions are searched for all of them together; an engine without MultiPV searches each move alone.
-
-        Raises:
-            EngineRefused: the game is over, or the engine is not open.
-            EngineFailed: as for ``choose``.
+        Raises ``EngineRefused`` if the game is over, or the engine is not open and ``EngineFailed`` as for ``choose``.
         """
         limit = chess.engine.Limit(nodes=nodes)
         self._check_question(board, limit)
@@ -300,11 +281,8 @@ class EngineSupervisor:
         return self._process
 
     def open(self, path: str) -> None:
-        """Start the engine, so that what is wrong shows here.
-
-        Raises:
-            EngineRefused: it does not offer a setting, or not that value.
-            EngineFailed: it could not be started, several times.
+        """Start the engine, so that what is wrong shows here; raises ``EngineRefused`` if it does not offer a setting,
+        or not that value and ``EngineFailed`` if it could not be started, several times.
         """
         self._path = path
         self.ask("starting", lambda process: None)
@@ -316,16 +294,11 @@ class EngineSupervisor:
         self.drop()
 
     def ask(self, doing: str, ask: Callable[[UciProcess], T]) -> tuple[T, tuple[str, ...]]:
-        """Ask, and after a failure ask a fresh process once more, several times.
+        """Ask, and after a failure ask a fresh process once more, several times; the answer, and a phrase for each
+        failure.
 
         ``doing`` is for the sentence, such as "choosing a move"; ``ask`` is one attempt, which raises ``Misbehaved``.
-
-        Returns:
-            The answer, and what went wrong on the way, a phrase each.
-
-        Raises:
-            EngineRefused: it is closed; or as ``ask``.
-            EngineFailed: every attempt failed.
+        Raises ``EngineRefused`` if it is closed, or as ``ask``, and ``EngineFailed`` if every attempt failed.
         """
         reasons, hangs = list[str](), 0
         while True:
@@ -343,11 +316,8 @@ class EngineSupervisor:
             time.sleep(PAUSES[len(reasons) - 1])
 
     def running(self) -> UciProcess:
-        """The process, started if there is none.
-
-        Raises:
-            EngineRefused: it is closed, or does not offer what is to be set.
-            Misbehaved: it could not be started.
+        """The process, started if there is none; raises ``EngineRefused`` if it is closed, or does not offer what is to
+        be set and ``Misbehaved`` if it could not be started.
         """
         path, process = self._path, self._process
         if path is None:

@@ -118,10 +118,8 @@ class ServoBus(Protocol):
         """Length of one tick [s]."""
 
     def exchange(self, command: Command) -> Measurement:
-        """Hand over a command and block until the next tick's measurement.
-
-        Raises:
-            BusLost: the plant no longer answers.
+        """Hand over a command and block until the next tick's measurement; raises ``BusLost`` if the plant no longer
+        answers.
         """
 
     def close(self) -> None:
@@ -171,15 +169,10 @@ class Camera(Protocol):
     """A camera looking at the board, with or without depth."""
 
     def read(self, max_age: float) -> Frame:
-        """The newest frame. Stamps never go backwards.
+        """The newest frame, exposed at most ``max_age`` before now [s]. Stamps never go backwards.
 
-        Args:
-            max_age: oldest acceptable exposure, counted back from now [s].
-
-        Raises:
-            StaleFrame: no frame that young is to be had.
-            CameraClosed: it was closed before.
-            HardwareError: the camera does not answer.
+        Raises ``StaleFrame`` if no frame that young is to be had, ``CameraClosed`` if it was closed before, and
+        ``HardwareError`` if the camera does not answer.
         """
 
     def close(self) -> None:

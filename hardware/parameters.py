@@ -163,13 +163,10 @@ class RobotParameters(_Parameters):
 
 @cache
 def load_parameters(path: Path = DEFAULT_FILE) -> RobotParameters:
-    """Read a parameter file.
+    """Read a TOML file in the form of the default ``parameters.toml``.
 
-    Args:
-        path: TOML file in the form of the default ``parameters.toml``.
-
-    Raises:
-        ParametersError: the file cannot be read, is no TOML, lacks a field, has an unknown one or an impossible value.
+    Raises ``ParametersError`` if it cannot be read, is no TOML, lacks a field, has an unknown one or an impossible
+    value.
     """
     try:
         return RobotParameters.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))

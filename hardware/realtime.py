@@ -20,30 +20,23 @@ _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4
 _SET_TIMER_SLACK, _GET_TIMER_SLACK = 29, 30
 """``prctl``."""
 _CAP_IPC_LOCK = 1 << 14
-_FIFO_REMEDY = (
+_REMEDY = (
     "run as root, or 'sudo setcap cap_sys_nice,cap_ipc_lock+ep' the Python binary, "
-    "or allow your account 'rtprio 95' in /etc/security/limits.conf"
-)
-_LOCK_REMEDY = (
-    "run as root, or 'sudo setcap cap_sys_nice,cap_ipc_lock+ep' the Python binary, "
-    "or allow your account 'memlock unlimited' in /etc/security/limits.conf"
+    "or allow your account '{}' in /etc/security/limits.conf"
 )
 
 
 class RealTime(NamedTuple):
-    """What a process got.
-
-    Attributes:
-        scheduled: SCHED_FIFO with the priority asked for: no ordinary program can keep it from its processor.
-        locked: its memory is never swapped out.
-        pinned: it stays on the core asked for; also true where none was asked for.
-        notes: what it did not get, why, and the remedy, one sentence each.
-    """
+    """What a process got."""
 
     scheduled: bool
+    """SCHED_FIFO with the priority asked for: no ordinary program can keep it from its processor."""
     locked: bool
+    """Its memory is never swapped out."""
     pinned: bool
+    """It stays on the core asked for; also true where none was asked for."""
     notes: tuple[str, ...]
+    """What it did not get, why, and the remedy, one sentence each."""
 
     @property
     def granted(self) -> bool:
@@ -55,16 +48,10 @@ class RealTime(NamedTuple):
 def real_time(name: str, priority: int, core: int | None = None) -> Iterator[RealTime]:
     """Real time for the calling thread and its process, as far as the system grants it, until the block ends.
 
-    SCHED_FIFO is for this thread alone: threads and processes that it starts are ordinary ones. Whoever has it must
-    sleep in each period; the kernel takes the processor away for 50 ms from one that spins for 950 ms.
-
-    Args:
-        name: of the program, for the notes.
-        priority: of SCHED_FIFO, 1 to 99; above 50, where Linux with PREEMPT_RT handles interrupts.
-        core: number of the only core to run on; None leaves that to the system.
-
-    Yields:
-        What was granted.
+    SCHED_FIFO is for this thread alone, with a priority of 1 to 99; above 50, where Linux with PREEMPT_RT handles
+    interrupts. Threads and processes that it starts are ordinary ones. Whoever has it must sleep in each period; the
+    kernel takes the processor away for 50 ms from one that spins for 950 ms. ``core`` is the only one to run on; None
+    leaves that to the system. What was granted comes with ``name`` in its notes.
     """
     with contextlib.ExitStack() as undo:
         notes: list[str] = []
@@ -134,7 +121,7 @@ def _lock_memory(undo: contextlib.ExitStack) -> None:
     # with a finite limit a locked process that grows would be refused memory in the middle of its work
     flags = _CURRENT | _ON_FAULT | (_FUTURE if _may_lock_everything() else 0)
     if lock(flags):
-        raise _NotGranted(f"{os.strerror(ctypes.get_errno())}: {_LOCK_REMEDY}")
+        raise _NotGranted(f"{os.strerror(ctypes.get_errno())}: {_REMEDY.format('memlock unlimited')}")
     undo.callback(unlock)
 
 
@@ -155,7 +142,7 @@ def _schedule(priority: int, undo: contextlib.ExitStack) -> None:
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
     except OSError as error:
-        raise _NotGranted(f"{error.strerror}: {_FIFO_REMEDY}") from error
+        raise _NotGranted(f"{error.strerror}: {_REMEDY.format('rtprio 95')}") from error
     undo.callback(_restore, policy, before)
 
 

@@ -167,11 +167,7 @@ class Place:
 
     @classmethod
     def parse(cls, text: str) -> Place:
-        """The place that is written so: inverse of ``str``.
-
-        Raises:
-            ValueError: no place is written so.
-        """
+        """The place that is written so: inverse of ``str``; raises ``ValueError`` if no place is written so."""
         zone = text[:2] if text[:2] in BOX_ZONES else text[:1]
         number = text[len(zone) :]
         if zone in (*TRAY_ZONES, *BOX_ZONES) and number.isdecimal() and not number.startswith("0"):
@@ -284,11 +280,7 @@ class TableSettings(FrozenFinite):
         )
 
     def box_of(self, place: Place) -> Box:
-        """The box that a place belongs to.
-
-        Raises:
-            ValueError: to none.
-        """
+        """The box that a place belongs to; raises ``ValueError`` if it belongs to none."""
         self.xy(place)
         for box in self.boxes():
             if box.zone == place.zone:
@@ -319,11 +311,7 @@ class TableSettings(FrozenFinite):
         return tuple(Place(zone, i) for zone in ("L", "R") for i in range(self.tray_size))
 
     def xy(self, place: Place) -> tuple[float, float]:
-        """Centre of a place in the board frame (x, y) [m].
-
-        Raises:
-            ValueError: there is no such place.
-        """
+        """Centre of a place in the board frame (x, y) [m]; raises ``ValueError`` if there is no such place."""
         index = place.index
         if place.zone == "board":
             if not 0 <= index < 64:

@@ -40,12 +40,13 @@ ALLOWED = {
 FLOORS = {
     "app": (
         "cli", "page", "measure", "play", "game", "execution", "guard", "commissioning", "rig", "terminal", "settings",
-        "records", "motion", "players", "pieces",
+        "report", "records", "motion", "players", "scene", "pieces",
     ),
     "controller": ("offline", "loop", "law", "protection", "wire", "model", "settings", "protocol"),
     "vision": ("standing", "pieces", "reading", "hands", "camera", "loops", "board", "arrays"),
     "hardware": (
-        "sim", "camera", "table", "contact_limits", "referee", "parameters", "frozen", "interfaces", "realtime",
+        "sim", "camera", "turned_shapes", "table", "contact_limits", "referee", "parameters", "frozen", "interfaces",
+        "realtime",
     ),
     "hardware.sim": ("process", "clients", "hand", "plant", "bodies", "render"),
 }  # fmt: skip
@@ -302,6 +303,7 @@ LOAD_LATE = {
     "app.cli": "the help must be quick",
     "app.execution": "planning and seeing take seconds to load, and are not needed before something moves",
     "app.motion": "the same",
+    "app.page.recorded": "a page is there before a second is over: what only some records need comes later",
     "app.play": "opens devices, films and looks, where it does",
     "app.rig.simulation.processes": "each process loads only what it needs",
 }

@@ -96,7 +96,7 @@ def test_a_move_is_seen_when_the_hand_has_gone_and_the_arm_waits_while_one_is_th
     folder = tmp_path / "game"
     settings = tmp_path / "settings.toml"
     settings.write_text("[vision]\nguard = true\nguard_rate = 5.0\n[engine]\nnodes = 200\n")
-    game = program("play", "--rig", str(rig), "--config", str(settings), "--out", str(folder), "--json")
+    game = program("play", "--no-page", "--rig", str(rig), "--config", str(settings), "--out", str(folder), "--json")
     game.until("White to move")
     hand = SimHand(tmp_path / "run")
     try:
@@ -115,7 +115,7 @@ def test_a_move_is_seen_when_the_hand_has_gone_and_the_arm_waits_while_one_is_th
         game.process.kill()
         hand.perform(Move(start=xy("f2"), to=xy("e3")), Withdraw())
         hand.wait()
-        game = program("resume", str(folder), "--json")
+        game = program("resume", "--no-page", str(folder), "--json")
         game.until("this looks like Ke3: was that your move?")
         game.say("yes")
         game.until("I played")

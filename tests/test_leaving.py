@@ -43,18 +43,18 @@ def test_a_game_without_devices_is_left_and_taken_up(
 ) -> None:
     game = tmp_path / "game"
     lines = before if leave is None else (*before, leave)
-    status, report, said = run(game, lines, "play", *BOARD, "--out", str(game))
+    status, report, said = run(game, lines, "play", "--no-page", *BOARD, "--out", str(game))
     plies = 2 * before.count("e4")
     assert report["plies"] == plies
     if leave == "resign":
         assert (status, report["result"]) == (0, "0-1")
-        status, _, said = run(game, (), "resume", str(game))
+        status, _, said = run(game, (), "resume", "--no-page", str(game))
         assert status == 2
         assert f"is over, after {plies} plies: start a new one" in said
         return
     assert f"'touchmove resume {game}' goes on with it" in said
     assert status == (0 if leave == "quit" else 1)
-    status, report, _ = run(game, ("d4" if not plies else "Nf3", "resign"), "resume", str(game))
+    status, report, _ = run(game, ("d4" if not plies else "Nf3", "resign"), "resume", "--no-page", str(game))
     assert (status, report["result"], report["plies"]) == (0, "0-1", plies + 2)
 
 
@@ -63,7 +63,7 @@ def test_a_terminal_that_ends_is_told_in_two_sentences(tmp_path: Path, closed: b
     game, said = tmp_path / "game", tmp_path / "said"
     ours, theirs = pty.openpty()
     with said.open("wb") as out:
-        command = [*TOUCHMOVE, "play", *BOARD, "--out", str(game)]
+        command = [*TOUCHMOVE, "play", "--no-page", *BOARD, "--out", str(game)]
         process = subprocess.Popen(command, stdin=theirs, stdout=out, stderr=out, start_new_session=True)
     os.close(theirs)
     until(lambda: b"your move" in said.read_bytes())
@@ -80,7 +80,7 @@ def test_a_terminal_that_ends_is_told_in_two_sentences(tmp_path: Path, closed: b
 
 
 def test_what_is_no_text_is_answered_like_other_nonsense(tmp_path: Path) -> None:
-    command = [*TOUCHMOVE, "play", *BOARD, "--out", str(tmp_path / "game"), "--json"]
+    command = [*TOUCHMOVE, "play", "--no-page", *BOARD, "--out", str(tmp_path / "game"), "--json"]
     done = subprocess.run(command, input=b"\xff\xfe\nquit\n", capture_output=True, check=False)
     assert done.returncode == 0
     assert "is neither SAN nor UCI" in done.stderr.decode()
@@ -92,15 +92,15 @@ def test_a_game_that_waits_for_a_piece_is_left_and_taken_up(tmp_path: Path) -> N
     game = tmp_path / "game"
     asked = "put the white knight on b1"
     status, report, said = run(
-        game, ("hand move b1 L3", "fix"), "play", *SIMULATED, "--out", str(game), program=WITHOUT_SIGHT
+        game, ("hand move b1 L3", "fix"), "play", "--no-page", *SIMULATED, "--out", str(game), program=WITHOUT_SIGHT
     )
     assert (status, report["result"]) == (1, "*")
     assert asked in said
-    status, report, said = run(game, ("nonsense", "quit"), "resume", str(game), program=WITHOUT_SIGHT)
+    status, report, said = run(game, ("nonsense", "quit"), "resume", "--no-page", str(game), program=WITHOUT_SIGHT)
     assert (status, report["result"]) == (0, "*")
     assert asked in said
     assert "'nonsense' is no answer" in said
     back = ("hand move L3 b1", "done", "e4", "hand move b1 L3", "fix", "resign")
-    status, report, said = run(game, back, "resume", str(game), program=WITHOUT_SIGHT)
+    status, report, said = run(game, back, "resume", "--no-page", str(game), program=WITHOUT_SIGHT)
     assert (status, report["result"], report["plies"]) == (0, "0-1", 2), said[-2000:]
-    assert run(game, (), "resume", str(game), program=WITHOUT_SIGHT)[0] == 2
+    assert run(game, (), "resume", "--no-page", str(game), program=WITHOUT_SIGHT)[0] == 2

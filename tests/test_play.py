@@ -61,7 +61,7 @@ class PseudoTerminal:
 
 def test_a_game_in_a_terminal_from_its_start_to_mate(tmp_path: Path) -> None:
     terminal = PseudoTerminal(
-        "play", "--rig", "board", "--fen", "8/8/8/4k3/8/8/3QK3/8 w - - 0 1", "--nodes", "3000", "--out",
+        "play", "--no-page", "--rig", "board", "--fen", "8/8/8/4k3/8/8/3QK3/8 w - - 0 1", "--nodes", "3000", "--out",
         str(tmp_path / "game"),
     )  # fmt: skip
     for _ in range(40):
@@ -129,7 +129,9 @@ def test_a_whole_game_with_all_that_a_person_may_do_at_the_board(tmp_path: Path)
     engine.write_text(f"#!{sys.executable}\n" + ENGINE.format(replies="a6 d5 Nf6 b5 Kxd8 Bb7 e6 Bd6 Re8"))
     engine.chmod(0o755)
     options = ("--pace", "fast", "--engine", str(engine), "--out", str(tmp_path / "game"), "--json")
-    done = subprocess.run([*TOUCHMOVE, "play", *options], input=script, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [*TOUCHMOVE, "play", "--no-page", *options], input=script, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     assert "another piece stands at d2: take it away first" in done.stderr
     assert "no piece stands within 20 mm of e5" in done.stderr
@@ -152,7 +154,8 @@ def test_a_game_begins_from_whatever_stands_on_the_board_and_goes_on_without_its
     folder = tmp_path / "game"
     standing = "8/8/4k3/8/8/3Q4/8/4K2R w - - 0 1"
     terminal = PseudoTerminal(
-        "play", "--from-board", "--standing", standing, "--pace", "fast", "--nodes", "500", "--out", str(folder)
+        "play", "--no-page", "--from-board", "--standing", standing, "--pace", "fast", "--nodes", "500", "--out",
+        str(folder),
     )  # fmt: skip
     terminal.until(r"who moves next.* > ")
     terminal.type("hand move d3 c3")
@@ -171,7 +174,7 @@ def test_a_game_begins_from_whatever_stands_on_the_board_and_goes_on_without_its
     board = game.end().board()
     assert len(board.move_stack) == 2
     (folder / "events.jsonl").write_text("nonsense\n")
-    terminal = PseudoTerminal("resume", "--from-board", str(folder))
+    terminal = PseudoTerminal("resume", "--no-page", "--from-board", str(folder))
     terminal.until(r"who moves next.* > ")
     terminal.type("white")
     terminal.until("your move > ")
@@ -201,6 +204,8 @@ def test_a_game_begins_from_whatever_stands_on_the_board_and_goes_on_without_its
     ],
 )
 def test_positions_from_the_board_take_a_camera_and_nothing_else(arguments: tuple[str, ...], sentence: str) -> None:
-    done = subprocess.run([*TOUCHMOVE, "play", "--from-board", *arguments], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [*TOUCHMOVE, "play", "--no-page", "--from-board", *arguments], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 2
     assert sentence in " ".join(done.stderr.split())

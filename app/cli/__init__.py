@@ -14,6 +14,7 @@ from app.cli.devices import calibrate, check, controller, link_test, world
 from app.cli.ending import fail
 from app.cli.games import demo, play, replay, report, resume, setup, show_config
 from app.cli.measuring import bench, figures, vision
+from app.cli.page import page
 
 
 @contextmanager
@@ -50,8 +51,8 @@ app = typer.Typer(
 )
 _COMMANDS: dict[str, Callable[..., None]] = {
     "play": play, "demo": demo, "replay": replay, "setup": setup, "resume": resume, "report": report,
-    "config": show_config, "controller": controller, "world": world, "check": check, "calibrate": calibrate,
-    "link-test": link_test, "vision": vision, "figures": figures, "bench": bench,
+    "page": page, "config": show_config, "controller": controller, "world": world, "check": check,
+    "calibrate": calibrate, "link-test": link_test, "vision": vision, "figures": figures, "bench": bench,
 }  # fmt: skip
 for _name, _command in _COMMANDS.items():
     app.command(_name)(_command)

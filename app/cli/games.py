@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from app.cli import options
+import app.cli.options as options  # noqa: PLR0402 - the package itself imports this module
 from app.cli.ending import fail, interrupt, say
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ def demo(
     engine: options.EnginePath = None,
     white_engine: options.WhiteEngine = None,
     black_engine: options.BlackEngine = None,
+    speak: options.Speak = False,
     page: options.Page = None,
     page_port: options.PagePort = None,
     out: options.Out = None,
@@ -100,6 +101,7 @@ def play(
     profile: options.Profile = None,
     seed: options.Seed = 1,
     guard: options.Guard = None,
+    speak: options.Speak = False,
     page: options.Page = None,
     page_port: options.PagePort = None,
     out: options.Out = None,
@@ -137,6 +139,7 @@ def replay(
     seed: options.Seed = 1,
     verify: options.Verify = None,
     cameras: options.Cameras = True,
+    speak: options.Speak = False,
     page: options.Page = None,
     page_port: options.PagePort = None,
     out: options.Out = None,
@@ -211,6 +214,10 @@ def resume(
 def report(
     folder: Annotated[Path, typer.Argument(help="Folder of a game's record.")],
     as_json: options.AsJson = False,
+    as_html: Annotated[
+        bool,
+        typer.Option("--html", help="Write it as a page, report.html in the folder; of a match, one for each round."),
+    ] = False,
 ) -> None:
     """Compute the report of a recorded game again, from its events alone, also of one that broke off."""
     from rich.console import Console
@@ -221,13 +228,22 @@ def report(
 
     try:
         found = summarise(read_events(folder / EVENTS_FILE, say))
+        pages = _report_pages(folder) if as_html else ()
     except UserError as error:
         fail(str(error))
+    for page in pages:
+        print(page, file=sys.stderr if as_json else sys.stdout)
     if as_json:
         print(found.model_dump_json(indent=2))
-    else:
+    elif not as_html:
         Console(markup=False).print(report_table(found))
     raise typer.Exit(0 if found.physical_ok is not False and not found.failures else 1)
+
+
+def _report_pages(folder: Path) -> tuple[Path, ...]:
+    from app.report import write_report_pages  # loads OpenCV: not where only numbers are asked for
+
+    return write_report_pages(folder)
 
 
 def show_config(
@@ -306,14 +322,22 @@ def _audience(
     program: Program, settings: Settings, console: Console, *, headless: bool, awaited: bool
 ) -> Iterator[_Audience]:
     """The terminal and the page, as far as they are wanted; arguments as of ``_show_game``."""
+    from app import UserError
     from app.terminal.interface import Conversation, Terminal, Together, TypedLines, UserInterface
 
     talks = program in ("play", "resume")
     with ExitStack() as stack:
-        terminal = UserInterface()
+        terminal: UserInterface = UserInterface()
         if not headless:
             shown = Conversation(console, echoes=sys.stdin.isatty()) if talks else Terminal(console)
             terminal = stack.enter_context(shown)
+        if settings.terminal.speak:
+            from app.terminal.speaker import Speaker
+
+            try:
+                terminal = Together(terminal, stack.enter_context(Speaker()))
+            except UserError as error:
+                fail(str(error))
         typed = sys.stdin if talks else None
         if headless or not settings.page.on:
             yield _Audience(terminal, TypedLines(typed, terminal.heard))
@@ -322,9 +346,10 @@ def _audience(
         from app.page.supervisor import PageSupervisor
         from app.records.files import GAMES
 
-        publisher = PagePublisher(program, lambda line: lines.offer(line))
+        publisher = PagePublisher(program)
         ui = Together(terminal, publisher)
         lines = TypedLines(typed, ui.heard, lambda: awaited or publisher.used)
+        publisher.subscribe(lines.offer)
         stack.enter_context(PageSupervisor(settings.page, publisher, GAMES, _invite, say))
         yield _Audience(ui, lines, publisher.end)
 

@@ -87,6 +87,7 @@ Guard = Annotated[
     bool | None,
     typer.Option(help="The camera watches for hands, and the arm stops while one is over the board; in a lab it does."),
 ]
+Speak = Annotated[bool, typer.Option("--speak", help="Moves and requests are spoken aloud, by espeak-ng.")]
 Page = Annotated[
     bool | None,
     typer.Option(

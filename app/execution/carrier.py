@@ -107,6 +107,7 @@ class Carrier:
     ) -> None:
         self._devices, self._record, self._ui = devices, record, ui
         self._motion, self._parameters = motion, parameters
+        record.robot(parameters)
         self._step: Begun | None = None
         self._listeners: list[Callable[[str], None]] = []
 

@@ -11,6 +11,7 @@ import chess.engine
 
 from app import UserError
 from app.pieces.inventory import Inventory, Transfer
+from app.players.commands import NewGame
 from app.records import History, PlyOutcome
 from app.records.events import Result
 from app.records.history import Unfinished
@@ -98,8 +99,8 @@ class AwaitedReply:
 
 @dataclass(frozen=True, slots=True)
 class GameEnd:
-    """Why the loop ended: PGN result, phrase, whether all that was asked was done, whether another game is wanted, and
-    whether that begins with what stands on the board.
+    """Why the loop ended: PGN result, phrase, whether all that was asked was done, whether another game is wanted, like
+    what, and whether that begins with what stands on the board.
     """
 
     result: Result
@@ -107,6 +108,7 @@ class GameEnd:
     complete: bool
     again: bool = False
     kept: bool = False
+    wish: NewGame | None = None
 
 
 LEFT: Final = GameEnd("*", "left by the person at the board", complete=True)

@@ -62,7 +62,7 @@ class Game:
             return self._play(plies)
         except GameLeft as left:
             assert self._human is not None, "only a person leaves"
-            return self._human.left(left.word)
+            return self._human.left(left.word, left.wish)
 
     def _play(self, plies: int) -> GameEnd:
         board = self._table.board
@@ -126,7 +126,8 @@ class Game:
     def _choose(self) -> Decision:
         """What the player to move decides; where its engine fails for good and a person is there, the game waits."""
         board = self._table.board
-        self._ui.phase(f"{side_name(board.turn)} thinks ({self._players.name(board.turn)})")
+        name = self._players.name(board.turn)
+        self._ui.phase(f"{side_name(board.turn)} thinks ({name})")
         since = time.perf_counter()
         while True:
             self._timing.start(board.turn)
@@ -135,9 +136,11 @@ class Game:
                 break
             except EngineProblem as problem:
                 self._timing.forget(board.turn)
+                self._ui.device("engine", False, f"{name}: {problem}")
                 if self._human is None:
                     raise
                 self._human.wait(f"{problem}; say 'go' when I may ask again")
+        self._ui.device("engine", True, f"{name} answers")
         for trouble in decision.troubles:
             self._ui.phase(f"the engine was started again: {trouble}")
         self.thinking += time.perf_counter() - since

@@ -20,7 +20,7 @@ from app.game.clock import side_name
 from app.game.person import GameLeft, HandNotice, NeedsHand, ask
 from app.game.timing import Timing
 from app.pieces.manipulation import transfers
-from app.players.commands import Command, CommandError, MoveHand, PlayMove, Word, help_text, parse_command
+from app.players.commands import Command, CommandError, MoveHand, NewGame, PlayMove, Word, help_text, parse_command
 from app.players.person import Human, PersonGone
 from app.players.players import Players
 from app.records import RecordError
@@ -138,13 +138,13 @@ class HumanTurn:
         self._ui.say(sentence)
         ask(self._human, self._ui, "go on?", (Word.GO.value,), lambda _: False)
 
-    def left(self, word: Word) -> GameEnd:
+    def left(self, word: Word, wish: NewGame | None = None) -> GameEnd:
         """How the game has ended for a person who said quit, resign, new or keep."""
         if word is Word.KEEP:
             return KEPT
         if word is Word.RESIGN:
             return GameEnd("0-1" if self._colour else "1-0", f"{side_name(self._colour)} resigns", True)
-        return LEFT if word is Word.QUIT else GameEnd("*", "given up for a new game", True, again=True)
+        return LEFT if word is Word.QUIT else _another(wish)
 
     def _prompt(self) -> None:
         left = self._timing.left()
@@ -157,6 +157,9 @@ class HumanTurn:
             return self._play(command.move)
         if isinstance(command, MoveHand):
             return self._hand(command)
+        if isinstance(command, NewGame):
+            self._human.require(command)
+            return self.left(Word.NEW, command)
         words: dict[Word, Callable[[], GameEnd | None]] = {
             Word.LOOK: lambda: self._read(None, self._timing.now()),
             Word.FIX: lambda: None if self._table.repair() else WRONG,
@@ -390,3 +393,7 @@ class HumanTurn:
                 return False
 
         return ask(self._human, self._ui, question, valid, other, squares=squares)
+
+
+def _another(wish: NewGame | None) -> GameEnd:
+    return GameEnd("*", "given up for a new game", complete=True, again=True, wish=wish)

@@ -13,10 +13,22 @@ from typing import TYPE_CHECKING, Final
 from app import UserError
 from app.execution.state import Told
 from app.pieces.inventory import Inventory, Ply
-from app.players.commands import CommandError, HandVerb, MoveHand, Word, help_text, parse_hand, said_of_square, word_of
+from app.players.commands import (
+    CommandError,
+    HandVerb,
+    MoveHand,
+    NewGame,
+    Word,
+    help_text,
+    parse_hand,
+    parse_new,
+    said_of_square,
+    word_of,
+)
 from app.players.person import Hands, Human
 from app.rig.arm import Arm
 from app.terminal.interface import UserInterface
+from engine.errors import EngineProblem
 from hardware.interfaces import HardwareError
 from hardware.table import Look, Place
 
@@ -42,11 +54,12 @@ class GameLeft(UserError):
 
     Attributes:
         word: what they said: quit, resign, new or keep.
+        wish: what another game shall be like.
     """
 
-    def __init__(self, word: Word) -> None:
+    def __init__(self, word: Word, wish: NewGame | None = None) -> None:
         super().__init__(f"the person at the board said '{word}'")
-        self.word = word
+        self.word, self.wish = word, wish
 
 
 LEAVES: Final = (Word.QUIT, Word.RESIGN, Word.NEW, Word.KEEP)
@@ -89,11 +102,27 @@ def ask(
         word = word_of(line)
         if word is not None and word in leaves:
             raise GameLeft(word)
+        if (wish := _wish(human, ui, line)) is not None and Word.NEW in leaves:
+            raise GameLeft(Word.NEW, wish)
         if word is Word.HELP:
             ui.say(help_text() if how is None else how)
         elif not other(line):
             ui.say(f"'{line.strip()}' is no answer: {how or 'say ' + ' or '.join(valid)}, or quit or resign")
         ui.prompt(question, words if offers is None else offers, squares)
+
+
+def _wish(human: Human, ui: UserInterface, line: str) -> NewGame | None:
+    """What another game shall be like, where a line says that; None: it does not, or there can be no such game."""
+    first, *rest = line.split()
+    if first.lower() != Word.NEW or not rest:
+        return None
+    try:
+        wish = parse_new(rest)
+        human.require(wish)
+    except (UserError, EngineProblem) as error:
+        ui.say(str(error))
+        return None
+    return wish
 
 
 class HandNotice:

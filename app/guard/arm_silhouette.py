@@ -1,7 +1,7 @@
 """Where the arm is in the board frame, as capsules: what a camera must not take for a hand.
 
-Links lie where the servomotors' angles say, by the controller's kinematics; how thick they are is measured on the robot
-and stated here. What the fingers may hold counts as a part of the arm, whether they hold something or not.
+Links lie, and are as thick, as ``app.scene.arm`` says. What the fingers may hold counts as a part of the arm, whether
+they hold something or not.
 """
 
 from __future__ import annotations
@@ -15,8 +15,17 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.model.constants import ARM_COS, ARM_SIN, DeltaModel
-from controller.model.reach import tool_point_at
+from app.scene.arm import (
+    BODY_HALF_LENGTH,
+    BODY_HEIGHT,
+    BODY_RADIUS,
+    FINGER_RADIUS,
+    FLANGE_THICKNESS,
+    arm_joints,
+    leg_solids,
+    servo_solids,
+)
+from controller.model.constants import DeltaModel
 from controller.protocol.layout import Flag
 from controller.protocol.messages import Telemetry
 from controller.settings import ControllerSettings
@@ -27,21 +36,6 @@ from vision.hands.arm_mask import Capsules
 
 Array = NDArray[np.float64]
 
-PROXIMAL_RADIUS: Final = 0.013
-SERVO_RADIUS: Final = 0.030
-SERVO_HALF_LENGTH: Final = 0.046
-"""Of a servomotor along its axis, from the middle of the proximal link [m]."""
-ROD_RADIUS: Final = 0.006
-ROD_HALF_DISTANCE: Final = 0.024
-"""Between the two rods of a pair, each from their middle [m]."""
-FLANGE_THICKNESS: Final = 0.008
-"""Half of it, with the joints on it [m]."""
-BODY_HALF_LENGTH: Final = 0.040
-BODY_RADIUS: Final = 0.021
-"""Of a round bar that the gripper's body lies in [m]."""
-BODY_HEIGHT: Final = 0.0635
-"""Of the body's middle above the tool point [m]."""
-FINGER_RADIUS: Final = 0.010
 HELD_RADIUS: Final = 0.002 + max(shape.foot_radius for shape in PIECE_SHAPES.values())
 HELD_BELOW: Final = max(shape.grip_height for shape in PIECE_SHAPES.values())
 HELD_ABOVE: Final = max(shape.height - shape.grip_height for shape in PIECE_SHAPES.values())
@@ -69,41 +63,17 @@ def arm_capsules(parameters: RobotParameters, table: TableSettings, pose: ArmPos
     Raises:
         PoseError: no tool point belongs to these angles.
     """
-    tool = tool_point_at(DeltaModel(parameters), np.array(pose.angle))
+    joints = arm_joints(DeltaModel(parameters), pose.angle)
+    tool = np.array(joints.tool)
     ends, radii = list[tuple[Array, Array]](), list[float]()
-    for arm in range(3):
-        for start, end, radius in _leg(parameters, arm, pose.angle[arm], tool):
-            ends.append((start, end))
-            radii.append(radius)
+    for bar in (*servo_solids(parameters), *leg_solids(joints)):
+        ends.append((np.array(bar.start), np.array(bar.end)))
+        radii.append(bar.radius)
     tool_parts = (*_flange(parameters, tool), *_gripper(parameters, tool, pose.finger), *_marker(parameters, tool))
     for start, end, radius in tool_parts:
         ends.append((start, end))
         radii.append(radius)
     return Capsules.of(table.board_from_base(np.array(ends)), radii)
-
-
-def _turned(arm: int, point: tuple[float, float, float]) -> Array:
-    """A point of an arm's own frame in the base frame (3,) [m]."""
-    x, y, z = point
-    cos, sin = ARM_COS[arm], ARM_SIN[arm]
-    return np.array([cos * x - sin * y, sin * x + cos * y, z])
-
-
-def _leg(parameters: RobotParameters, arm: int, angle: float, tool: Array) -> list[tuple[Array, Array, float]]:
-    g = parameters.geometry
-    along, down = g.proximal_length * math.cos(angle), g.proximal_length * math.sin(angle)
-    shoulder, elbow = _turned(arm, (0.0, g.base_radius, 0.0)), _turned(arm, (0.0, g.base_radius + along, down))
-    joint = tool + _turned(arm, (0.0, g.flange_radius, -g.gripper_height))
-    axis = _turned(arm, (1.0, 0.0, 0.0))
-    servo, aside = SERVO_HALF_LENGTH * axis, ROD_HALF_DISTANCE * axis
-    return [
-        (shoulder - servo, shoulder + servo, SERVO_RADIUS),
-        (shoulder, elbow, PROXIMAL_RADIUS),
-        (elbow - aside, elbow + aside, ROD_RADIUS),
-        (joint - aside, joint + aside, ROD_RADIUS),
-        (elbow - aside, joint - aside, ROD_RADIUS),
-        (elbow + aside, joint + aside, ROD_RADIUS),
-    ]
 
 
 def _flange(parameters: RobotParameters, tool: Array) -> list[tuple[Array, Array, float]]:

@@ -80,23 +80,20 @@ class Workcell:
 
 
 class Arc(NamedTuple):
-    """A pick-and-place arc from one point of the board to another; heights of the tool over the board [m].
-
-    Attributes:
-        start: (x, y), height.
-        end: (x, y), height.
-        least: on the way between [m].
-        carried: piece in the fingers.
-        opening: how far the fingers are open [m].
-        drops: what is carried is let go at the end, in the air: it need not come down from above.
-    """
+    """A pick-and-place arc from one point of the board to another; heights of the tool over the board [m]."""
 
     start: tuple[float, float, float]
+    """(x, y), height."""
     end: tuple[float, float, float]
+    """(x, y), height."""
     least: float
+    """On the way between [m]."""
     carried: PieceShape | None
+    """Piece in the fingers."""
     opening: float
+    """How far the fingers are open [m]."""
     drops: bool = False
+    """What is carried is let go at the end, in the air: it need not come down from above."""
 
 
 class Waypoints(NamedTuple):
@@ -110,11 +107,7 @@ class Waypoints(NamedTuple):
 
 
 def over(cell: Workcell, arc: Arc, others: Crowd) -> Waypoints:
-    """Up, over and down.
-
-    Raises:
-        PlanRefused: what stands there is higher than the workspace.
-    """
+    """Up, over and down; raises ``PlanRefused`` if what stands there is higher than the workspace."""
     settings = cell.settings
     (x0, y0, z0), (x1, y1, z1) = arc.start, arc.end
     way = math.hypot(x1 - x0, y1 - y0)

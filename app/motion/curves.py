@@ -119,18 +119,12 @@ def pieces(points: FloatArray, tangents: FloatArray) -> FloatArray:
 def widest_corner(
     at: FloatArray, needed: FloatArray, height: float, slope: float, turn: float, sizes: FloatArray
 ) -> float:
-    """The first size of a corner between an upright line and one over the board that passes over all that it must.
+    """The first size of a corner between an upright line and one over the board that passes over all that it must; 0:
+    none.
 
-    Args:
-        at: ways over the board from the corner's point, rising, (n,) [m].
-        needed: heights the tool needs there, (n,) [m].
-        height: of the corner's point [m].
-        slope: of the line over the board, upwards positive.
-        turn: between both lines [rad].
-        sizes: how far before its point the corner may begin, (m,) [m].
-
-    Returns:
-        One of the sizes, or 0: none is free.
+    ``at`` are ways over the board from the corner's point, rising, and ``needed`` the heights that the tool needs
+    there, (n,) [m]; the corner's point has a ``height`` [m]. ``slope`` is of the line over the board, upwards positive,
+    and ``turn`` between both lines [rad]. Sizes are how far before its point the corner may begin, (m,) [m].
     """
     along, scale = math.sqrt(1.0 + slope * slope), 1.0 / _tangent(turn)
     # a corner with tangents of 1 m, by the ways along both lines; its second half is the first one mirrored
@@ -206,7 +200,7 @@ def begins(rows: FloatArray) -> FloatArray:
 
 @compiled_as(TABLE(ROW, SCALAR, ROW, TABLE, TABLE))
 def trace(times: FloatArray, factor: float, starts: FloatArray, rows: FloatArray, path: FloatArray) -> FloatArray:
-    """A path by its law.
+    """A path by its law, (m, 12), columns as of ``TRACED``.
 
     Args:
         times: at which, rising, (m,) [s].
@@ -214,9 +208,6 @@ def trace(times: FloatArray, factor: float, starts: FloatArray, rows: FloatArray
         starts: of the intervals, and the end of the last one, (n + 1,) [s].
         rows: intervals of the law, columns as of ``ROWS``.
         path: its pieces, columns as of ``PIECE``.
-
-    Returns:
-        (m, 12), columns as of ``TRACED``.
     """
     out = np.empty((times.size, TRACED))
     last, k = rows.shape[0] - 1, 0

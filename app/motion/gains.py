@@ -78,7 +78,8 @@ def _scheduled(
 
 
 def scheduled(height: Vector, share: Vector, time: Vector, begun: Vector, softness: Softness, gains: Gains) -> Vector:
-    """Stiffness and damping of each axis.
+    """Stiffness k_p [1/s²] and damping k_v [1/s] of each axis, (n, 6); both are continuous, with a continuous
+    derivative.
 
     Args:
         height: of the carried foot, or of the pads above their lowest point, over the board, shape (n,) [m].
@@ -87,9 +88,6 @@ def scheduled(height: Vector, share: Vector, time: Vector, begun: Vector, softne
         begun: since the motion began, (n,) [s].
         softness: of z₁ at the start.
         gains: frequencies and where they apply.
-
-    Returns:
-        k_p [1/s²] and k_v [1/s] of each axis, (n, 6). Both are continuous, with a continuous derivative.
     """
     numbers = np.array([
         gains.frequency_in_air, gains.frequency_at_contact, 2.0 * gains.damping_ratio, gains.soft_height,

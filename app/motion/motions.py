@@ -24,10 +24,8 @@ _LOOSENING: Final = 0.4
 def motion_of(
     cell: Workcell, label: str, route: Route, transfer: int | None = None, stage: Stage | None = None
 ) -> tuple[Motion, float]:
-    """Time a route, as a stage of one of the plan's transfers or of none; with it where the fingers end up [m].
-
-    Raises:
-        PlanRefused: it leads out of the workspace, or takes more torque than the drives have.
+    """Time a route, as a stage of one of the plan's transfers or of none; with it where the fingers end up [m]. Raises
+    ``PlanRefused`` if it leads out of the workspace, or takes more torque than the drives have.
     """
     _check(cell, label, route)
     route, done = _within_torque(cell, label, route)
@@ -41,13 +39,9 @@ def motion_of(
 def sampled_motion(cell: Workcell, label: str, way: Vector, start: Vector, resting: float, upright: Vector) -> Motion:
     """A motion that follows from no route, with the fingers as they are and stiff but along z₃.
 
-    Args:
-        cell: what is moved.
-        label: what the motion does, for people.
-        way: position, velocity and acceleration a tick apart, from the second sample on, base frame (n, 9).
-        start: where it begins, (3,) [m].
-        resting: it rests so long at its end [s].
-        upright: natural frequency along z₃ [rad/s], one for all samples or each its own.
+    ``way`` has position, velocity and acceleration a tick apart, from the second sample on, base frame (n, 9); it
+    begins at ``start``, (3,) [m], and rests at its end [s]. ``upright`` is the natural frequency along z₃ [rad/s], one
+    for all samples or each its own.
     """
     tick, gains = cell.tick, cell.settings.gains
     path = join([dwell(start, 1), Segment(way), dwell(way[-1, 0:3], math.ceil(resting / tick))])

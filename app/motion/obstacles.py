@@ -52,18 +52,14 @@ def _boxes(table: TableSettings | None) -> Vector:
 
 @dataclass(frozen=True, slots=True)
 class Crowd:
-    """Pieces that stand, and boxes.
-
-    Attributes:
-        pieces: which.
-        table: of each x and y of its centre, height, foot's radius, stem's radius, foot's height, (n, 6) [m].
-        boxes: of each x and y of its centre, half its extent along x and y with its walls, and how high up it or what
-            lies in it reaches, (m, 5) [m].
-    """
+    """Pieces that stand, and boxes."""
 
     pieces: tuple[Obstacle, ...]
     table: Vector
+    """Of each x and y of its centre, height, foot's radius, stem's radius, foot's height, (n, 6) [m]."""
     boxes: Vector
+    """Of each x and y of its centre, half its extent along x and y with its walls, and how high up it or what lies in
+    it reaches, (m, 5) [m]."""
 
     @classmethod
     def of(cls, pieces: Iterable[Obstacle], table: TableSettings | None = None) -> Crowd:
@@ -166,13 +162,11 @@ def needed_heights(
     beside: float,
     clearance: float,
 ) -> Vector:
-    """How high the tool must be on a straight way over the board, so that what moves passes over what stands there.
+    """How high over the board the tool must be, so that what moves passes over what stands there, (n,), 0: nothing does
+    [m].
 
-    At shares (n,) of the way from one point (x, y) of the board to another [m]; pieces closer than ``beside`` are
-    passed over with a ``clearance`` [m].
-
-    Returns:
-        Heights of the tool over the board, (n,), 0 where nothing stands [m].
+    At shares (n,) of a straight way from one point (x, y) of the board to another [m]; pieces closer than ``beside``
+    are passed over with a ``clearance`` [m].
     """
     foot, hangs = -1.0, 0.0
     if moving.carried is not None:

@@ -20,13 +20,10 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """Pieces one after the other; each is a line or one half of a corner.
-
-    Attributes:
-        table: of each piece tangent, normal, sharpness, sign, length, begin, flat end, line, (n, 14).
-    """
+    """Pieces one after the other; each is a line or one half of a corner."""
 
     table: Vector
+    """Of each piece tangent, normal, sharpness, sign, length, begin, flat end, line, (n, 14)."""
 
     @property
     def tangent(self) -> Vector:
@@ -93,10 +90,8 @@ def blend(points: Vector, tangents: Vector) -> Path:
     """A path along a polygon (n, 3) [m] with blended corners; no two points that follow each other coincide.
 
     ``tangents`` say how far before each inner point its corner begins, (n - 2,) [m]; they are unused where the polygon
-    hardly turns. On each line there must be room for both of its ends.
-
-    Raises:
-        ValueError: two corners overlap, or one that turns has no room.
+    hardly turns. On each line there must be room for both of its ends. Raises ``ValueError`` if two corners overlap, or
+    one that turns has no room.
     """
     table = pieces(np.ascontiguousarray(points, dtype=float), np.asarray(tangents, dtype=float))
     if not len(table):

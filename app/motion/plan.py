@@ -34,11 +34,9 @@ class PlanRefused(UserError):
 
 
 class InTheWay(PlanRefused):
-    """A piece is where the fingers have to go.
+    """A piece is where the fingers have to go; once it is moved away, they may.
 
-    Attributes:
-        piece: which; once it is moved away, they may.
-        around: what they would be around, and where; None: they would not open.
+    ``around`` is what they would be around, and where; None: they would not open.
     """
 
     def __init__(self, sentence: str, piece: Obstacle, around: Obstacle | None = None) -> None:
@@ -48,48 +46,42 @@ class InTheWay(PlanRefused):
 
 @dataclass(frozen=True, slots=True)
 class Continuation:
-    """All that a motion's samples follow from, planned with it and handed over with it.
-
-    Attributes:
-        settings: speeds, gains, heights.
-        table: board and trays.
-        tick: of the samples [s].
-        route: where it goes; None: its samples do not follow from a route.
-    """
+    """All that a motion's samples follow from, planned with it and handed over with it."""
 
     settings: MotionSettings
+    """Speeds, gains, heights."""
     table: TableSettings
+    """Board and trays."""
     tick: float
+    """Of the samples [s]."""
     route: Route | None = None
+    """Where it goes; None: its samples do not follow from a route."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """One announced motion of the arm: a row of samples a tick apart.
-
-    Attributes:
-        label: what it does, for people.
-        samples: shape (n,), dtype ``controller.protocol.SAMPLE``; read-only.
-        expected: how long it should take [s]; less than n ticks where a guard ends it.
-        grips: the motion must end by its grip guard, else nothing was grasped.
-        touches: the motion must end by its touch guard, else nothing stands there.
-        continuation: how it goes where the motion before ended elsewhere than planned; None: as planned, always.
-        paths: where the tool goes, between stops.
-        transfer: of the plan's transfers it belongs to: which, from 0; None where it belongs to none.
-        stage: of that transfer.
-        touches_at: how low the tool should be when it touches, base frame z₃ [m]; None: that is what it finds out.
-    """
+    """One announced motion of the arm: a row of samples a tick apart."""
 
     label: str
+    """What it does, for people."""
     samples: NDArray[Any]
+    """Shape (n,), dtype ``controller.protocol.SAMPLE``; read-only."""
     expected: float
+    """How long it should take [s]; less than n ticks where a guard ends it."""
     grips: bool = False
+    """The motion must end by its grip guard, else nothing was grasped."""
     touches: bool = False
+    """The motion must end by its touch guard, else nothing stands there."""
     continuation: Continuation | None = None
+    """How it goes where the motion before ended elsewhere than planned; None: as planned, always."""
     paths: tuple[Path, ...] = ()
+    """Where the tool goes, between stops."""
     transfer: int | None = None
+    """Of the plan's transfers it belongs to: which, from 0; None where it belongs to none."""
     stage: Stage | None = None
+    """Of that transfer."""
     touches_at: float | None = None
+    """How low the tool should be when it touches, base frame z₃ [m]; None: that is what it finds out."""
 
     @property
     def wanted(self) -> Result:
@@ -124,17 +116,14 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Motions that follow each other without a pause.
-
-    Attributes:
-        label: what it does, for people.
-        motions: in order; each starts where the one before ends.
-        lead: plant time between two motions, needed to announce the next [s].
-    """
+    """Motions that follow each other without a pause."""
 
     label: str
+    """What it does, for people."""
     motions: tuple[Motion, ...]
+    """In order; each starts where the one before ends."""
     lead: float = 0.0
+    """Plant time between two motions, needed to announce the next [s]."""
 
     @property
     def expected(self) -> float:

@@ -34,19 +34,16 @@ _OPENINGS: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class Planner:
-    """Plans motions of an arm from where it rests.
-
-    Attributes:
-        cell: what plans are made for.
-        start: the arm's present reference, base frame (3,) [m].
-        finger: present finger position [m].
-        lead_ticks: pause between motions, for announcing the next one.
-    """
+    """Plans motions of an arm from where it rests."""
 
     cell: Workcell
+    """What plans are made for."""
     start: Vector
+    """The arm's present reference, base frame (3,) [m]."""
     finger: float
+    """Present finger position [m]."""
     lead_ticks: int = 0
+    """Pause between motions, for announcing the next one."""
 
     @classmethod
     def of(
@@ -66,19 +63,12 @@ class Planner:
     ) -> Plan:  # fmt: skip
         """Plan all transfers of a ply, or what is left of them, from where the arm rests to home.
 
-        Args:
-            label: the move, for people.
-            transfers: in order of execution. A piece that one of them says was seen elsewhere counts as standing there
-                until it is carried.
-            inventory: what stands where before the ply, on the cell's table.
-            holding: the first transfer's piece is in the fingers already.
-            low: the fingers may still be around a piece that stands: they open before the arm moves.
-            loose: what is on the board besides.
-
-        Raises:
-            InTheWay: open fingers would touch a neighbour.
-            PlanRefused: open fingers would touch a box, or a way leads out of the workspace.
-            PieceBoxed: a piece would be taken out of a box.
+        A piece that a transfer says was seen elsewhere counts as standing there until it is carried; ``inventory`` is
+        what stands where before the ply, on the cell's table, ``loose`` what is on the board besides. ``holding``: the
+        first transfer's piece is in the fingers already. ``low``: the fingers may still be around a piece that stands,
+        and open before the arm moves. Raises ``InTheWay`` if open fingers would touch a neighbour, ``PlanRefused`` if
+        they would touch a box, or a way leads out of the workspace, and ``PieceBoxed`` if a piece would be taken out of
+        a box.
         """
         cell, table, finger = self.cell, self.cell.table, self.finger
         for transfer in transfers:
@@ -118,10 +108,8 @@ class Planner:
     def home(self, release: Kind | None = None, *, held_up_at: Vector | None = None) -> Plan:
         """From anywhere to home: straight up to a safe height first, then over.
 
-        Args:
-            release: the fingers open from a piece of this kind, which stands, before the arm moves; None: they stay.
-            held_up_at: something holds the tool up there, above its reference, base frame (3,) [m]: the reference comes
-                there first. None: nothing does.
+        The fingers open before the arm moves from a piece that stands, of the kind ``release``; None: they stay. Where
+        something holds the tool up, above its reference, base frame (3,) [m], the reference comes there first.
         """
         cell, finger = self.cell, self.finger
         point = np.asarray(self.start, dtype=float)
@@ -160,10 +148,8 @@ def _height(cell: Workcell, transfer: Transfer, place: Place) -> float:
 
 
 def _opening(cell: Workcell, transfer: Transfer, place: Place, point: tuple[float, float], others: Crowd) -> float:
-    """As wide as is useful and as neighbours and boxes leave room for, at a point (x, y) of a place [m].
-
-    Raises:
-        PlanRefused: not even the least opening fits.
+    """As wide as is useful and as neighbours and boxes leave room for, at a point (x, y) of a place [m]; raises
+    ``PlanRefused`` if not even the least opening fits.
     """
     grip, pads = cell.settings.grip, cell.parameters.pads
     x, y = point

@@ -28,37 +28,34 @@ NEAR = 1e-7
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """Where a motion goes and how; points in the base frame [m].
-
-    Attributes:
-        points: corners of the way, (n, 3); one point: the arm stays.
-        tangents: how far before each inner point its corner begins, (n - 2,) [m]; 0: the arm stops there.
-        bounds: of each line, n - 1.
-        contact: height of the tool over the board at which something touches, at the start and at the end [m].
-        finger: position of a finger at the start [m].
-        wait: before the arm moves [s].
-        opens: the fingers open to this during the wait and after [m]; None: they go on pressing.
-        then: finger position for what comes next, from the highest point on [m]; None: as it is.
-        closes: at the very end of the way, as far as time allows, the fingers close to this [m]; None: they do not.
-        soft_start: z1 yields at the start: it has, or begins to.
-        touches: the way goes straight on below its end, slowly, until the tool touches.
-        grips: the fingers close until they grip.
-        holds: a piece is in the fingers; the arm stops where it gets lost before the tool goes down to touch.
-    """
+    """Where a motion goes and how; points in the base frame [m]."""
 
     points: Vector
+    """Corners of the way, (n, 3); one point: the arm stays."""
     tangents: Vector
+    """How far before each inner point its corner begins, (n - 2,) [m]; 0: the arm stops there."""
     bounds: tuple[Bounds, ...]
+    """Of each line, n - 1."""
     contact: tuple[float, float]
+    """Height of the tool over the board at which something touches, at the start and at the end [m]."""
     finger: float
+    """Position of a finger at the start [m]."""
     wait: float = 0.0
+    """Before the arm moves [s]."""
     opens: float | None = None
+    """The fingers open to this during the wait and after [m]; None: they go on pressing."""
     then: float | None = None
+    """Finger position for what comes next, from the highest point on [m]; None: as it is."""
     closes: float | None = None
+    """At the very end of the way, as far as time allows, the fingers close to this [m]; None: they do not."""
     soft_start: Softness = Softness.STIFF
+    """z1 yields at the start: it has, or begins to."""
     touches: bool = False
+    """The way goes straight on below its end, slowly, until the tool touches."""
     grips: bool = False
+    """The fingers close until they grip."""
     holds: bool = False
+    """A piece is in the fingers; the arm stops where it gets lost before the tool goes down to touch."""
 
     def from_point(self, start: Vector) -> Route:
         """The same from another start (3,) [m]; the first line changes."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from app.rig.devices import FilmSource
+    from app.terminal.shown import FilmSource
 
 Live = Callable[[View, float], "FilmSource | None"]
 """Opens the pictures of a view, so many a second; None where there are none."""
@@ -32,7 +32,7 @@ class LivePictures:
         self._live: Live | None = None
         self._tick = 0.0
         self._wanted = dict[View, float]()
-        self._running = dict[View, tuple[float, FilmSource]]()
+        self._running: dict[View, tuple[float, FilmSource]] = {}
         self._lock = threading.Lock()
 
     def open(self, live: Live, tick: float) -> None:

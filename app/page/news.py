@@ -11,6 +11,7 @@ from pydantic import Field, TypeAdapter
 
 from app.terminal.shown import RigKind, View
 from hardware.frozen import FrozenFinite
+from hardware.table import TableSettings
 
 Side = Literal["white", "black"]
 Program = Literal["play", "demo", "replay", "setup", "resume"]
@@ -38,6 +39,10 @@ class SessionNews(FrozenFinite):
     """There is a camera."""
     controller: tuple[str, int, str] | None = None
     """Host, UDP port and key file of the controller; None: there is none, or not yet."""
+    table: TableSettings = TableSettings()
+    """Board, trays and boxes, where they were found."""
+    robot: str | None = None
+    """File of the robot's parameters; None: the usual robot."""
 
 
 class RoundNews(FrozenFinite):
@@ -90,6 +95,8 @@ class ClockNews(FrozenFinite):
     white: float | None = None
     black: float | None = None
     running: Side | None = None
+    at: float | None = None
+    """Wall time at which they did [s since 1970]: a page that starts later is told the same news; None: now."""
 
 
 class SquareSeen(FrozenFinite):
@@ -149,6 +156,14 @@ class DeviceNews(FrozenFinite):
     text: str
 
 
+class ResultNews(FrozenFinite):
+    """The game that is played is over, or is left; its record may not have its end yet."""
+
+    news: Literal["result"] = "result"
+    result: str
+    reason: str
+
+
 class EndNews(FrozenFinite):
     """The program ends; nothing comes after it."""
 
@@ -158,7 +173,7 @@ class EndNews(FrozenFinite):
 
 AnyNews = (
     SessionNews | RoundNews | PhaseNews | SayNews | PromptNews | HeardNews | ClockNews | LookNews | PictureNews
-    | PathNews | DeviceNews | EndNews
+    | PathNews | DeviceNews | ResultNews | EndNews
 )  # fmt: skip
 NEWS: TypeAdapter[AnyNews] = TypeAdapter(Annotated[AnyNews, Field(discriminator="news")])
 

@@ -34,6 +34,7 @@ from app.page.news import (
     Present,
     Program,
     PromptNews,
+    ResultNews,
     RoundNews,
     SayNews,
     SessionNews,
@@ -69,11 +70,11 @@ class PagePublisher(UserInterface):
 
     Args:
         program: that plays.
-        line: told each line that somebody says on the page.
     """
 
-    def __init__(self, program: Program, line: Callable[[str], None]) -> None:
-        self._program, self._line = program, line
+    def __init__(self, program: Program) -> None:
+        self._program = program
+        self._line: Callable[[str], None] = lambda _: None
         self._lock = threading.Lock()
         self._newest = dict[str, Message]()
         """The last of each kind, or of each view or device, in the order in which they are told."""
@@ -83,6 +84,10 @@ class PagePublisher(UserInterface):
         self._pictures = LivePictures(self._picture)
         self.used = False
         """Somebody has held the page's controls."""
+
+    def subscribe(self, line: Callable[[str], None]) -> None:
+        """Have somebody told each line that is said on the page."""
+        self._line = line
 
     # ---- what there is to see
 
@@ -100,6 +105,7 @@ class PagePublisher(UserInterface):
 
     def round(self, folder: Path, number: int, *, sets_up: bool) -> None:
         """See ``UserInterface.round``."""
+        self._newest.pop("result", None)
         self._tell(RoundNews(folder=str(folder.absolute()), number=number, sets_up=sets_up))
 
     def phase(self, text: str) -> None:
@@ -127,6 +133,10 @@ class PagePublisher(UserInterface):
     def heard(self, line: str) -> None:
         """See ``UserInterface.heard``."""
         self._tell(HeardNews(text=line), spoken=True)
+
+    def result(self, result: str, reason: str) -> None:
+        """See ``UserInterface.result``."""
+        self._tell(ResultNews(result=result, reason=reason))
 
     def clock(self, shown: ClockShown | None) -> None:
         """See ``UserInterface.clock``."""
@@ -258,9 +268,10 @@ class _PageLink:
         """Let go."""
         with suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
+        self._waiting.put(None)
 
     def _write(self) -> None:
-        with suppress(OSError):  # the page is gone: who started it sees that, too
+        with self._socket, suppress(OSError):  # the page is gone: who started it sees that, too
             while (message := self._waiting.get()) is not None:
                 line, after = message
                 self._socket.sendall(line.encode() + after)

@@ -78,7 +78,8 @@ class PageSupervisor:
         told = False
         while True:
             assert self._process.stdout is not None
-            address = self._process.stdout.readline().decode().strip()
+            with self._process.stdout as said:
+                address = said.readline().decode().strip()
             if address and not told:
                 told, self._port = True, urlsplit(address).port or self._port
                 self._ready(self._settings.address or address)

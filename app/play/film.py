@@ -10,7 +10,7 @@ from pathlib import Path
 import av
 
 from app.records import RecordError, recording
-from app.rig.devices import FilmSource
+from app.terminal.shown import FilmSource
 
 TIME_BASE = Fraction(1, 1000)
 NICE = 10

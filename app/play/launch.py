@@ -1,4 +1,4 @@
-"""Games from their settings: the demo of two engines, a game against a person, and going on with either."""
+"""GameSeries from their settings: the demo of two engines, a game against a person, and going on with either."""
 
 from __future__ import annotations
 
@@ -11,25 +11,22 @@ from typing import TYPE_CHECKING
 import chess
 
 from app import UserError
-from app.game import GameEnd, Position
+from app.game import Position
 from app.motion import Profile
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from app.play.from_board import FromBoard
 from app.play.game_setup import RigSetup, rig_setup_of, start_board
-from app.play.match import Fixture, Match, Start, last_round, match_of
-from app.play.player_selection import engine_players, line_players, start_clock
-from app.play.replay import RecordedGame, recorded_games
+from app.play.games import GameSeries
+from app.play.match import Match, Start, last_round, match_of
 from app.play.session import Filming, Schedule, SessionResult, run_session
 from app.play.simulated_hand import SimHands
 from app.play.table_setup import TableSetup
 from app.play.vision_setup import believed_view, looks, session_vision
-from app.players.given_line import parse_line
 from app.players.person import Human, Lines
-from app.players.players import Players
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
 from app.records.events import EndEvent
-from app.records.files import GAMES, make_folder
+from app.records.files import FILM_FILE, GAMES, make_folder
 from app.rig.devices import Rig
 from app.rig.rig_file import RigFile
 from app.settings.files import keep_settings, kept_settings
@@ -41,9 +38,6 @@ from hardware.table import Colour
 
 if TYPE_CHECKING:
     pass
-
-NOBODY = "-"
-"""Plays where a position is only set up."""
 
 
 def run_games(settings: Settings, ui: UserInterface, lines: Lines | None = None) -> SessionResult:
@@ -66,7 +60,7 @@ def run_games(settings: Settings, ui: UserInterface, lines: Lines | None = None)
         human = _human(settings, rig_setup, folder, lines, stack)
         if settings.game.from_board:
             return _play_from_board(settings, rig_setup, folder, ui, human, stack, number=1)
-        games = _Games(settings, rig_setup, ui, human)
+        games = GameSeries(settings, rig_setup, ui, human, folder)
         match = stack.enter_context(_match(settings, rig_setup, games, folder, ui))
         standing = None if settings.game.standing is None else start_board(settings.game.standing, option="--standing")
         board = match.start(lambda board: Inventory.of(start_layout(board, rig_setup.table), rig_setup.table), standing)
@@ -101,7 +95,7 @@ def resume_games(folder: Path, ui: UserInterface, lines: Lines | None = None) ->
         position = position.from_the_start()
     with ExitStack() as stack:
         human = _human(settings, rig_setup, folder, lines, stack)
-        games = _Games(settings, rig_setup, ui, human, begun=number)
+        games = GameSeries(settings, rig_setup, ui, human, folder, begun=number)
         if not sets_up and _over(history, games.most(number)) and games(number + 1, None) is None:
             raise UserError(f"the game in {path} is over, after {len(history.plies)} plies: start a new one")
         match = stack.enter_context(_match(settings, rig_setup, games, folder, ui))
@@ -142,7 +136,7 @@ def _play_from_board(
         raise UserError("--from-board is for games against a person, who says whose move it is: say 'touchmove play'")
     if not rig_setup.sees:
         raise UserError("--from-board takes a camera, and this rig has none: give the position with --fen")
-    _require_players(settings, rig_setup, ui, human)
+    _require_players(settings, rig_setup, ui, human, folder)
     if number == 1:
         make_folder(folder)
     standing = start_board(settings.game.standing, option="--standing") if number == 1 else None
@@ -165,7 +159,7 @@ def _from_board(
     def begin(board: chess.Board, inventory: Inventory, now: float) -> Match:
         number = next(numbers)
         found = settings.with_changes({"game.fen": board.fen(), "game.from_board": False})
-        games = _Games(found, rig_setup, ui, human, begun=number)
+        games = GameSeries(found, rig_setup, ui, human, folder, begun=number)
         made = stack.enter_context(_match(found, rig_setup, games, folder, ui))
         made.start(lambda _: inventory, None, number, now)
         if number == 1:
@@ -185,83 +179,12 @@ def _keepable(
     return _from_board(settings, rig_setup, folder, ui, human, stack, number + 1, match)
 
 
-def _require_players(settings: Settings, rig_setup: RigSetup, ui: UserInterface, human: Human) -> None:
+def _require_players(settings: Settings, rig_setup: RigSetup, ui: UserInterface, human: Human, folder: Path) -> None:
     """Find out before anything moves whether there are engines that can play."""
-    fixture = _Games(settings, rig_setup, ui, human)(1, None)
+    fixture = GameSeries(settings, rig_setup, ui, human, folder)(1, None)
     assert fixture is not None, "a match has at least one game"
     with ExitStack() as stack:
         fixture.players(stack)
-
-
-class _Games:
-    """``Fixtures`` of the settings.
-
-    Args:
-        settings: of the match.
-        rig_setup: where it is played.
-        ui: shown what happens.
-        human: who plays one side by hand; None: nobody.
-        begun: number of the game that was begun last.
-    """
-
-    def __init__(
-        self, settings: Settings, rig_setup: RigSetup, ui: UserInterface, human: Human | None, *, begun: int = 1
-    ) -> None:
-        self._settings, self._rig_setup, self._ui, self._begun = settings, rig_setup, ui, begun
-        self.human = human
-        game = settings.game
-        self._replayed: tuple[RecordedGame, ...] = ()
-        if game.replay is not None:
-            found = recorded_games(game.replay, game.replay_game)
-            self._replayed = tuple(one.from_ply(game.from_ply) for one in found) if game.from_ply > 1 else found
-            for cut in [one.cut for one in found if one.cut is not None]:
-                ui.say(cut)
-        self._board = start_board(game.fen, chess960=game.chess960)
-        self._line = None if game.moves is None else parse_line(game.moves, self._board)
-
-    def __call__(self, number: int, last: GameEnd | None) -> Fixture | None:
-        """See ``Fixtures``."""
-        plies = self._settings.game.plies
-        if self._replayed:
-            if number > len(self._replayed):
-                return None
-            one = self._replayed[number - 1]
-            names = (one.white, one.black)
-            most = min(plies, len(one.moves))
-            result = one.result if most == len(one.moves) else "*"
-            return Fixture(one.board.copy(), _follow(one.board, one.moves, names), most, None, one.comments, result)
-        wanted = max(self._settings.game.games, self._begun)  # a person may have asked for more
-        if number > wanted and not (last is not None and last.again):
-            return None
-        if self._line is not None:
-            most = min(plies, len(self._line))
-            players = _follow(self._board, self._line, ("line", "line"))
-            return Fixture(self._board.copy(), players, most, result="*")
-        clock = start_clock(self._settings)
-        return Fixture(self._board.copy(), self._engines(number), plies, self.human, clock=clock)
-
-    def most(self, number: int) -> int:
-        """Plies of a game after which it is over in any case."""
-        fixture = self(number, None)
-        return 0 if fixture is None else fixture.plies
-
-    def _engines(self, number: int) -> Callable[[ExitStack], Players]:
-        settings, seed = self._settings, self._settings.rig.seed + number - 1
-        if not settings.game.plies:
-            return _follow(self._board, (), (NOBODY, NOBODY))
-
-        def make(stack: ExitStack) -> Players:
-            return stack.enter_context(
-                engine_players(settings, self._board, seed, stack, self._ui, self._rig_setup.pace)
-            )
-
-        return make
-
-
-def _follow(
-    board: chess.Board, moves: tuple[chess.Move, ...], names: tuple[str, str]
-) -> Callable[[ExitStack], Players]:
-    return lambda stack: stack.enter_context(line_players(board, moves, names))
 
 
 def _over(history: History, most: int) -> bool:
@@ -271,7 +194,7 @@ def _over(history: History, most: int) -> bool:
     return history.ended and history.unfinished is None and (decided or len(history.plies) >= most)
 
 
-def _match(settings: Settings, rig_setup: RigSetup, games: _Games, folder: Path, ui: UserInterface) -> Match:
+def _match(settings: Settings, rig_setup: RigSetup, games: GameSeries, folder: Path, ui: UserInterface) -> Match:
     table_setup = _table_setup(settings, rig_setup, games.human)
     return Match(folder, games, table_setup, ui, settings.rig.seed, rig_setup.pace)
 
@@ -353,6 +276,8 @@ def _opening_rig(
                 human is not None and human.hands is not None, rig_setup.sees, found.controller, found.film,
             )
         )  # fmt: skip
+        sees = "looks at the board" if found.camera is not None else "there is none: moves are said, not seen"
+        ui.device("camera", None if found.camera is None else True, sees)
         return found
 
     return opened
@@ -362,4 +287,4 @@ def _filming(rig_setup: RigSetup, folder: Path) -> Filming | None:
     section = rig_setup.section
     if not (section.video and section.cameras and rig_setup.simulated):
         return None
-    return Filming(folder / "game.webm", section.video_length)
+    return Filming(folder / FILM_FILE, section.video_length)

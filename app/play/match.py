@@ -159,7 +159,7 @@ class Match:
                 require_empty_fingers(devices.arm.state().felt)
             return self._round(devices, self._start.record, self._start.position)
         assert self._table is not None
-        if self._sets_up:
+        if self._sets_up and not last.again:
             assert self._fixture is not None
             if not self._fixture.plies:
                 return None
@@ -236,6 +236,8 @@ def _set_up(table: Table, goal: chess.Board) -> GameEnd:
             return WRONG
         return SET_UP if table.set_up(goal) else WRONG
     except GameLeft as left:
+        if left.wish is not None:
+            return GameEnd("*", "left for another game", complete=True, again=True, wish=left.wish)
         return KEPT if left.word is Word.KEEP else LEFT
 
 

@@ -152,7 +152,7 @@ def run_session(
                 guard = None if guarding is None else guarding.open(rig)
                 if guard is not None:
                     stack.enter_context(guard)
-                so_far = _play_all(rig, _devices(rig, vision, guard, ui), schedule, done)
+                so_far = _play_all(rig, _devices(rig, vision, guard, ui), schedule, done, ui)
         except (ControllerError, HardwareError) as error:  # between two rounds
             raise RigFailed(rig.failure() or str(error)) from error
         ui.phase("the arm goes to rest")
@@ -179,13 +179,15 @@ def _devices(rig: Rig, vision: SessionVision, guard: GameGuard | None, ui: UserI
     return Devices(ShownArm(rig.arm, ui.path), rig.clock, camera, rig.referee, guard)
 
 
-def _play_all(rig: Rig, devices: Devices, schedule: Schedule, done: list[SessionResult]) -> _RoundProgress:
+def _play_all(
+    rig: Rig, devices: Devices, schedule: Schedule, done: list[SessionResult], ui: UserInterface
+) -> _RoundProgress:
     """Round after round; the results of all but the last, whose report waits for the arm's rest, go to ``done``."""
     first = schedule.next(devices, None)
     assert first is not None, "a schedule has at least one round"
     so_far = _RoundProgress(first)
     while True:
-        _play(rig, so_far)
+        _play(rig, so_far, ui)
         if so_far.failures or so_far.interrupted or not so_far.end.complete:
             return so_far
         following = _following(schedule, devices, so_far)
@@ -204,9 +206,10 @@ def _following(schedule: Schedule, devices: Devices, so_far: _RoundProgress) -> 
         raise
 
 
-def _play(rig: Rig, so_far: _RoundProgress) -> None:
+def _play(rig: Rig, so_far: _RoundProgress, ui: UserInterface) -> None:
     try:
         so_far.end = so_far.round.play()
+        ui.result(so_far.end.result, so_far.end.reason)
         _take_stock(rig, so_far)
     except KeyboardInterrupt:
         so_far.end, so_far.interrupted = GameEnd("*", "interrupted", complete=False), True

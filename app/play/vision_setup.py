@@ -64,9 +64,15 @@ def session_vision(settings: Settings, rig_setup: RigSetup, human: Human | None,
                 "a guard against hands has to know where the board is: run 'touchmove calibrate', let the camera "
                 "follow the game with --verify, or leave it out with --no-guard"
             )
+        ui.device("hand guard", True, "watches for hands")
+
+        def tell(text: str) -> None:
+            ui.phase(text)
+            ui.device("hand guard", True, text)
+
         guarding = Guarding(
             rig_setup.parameters, rig_setup.table, lambda intrinsics: believed_view(rig_setup, intrinsics), factor,
-            1.0 / settings.vision.guard_rate, ui.phase,
+            1.0 / settings.vision.guard_rate, tell,
         )  # fmt: skip
     if factor == 1.0:
         return SessionVision(guarding=guarding)

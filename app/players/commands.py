@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
@@ -54,7 +54,7 @@ MEANINGS: Mapping[Word, str] = MappingProxyType(
         Word.DRAW: "offer a draw, or claim one",
         Word.RESIGN: "give the game up",
         Word.SIDE: "change sides: the engine plays for you, and you for it",
-        Word.NEW: "give this game up and play another; the arm sets the pieces up",
+        Word.NEW: "give this game up and play another, as before or for instance 'new black elo 1500 clock 10+5'",
         Word.KEEP: "go on with the board as it stands: what the camera sees is where another game begins",
         Word.QUIT: "leave; 'touchmove resume' goes on with the game",
     }
@@ -93,7 +93,24 @@ class MoveHand:
     places: tuple[Place, ...]
 
 
-Command = PlayMove | MoveHand | Word
+@dataclass(frozen=True, slots=True)
+class NewGame:
+    """``new [white|black] [elo N|full] [clock 5+3|none] [fen FEN|start]``: another game, as before but for that.
+
+    Attributes:
+        person: the person's colour; None: as before.
+        elo: of the robot, 0 for full strength; None: as before.
+        clock: time control, "" for none; None: as before.
+        fen: where it starts, "" for the usual position; None: as before.
+    """
+
+    person: chess.Color | None = None
+    elo: int | None = None
+    clock: str | None = None
+    fen: str | None = None
+
+
+Command = PlayMove | MoveHand | NewGame | Word
 
 
 class CommandError(UserError):
@@ -114,6 +131,8 @@ def parse_command(text: str, board: chess.Board) -> Command:
         return parse_hand(words[1:])
     if (word := word_of(text)) is not None:
         return word
+    if first == Word.NEW:
+        return parse_new(words[1:])
     tokens = tokens_of(text) or words
     try:
         move = parse_move(tokens[0], board)
@@ -149,6 +168,36 @@ def parse_hand(words: list[str]) -> MoveHand:
     if len(places) != (2 if verb is HandVerb.MOVE else 1):
         raise CommandError(f"'hand {verb}' wants {2 if verb is HandVerb.MOVE else 1} place(s): {usage}")
     return MoveHand(verb, places)
+
+
+_NEW: Final = "say for instance 'new', 'new black elo 1500', 'new full clock 10+5', 'new clock none fen start'"
+
+
+def parse_new(words: list[str]) -> NewGame:
+    """Understand what another game is to be like, from the words after ``new``; whether it can be is found out later.
+
+    Raises:
+        CommandError: that says nothing.
+    """
+    wish, rest = NewGame(), list(words)
+    while rest:
+        word = rest.pop(0).lower()
+        match word, rest[:1]:
+            case "white" | "black", _:
+                wish = replace(wish, person=word == "white")
+            case "full", _:
+                wish = replace(wish, elo=0)
+            case "elo", [number] if number.isdecimal():
+                wish, rest = replace(wish, elo=int(number)), rest[1:]
+            case "clock", [control]:
+                wish, rest = replace(wish, clock="" if control.lower() == "none" else control), rest[1:]
+            case "fen", [start] if start.lower() == "start":
+                wish, rest = replace(wish, fen=""), rest[1:]
+            case "fen", [_] if len(rest) > 1:
+                wish, rest = replace(wish, fen=" ".join(rest)), []
+            case _:
+                raise CommandError(f"'{word}' says nothing about a new game: {_NEW}")
+    return wish
 
 
 def _place(word: str) -> Place:

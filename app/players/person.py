@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -9,7 +10,7 @@ import chess
 
 from app import UserError
 from app.pieces.inventory import Inventory, Ply
-from app.players.commands import MoveHand
+from app.players.commands import MoveHand, NewGame
 
 
 class PersonGone(UserError):
@@ -28,6 +29,10 @@ class Lines(Protocol):
         Raises:
             PersonGone: no more will come.
         """
+
+    @property
+    def accompanied(self) -> bool:
+        """Whether somebody is there who goes on watching when a game is over, as at a page."""
 
 
 class Hands(Protocol):
@@ -55,8 +60,10 @@ class Human:
         colour: that they play at the start.
         lines: what they type.
         hands: theirs, in a simulated world; None: they move pieces by themselves, or there are no pieces to move.
+        require: raises a UserError or an EngineProblem where there cannot be such a game as they wish for.
     """
 
     colour: chess.Color
     lines: Lines
     hands: Hands | None
+    require: Callable[[NewGame], None] = lambda _: None

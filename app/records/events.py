@@ -364,7 +364,7 @@ def read_events(path: Path, said: Callable[[str], None] = unsaid) -> tuple[AnyEv
         lines, left_out = whole_lines(path.read_bytes())
     except OSError as error:
         raise RecordError(f"{path} cannot be read: {error.strerror}: name the folder of a recorded game") from error
-    events = tuple(_parse(path, number, line) for number, line in enumerate(lines, start=1))
+    events = tuple(read_event(path, number, line) for number, line in enumerate(lines, start=1))
     for number, event in enumerate(events[1:], start=2):
         if isinstance(event, StartEvent):
             raise RecordError(
@@ -376,7 +376,12 @@ def read_events(path: Path, said: Callable[[str], None] = unsaid) -> tuple[AnyEv
     return events
 
 
-def _parse(path: Path, number: int, line: bytes) -> AnyEvent:
+def read_event(path: Path, number: int, line: bytes) -> AnyEvent:
+    """One line of ``events.jsonl``, from 1.
+
+    Raises:
+        RecordError: it is no event of this version.
+    """
     try:
         return _EVENT.validate_json(line)
     except ValidationError as error:

@@ -6,6 +6,7 @@ import errno
 import fcntl
 import json
 import os
+import re
 import stat
 import threading
 from collections.abc import Iterator
@@ -17,6 +18,10 @@ from typing import Final
 from app import UserError
 
 EVENTS_FILE = "events.jsonl"
+FILM_FILE: Final = "game.webm"
+"""In the folder of a match: its first minute, filmed in a simulation."""
+ROUND_FOLDER: Final = re.compile(r"(?P<kind>game|set-up)-(?P<number>\d{1,6})")
+"""Names of folders in that of a match: its later games, and what was set up for them."""
 GAMES: Final = Path("games")
 """Where records of games lie unless another folder is named."""
 _FULL = {errno.ENOSPC: "no space left on the device", errno.EDQUOT: "the disk quota is used up"}

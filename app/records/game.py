@@ -40,7 +40,9 @@ from app.records.files import EVENTS_FILE, LineLog, recording, write_atomically
 from app.records.history import History, RecordState
 from app.records.pgn import PgnFile, PgnMove
 from app.records.report import Report, summarise
-from hardware.table import Colour
+from app.records.robot import RobotRecord, keep_robot
+from hardware.parameters import RobotParameters
+from hardware.table import Colour, TableSettings
 
 if TYPE_CHECKING:
     import numpy as np
@@ -65,10 +67,17 @@ class GameRecord:
     """
 
     def __init__(
-        self, folder: Path, log: LineLog, pgn: PgnFile, events: Sequence[AnyEvent], now: Callable[[], datetime]
+        self,
+        folder: Path,
+        log: LineLog,
+        pgn: PgnFile,
+        events: Sequence[AnyEvent],
+        now: Callable[[], datetime],
+        table: TableSettings,
     ) -> None:
         """Of files that are open; use ``begin`` or ``go_on``."""
         self.folder = folder
+        self._table = table
         self._now = now
         self._log = log
         self._pgn = pgn
@@ -102,7 +111,7 @@ class GameRecord:
         start = start_event(now(), plant_time, setup, board, inventory)
         try:
             log.append(start.model_dump_json())
-            return cls(folder, log, _pgn(folder, start, setup.site), [start], now)
+            return cls(folder, log, _pgn(folder, start, setup.site), [start], now, inventory.table)
         except BaseException:
             log.close()
             raise
@@ -116,7 +125,7 @@ class GameRecord:
             pgn = _pgn(folder, history.start, "?", moves)
             if sum(isinstance(event, SideEvent) for event in history.events) % 2:
                 pgn.change_sides()
-            return cls(folder, log, pgn, history.events, now)
+            return cls(folder, log, pgn, history.events, now, history.inventory.table)
         except BaseException:
             log.close()
             raise
@@ -138,6 +147,10 @@ class GameRecord:
         first = self._events[0]
         assert isinstance(first, StartEvent)
         return first
+
+    def robot(self, parameters: RobotParameters) -> None:
+        """Keep with the record which robot plays, and how its table stands."""
+        keep_robot(self.folder, RobotRecord(parameters=parameters, table=self._table))
 
     def resumed(self, plant_time: float) -> None:
         """Record that another program goes on with the game."""

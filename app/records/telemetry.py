@@ -196,29 +196,36 @@ def decode_telemetry(data: bytes) -> Telemetry:
     return Telemetry(*[_restore(name, content[name]) for name in Telemetry._fields])
 
 
-def read_telemetry(path: Path) -> Iterator[tuple[float, Telemetry]]:
+def read_telemetry(path: Path, since: float = 0.0, until: float = float("inf")) -> Iterator[tuple[float, Telemetry]]:
     """Plant time [s] and telemetry, in the order of arrival; of a file that was cut off, all that is whole.
+
+    Args:
+        path: of the file.
+        since: plant time before which nothing is wanted [s].
+        until: plant time after which nothing is wanted [s].
 
     Raises:
         RecordError: it cannot be read, or is no such record.
     """
     try:
         with path.open("rb") as file:
-            yield from _messages(file)
+            yield from _messages(file, since, until)
     except OSError as error:
         raise RecordError(f"{path} cannot be read: {error.strerror}: name a {TELEMETRY_FILE}") from error
     except (McapError, ValueError, struct.error) as error:
         raise RecordError(f"{path} is no telemetry ({error}): name a {TELEMETRY_FILE} of this version") from error
 
 
-def _messages(file: IO[bytes]) -> Iterator[tuple[float, Telemetry]]:
+def _messages(file: IO[bytes], since: float, until: float) -> Iterator[tuple[float, Telemetry]]:
     wanted: set[int] = set()
     try:
         for record in StreamReader(_whole_part(file)).records:
             if isinstance(record, Channel) and record.topic == TOPIC:
                 wanted.add(record.id)
             elif isinstance(record, Message) and record.channel_id in wanted:
-                yield record.log_time * 1e-9, decode_telemetry(record.data)
+                stamp = record.log_time * 1e-9
+                if since <= stamp <= until:
+                    yield stamp, decode_telemetry(record.data)
     except EndOfFile:
         return  # it was cut off: everything up to the last whole chunk was there
 

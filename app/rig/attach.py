@@ -19,19 +19,11 @@ _AGAIN = 0.1
 
 
 def attach(client: ControllerClient, progress: Callable[[str], None], *, forgive: bool) -> Telemetry:
-    """Take the lease, and bring the arm into the state HOLD, admitting motions.
+    """Take the lease, and bring the arm into the state HOLD, admitting motions; its telemetry as it holds.
 
-    Args:
-        client: not connected yet.
-        progress: told what is being waited for.
-        forgive: clear a fault, and end a hold; only where a person has asked to go on after it.
-
-    Returns:
-        Telemetry of the arm as it holds.
-
-    Raises:
-        RigFailed: a fault or a hold is in force, and must not be forgiven.
-        ControllerError: it does not answer, or another client keeps the lease.
+    ``forgive`` clears a fault, and ends a hold; only where a person has asked to go on after it. Raises ``RigFailed``
+    if one is in force, and must not be forgiven, and ``ControllerError`` if the controller does not answer, or another
+    client keeps the lease.
     """
     _connect(client, progress)
     telemetry = client.telemetry

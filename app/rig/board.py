@@ -47,13 +47,7 @@ class BoardArm:
     lead_ticks = 0
 
     def __init__(self, home: ArrayLike, parameters: RobotParameters, clock: BoardClock) -> None:
-        """At rest with open fingers.
-
-        Args:
-            home: tool point, base frame (3,) [m].
-            parameters: of the robot.
-            clock: goes on by what each plan takes.
-        """
+        """At rest at a tool point, base frame (3,) [m], fingers open; the clock goes on by what each plan takes."""
         self._drive_tick, self._clock = parameters.drive.tick, clock
         self._stroke = parameters.gripper.stroke
         self._state = ArmAtRest(np.array(home, dtype=float), self._stroke, 0)

@@ -30,32 +30,18 @@ def _scaled(frame: _F, factor: float) -> _F:
 class _ScaledCamera:
     def __init__(self, camera: Camera, factor: float) -> None:
         self._camera, self._factor = camera, factor
+        self.close = camera.close
 
     def read(self, max_age: float) -> Frame:
         """See ``Camera.read``."""
         return _scaled(self._camera.read(max_age), self._factor)
 
-    def close(self) -> None:
-        """See ``Camera.close``."""
-        self._camera.close()
-
 
 class _ScaledFrames:
     def __init__(self, frames: GuardFrames, factor: float) -> None:
         self._frames, self._factor = frames, factor
+        self.wake, self.release, self.close = frames.wake, frames.release, frames.close
 
     def read(self, max_age: float) -> Frame | DepthFrame:
         """See ``GuardFrames.read``."""
         return _scaled(self._frames.read(max_age), self._factor)
-
-    def wake(self, awake: bool) -> None:
-        """See ``GuardFrames.wake``."""
-        self._frames.wake(awake)
-
-    def release(self) -> None:
-        """See ``GuardFrames.release``."""
-        self._frames.release()
-
-    def close(self) -> None:
-        """See ``GuardFrames.close``."""
-        self._frames.close()

@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from app import UserError
 from app.rig.arm import Arm
-from app.terminal.shown import View
+from app.terminal.shown import FilmSource, View
 from hardware.interfaces import Camera, Clock, DepthFrame, Frame
 from hardware.referee import Referee
 
@@ -48,19 +45,6 @@ class GuardFrames(Protocol):
         """The last frame is done with."""
 
 
-class FilmSource(Protocol):
-    """Pictures of the whole scene at a steady rate of plant time, for a film."""
-
-    def next(self) -> tuple[NDArray[np.uint8], int] | None:
-        """The next picture, RGB (h, w, 3), and its tick; None when there are no more."""
-
-    def cancel(self) -> None:
-        """Let ``next`` return None, from another thread."""
-
-    def close(self) -> None:
-        """Take no more."""
-
-
 class Holder(Protocol):
     """What the guard asks of a controller's client."""
 
@@ -76,18 +60,15 @@ class Holder(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class GuardFeed:
-    """What a guard against hands needs of a rig.
-
-    Attributes:
-        frames: begins to read the board's camera, each time anew. Given the interval from frame to frame [s] of a
-            camera that has none of its own.
-        holder: of the arm.
-        seen_from: where the board is in these frames, given where it is in the camera's colour pictures.
-    """
+    """What a guard against hands needs of a rig."""
 
     frames: Callable[[float], GuardFrames]
+    """Begins to read the board's camera, each time anew. Given the interval from frame to frame [s] of a camera that
+    has none of its own."""
     holder: Holder
+    """Of the arm."""
     seen_from: Callable[[BoardView], BoardView] = lambda view: view
+    """Where the board is in these frames, given where it is in the camera's colour pictures."""
 
 
 class Rig(Protocol):

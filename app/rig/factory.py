@@ -14,10 +14,8 @@ from controller.wire.link import Listener
 
 
 def choose_rig(name: str) -> RigFile | None:
-    """What ``--rig`` names where devices are needed: None for a simulation of our own, else a rig file.
-
-    Raises:
-        UserError: there is no such rig, or something in its file is wrong.
+    """What ``--rig`` names where devices are needed: None for a simulation of our own, else a rig file; raises
+    ``UserError`` if there is no such rig, or something in its file is wrong.
     """
     if name == SIMULATED:
         return None
@@ -34,16 +32,10 @@ def open_rig(
     own: bool = False,
     new: bool = True,
 ) -> Rig:
-    """Open a rig; returns when the arm holds.
+    """Open a rig; returns when the arm holds. Raises ``RigFailed`` if something did not start or answer.
 
-    Args:
-        rig: its file.
-        progress: told what is being waited for.
-        listener: called with each telemetry of the controller, in a thread of its own.
-        own: whether it is a simulation of our own, whose processes start and end with it.
-        new: of such a one; False takes over what runs, or was left, in its run directory.
-
-    Raises:
-        RigFailed: something did not start or answer.
+    The listener is called with each telemetry of the controller, in a thread of its own. ``own``: it is a simulation of
+    our own, whose processes start and end with it; of such a one ``new=False`` takes over what runs, or was left, in
+    its run directory.
     """
     return SimRig(rig, progress, listener, new=new) if own else RemoteRig(rig, progress, listener)

@@ -14,10 +14,10 @@ from typing import Final, Self
 
 from app.rig.arm import Arm, ControllerArm
 from app.rig.attach import attach
-from app.rig.devices import EndState, FilmSource, GuardFeed, RigFailed
+from app.rig.devices import EndState, GuardFeed, RigFailed
 from app.rig.rig_file import RigFile
 from app.rig.steady_frames import CameraPictures, SteadyFrames
-from app.terminal.shown import View
+from app.terminal.shown import FilmSource, View
 from controller.protocol.key import KeyFileError
 from controller.protocol.states import State
 from controller.wire.client import ControllerClient
@@ -55,11 +55,8 @@ class RemoteClock:
 
 
 class RemoteRig:
-    """Devices behind a controller that runs already. Use as a context manager.
-
-    Attributes:
-        client: of the controller, for whoever has to stop the arm.
-        controller, arm, clock, camera, referee: see ``Rig``.
+    """Devices behind a controller that runs already, whose ``client`` whoever has to stop the arm may use. A context
+    manager.
     """
 
     client: ControllerClient
@@ -70,15 +67,10 @@ class RemoteRig:
     referee: Referee | None
 
     def __init__(self, rig: RigFile, progress: Callable[[str], None], listener: Listener | None = None) -> None:
-        """Connect; returns when the arm holds.
+        """Connect; returns when the arm holds. The listener is called with each telemetry, in a thread of its own.
 
-        Args:
-            rig: says where the controller is.
-            progress: told what is being waited for.
-            listener: called with each telemetry of the controller, in a thread of its own.
-
-        Raises:
-            RigFailed: the key cannot be read, the controller does not answer or stands on its brakes after a fault.
+        Raises ``RigFailed`` if the key cannot be read, or the controller does not answer or stands on its brakes after
+        a fault.
         """
         self._rig, self._left = rig, False
         try:
@@ -87,13 +79,7 @@ class RemoteRig:
             raise RigFailed(str(error)) from error
 
     def _connect(self, progress: Callable[[str], None], listener: Listener | None, *, forgive: bool) -> None:
-        """Take the arm over, and open what else there is; nothing is left open where that fails.
-
-        Args:
-            progress: see ``__init__``.
-            listener: see ``__init__``.
-            forgive: see ``attach``.
-        """
+        """Take the arm over, see ``attach``, and open what else there is; nothing is left open where that fails."""
         rig = self._rig
         with ExitStack() as devices:
             host, port, key = rig.address()
@@ -170,14 +156,9 @@ class RemoteRig:
 
 
 def open_board_camera(rig: RigFile, clock: Clock) -> Camera | None:
-    """The camera that looks at a rig's board, alone; None where there is none.
+    """The camera that looks at a rig's board, alone; None where there is none. A simulated rig has to run.
 
-    Args:
-        rig: a simulated one has to run.
-        clock: of a lab's camera.
-
-    Raises:
-        HardwareError: it is not there or does not work.
+    The clock is of a lab's camera. Raises ``HardwareError`` if it is not there or does not work.
     """
     if not rig.simulated:
         return open_camera(rig.lab_camera, clock)

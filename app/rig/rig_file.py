@@ -132,11 +132,8 @@ class RigFile(Frozen):
         return self.world_section.cameras if self.simulated else not isinstance(self.lab_camera, NoCameraSettings)
 
     def address(self) -> ControllerAddress:
-        """Where clients reach the controller.
-
-        Raises:
-            KeyFileError: the key cannot be read.
-            ControllerUnavailable: it has any free port, and none runs in the run directory.
+        """Where clients reach the controller; raises ``KeyFileError`` if the key cannot be read and
+        ``ControllerUnavailable`` if it has any free port, and none runs in the run directory.
         """
         section = self.controller
         if section.port == ANY_PORT:
@@ -145,11 +142,7 @@ class RigFile(Frozen):
 
 
 def load_rig(path: Path) -> RigFile:
-    """Read a rig file.
-
-    Raises:
-        ConfigError: it cannot be read, or something in it is wrong.
-    """
+    """Read a rig file; raises ``ConfigError`` if it cannot be read, or something in it is wrong."""
     rig = load_toml(path, RigFile, "rig", "give sim, board, or the TOML file of a lab's rig")
     folder = path.absolute().parent
     key = rig.controller.model_copy(update={"key": folder / rig.controller.key})
@@ -183,10 +176,8 @@ def _counted_from(folder: Path, content: dict[str, Any]) -> dict[str, Any]:
 
 
 def load_randomisation(path: Path) -> Randomisation:
-    """Read a TOML file with how a simulated world differs from what the game believes of it.
-
-    Raises:
-        ConfigError: it cannot be read, or something in it is wrong.
+    """Read a TOML file with how a simulated world differs from what the game believes of it; raises ``ConfigError`` if
+    it cannot be read, or something in it is wrong.
     """
     return load_toml(path, Randomisation, "randomisation", "give a TOML file with fields of Randomisation")
 

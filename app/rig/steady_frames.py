@@ -18,12 +18,9 @@ _AGAIN: Final = 0.004
 
 
 class SteadyFrames:
-    """``GuardFrames`` of a camera that also others read: each frame once, as it comes.
+    """``GuardFrames`` of a camera that also others read, and that stays open: each frame once, as it comes.
 
     Plant time runs by itself where there is such a camera, so that nobody has to be woken up.
-
-    Args:
-        camera: stays open when this is closed.
     """
 
     def __init__(self, camera: Camera) -> None:
@@ -31,13 +28,7 @@ class SteadyFrames:
         self._closed = threading.Event()
 
     def read(self, max_age: float) -> Frame:
-        """See ``GuardFrames.read``; waits for a frame that was not read before.
-
-        Raises:
-            StaleFrame: the camera has no frame that young any more.
-            CameraClosed: ``close`` was called, or the camera is closed.
-            HardwareError: the camera does not answer.
-        """
+        """See ``GuardFrames.read``; waits for a frame that was not read before, and raises as ``Camera.read``."""
         while not self._closed.is_set():
             frame = self._camera.read(max_age)
             if frame.stamp > self._stamp:

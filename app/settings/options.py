@@ -98,6 +98,7 @@ _ALL: Final = (
     SettingOption("clock.time", "--clock", (_ENGINES,)),
     SettingOption("vision.verify", "--verify"),
     SettingOption("vision.guard", "--guard"),
+    SettingOption("terminal.speak", "--speak"),
     SettingOption("page.on", "--page"),
     SettingOption("page.port", "--page-port", (_SHOWN,)),
     SettingOption("out", "--out"),

@@ -181,6 +181,13 @@ class VisionSection(_Section):
     file names, where there is one; a simulation of our own is believed to be as it is meant."""
 
 
+class TerminalSection(_Section):
+    """``[terminal]``: what is shown and said there."""
+
+    speak: bool = False
+    """Moves and requests are spoken aloud, by espeak-ng."""
+
+
 class PageSection(_Section):
     """``[page]``: what a browser is shown, and who may look."""
 
@@ -206,6 +213,7 @@ class Settings(_Section):
     black: SideSection = SideSection()
     clock: ClockSection = ClockSection()
     vision: VisionSection = VisionSection()
+    terminal: TerminalSection = TerminalSection()
     page: PageSection = PageSection()
     out: Path | None = None
     """Folder of the record; games/<time> if left out."""

@@ -55,6 +55,9 @@ class UserInterface:
     def round(self, folder: Path, number: int, *, sets_up: bool) -> None:
         """A game, or what is set up for it, begins; its record lies in a folder."""
 
+    def result(self, result: str, reason: str) -> None:
+        """That game is over, or is left: PGN's result, and why."""
+
     def clock(self, shown: ClockShown | None) -> None:
         """A clock was started or stopped; None: there are none."""
 
@@ -111,6 +114,10 @@ class Together(UserInterface):
     def round(self, folder: Path, number: int, *, sets_up: bool) -> None:
         """See ``UserInterface.round``."""
         self._each(lambda one: one.round(folder, number, sets_up=sets_up))
+
+    def result(self, result: str, reason: str) -> None:
+        """See ``UserInterface.result``."""
+        self._each(lambda one: one.result(result, reason))
 
     def clock(self, shown: ClockShown | None) -> None:
         """See ``UserInterface.clock``."""
@@ -361,6 +368,11 @@ class TypedLines:
         if self._ended and self._lines.empty() and not self._company():
             raise PersonGone
         return None
+
+    @property
+    def accompanied(self) -> bool:
+        """See ``Lines.accompanied``."""
+        return self._company()
 
     def offer(self, line: str) -> None:
         """Somebody else says something; from any thread."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import chess
 
@@ -16,7 +16,18 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from app.rig.devices import FilmSource
+
+class FilmSource(Protocol):
+    """Pictures of the whole scene at a steady rate of plant time, for a film."""
+
+    def next(self) -> tuple[NDArray[np.uint8], int] | None:
+        """The next picture, RGB (h, w, 3), and its tick; None when there are no more."""
+
+    def cancel(self) -> None:
+        """Let ``next`` return None, from another thread."""
+
+    def close(self) -> None:
+        """Take no more."""
 
 
 RigKind = Literal["sim", "board", "lab"]

@@ -93,14 +93,10 @@ if _CACHE is None:
 
 
 def compiled(function: Callable[P, R], signature: object = None) -> Callable[P, R]:
-    """Compile a function with Numba: exact floating point, NumPy's error model, cached on disk.
+    """Compile a function with Numba, under the same type: exact floating point, NumPy's error model, cached on disk.
 
-    Args:
-        function: a function of floats, tuples of floats and float64 arrays.
-        signature: Numba signature to compile at once; without it the first call compiles.
-
-    Returns:
-        The compiled function under the same type.
+    It is one of floats, tuples of floats and float64 arrays. With a signature it is compiled at once, else by the first
+    call.
     """
     before = _numba.config.CACHE_DIR
     _numba.config.CACHE_DIR = str(_CACHE or "")

@@ -44,17 +44,14 @@ ARM_SIN: Final = (0.0, -_HALF_ROOT_3, _HALF_ROOT_3)
 
 @dataclass(frozen=True, eq=False)
 class DeltaModel:
-    """One robot with what it carries.
-
-    Attributes:
-        parameters: lengths, masses, friction.
-        payload: mass held by the gripper, moving with the tool [kg].
-        constants: shape (11,), read-only; what the compiled functions take, indexed by the names of this module.
-    """
+    """One robot with what it carries."""
 
     parameters: RobotParameters
+    """Lengths, masses, friction."""
     payload: float = 0.0
+    """Mass held by the gripper, moving with the tool [kg]."""
     constants: FloatArray = field(init=False, repr=False)
+    """Shape (11,), read-only; what the compiled functions take, indexed by the names of this module."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.payload) and self.payload >= 0.0):

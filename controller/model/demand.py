@@ -25,13 +25,9 @@ def torque_demand(
 
         u = M_y J_c⁻¹ (z̈ - J̇_c ẏ) + D + a + τ_g
 
-    Args:
-        constants: of the model.
-        coulomb_speed: over which the sign of the shafts' Coulomb friction is smoothed [rad/s].
-        motion: of the tool: position [m], velocity [m/s], acceleration [m/s²], base frame, (n, 9).
-
-    Returns:
-        Status; if it is not OK, the row that ended it; u and τ_g, (n, 3) each [N m], of no use from that row on.
+    ``motion`` is the tool's position [m], velocity [m/s] and acceleration [m/s²], base frame, (n, 9); the sign of the
+    shafts' Coulomb friction is smoothed over ``coulomb_speed`` [rad/s]. Returns the status; if it is not OK, the row
+    that ended it; u and τ_g, (n, 3) each [N m], of no use from that row on.
     """
     count = motion.shape[0]
     torque, holding = np.zeros((count, 3)), np.zeros((count, 3))

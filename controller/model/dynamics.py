@@ -91,13 +91,8 @@ def shaft_friction(velocity: float, viscous: float, coulomb: float, speed: float
 def joint_inertia(constants: FloatArray, e: Triad, jacobian: FloatArray, inertia: FloatArray) -> None:
     """M_y = Tᵀ M T, the inertia that the servomotors feel; stands for (19), which is misprinted.
 
-    M_y = (mp + m2) J_cᵀ J_c + (I1 + m2 l1²/3) I + (m2 l1 / 6) (S + Sᵀ), with rows S_i = e_iᵀ J_c.
-
-    Args:
-        constants: of the model.
-        e: unit vectors in which the elbows move.
-        jacobian: shape (3, 3), J_c [m/rad].
-        inertia: shape (3, 3), out [kg m²].
+    M_y = (mp + m2) J_cᵀ J_c + (I1 + m2 l1²/3) I + (m2 l1 / 6) (S + Sᵀ), with rows S_i = e_iᵀ J_c, where e are the unit
+    vectors in which the elbows move and J_c has shape (3, 3) [m/rad]. ``inertia``, shape (3, 3), is out [kg m²].
     """
     l1, m2 = constants[PROXIMAL], constants[DISTAL_MASS]
     moving, own, coupling = m2 + constants[PLATFORM_MASS], constants[HINGE_INERTIA] + m2 * l1 * l1 / 3.0, m2 * l1 / 6.0
@@ -117,12 +112,8 @@ def gravity_torque(constants: FloatArray, e: Triad, jacobian: FloatArray, torque
     """τ_g = Tᵀ G, what holds the robot against gravity; equals τ_u of (15) without solving.
 
     Half of each bar's and rod's weight acts at the elbow, the other half of the rods' with the platform's at the tool.
-
-    Args:
-        constants: of the model.
-        e: unit vectors in which the elbows move; their z3 is cos y_i.
-        jacobian: shape (3, 3), J_c [m/rad].
-        torque: shape (3,), out [N m].
+    The elbows move along unit vectors e, whose z3 is cos y_i; J_c has shape (3, 3) [m/rad], ``torque``, shape (3,), is
+    out [N m].
     """
     m2, g = constants[DISTAL_MASS], constants[GRAVITY]
     at_elbow = g * constants[PROXIMAL] * (constants[PROXIMAL_MASS] + m2) / 2.0

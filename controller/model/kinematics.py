@@ -89,12 +89,8 @@ def elbows(constants: FloatArray, y: FloatArray) -> tuple[Triad, Triad]:
 @compiled
 def distal_directions(constants: FloatArray, centres: Triad, z: Vector) -> Triad:
     """(d_1, d_2, d_3) from elbows [m] and tool point z [m]; base frame."""
-    inverse = 1.0 / constants[DISTAL]
-    return (
-        scaled(inverse, minus(z, centres[0])),
-        scaled(inverse, minus(z, centres[1])),
-        scaled(inverse, minus(z, centres[2])),
-    )
+    s = 1.0 / constants[DISTAL]
+    return scaled(s, minus(z, centres[0])), scaled(s, minus(z, centres[1])), scaled(s, minus(z, centres[2]))
 
 
 @compiled
@@ -102,19 +98,14 @@ def newton_step(constants: FloatArray, y: FloatArray, x: FloatArray) -> tuple[in
     """One Newton step of (7), in place, by one 3x3 system in place of the paper's 6x6.
 
     Write z = psi_i + l2 (a_i δq2 + sin q2 n_i δq3) for the tip of arm i in the linearised model. (7) says that the
-    three tips agree: psi_1 + ... = psi_2 + ... = psi_3 + ..., so there is one z with l2 (a_i δq2 + sin q2 n_i δq3) =
-    z - psi_i for all i. d_i is orthogonal to a_i and n_i, hence d_i·z = d_i·psi_i: three equations for z. Multiplying
-    by a_i and n_i instead gives δq2 = a_i·(z - psi_i) / l2 and δq3 = n_i·(z - psi_i) / (l2 sin q2). The nine
-    equations are equivalent to these nine, so the step is exactly that of (7), and ∂h/∂x is singular exactly where
-    det [d_1; d_2; d_3] or a sin q2 vanishes.
+    three tips agree: psi_1 + ... = psi_2 + ... = psi_3 + ..., so there is one z with l2 (a_i δq2 + sin q2 n_i δq3) = z
+    - psi_i for all i. d_i is orthogonal to a_i and n_i, hence d_i·z = d_i·psi_i: three equations for z. Multiplying by
+    a_i and n_i instead gives δq2 = a_i·(z - psi_i) / l2 and δq3 = n_i·(z - psi_i) / (l2 sin q2). The nine equations are
+    equivalent to these nine, so the step is exactly that of (7), and ∂h/∂x is singular exactly where det [d_1; d_2;
+    d_3] or a sin q2 vanishes.
 
-    Args:
-        constants: of the model.
-        y: shape (3,), servomotor angles [rad].
-        x: shape (6,), unmeasured angles [rad]; improved in place unless they already close the chain.
-
-    Returns:
-        Status and the residual |h| before the step [m]. With a residual within `TOLERANCE` no step is taken.
+    From servomotor angles y, shape (3,), the unmeasured x, shape (6,), are improved in place [rad]. Returns status and
+    the residual |h| before the step [m]; with one within `TOLERANCE` x closes the chain already, and no step is taken.
     """
     l2 = constants[DISTAL]
     d1, a1, n1 = triad(0, x[0], x[1])
@@ -142,17 +133,11 @@ def newton_step(constants: FloatArray, y: FloatArray, x: FloatArray) -> tuple[in
 
 @compiled
 def forward_kinematics(constants: FloatArray, y: FloatArray, x: FloatArray) -> tuple[int, int]:
-    """Newton's iteration (7) from a warm start to |h| <= 1e-10 m.
+    """Newton's iteration (7) from a warm start to |h| <= 1e-10 m, for y, shape (3,) [rad]; status and number of steps
+    taken.
 
-    It stays on the branch of its start if that is near; `forward_kinematics_closed` gives a cold start.
-
-    Args:
-        constants: of the model.
-        y: shape (3,), servomotor angles [rad].
-        x: shape (6,), in: the last solution; out: the unmeasured angles [rad].
-
-    Returns:
-        Status and the number of steps taken.
+    It stays on the branch of its start if that is near; `spheres_meet` gives a cold start. ``x``, shape (6,), is in:
+    the last solution; out: the unmeasured angles [rad].
     """
     for steps in range(MAX_ITERATIONS + 1):
         status, residual = newton_step(constants, y, x)
@@ -165,7 +150,7 @@ def forward_kinematics(constants: FloatArray, y: FloatArray, x: FloatArray) -> t
 
 @compiled
 def tool_point_near(constants: FloatArray, centres: Triad, z: Vector) -> tuple[int, int, Vector, Triad]:
-    """Newton's iteration (7) from a tool point nearby, without angles: what the loop uses.
+    """Newton's iteration (7) from a tool point a moment ago [m], without angles: what the loop uses.
 
     In (7) x serves only to say where the distal links point. Let them point at z: d_i = (z - elbow_i) / |z - elbow_i|.
     The step of (7) is then the point that the planes d_i·z = d_i·elbow_i + l2 have in common, see `newton_step`, and no
@@ -173,13 +158,8 @@ def tool_point_near(constants: FloatArray, centres: Triad, z: Vector) -> tuple[i
     plane, so that |z - elbow_i|² = l2² + |w_i|²: how far the chain is closed is known without another step. The
     iteration ends with |h| <= 1e-10 m.
 
-    Args:
-        constants: of the model.
-        centres: of the elbows [m], see `elbows`.
-        z: where the tool was a moment ago [m].
-
-    Returns:
-        Status, the number of steps taken, the tool point [m] and the distal directions.
+    Centres are of the elbows [m], see `elbows`. Returns the status, the number of steps taken, the tool point [m] and
+    the distal directions.
     """
     l2 = constants[DISTAL]
     steps = 0
@@ -203,14 +183,13 @@ def tool_point_near(constants: FloatArray, centres: Triad, z: Vector) -> tuple[i
 
 @compiled
 def spheres_meet(constants: FloatArray, y1: float, y2: float, y3: float) -> tuple[int, Vector]:
-    """The tool point in closed form: where three spheres of radius l2 about the elbows meet.
+    """The tool point z [m], base frame, in closed form, with its status: where three spheres of radius l2 about the
+    elbows meet.
 
     The centre of the elbows' circumcircle plus a way along its normal, to the side on which the tool hangs below level
     elbows: det [d_1; d_2; d_3] is negative there, however the plane is tipped, and Newton stays on that side. The paper
-    says that no closed form exists; for arms whose rods keep the flange from turning it does.
-
-    Returns:
-        Status and z [m], base frame. SINGULAR: elbows in one line. UNREACHABLE: the spheres do not meet.
+    says that no closed form exists; for arms whose rods keep the flange from turning it does. SINGULAR: elbows in one
+    line. UNREACHABLE: the spheres do not meet.
     """
     c1, c2, c3 = elbow(constants, 0, y1)[0], elbow(constants, 1, y2)[0], elbow(constants, 2, y3)[0]
     u, v = minus(c2, c1), minus(c3, c1)
@@ -236,24 +215,11 @@ def distal_angles(constants: FloatArray, arm: int, q1: float, z: Vector) -> tupl
 
 
 @compiled
-def forward_kinematics_closed(constants: FloatArray, y: FloatArray, x: FloatArray) -> int:
-    """Unmeasured angles x, shape (6,), in closed form for servomotor angles y, shape (3,) [rad]; returns Status."""
-    status, z = spheres_meet(constants, y[0], y[1], y[2])
-    if status == OK:
-        for arm in range(3):
-            x[2 * arm], x[2 * arm + 1] = distal_angles(constants, arm, y[arm], z)
-    return status
-
-
-@compiled
 def inverse_arm(constants: FloatArray, arm: int, z: Vector) -> tuple[int, float]:
-    """q1 of one arm, outward branch, for a tool point [m].
+    """q1 of one arm, outward branch, for a tool point [m]: status (OK or UNREACHABLE) and q1 [rad].
 
-    In the plane of the arm's motion the elbow lies at distance l1 from the shoulder and at √(l2² - w1²) from the
-    tool point w (seen from the shoulder): w2 cos q1 + w3 sin q1 = (|w|² + l1² - l2²) / (2 l1).
-
-    Returns:
-        Status (OK or UNREACHABLE) and q1 [rad].
+    In the plane of the arm's motion the elbow lies at distance l1 from the shoulder and at √(l2² - w1²) from the tool
+    point w (seen from the shoulder): w2 cos q1 + w3 sin q1 = (|w|² + l1² - l2²) / (2 l1).
     """
     l1, l2 = constants[PROXIMAL], constants[DISTAL]
     w = minus(turn_back(arm, z), (0.0, constants[RADIUS], constants[HEIGHT]))
@@ -268,8 +234,7 @@ def inverse_arm(constants: FloatArray, arm: int, z: Vector) -> tuple[int, float]
 def inverse_kinematics(constants: FloatArray, z: Vector, y: FloatArray, x: FloatArray) -> tuple[int, int]:
     """All angles for a tool point z [m], outward branch; fills y, shape (3,), and x, shape (6,) [rad].
 
-    Returns:
-        Status and, if UNREACHABLE, the first arm (0, 1, 2) that does not reach.
+    Returns status and, if UNREACHABLE, the first arm (0, 1, 2) that does not reach.
     """
     for arm in range(3):
         status, q1 = inverse_arm(constants, arm, z)
@@ -278,28 +243,6 @@ def inverse_kinematics(constants: FloatArray, z: Vector, y: FloatArray, x: Float
         y[arm] = q1
         x[2 * arm], x[2 * arm + 1] = distal_angles(constants, arm, q1, z)
     return OK, 0
-
-
-@compiled
-def joint_rates(constants: FloatArray, y: FloatArray, x: FloatArray, jacobian: FloatArray, rates: FloatArray) -> None:
-    """∂g/∂y of (14), without solving: ż = l1 e_i q̇1 + l2 (a_i q̇2 + sin q2 n_i q̇3), multiplied by a_i and n_i.
-
-    Args:
-        constants: of the model.
-        y: shape (3,) [rad].
-        x: shape (6,), closing the chain [rad].
-        jacobian: shape (3, 3), J_c [m/rad].
-        rates: shape (6, 3), out: ∂x/∂y.
-    """
-    for arm in range(3):
-        e = elbow(constants, arm, y[arm])[1]
-        _, a, n = triad(arm, x[2 * arm], x[2 * arm + 1])
-        scale = constants[DISTAL] * math.sin(x[2 * arm])
-        for j in range(3):
-            tip = (jacobian[0, j], jacobian[1, j], jacobian[2, j])
-            w = combine(tip, -constants[PROXIMAL] if j == arm else 0.0, e)
-            rates[2 * arm, j] = dot(a, w) / constants[DISTAL]
-            rates[2 * arm + 1, j] = dot(n, w) / scale
 
 
 @compiled
@@ -313,20 +256,12 @@ def arm_directions(constants: FloatArray, y: FloatArray, z: Vector) -> tuple[Tri
 def control_jacobian(
     constants: FloatArray, d: Triad, e: Triad, jacobian: FloatArray, inverse: FloatArray
 ) -> tuple[int, float, float]:
-    """J_c of (13) and its inverse: d_i·ż = l1 (d_i·e_i) ẏ_i.
+    """J_c = ∂z/∂y of (13) [m/rad] and its inverse [rad/m], out, shape (3, 3) each: d_i·ż = l1 (d_i·e_i) ẏ_i.
 
-    So J_c⁻¹ has the rows d_iᵀ / (l1 d_i·e_i), and J_c the columns l1 (d_i·e_i) (d_j × d_k) / det [d_1; d_2; d_3].
-
-    Args:
-        constants: of the model.
-        d: unit vectors along the distal links.
-        e: unit vectors in which the elbows move.
-        jacobian: shape (3, 3), out: J_c = ∂z/∂y [m/rad].
-        inverse: shape (3, 3), out: J_c⁻¹ [rad/m].
-
-    Returns:
-        Status; the volume -det [d_1; d_2; d_3], positive below the elbows; the smallest d_i·e_i, positive for arms
-        pointing outward. SINGULAR: one of them is not above its minimum, the matrices are then of no use.
+    So J_c⁻¹ has the rows d_iᵀ / (l1 d_i·e_i), and J_c the columns l1 (d_i·e_i) (d_j × d_k) / det [d_1; d_2; d_3]. d are
+    unit vectors along the distal links, e those in which the elbows move. Returns the status; the volume -det [d_1;
+    d_2; d_3], positive below the elbows; the smallest d_i·e_i, positive for arms pointing outward. SINGULAR: one of
+    them is not above its minimum, the matrices are then of no use.
     """
     l1 = constants[PROXIMAL]
     determinant = dot(d[0], cross(d[1], d[2]))

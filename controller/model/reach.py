@@ -31,10 +31,8 @@ from controller.model.vectors import minus, turn_back
 class PoseError(ValueError):
     """There is no such pose, or none to work with; the message names what fails, by how much, and what is near.
 
-    Attributes:
-        value: what was found.
-        limit: what it must keep to; same unit as the value, which the message names.
-        nearest: shape (3,), the nearest tool point with a regular pose [m], base frame; None if nothing is near to it.
+    ``value`` is what was found, ``limit`` what it must keep to, in the unit that the message names; ``nearest`` the
+    nearest tool point with a regular pose, shape (3,) [m], base frame; None if nothing is near to it.
     """
 
     def __init__(self, sentence: str, value: float, limit: float, nearest: FloatArray | None) -> None:
@@ -69,15 +67,10 @@ class Jacobians(NamedTuple):
 
 
 def posture_at(model: DeltaModel, point: FloatArray) -> Posture:
-    """Inverse kinematics, outward branch.
+    """Inverse kinematics, outward branch, of a tool point in the base frame, shape (3,) [m].
 
-    Args:
-        model: the robot.
-        point: shape (3,), tool point in the base frame [m].
-
-    Raises:
-        Unreachable: an arm cannot reach the point, or the point is not finite.
-        Singular: it can only with the tool in or above the plane of the elbows, where the robot does not get to.
+    Raises ``Unreachable`` if an arm cannot reach the point, or it is not finite, and ``Singular`` if it can only with
+    the tool in or above the plane of the elbows, where the robot does not get to.
     """
     y, x = np.empty(3), np.empty(6)
     z = _vector(point)
@@ -92,18 +85,10 @@ def posture_at(model: DeltaModel, point: FloatArray) -> Posture:
 
 
 def tool_point_at(model: DeltaModel, angle: FloatArray) -> FloatArray:
-    """Forward kinematics in closed form, the pose below the elbows.
+    """Forward kinematics in closed form, the pose below the elbows: the tool point in the base frame, shape (3,) [m].
 
-    Args:
-        model: the robot.
-        angle: shape (3,), servomotor angles y [rad].
-
-    Returns:
-        Shape (3,), the tool point in the base frame [m].
-
-    Raises:
-        Unreachable: the chain cannot be closed at these angles.
-        Singular: the elbows lie in one line.
+    Of servomotor angles y, shape (3,) [rad]. Raises ``Unreachable`` if the chain cannot be closed at these angles, and
+    ``Singular`` if the elbows lie in one line.
     """
     y1, y2, y3 = _vector(angle)
     which = f"servomotor angles ({y1:.4f}, {y2:.4f}, {y3:.4f}) rad"
@@ -116,15 +101,10 @@ def tool_point_at(model: DeltaModel, angle: FloatArray) -> FloatArray:
 
 
 def jacobians_at(model: DeltaModel, point: FloatArray) -> Jacobians:
-    """J_c of (13) and its inverse at a tool point, outward branch.
+    """J_c of (13) and its inverse at a tool point in the base frame, shape (3,) [m], outward branch.
 
-    Args:
-        model: the robot.
-        point: shape (3,), tool point in the base frame [m].
-
-    Raises:
-        Unreachable: an arm cannot reach the point.
-        Singular: the pose is too near a singularity, or beyond it.
+    Raises ``Unreachable`` if an arm cannot reach the point, and ``Singular`` if the pose is too near a singularity, or
+    beyond it.
     """
     y, _ = posture_at(model, point)
     control, inverse = np.empty((3, 3)), np.empty((3, 3))

@@ -20,7 +20,7 @@ import numpy as np
 from controller.model.compiled import FloatArray, Vector, compiled
 from controller.model.constants import DISTAL, DISTAL_MASS, PLATFORM_MASS, PROXIMAL, DeltaModel
 from controller.model.kinematics import Triad, triad
-from controller.model.vectors import combine, dot, minus, times, turn
+from controller.model.vectors import combine, dot, times, turn
 
 
 @compiled
@@ -45,18 +45,10 @@ def arm_drift(constants: FloatArray, arm: int, q: Vector, v: Vector) -> Vector:
 def tool_drift(
     constants: FloatArray, y: FloatArray, rate: FloatArray, d: Triad, e: Triad, jacobian: FloatArray
 ) -> Vector:
-    """J̇_c ẏ: the tool's acceleration where ÿ = 0, without solving.
+    """J̇_c ẏ: the tool's acceleration z̈ where ÿ = 0 [m/s²], base frame, without solving.
 
-    Args:
-        constants: of the model.
-        y: shape (3,), servomotor angles [rad].
-        rate: shape (3,), ẏ [rad/s].
-        d: unit vectors along the distal links.
-        e: unit vectors in which the elbows move.
-        jacobian: shape (3, 3), J_c [m/rad].
-
-    Returns:
-        z̈ at ÿ = 0 [m/s²], base frame.
+    For servomotor angles y [rad] and rates ẏ [rad/s], shape (3,) each; d are unit vectors along the distal links, e
+    those in which the elbows move, and J_c has shape (3, 3) [m/rad].
     """
     l1, l2 = constants[PROXIMAL], constants[DISTAL]
     velocity = times(jacobian, (rate[0], rate[1], rate[2]))
@@ -73,23 +65,14 @@ def tool_drift(
 def velocity_torque(
     constants: FloatArray, y: FloatArray, rate: FloatArray, e: Triad, jacobian: FloatArray, drift: Vector
 ) -> Vector:
-    """The term a of (18), complete: Tᵀ (C + M (0, ẍ at ÿ = 0)), without the unmeasured angles.
+    """The term a of (18), complete: Tᵀ (C + M (0, ẍ at ÿ = 0)), without the unmeasured angles [N m].
 
     A uniform rod of mass m whose ends accelerate with v̇ and ẇ takes the forces m (2 v̇ + ẇ) / 6 and m (v̇ + 2 ẇ) / 6
     at them. Where ÿ = 0 the ends of rod i have -l1 ẏ_i² p_i and J̇_c ẏ, and e_i·p_i = 0:
 
         a = J_cᵀ ((mp + m2) J̇_c ẏ - (m2 l1 / 6) Σ ẏ_k² p_k) + (m2 l1 / 6) (e_i·J̇_c ẏ)_i.
 
-    Args:
-        constants: of the model.
-        y: shape (3,), servomotor angles [rad].
-        rate: shape (3,), ẏ [rad/s].
-        e: unit vectors in which the elbows move.
-        jacobian: shape (3, 3), J_c [m/rad].
-        drift: J̇_c ẏ of `tool_drift` [m/s²].
-
-    Returns:
-        a [N m].
+    Arguments are those of `tool_drift`, and ``drift`` is what it gives [m/s²].
     """
     coupling = constants[DISTAL_MASS] * constants[PROXIMAL] / 6.0
     force = combine((0.0, 0.0, 0.0), constants[DISTAL_MASS] + constants[PLATFORM_MASS], drift)
@@ -100,27 +83,6 @@ def velocity_torque(
         jacobian[0, 1] * force[0] + jacobian[1, 1] * force[1] + jacobian[2, 1] * force[2] + coupling * dot(e[1], drift),
         jacobian[0, 2] * force[0] + jacobian[1, 2] * force[1] + jacobian[2, 2] * force[2] + coupling * dot(e[2], drift),
     )
-
-
-@compiled
-def unmeasured_drift(constants: FloatArray, q: FloatArray, rate: FloatArray, drift: Vector, result: FloatArray) -> None:
-    """ẍ where ÿ = 0, from (17): the tool's drift less what the arm's own rates make, along a_i and n_i.
-
-    Args:
-        constants: of the model.
-        q: shape (9,), arm by arm, closing the chain [rad].
-        rate: shape (9,), q̇, tangent to the constraint [rad/s].
-        drift: J̇_c ẏ [m/s²].
-        result: shape (6,), out: ẍ [rad/s²].
-    """
-    l2 = constants[DISTAL]
-    for arm in range(3):
-        k = 3 * arm
-        own = arm_drift(constants, arm, (q[k], q[k + 1], q[k + 2]), (rate[k], rate[k + 1], rate[k + 2]))
-        _, a, n = triad(arm, q[k + 1], q[k + 2])
-        rest = minus(drift, own)
-        result[2 * arm] = dot(a, rest) / l2
-        result[2 * arm + 1] = dot(n, rest) / (l2 * math.sin(q[k + 1]))
 
 
 def arm_hessian(model: DeltaModel, arm: int, q: FloatArray) -> FloatArray:

@@ -95,21 +95,8 @@ def load_model(state: FloatArray, model: DeltaModel) -> None:
 
 def views(buffer: FloatArray) -> ArmState:
     """Name the rows of a state, shape (24, 3)."""
-
-    def square(row: int) -> FloatArray:
-        return buffer[row : row + 3]
-
     return ArmState(
-        angle=buffer[ANGLE],
-        rate=buffer[RATE],
-        position=buffer[POSITION],
-        velocity=buffer[VELOCITY],
-        jacobian=square(JACOBIAN),
-        jacobian_inverse=square(INVERSE),
-        inertia=square(INERTIA),
-        gravity=buffer[GRAVITY_TORQUE],
-        friction=buffer[FRICTION],
-        asked=buffer[ASKED],
-        torque=buffer[TORQUE],
-        quality=buffer[QUALITY],
-    )
+        buffer[ANGLE], buffer[RATE], buffer[POSITION], buffer[VELOCITY], buffer[JACOBIAN:INVERSE],
+        buffer[INVERSE:INERTIA], buffer[INERTIA:GRAVITY_TORQUE], buffer[GRAVITY_TORQUE], buffer[FRICTION],
+        buffer[ASKED], buffer[TORQUE], buffer[QUALITY],
+    )  # fmt: skip

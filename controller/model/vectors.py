@@ -68,11 +68,7 @@ def distance(a: Vector, b: Vector) -> float:
 
 @compiled
 def common_point(d1: Vector, d2: Vector, d3: Vector, b: Vector) -> tuple[float, Vector]:
-    """Solve d_i·z = b_i for z by Cramer's rule.
-
-    Returns:
-        det [d1; d2; d3] and z; z is not finite where the determinant is zero.
-    """
+    """Solve d_i·z = b_i by Cramer's rule: det [d1; d2; d3] and z, which is not finite where the determinant is zero."""
     d23, d31, d12 = cross(d2, d3), cross(d3, d1), cross(d1, d2)
     determinant = dot(d1, d23)
     z = combine(combine(scaled(b[0], d23), b[1], d31), b[2], d12)

@@ -31,11 +31,7 @@ DEPTH_STEP: Final = 0.01
 
 
 class BoardDoesNotFit(ValueError):
-    """Somewhere on board or trays the robot cannot work; the message names the squares.
-
-    Attributes:
-        places: those that fail, board first.
-    """
+    """Somewhere on board or trays the robot cannot work; the message names the squares, ``places`` all that fail."""
 
     def __init__(self, sentence: str, places: tuple[Place, ...]) -> None:
         super().__init__(sentence)
@@ -59,27 +55,24 @@ NO_WORK: Final = PointSurvey(math.inf, math.nan, math.nan)
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Board, trays and boxes at several heights of the tool point.
-
-    Attributes:
-        places: n of them, the 64 squares first; of a box, its drop points.
-        height: shape (h,), of the tool point above the playing surface [m].
-        point: shape (n, h, 3), base frame [m].
-        reachable: shape (n, h), whether the robot can work there: within reach, and no singularity near.
-        condition: shape (n, h), of J_c; infinite where not reachable.
-        holding_torque: shape (n, h), largest servomotor torque that gravity takes [N m]; NaN where not reachable.
-        torque_margin: shape (n, h), rated torque less the holding torque [N m].
-        acceleration: shape (n, h), tool acceleration that the peak torque still gives in every direction [m/s²].
-    """
+    """Board, trays and boxes at several heights of the tool point."""
 
     places: tuple[Place, ...]
+    """n of them, the 64 squares first; of a box, its drop points."""
     height: FloatArray
+    """Shape (h,), of the tool point above the playing surface [m]."""
     point: FloatArray
+    """Shape (n, h, 3), base frame [m]."""
     reachable: NDArray[np.bool_]
+    """Shape (n, h), whether the robot can work there: within reach, and no singularity near."""
     condition: FloatArray
+    """Shape (n, h), of J_c; infinite where not reachable."""
     holding_torque: FloatArray
+    """Shape (n, h), largest servomotor torque that gravity takes [N m]; NaN where not reachable."""
     torque_margin: FloatArray
+    """Shape (n, h), rated torque less the holding torque [N m]."""
     acceleration: FloatArray
+    """Shape (n, h), tool acceleration that the peak torque still gives in every direction [m/s²]."""
 
 
 def working_heights() -> tuple[float, float]:
@@ -110,12 +103,9 @@ def survey_point(model: DeltaModel, point: FloatArray) -> PointSurvey:
 
 
 def survey(model: DeltaModel, table: TableSettings, heights: Sequence[float] | None = None) -> Survey:
-    """What the robot can do over every square, tray place and drop point of a box.
+    """What the robot, with what it carries, can do over every square, tray place and drop point of a box.
 
-    Args:
-        model: the robot, with what it carries.
-        table: board and trays, and where they stand.
-        heights: of the tool point above the playing surface [m]; default `working_heights`.
+    Heights are of the tool point above the playing surface [m]; default `working_heights`.
     """
     places = tuple(square_place(square) for square in range(64)) + table.tray_places()
     places += table.drop_points()
@@ -129,16 +119,10 @@ def survey(model: DeltaModel, table: TableSettings, heights: Sequence[float] | N
 
 
 def require_fit(model: DeltaModel, table: TableSettings, heights: Sequence[float] | None = None) -> Survey:
-    """The survey of a table at which the robot can play.
+    """The survey of a table at which the robot, with the heaviest thing it carries, can play; heights as for `survey`.
 
-    Args:
-        model: the robot, with the heaviest thing it carries.
-        table: board and trays.
-        heights: as for `survey`.
-
-    Raises:
-        BoardDoesNotFit: at some height a place is out of reach, J_c is conditioned worse than `LARGEST_CONDITION`, or
-            holding there takes more than the rated torque.
+    Raises ``BoardDoesNotFit`` if at some height a place is out of reach, J_c is conditioned worse than
+    `LARGEST_CONDITION`, or holding there takes more than the rated torque.
     """
     found = survey(model, table, heights)
     _refuse(found, table, ~found.reachable, "out of reach")
@@ -157,26 +141,21 @@ def require_fit(model: DeltaModel, table: TableSettings, heights: Sequence[float
 
 
 class LargestBoard(NamedTuple):
-    """The largest squares on which the robot can play, and how deep that board lies.
-
-    Attributes:
-        square: side of a square [m].
-        depth: of the playing surface below the base, z₃ [m].
-        by_depth: the largest square at each depth looked at, (n, 2): depth, square [m]; 0 where none fits.
-    """
+    """The largest squares on which the robot can play, and how deep that board lies."""
 
     square: float
+    """Side of a square [m]."""
     depth: float
+    """Of the playing surface below the base, z₃ [m]."""
     by_depth: FloatArray
+    """The largest square at each depth looked at, (n, 2): depth, square [m]; 0 where none fits."""
 
 
 def largest_board(model: DeltaModel, table: TableSettings, *, trays: bool = True) -> LargestBoard:
-    """The largest board below the base's centre that `require_fit` accepts.
+    """The largest board below the base's centre that `require_fit` accepts; trays keep their size and their distance
+    from it.
 
-    Args:
-        model: the robot, with the heaviest thing it carries.
-        table: trays keep their size and their distance from the board.
-        trays: whether they and boxes have to be in reach, too; without them captured pieces need another place.
+    ``trays``: they and boxes have to be in reach, too; without them captured pieces need another place.
     """
     depths = np.arange(LEAST_DEPTH, MOST_DEPTH + 1e-9, DEPTH_STEP)
     squares = np.array([_largest_square(model, table, float(depth), trays) for depth in depths])
@@ -185,14 +164,10 @@ def largest_board(model: DeltaModel, table: TableSettings, *, trays: bool = True
 
 
 def seated(model: DeltaModel, table: TableSettings) -> TableSettings:
-    """The table as it is where it fits; else moved up towards the base, no further than it must.
+    """The table as it is where it fits the robot with the heaviest thing it carries; else moved up, no further than it
+    must.
 
-    Args:
-        model: the robot, with the heaviest thing it carries.
-        table: board and trays.
-
-    Raises:
-        BoardDoesNotFit: it fits nowhere below the base's centre; the message says how large squares may be.
+    Raises ``BoardDoesNotFit`` if it fits nowhere below the base's centre; the message says how large squares may be.
     """
     x, y, depth = table.centre_in_base
     for height in np.arange(0.0, depth - LEAST_DEPTH + 1e-9, DEPTH_STEP).tolist():

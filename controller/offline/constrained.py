@@ -103,17 +103,10 @@ def virtual_jacobian(model: DeltaModel, q: FloatArray) -> FloatArray:
 def acceleration(
     model: DeltaModel, q: FloatArray, v: FloatArray, applied: FloatArray, alpha: tuple[float, float]
 ) -> FloatArray:
-    """v̇ of (2b) with (2c): the constrained robot with Baumgarte's stabilisation.
+    """v̇ of (2b) with (2c), shape (9,) [rad/s²]: the constrained robot with Baumgarte's stabilisation.
 
-    Args:
-        model: the robot.
-        q: shape (9,) [rad].
-        v: shape (9,) [rad/s].
-        applied: shape (9,), all torques that are not in the model: B u + J_vᵀ f - D [N m].
-        alpha: Baumgarte's α₀ [1/s²] and α₁ [1/s].
-
-    Returns:
-        Shape (9,) [rad/s²].
+    ``applied`` are all torques that are not in the model, B u + J_vᵀ f - D, shape (9,) [N m]; ``alpha`` is Baumgarte's
+    α₀ [1/s²] and α₁ [1/s].
     """
     h_q = constraint_jacobian(model, q)
     matrix = np.block([[inertia_matrix(model, q), -h_q.T], [h_q, np.zeros((6, 6))]])
@@ -132,14 +125,10 @@ class Torques(NamedTuple):
 def inverse_dynamics(
     model: DeltaModel, q: FloatArray, v: FloatArray, acceleration: FloatArray, outside: FloatArray
 ) -> Torques:
-    """Servomotor torques and λ of (2b) for a motion that keeps the chain closed, by the system [B Hᵀ] of (15).
+    """Servomotor torques and λ of (2b) for a motion v̇, shape (9,) [rad/s²], that keeps the chain closed: by [B Hᵀ] of
+    (15).
 
-    Args:
-        model: the robot.
-        q: shape (9,) [rad].
-        v: shape (9,) [rad/s].
-        acceleration: v̇, shape (9,) [rad/s²].
-        outside: shape (9,), torques that are neither in the model nor of the servomotors: J_vᵀ f - D [N m].
+    ``outside`` are torques that are neither in the model nor of the servomotors, J_vᵀ f - D, shape (9,) [N m].
     """
     needed = inertia_matrix(model, q) @ acceleration + coriolis_torque(model, q, v) + gravity_torque(model, q) - outside
     solution = _solve(np.hstack([input_matrix(), constraint_jacobian(model, q).T]), needed)

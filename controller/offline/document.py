@@ -13,23 +13,9 @@ from pathlib import Path
 
 from controller.loop.flight_file import FLIGHT
 from controller.protection.limits import REACTIONS, WHY, Limits, Reaction, default_limits
+from controller.protocol import layout as wire
 from controller.protocol.causes import Cause, template
 from controller.protocol.envelope import Envelope
-from controller.protocol.layout import (
-    HEADER,
-    HEARTBEAT,
-    KEY_SIZE,
-    PAYLOADS,
-    SAMPLE_LAYOUT,
-    VERSION,
-    CommandCode,
-    DatagramKind,
-    Flag,
-    Guard,
-    Layout,
-    MotionFlag,
-    Result,
-)
 from controller.protocol.states import TRANSITIONS, Event, State
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
@@ -38,20 +24,16 @@ _MARK = re.compile(r"<!-- generated: (?P<name>[a-z_ ]+) -->\n.*?<!-- end -->", r
 
 
 def refresh(page: str) -> str:
-    """The page with every generated part made anew.
-
-    Raises:
-        KeyError: a mark names a part that does not exist.
-    """
+    """The page with every generated part made anew; raises ``KeyError`` if a mark names a part that does not exist."""
     parts = _parts()
     return _MARK.sub(lambda mark: f"<!-- generated: {mark['name']} -->\n{parts[mark['name']]}\n<!-- end -->", page)
 
 
 def _parts() -> dict[str, str]:
-    layouts = (HEADER, SAMPLE_LAYOUT, *PAYLOADS.values())
-    enums = (DatagramKind, CommandCode, MotionFlag, Guard, Result, Flag)
+    layouts = (wire.HEADER, wire.SAMPLE_LAYOUT, *wire.PAYLOADS.values())
+    enums = (wire.DatagramKind, wire.CommandCode, wire.MotionFlag, wire.Guard, wire.Result, wire.Flag)
     return {
-        "version": f"Version of this page: `0x{VERSION:08x}`.",
+        "version": f"Version of this page: `0x{wire.VERSION:08x}`.",
         **{layout.name: _layout_table(layout) for layout in layouts},
         **{enum.__name__: _number_table(enum) for enum in enums},
         "example": _example(),
@@ -65,7 +47,8 @@ def _parts() -> dict[str, str]:
 
 
 def _example() -> str:
-    datagram = Envelope(bytes(range(KEY_SIZE))).seal(DatagramKind.HEARTBEAT, 1, 2, HEARTBEAT.struct.pack(7)).hex(" ")
+    heartbeat = wire.HEARTBEAT.struct.pack(7)
+    datagram = Envelope(bytes(range(wire.KEY_SIZE))).seal(wire.DatagramKind.HEARTBEAT, 1, 2, heartbeat).hex(" ")
     lines = [datagram[start : start + 48].strip() for start in range(0, len(datagram), 48)]
     return "\n".join(["```", *lines, "```"])
 
@@ -76,7 +59,7 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def _layout_table(layout: Layout) -> str:
+def _layout_table(layout: wire.Layout) -> str:
     rows, offset = [], 0
     for field in layout.fields:
         rows.append([str(offset), f"`{field.name}`", field.type_name, field.unit, field.meaning])

@@ -140,7 +140,7 @@ def constrained_acceleration(
     acceleration: FloatArray,
     multiplier: FloatArray,
 ) -> int:
-    """v̇ and λ of (2b) with (2c).
+    """v̇ and λ of (2b) with (2c); status SINGULAR where a sin q2 vanishes or the constraints depend on each other.
 
     Args:
         constants: of the model.
@@ -150,9 +150,6 @@ def constrained_acceleration(
         alpha: Baumgarte's α₀ [1/s²] and α₁ [1/s].
         acceleration: shape (9,), out: v̇ [rad/s²].
         multiplier: shape (6,), out: λ [N], the forces that close the chain at arms 1-2 and 1-3.
-
-    Returns:
-        Status: SINGULAR where a sin q2 vanishes or the constraints depend on each other.
     """
     blocks, right = np.empty((3, 3, 3)), np.empty((3, 3))
     for arm in range(3):
@@ -188,19 +185,10 @@ def applied_torque(
     speed: float,
     applied: FloatArray,
 ) -> int:
-    """B u + J_vᵀ f - D(v): servomotors, an external force on the tool by (10), friction in the shafts.
+    """B u + J_vᵀ f - D(v): servomotors u [N m], a force f on the tool, base frame [N], by (10), friction in the shafts.
 
-    Args:
-        constants: of the model.
-        q: shape (9,) [rad].
-        v: shape (9,) [rad/s].
-        torque: u [N m].
-        force: f on the tool, base frame [N].
-        speed: over which the Coulomb term's sign is smoothed [rad/s].
-        applied: shape (9,), out [N m].
-
-    Returns:
-        Status, OK.
+    ``q`` and ``v`` have shape (9,) [rad, rad/s], and so has ``applied``, out [N m]. The Coulomb term's sign is smoothed
+    over a speed [rad/s]. Returns OK.
     """
     for arm in range(3):
         k = 3 * arm

@@ -118,12 +118,10 @@ def _require_finite(what: str, *rows: Numbers) -> None:
 
 
 class ConstrainedArm:
-    """The delta robot of (2) with Baumgarte's stabilisation.
+    """The delta robot of (2), with its payload, and Baumgarte's stabilisation.
 
-    Attributes:
-        model: the robot, with its payload.
-        baumgarte: α₀ [1/s²] and α₁ [1/s]; s² + α₁ s + α₀ must be stable.
-        coulomb_speed: the Coulomb friction's sign is tanh(ẏ / coulomb_speed) [rad/s].
+    ``baumgarte`` is α₀ [1/s²] and α₁ [1/s]; s² + α₁ s + α₀ must be stable. The Coulomb friction's sign is tanh(ẏ /
+    ``coulomb_speed``) [rad/s].
     """
 
     def __init__(
@@ -140,10 +138,8 @@ class ConstrainedArm:
         self.coulomb_speed = coulomb_speed
 
     def at(self, point: Numbers, velocity: Numbers = _REST) -> ArmMotion:
-        """Consistent state with the tool at a point [m] with a velocity [m/s], base frame, outward branch.
-
-        Raises:
-            Unreachable: the arm cannot stand there.
+        """Consistent state with the tool at a point [m] with a velocity [m/s], base frame, outward branch; raises
+        ``Unreachable`` if the arm cannot stand there.
         """
         posture = posture_at(self.model, np.asarray(point, dtype=np.float64))
         q = constrained.coordinates(posture.y, posture.x)
@@ -152,10 +148,8 @@ class ConstrainedArm:
         return ArmMotion(q, h_t @ np.linalg.solve(jacobian, np.asarray(velocity, dtype=np.float64)))
 
     def consistent(self, q: FloatArray, v: FloatArray) -> ArmMotion:
-        """The closed chain with the same servomotor angles and velocities, from x nearby by Newton (7) and (14).
-
-        Raises:
-            SimulationFailed: the chain cannot be closed from there.
+        """The closed chain with the same servomotor angles and velocities, from x nearby by Newton (7) and (14); raises
+        ``SimulationFailed`` if the chain cannot be closed from there.
         """
         y, x = q[constrained.MEASURED], q[constrained.UNMEASURED]
         status, _ = forward_kinematics(self.model.constants, y, x)
@@ -175,17 +169,11 @@ class ConstrainedArm:
         self, q: FloatArray, v: FloatArray, torque: Numbers, external_force: Numbers = _REST,
         payload: float | None = None,
     ) -> Accelerations:  # fmt: skip
-        """Forward dynamics: v̇ and λ of (2b) with (2c).
+        """Forward dynamics: v̇ and λ of (2b) with (2c), for q and v, shape (9,) each [rad, rad/s], and u, shape (3,) [N
+        m].
 
-        Args:
-            q: shape (9,) [rad].
-            v: shape (9,) [rad/s].
-            torque: u, shape (3,) [N m].
-            external_force: f on the tool, base frame, through J_v (10) [N].
-            payload: mass held by the gripper in place of the model's [kg].
-
-        Raises:
-            SimulationFailed: the equations are singular there.
+        The external force f on the tool, base frame, acts through J_v (10) [N]; ``payload`` is a mass held by the
+        gripper in place of the model's [kg]. Raises ``SimulationFailed`` if the equations are singular there.
         """
         model = self.model if payload is None else DeltaModel(self.model.parameters, payload)
         q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
@@ -227,7 +215,7 @@ class ConstrainedArm:
         step: float | None = None,
         times: FloatArray | None = None,
     ) -> Trajectory:
-        """Integrate in continuous time.
+        """Integrate in continuous time; raises ``SimulationFailed`` if the integrator gives up or meets a singularity.
 
         Args:
             start: consistent state, see `at` and `consistent`.
@@ -240,9 +228,6 @@ class ConstrainedArm:
             atol: absolute tolerance [rad, rad/s, the attachment's units]; not for RK4.
             step: the largest step, default 0.1 ms for RK4, otherwise 10 ms [s].
             times: when to sample, rising from 0 on; default every millisecond [s].
-
-        Raises:
-            SimulationFailed: the integrator gives up or meets a singularity.
         """
         _require_positive("duration", duration)
         _require_positive("step", DEFAULT_STEP if step is None else step)
@@ -282,18 +267,9 @@ class ConstrainedArm:
     ) -> Trajectory:
         """Integrate with a controller that is asked once a tick and whose torque is held, RK4 between.
 
-        Args:
-            start: consistent state.
-            controller: asked exactly once a tick, in order; may have a memory.
-            ticks: number of ticks.
-            force_law: external force on the tool [N].
-            attachment: brings states and a force of its own.
-            period: of a tick [s], default the drive's.
-            delay: ticks between a measurement and the torque computed from it; until then the first torque acts.
-            substeps: RK4 steps in a tick.
-
-        Returns:
-            One row at the start of each tick, and one at the end.
+        One row at the start of each tick, and one at the end. The controller is asked exactly once a tick, in order,
+        and may have a memory; force and attachment are as of `simulate`. A tick's period is by default the drive's [s].
+        ``delay`` is in ticks between a measurement and the torque computed from it; until then the first torque acts.
         """
         tick = self.model.parameters.drive.tick if period is None else period
         _require_positive("period", tick)

@@ -24,21 +24,18 @@ class ArmMotion(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """One moment of a simulation, as laws and attachments see it.
-
-    Attributes:
-        time: since the start [s].
-        q: shape (9,) [rad].
-        v: shape (9,) [rad/s].
-        own: shape (k,), states of the attachment; empty without one.
-        model: the robot.
-    """
+    """One moment of a simulation, as laws and attachments see it."""
 
     time: float
+    """Since the start [s]."""
     q: FloatArray
+    """Shape (9,) [rad]."""
     v: FloatArray
+    """Shape (9,) [rad/s]."""
     own: FloatArray
+    """Shape (k,), states of the attachment; empty without one."""
     model: DeltaModel
+    """The robot."""
 
     @property
     def angle(self) -> Vector:
@@ -75,25 +72,22 @@ class Attachment(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """What a simulation found, one row a sample.
-
-    Attributes:
-        time: shape (n,) [s].
-        q: shape (n, 9) [rad].
-        v: shape (n, 9) [rad/s].
-        own: shape (n, k), states of the attachment.
-        torque: shape (n, 3) [N m]; in a sampled run what acts from this tick on.
-        model: the robot.
-        evaluations: how often (2) was solved.
-    """
+    """What a simulation found, one row a sample."""
 
     time: FloatArray
+    """Shape (n,) [s]."""
     q: FloatArray
+    """Shape (n, 9) [rad]."""
     v: FloatArray
+    """Shape (n, 9) [rad/s]."""
     own: FloatArray
+    """Shape (n, k), states of the attachment."""
     torque: FloatArray
+    """Shape (n, 3) [N m]; in a sampled run what acts from this tick on."""
     model: DeltaModel
+    """The robot."""
     evaluations: int
+    """How often (2) was solved."""
 
     @property
     def last(self) -> ArmMotion:

@@ -16,14 +16,9 @@ _T = TypeVar("_T")
 
 
 class Background:
-    """A thread that runs until it is told to end, at the latest at the program's end.
+    """A thread, by its name, that runs until it is told to end, at the latest at the program's end.
 
-    Args:
-        name: of the thread.
-        run: its work; must return soon after ``closing`` is set.
-
-    Attributes:
-        closing: set when it has to end.
+    ``run`` is its work and must return soon after ``closing`` is set, which says that it has to end.
     """
 
     def __init__(self, name: str, run: Callable[[], None]) -> None:
@@ -64,13 +59,8 @@ class Newest(Generic[_T]):
             self._news.notify_all()
 
     def get(self, patience: float = 0.0) -> _T | None:
-        """The newest one, None if there was none yet.
-
-        Args:
-            patience: how long to wait for the first one [s, wall].
-
-        Raises:
-            HardwareError: as the thread says.
+        """The newest one, None if there was none yet; waits for the first one as long as ``patience`` [s, wall]. Raises
+        what the thread has put in.
         """
         with self._news:
             self._news.wait_for(lambda: self._value is not None or self._trouble is not None, patience)

@@ -28,13 +28,8 @@ _WAIT: Final = 0.1
 
 
 class Db3Recorder:
-    """Writes the frames of any camera into a ``.db3`` file.
-
-    Args:
-        path: of the file; must not exist.
-
-    Raises:
-        HardwareError: it exists, or cannot be written.
+    """Writes the frames of any camera into a ``.db3`` file; raises ``HardwareError`` if it exists, or cannot be
+    written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -51,10 +46,8 @@ class Db3Recorder:
         self._like: tuple[Intrinsics, bool] | None = None
 
     def write(self, frame: Frame) -> None:
-        """Add a frame; depth is kept in units of 0.1 mm, up to 6.55 m.
-
-        Raises:
-            HardwareError: it is of another camera than the first one, or the file cannot be written.
+        """Add a frame; depth is kept in units of 0.1 mm, up to 6.55 m. Raises ``HardwareError`` if it is of another
+        camera than the first one, or the file cannot be written.
         """
         like = frame.intrinsics, frame.depth is not None
         if self._device is None:
@@ -90,10 +83,8 @@ class Db3Recorder:
 class Db3Recording:
     """``Recording`` of a ``.db3`` file, ours or one of a RealSense camera.
 
-    librealsense reads the file in a thread of its own, only a few pictures ahead.
-
-    Raises:
-        HardwareError: there is none, or it cannot be read.
+    librealsense reads the file in a thread of its own, only a few pictures ahead. Raises ``HardwareError`` if there is
+    none, or it cannot be read.
     """
 
     def __init__(self, path: Path) -> None:

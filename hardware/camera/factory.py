@@ -22,14 +22,9 @@ from hardware.interfaces import Camera, Clock
 
 
 def open_camera(settings: LabCamera, clock: Clock) -> Camera | None:
-    """Open a camera; None if there is to be none.
+    """Open a camera, whose frames' stamps are the clock's; None if there is to be none.
 
-    Args:
-        settings: which kind, and how.
-        clock: of its frames' stamps.
-
-    Raises:
-        HardwareError: it is not there or does not work; the sentence says what to do.
+    Raises ``HardwareError`` if it is not there or does not work; the sentence says what to do.
     """
     match settings:
         case NoCameraSettings():
@@ -45,10 +40,8 @@ def open_camera(settings: LabCamera, clock: Clock) -> Camera | None:
 
 
 def open_recorder(path: Path) -> FolderRecorder | Db3Recorder:
-    """Record frames of any camera: into a file that ends in ``.db3``, else into a folder.
-
-    Raises:
-        HardwareError: it exists already or cannot be written.
+    """Record frames of any camera: into a file that ends in ``.db3``, else into a folder; raises ``HardwareError`` if
+    it exists already or cannot be written.
     """
     return Db3Recorder(path) if path.suffix == ".db3" else FolderRecorder(path)
 

@@ -46,13 +46,8 @@ class _Line(FrozenFinite):
 
 
 class FolderRecorder:
-    """Writes frames into a folder.
-
-    Args:
-        folder: made if it is not there; must hold no recording yet.
-
-    Raises:
-        HardwareError: it holds one, or cannot be written.
+    """Writes frames into a folder, made if it is not there; raises ``HardwareError`` if it holds a recording or cannot
+    be written.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -68,11 +63,7 @@ class FolderRecorder:
             raise HardwareError(f"{folder} cannot be written: {error.strerror}: choose another folder") from error
 
     def write(self, frame: Frame) -> None:
-        """Add a frame.
-
-        Raises:
-            HardwareError: it is of another camera than the first one, or the disk is full.
-        """
+        """Add a frame; raises ``HardwareError`` if it is of another camera than the first one, or the disk is full."""
         if self._intrinsics is None:
             self._intrinsics = frame.intrinsics
             camera = _CameraFile(intrinsics=_Pinhole(**asdict(frame.intrinsics)), depth_unit=DEPTH_UNIT)
@@ -101,11 +92,7 @@ class FolderRecorder:
 
 
 class FolderRecording:
-    """``Recording`` of a folder.
-
-    Raises:
-        HardwareError: there is none, or it is malformed.
-    """
+    """``Recording`` of a folder; raises ``HardwareError`` if there is none, or it is malformed."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

@@ -25,14 +25,9 @@ class FrameMaker:
         self._align = rs.align(rs.stream.color)
 
     def make(self, frameset: Any, stamp: float) -> Frame:
-        """A frame that owns its arrays.
+        """A frame that owns its arrays, of librealsense's frameset, with a stamp of exposure [s].
 
-        Args:
-            frameset: librealsense's, with a colour picture and perhaps one of depth.
-            stamp: of exposure [s].
-
-        Raises:
-            HardwareError: there is no colour picture, or it is of a kind that cannot be used.
+        Raises ``HardwareError`` if there is no colour picture, or it is of a kind that cannot be used.
         """
         colour = frameset.get_color_frame()
         if not colour:
@@ -46,11 +41,7 @@ class FrameMaker:
 
 
 def pinhole_of(profile: Any) -> Intrinsics:
-    """Intrinsics of a stream.
-
-    Raises:
-        HardwareError: its pictures are distorted.
-    """
+    """Intrinsics of a stream; raises ``HardwareError`` if its pictures are distorted."""
     lens = profile.as_video_stream_profile().get_intrinsics()
     k1, k2, p1, p2, k3 = lens.coeffs
     x, y = 0.5 * lens.width / lens.fx, 0.5 * lens.height / lens.fy

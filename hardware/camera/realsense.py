@@ -40,14 +40,10 @@ class _Pair:
 class RealSenseCamera:
     """``Camera`` on a RealSense device. A thread keeps the newest pair; who reads aligns it.
 
-    Args:
-        settings: which camera and how.
-        clock: of the frames' stamps: a stamp is the clock's now less the frame's age by the system clock.
-        context: librealsense's, where devices are looked for; None: a new one. In tests it holds a software device.
-
-    Raises:
-        NoRealSense: it is not plugged in; or there are several and none is named.
-        HardwareError: it does not stream as it is asked to.
+    A frame's stamp is the clock's now less the frame's age by the system clock. Devices are looked for in
+    librealsense's ``context``; None: a new one. In tests it holds a software device. Raises ``NoRealSense`` if it is
+    not plugged in, or there are several and none is named, and ``HardwareError`` if it does not stream as it is asked
+    to.
     """
 
     def __init__(self, settings: RealSenseSettings, clock: Clock, context: Any = None) -> None:
@@ -172,14 +168,9 @@ class RealSenseCamera:
 
 
 def choose_serial(wanted: str | None, present: list[str]) -> str:
-    """The serial number of the camera to use.
+    """The serial number of the camera to use: the wanted one, or whichever is there, of all that are plugged in.
 
-    Args:
-        wanted: by the settings; None: whichever is there.
-        present: of all that are plugged in.
-
-    Raises:
-        NoRealSense: it is not there; or there are several and none is wanted.
+    Raises ``NoRealSense`` if it is not there, or there are several and none is wanted.
     """
     listed = ", ".join(present)
     if wanted is not None and wanted not in present:
@@ -195,14 +186,10 @@ def choose_serial(wanted: str | None, present: list[str]) -> str:
 
 
 def exposure_time(picture: Any, arrived: float) -> float:
-    """When a picture was exposed [s, system clock].
+    """When a picture of librealsense's was exposed, given when it was handed out [s, system clock].
 
     Stamps of the system's clock, or of the device's own fitted to it, say so. Others only order pictures: then it is
     when the computer got it.
-
-    Args:
-        picture: librealsense's.
-        arrived: when it was handed out [s, system clock].
     """
     if picture.get_frame_timestamp_domain() != rs.timestamp_domain.hardware_clock:
         return float(picture.get_timestamp()) * 1e-3
@@ -213,10 +200,8 @@ def exposure_time(picture: Any, arrived: float) -> float:
 
 
 def apply_options(sensors: list[Any], wanted: RealSenseSettings) -> None:
-    """Set exposure, gain and emitter on the sensors that have them.
-
-    Raises:
-        HardwareError: a setting is out of a sensor's range.
+    """Set exposure, gain and emitter on the sensors that have them; raises ``HardwareError`` if a setting is out of a
+    sensor's range.
     """
     for sensor in sensors:
         if sensor.supports(rs.option.emitter_enabled):

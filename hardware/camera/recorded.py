@@ -22,26 +22,18 @@ class Recording(Protocol):
     """Frames in their order."""
 
     def next(self) -> RecordedFrame | None:
-        """The next frame, None behind the last one.
-
-        Raises:
-            HardwareError: the recording is damaged.
-        """
+        """The next frame, None behind the last one; raises ``HardwareError`` if the recording is damaged."""
 
     def close(self) -> None:
         """Give files back."""
 
 
 class RecordedCamera:
-    """``Camera`` that plays a recording.
+    """``Camera`` that plays a recording, which is closed with it.
 
-    Args:
-        recording: closed with the camera.
-        clock: time by which frames come: the first one is exposed now, and stamps are the clock's. None: each read
-            gives the next frame with the stamp it was recorded with, which is never too old.
-
-    Raises:
-        HardwareError: the recording is empty.
+    Frames come by the clock: the first one is exposed now, and stamps are the clock's. None: each read gives the next
+    frame with the stamp it was recorded with, which is never too old. Raises ``HardwareError`` if the recording is
+    empty.
     """
 
     def __init__(self, recording: Recording, clock: Clock | None) -> None:

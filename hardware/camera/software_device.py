@@ -31,16 +31,7 @@ class DepthStream:
 
 
 class SoftwareDevice:
-    """Colour and, if wanted, depth.
-
-    Args:
-        colour: pinhole of the colour pictures.
-        depth: of the other sensor; None: the device has colour alone.
-        serial: number by which a pipeline finds it.
-
-    Attributes:
-        device: librealsense's.
-    """
+    """Colour and, if wanted, depth: ``device`` is librealsense's, which a pipeline finds by its serial number."""
 
     def __init__(self, colour: Intrinsics, depth: DepthStream | None, serial: str = "0") -> None:
         self.device = rs.software_device()
@@ -60,12 +51,9 @@ class SoftwareDevice:
         self.device.create_matcher(rs.matchers.dlr_c if depth is not None else rs.matchers.default)
 
     def push(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16] | None, stamp: float) -> None:
-        """Put a pair of pictures in; who has started the sensors gets them.
+        """Put a pair of pictures in, exposed at a stamp [s]; who has started the sensors gets them.
 
-        Args:
-            colour: RGB, shape (h, w, 3).
-            depth: in units, shape (h', w'); must be there if the device has depth.
-            stamp: of exposure [s].
+        Colour is RGB, shape (h, w, 3); depth in units, shape (h', w'), must be there if the device has depth.
         """
         self._number += 1
         if self._depth is not None:
@@ -103,10 +91,8 @@ class SoftwareCamera:
         self._join = Join()
 
     def pass_through(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16] | None, stamp: float) -> Any:
-        """The frameset of a pair of pictures; see ``SoftwareDevice.push``.
-
-        Raises:
-            HardwareError: librealsense lost a picture.
+        """The frameset of a pair of pictures; see ``SoftwareDevice.push``. Raises ``HardwareError`` if librealsense
+        lost a picture.
         """
         self._device.push(colour, depth, stamp)
         pictures = []
@@ -136,11 +122,7 @@ class Join:
         self._block.start(self._done)
 
     def frameset(self, pictures: list[Any]) -> Any:
-        """A frameset of these pictures.
-
-        Raises:
-            HardwareError: librealsense does not make it.
-        """
+        """A frameset of these pictures; raises ``HardwareError`` if librealsense does not make it."""
         self._pictures = pictures
         self._block.invoke(pictures[-1])
         there, joined = self._done.try_wait_for_frame(_WAIT_MS)

@@ -24,17 +24,8 @@ RETRY: Final = 0.5
 class WebcamCamera:
     """``Camera`` on whatever OpenCV can open. A thread keeps the newest picture.
 
-    A video file is played at its own speed, over and over.
-
-    Args:
-        settings: which camera and how.
-        clock: of the frames' stamps.
-
-    Attributes:
-        intrinsics: of its frames; the principal point is taken to be the middle.
-
-    Raises:
-        HardwareError: it cannot be opened, or sends nothing.
+    A video file is played at its own speed, over and over. Stamps are the clock's. Of ``intrinsics`` the principal
+    point is taken to be the middle. Raises ``HardwareError`` if it cannot be opened, or sends nothing.
     """
 
     def __init__(self, settings: WebcamSettings, clock: Clock) -> None:

@@ -23,19 +23,16 @@ _DISCS: Final = 6
 
 @dataclass(frozen=True, slots=True)
 class Lying:
-    """A piece that lies.
-
-    Attributes:
-        kind: its shape.
-        base: middle of its foot's underside, seen from above, board frame (x, y) [m].
-        yaw: from the base to the head, from the x axis, counter-clockwise [rad].
-        name: of the piece, for people.
-    """
+    """A piece that lies."""
 
     kind: Kind
+    """Its shape."""
     base: tuple[float, float]
+    """Middle of its foot's underside, seen from above, board frame (x, y) [m]."""
     yaw: float
+    """From the base to the head, from the x axis, counter-clockwise [rad]."""
     name: str = ""
+    """Of the piece, for people."""
 
     @property
     def called(self) -> str:

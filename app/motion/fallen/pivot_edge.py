@@ -62,19 +62,16 @@ class PivotSettings(FrozenFinite):
 
 @dataclass(frozen=True, slots=True)
 class PivotEdge:
-    """Where a lying piece's pivot edge is, frame ``over``.
-
-    Attributes:
-        rim: outwards to the rim on which the piece turns [m].
-        contact: where the fingers press, (2,) [m].
-        turn: by how much they go round the rim [rad].
-        stands: outwards to the middle of the foot once the piece stands [m].
-    """
+    """Where a lying piece's pivot edge is, frame ``over``."""
 
     rim: float
+    """Outwards to the rim on which the piece turns [m]."""
     contact: tuple[float, float]
+    """Where the fingers press, (2,) [m]."""
     turn: float
+    """By how much they go round the rim [rad]."""
     stands: float
+    """Outwards to the middle of the foot once the piece stands [m]."""
 
 
 def pivot_of(shape: PieceShape, how: PivotSettings) -> PivotEdge:
@@ -111,11 +108,8 @@ def sweep(pivot: PivotEdge, how: PivotSettings) -> list[tuple[float, float]]:
 def circle(pivot: PivotEdge, how: PivotSettings, stiffness: float, ticks: int, tick: float) -> Vector:
     """The way round the rim, from rest to rest in some ticks: the fingers' inner lower edge in frame ``over``.
 
-    ``stiffness`` is that of the tool's height [N/m].
-
-    Returns:
-        Outwards and up, each with velocity and acceleration, at 1, 2, … ticks: (ticks, 2, 3) [m, m/s, m/s²]. Heights
-        are those of the pivot edge, lowered by what presses.
+    Outwards and up, each with velocity and acceleration, at 1, 2, … ticks: (ticks, 2, 3) [m, m/s, m/s²]. Heights are
+    those of the pivot edge, lowered by what presses on the tool's ``stiffness`` in height [N/m].
     """
     share = eased(ticks, tick)
     across, up = pivot.contact[0] - pivot.rim, pivot.contact[1]

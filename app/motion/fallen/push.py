@@ -52,23 +52,20 @@ _EDGE: Final = 0.040
 
 @dataclass(frozen=True, slots=True)
 class Nudge:
-    """A push.
-
-    Attributes:
-        name: of the piece.
-        direction: from the x axis of the board, counter-clockwise [rad].
-        way: by so much [m].
-        tips: how high above the board the fingers' tips are [m].
-        begin: the tool's centre when the fingers have come down, board frame (x, y) [m].
-        end: when they go up again [m].
-    """
+    """A push."""
 
     name: str
+    """Of the piece."""
     direction: float
+    """From the x axis of the board, counter-clockwise [rad]."""
     way: float
+    """By so much [m]."""
     tips: float
+    """How high above the board the fingers' tips are [m]."""
     begin: tuple[float, float]
+    """The tool's centre when the fingers have come down, board frame (x, y) [m]."""
     end: tuple[float, float]
+    """When they go up again [m]."""
 
 
 def find_nudge(
@@ -77,13 +74,8 @@ def find_nudge(
 ) -> Nudge | None:  # fmt: skip
     """The least push of one of the named pieces that helps, if there is one.
 
-    Args:
-        names: of pieces that may be pushed.
-        scene: all pieces on the table, where they are.
-        kept: names of those that stand where they should.
-        helps: whether the arm can go on in a scene.
-        pads: of the fingers.
-        table: board and trays.
+    The scene has all pieces on the table; ``kept`` are the names of those that stand where they should, and ``helps``
+    says whether the arm can go on in a scene.
     """
     best, least = None, math.inf
     bodies = _bodies(scene)
@@ -107,10 +99,8 @@ def find_nudge(
 
 
 def plan_nudge(planner: Planner, nudge: Nudge, scene: LoosePieces) -> Plan:
-    """Over to the piece, the push, and home; ``scene`` has all pieces on the table where they are.
-
-    Raises:
-        PlanRefused: it leads out of the workspace.
+    """Over to the piece, the push, and home; ``scene`` has all pieces on the table where they are. Raises
+    ``PlanRefused`` if it leads out of the workspace.
     """
     cell = planner.cell
     height = nudge.tips + cell.parameters.pads.half_height

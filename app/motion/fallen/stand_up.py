@@ -47,11 +47,8 @@ def plan_upright(
     how: PivotSettings = _USUAL,
 ) -> StandUpPlan:  # fmt: skip
     """Stand a piece up where it lies, and go home; all pieces that stand, and others that lie, are given where they
-    are.
-
-    Raises:
-        InTheWay: a piece is where the fingers or the foot have to go.
-        PlanRefused: it lies beyond the arm's workspace.
+    are. Raises ``InTheWay`` if a piece is where the fingers or the foot have to go and ``PlanRefused`` if it lies
+    beyond the arm's workspace.
     """
     cell, shape = planner.cell, PIECE_SHAPES[lying.kind]
     pivot, others = pivot_of(shape, how), standing_near(standing, others_lying, cell.table)

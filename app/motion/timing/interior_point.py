@@ -244,7 +244,7 @@ def _write_polynomials(x: FloatArray, rows: FloatArray) -> None:
 def minimise(
     rows: FloatArray, caps: FloatArray, where: FloatArray, table: FloatArray, begin: float, gap: float, end_fixed: bool
 ) -> int:
-    """Write the quickest b into the rows of a law.
+    """Write the quickest b into the rows of a law; returns the Newton steps made.
 
     Args:
         rows: n intervals, columns as of `curves.ROWS`; in: their lengths; out: b.
@@ -254,9 +254,6 @@ def minimise(
         begin: a constant b that is strictly inside all bounds.
         gap: how far from the optimum the result may be, as a share of the duration.
         end_fixed: at the end b stays what it is, with no acceleration.
-
-    Returns:
-        Newton steps made.
     """
     x = np.full(rows.shape[0] + 2, begin)
     made = _descend(x, rows[:, 5].copy(), caps, where, table, gap, end_fixed)

@@ -111,11 +111,8 @@ def gather(
     Where s' changes, b may change quickly: there accelerations are looked at in the middle of an interval, too. Written
     are ``caps``, the largest b at the begin, in the middle and at the end of each interval, (n, 3): at its ends alone a
     spline's coefficients could go up and down in turns, unseen; ``where``, the interval of each row of ``table`` and
-    how far into it, (9 n, 2); and ``table``, r', r'', r''' along one axis by u, and the bounds of acceleration and
-    jerk along it, (9 n, 5).
-
-    Returns:
-        How many rows of ``where`` and ``table`` are filled.
+    how far into it, (9 n, 2); and ``table``, r', r'', r''' along one axis by u, and the bounds of acceleration and jerk
+    along it, (9 n, 5). Returned is how many rows of ``where`` and ``table`` are filled.
     """
     out = np.zeros((3, 3))
     count = 0
@@ -151,11 +148,8 @@ def _peak(before: float, middle: float, after: float) -> float:
 def excess(path: FloatArray, bounds: FloatArray, rows: FloatArray, parts: int) -> float:
     """By what factor a law must be stretched in time, so that all bounds hold everywhere; below 1 it has to spare.
 
-    Args:
-        path: `Path.table`.
-        bounds: of each piece: speed, acceleration, jerk, downward speed, (p, 4).
-        rows: intervals of the law, columns as of `curves.ROWS`.
-        parts: of each interval, at whose ends the bounds are looked at.
+    ``path`` is `Path.table`; ``bounds`` of each piece are speed, acceleration, jerk, downward speed, (p, 4), and looked
+    at at the ends of ``parts`` of each interval of the law, whose rows have columns as of `curves.ROWS`.
     """
     out, seen = np.zeros((3, 3)), np.zeros((parts + 1, 6))
     fast = strong = sharp = 0.0
@@ -229,10 +223,8 @@ def reachable(low: float, high: float, length: float, acceleration: float, jerk:
 def speeds(path: FloatArray, bounds: FloatArray, end_speed: float) -> FloatArray:
     """Speeds of a law that passes corners at constant speeds and is without acceleration where pieces meet.
 
-    Path and bounds are as of `excess`; ``end_speed`` is reached at the end [m/s].
-
-    Returns:
-        Of each piece the speed at its begin, at its end, and the largest along it, (p, 3) [m/s].
+    Path and bounds are as of `excess`; ``end_speed`` is reached at the end [m/s]. Of each piece the speed at its begin,
+    at its end, and the largest along it, (p, 3) [m/s].
     """
     count = path.shape[0]
     out, at = np.empty((count, 3)), np.zeros(count + 1)

@@ -19,13 +19,10 @@ __all__ = ["Bounds", "Segment", "Vector", "along", "dwell", "eased", "glide", "j
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """Rows a tick apart, the first one a tick after the segment's start.
-
-    Attributes:
-        table: position [m], velocity [m/s], acceleration [m/s²] in the base frame, (n, 9).
-    """
+    """Rows a tick apart, the first one a tick after the segment's start."""
 
     table: Vector
+    """Position [m], velocity [m/s], acceleration [m/s²] in the base frame, (n, 9)."""
 
     @property
     def position(self) -> Vector:
@@ -47,10 +44,8 @@ class Segment:
 
 
 def along(path: Path, law: TimeParameterisation, tick: float) -> Segment:
-    """A path by its law, slowed down by less than a tick so that it ends with one.
-
-    Returns:
-        Samples at tick, 2·tick, …; the last one is exactly at the path's end.
+    """A path by its law, slowed down by less than a tick so that it ends with one: the last sample is exactly at its
+    end.
     """
     ticks = max(1, math.ceil(law.duration / tick - 1e-9))
     law = law.stretched(ticks * tick / law.duration)

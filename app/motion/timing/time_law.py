@@ -71,16 +71,10 @@ class Bounds:
 
 
 class Traced:
-    """Where the tool is at many times, one row each.
+    """Where the tool is at many times, one row each, of a table (m, 12) as of `curves.TRACED`.
 
-    Attributes:
-        motion: position, velocity, acceleration, (m, 9).
-        position: base frame, (m, 3) [m].
-        velocity: (m, 3) [m/s].
-        acceleration: (m, 3) [m/s²].
-        way: along the path, (m,) [m].
-        speed: along the path, (m,) [m/s].
-        piece: of the path, (m,).
+    ``motion`` has position, velocity and acceleration, (m, 9), each also by itself in the base frame, (m, 3) [m, m/s,
+    m/s²]; ``way`` and ``speed`` are along the path, (m,) [m, m/s], and ``piece`` is of the path, (m,).
     """
 
     def __init__(self, table: Vector) -> None:
@@ -92,18 +86,15 @@ class Traced:
 
 @dataclass(frozen=True, slots=True)
 class TimeParameterisation:
-    """Waypoints along the path by time, in intervals of a parameter u: the way is cubic in u, and u̇² quadratic.
-
-    Attributes:
-        begins: of the intervals, and the end of the last one, (n + 1,) [s], before stretching.
-        rows: of each interval the way along the piece and its three rates by u at its begin, the piece, the length in
-            u, and the coefficients of u̇² by the way into it, (n, 9), before stretching.
-        factor: everything takes so many times the time.
-    """
+    """Waypoints along the path by time, in intervals of a parameter u: the way is cubic in u, and u̇² quadratic."""
 
     begins: Vector
+    """Of the intervals, and the end of the last one, (n + 1,) [s], before stretching."""
     rows: Vector
+    """Of each interval the way along the piece and its three rates by u at its begin, the piece, the length in u, and
+    the coefficients of u̇² by the way into it, (n, 9), before stretching."""
     factor: float = 1.0
+    """Everything takes so many times the time."""
 
     @property
     def duration(self) -> float:

@@ -31,11 +31,8 @@ class TorqueModel:
         self._numbers = _numbers(parameters)
 
     def peak(self, motion: Segment) -> tuple[float, float]:
-        """The largest torque of a motion within reach, and the largest of what rest would take at the same places
-        [N m].
-
-        Raises:
-            ValueError: it is not.
+        """The largest torque of a motion within reach, and the largest of what rest would take at the same places [N
+        m]; raises ``ValueError`` if it is out of reach.
         """
         status, row, torque, holding = torque_demand(*self._numbers, np.ascontiguousarray(motion.table[::EVERY]))
         if status != OK:

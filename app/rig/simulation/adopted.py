@@ -8,40 +8,16 @@ import select
 import signal
 import subprocess
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 ENDED: Final = 1
 """Status of an adopted process that has ended: its real one went to its parent."""
 
 
-class Process(Protocol):
-    """What the rig needs of a process; ``subprocess.Popen`` has it."""
-
-    @property
-    def pid(self) -> int:
-        """Its number."""
-
-    def poll(self) -> int | None:
-        """Exit status, None while it runs."""
-
-    def terminate(self) -> None:
-        """Ask it to end."""
-
-    def kill(self) -> None:
-        """End it."""
-
-    def wait(self, timeout: float | None = None) -> int:
-        """Wait for its end; raises ``subprocess.TimeoutExpired``."""
-
-
 class Adopted:
     """A running process that is no child of ours; what stays its own, even if its number is given away, is its handle.
 
-    Args:
-        pid: its number.
-
-    Raises:
-        ProcessLookupError: there is no such process.
+    Raises ``ProcessLookupError`` if there is no process of that number.
     """
 
     def __init__(self, pid: int) -> None:
@@ -50,23 +26,23 @@ class Adopted:
 
     @property
     def pid(self) -> int:
-        """See ``Process``."""
+        """Its number."""
         return self._pid
 
     def poll(self) -> int | None:
-        """See ``Process``; ``ENDED`` once it has."""
+        """Exit status, ``ENDED`` once it has, None while it runs."""
         return ENDED if self._over(0.0) else None
 
     def terminate(self) -> None:
-        """See ``Process``."""
+        """Ask it to end."""
         self._send(signal.SIGTERM)
 
     def kill(self) -> None:
-        """See ``Process``."""
+        """End it."""
         self._send(signal.SIGKILL)
 
     def wait(self, timeout: float | None = None) -> int:
-        """See ``Process``."""
+        """Wait for its end; raises ``subprocess.TimeoutExpired``."""
         if not self._over(timeout):
             raise subprocess.TimeoutExpired(f"process {self._pid}", timeout or 0.0)
         return ENDED
@@ -81,6 +57,10 @@ class Adopted:
     def _send(self, number: int) -> None:
         with contextlib.suppress(ProcessLookupError):  # it has ended meanwhile
             signal.pidfd_send_signal(self._handle, number)
+
+
+Process = subprocess.Popen[bytes] | Adopted
+"""One of a rig, whoever has started it."""
 
 
 def adopt(pid: int, part_of_command: str) -> Adopted | None:

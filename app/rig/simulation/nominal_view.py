@@ -11,18 +11,9 @@ from vision.board.view import BoardView
 
 
 def nominal_view(intrinsics: Intrinsics, table: TableSettings) -> BoardView:
-    """The view of a camera that hangs exactly where the simulated rig's is meant to.
-
-    Args:
-        intrinsics: of the camera.
-        table: board and trays that it looks at.
-    """
+    """The view of a camera that hangs just where the simulated rig's is meant to, over board and trays of a table."""
     pose = camera_poses(table)["camera"]
-    position, target = np.array(pose.position), np.array(pose.target)
-    forward = (target - position) / np.linalg.norm(target - position)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
     camera_from_board = np.eye(4)
-    camera_from_board[:3, :3] = np.stack([right, np.cross(forward, right), forward])
-    camera_from_board[:3, 3] = -camera_from_board[:3, :3] @ position
+    camera_from_board[:3, :3] = pose.axes()
+    camera_from_board[:3, 3] = -pose.axes() @ np.array(pose.position)
     return BoardView(intrinsics, camera_from_board, table)

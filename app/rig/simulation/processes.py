@@ -66,15 +66,9 @@ def run_world(run_dir: Path) -> int:
 
 
 def view_world(game: Path | None, progress: Callable[[str], None]) -> int:
-    """MuJoCo's viewer on a world that runs; exit status.
+    """MuJoCo's viewer on a world that runs, of a game's folder or a rig's run directory, or the newest; exit status.
 
-    Args:
-        game: folder of a game, or a rig's run directory; None: the newest game that runs.
-        progress: told what is shown.
-
-    Raises:
-        UserError: none runs.
-        HardwareError: there is no screen, or the viewer is not installed.
+    Raises ``UserError`` if none runs, and ``HardwareError`` if there is no screen, or the viewer is not installed.
     """
     from hardware.sim.clients.viewer import watch_world
 
@@ -94,18 +88,13 @@ def run_controller(run_dir: Path) -> int:
 
 
 def run_controller_of_rig(name: str, progress: Callable[[str], None]) -> int:
-    """The controller of a rig until Ctrl-C, SIGTERM or a client's shutdown; exit status.
+    """The controller of a rig, ``sim`` or the path of a rig file, until Ctrl-C, SIGTERM or a client's shutdown; exit
+    status.
 
     A simulated world is started with it, unless one runs already in the rig's run directory: then a controller before
-    this one was killed, and this one goes on with what it held.
-
-    Args:
-        name: ``sim``, or the path of a rig file.
-        progress: told what is being waited for, and where clients find the controller.
-
-    Raises:
-        UserError: the rig file, the key, the driver or the world is not as it should be.
-        HardwareError: the drives do not answer.
+    this one was killed, and this one goes on with what it held. ``progress`` is told what is being waited for, and
+    where clients find the controller. Raises ``UserError`` if the rig file, the key, the driver or the world is not as
+    it should be, and ``HardwareError`` if the drives do not answer.
     """
     with _rig(name) as (rig, file):
         with contextlib.suppress(FileExistsError):
@@ -180,10 +169,8 @@ def _bus(rig: RigFile, progress: Callable[[str], None]) -> Callable[[RobotParame
 
 
 def require_world(rig: RigFile, progress: Callable[[str], None]) -> None:
-    """Start the simulated world of a rig, unless one runs in its run directory.
-
-    Raises:
-        UserError: it does not start.
+    """Start the simulated world of a rig, unless one runs in its run directory; raises ``UserError`` if it does not
+    start.
     """
     if world_pid(rig.run_dir) is None:
         progress("starting the simulated world")
@@ -194,10 +181,8 @@ def require_world(rig: RigFile, progress: Callable[[str], None]) -> None:
 
 @contextlib.contextmanager
 def drives_of(rig: RigFile, progress: Callable[[str], None]) -> Iterator[Callable[[RobotParameters], ServoBus]]:
-    """What opens the drives of a rig; a simulated world has ended with them afterwards.
-
-    Raises:
-        UserError: the driver is not installed.
+    """What opens the drives of a rig; a simulated world has ended with them afterwards. Raises ``UserError`` if the
+    driver is not installed.
     """
     with contextlib.suppress(FileExistsError):
         rig.run_dir.mkdir(mode=0o700, parents=True)

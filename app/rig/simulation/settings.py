@@ -27,13 +27,10 @@ NO_PIECES = f"{chess.Board.empty().board_fen()} w - -"
 def own_rig(
     run_dir: Path, world: WorldSection, controller: Mapping[str, Any] = MappingProxyType({}), **rig: Any
 ) -> RigFile:
-    """A simulation that lies in its run directory with all that belongs to it.
+    """A simulation that lies in its run directory with all that belongs to it; processes are known by that, however
+    spelled.
 
-    Args:
-        run_dir: processes are known by it, however it was spelled.
-        world: as it shall be.
-        controller: fields of ``ControllerSection`` that shall be other than usual.
-        rig: fields of ``RigFile`` that shall be so.
+    ``controller`` are fields of ``ControllerSection`` that shall be other than usual, ``rig`` such of ``RigFile``.
     """
     run_dir = run_dir.resolve()
     usual = {"port": ANY_PORT, "key": run_dir / KEY_FILE, "stays": False}
@@ -50,18 +47,11 @@ def rig_for_game(
     parameters: Path,
     person: Colour | None = None,
 ) -> RigFile:
-    """A simulation of our own to play on.
+    """A simulation of our own to play on, with the table where it is meant to stand.
 
-    Args:
-        section: of the settings.
-        run_dir: of world and controller.
-        board: what is set up; None: the pieces stand there already, as another program has left them.
-        table: board and trays, where they are meant to stand.
-        parameters: file with those of the robot.
-        person: whose simulated hand plays; None: nobody sits there.
-
-    Raises:
-        UserError: the file of ``randomise`` is wrong.
+    Nothing is set up where ``board`` is None: the pieces stand there already, as another program has left them.
+    ``person`` is whose simulated hand plays; None: nobody sits there. Raises ``UserError`` if the file of ``randomise``
+    is wrong.
     """
     chosen: dict[str, Any] = {} if section.pace is None else {"pace": section.pace}
     if board is not None and section.randomise is not None:
@@ -75,14 +65,9 @@ def rig_for_game(
 
 
 def world_settings(rig: RigFile, **also: Any) -> WorldSettings:
-    """The world of a simulated rig, with its pieces set up.
+    """The world of a simulated rig, with its pieces set up, and further fields of the settings.
 
-    Args:
-        rig: its file.
-        also: further fields of the settings.
-
-    Raises:
-        UserError: the position is none, or the set cannot show it.
+    Raises ``UserError`` if the position is none, or the set cannot show it.
     """
     world = rig.world_section
     try:

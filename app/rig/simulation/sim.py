@@ -55,19 +55,12 @@ class SimRig(RemoteRig):
     def __init__(
         self, rig: RigFile, progress: Callable[[str], None], listener: Listener | None = None, *, new: bool = True
     ) -> None:
-        """Start everything, and connect as to any rig; returns when the arm holds.
+        """Start everything of a rig of ``own_rig``, and connect as to any; returns when the arm holds.
 
-        Args:
-            rig: of ``own_rig``; in its run directory lie key, sockets, logs and the world's snapshot.
-            progress: told what is being waited for.
-            listener: called with each telemetry of the controller, in a thread of its own.
-            new: False takes over what a program that was killed has left running in the run directory, and starts a
-                controller where that is gone, too.
-
-        Raises:
-            RigFailed: the board does not fit the arm, or a process ended or did not answer in time; or there is no
-                world to take over.
-            RecordError: the run directory cannot be written.
+        ``new=False`` takes over what a program that was killed has left running in the run directory, in which key,
+        sockets, logs and the world's snapshot lie, and starts a controller where that is gone, too. Raises
+        ``RigFailed`` if the board does not fit the arm, a process ended or did not answer in time, or there is no world
+        to take over, and ``RecordError`` if the run directory cannot be written.
         """
         self._rig, self._run_dir = rig, rig.run_dir
         self._processes: dict[str, Process] = {}
@@ -200,8 +193,7 @@ class SimRig(RemoteRig):
     def close(self) -> EndState | None:
         """Stop the arm, brake, end every process; nothing is left running. A second call does nothing.
 
-        Returns:
-            The world's last state, None where it left none.
+        Returns the world's last state, None where it left none.
         """
         if not self._open:
             return None
@@ -276,18 +268,12 @@ def _uninterrupted() -> Iterator[None]:
 
 
 def require_present(run_dir: Path, recorded: float, period: float) -> None:
-    """Refuse to go on with a world that was left as it stood earlier than the record ends.
+    """Refuse to go on with a world that was left as it stood earlier than the record ends [s, plant], in ticks of a
+    period [s].
 
     That is so where a computer lost its power before the newest state was on its disk: nobody knows then where the
-    pieces are. Nothing is started or written here. A world that runs is not asked.
-
-    Args:
-        run_dir: of the game.
-        recorded: until when its record goes [s, plant].
-        period: of a tick [s].
-
-    Raises:
-        RigFailed: it is so, or what lies there is no state of a world.
+    pieces are. Nothing is started or written here. A world that runs is not asked. Raises ``RigFailed`` if it is so, or
+    what lies there is no state of a world.
     """
     if world_pid(run_dir) is not None:
         return

@@ -73,13 +73,7 @@ class RunEnd:
 
 
 class TimedRig:
-    """Devices for measurements of time; see ``timed_rig``.
-
-    Attributes:
-        rig: the devices.
-        file: their rig file.
-        motion: how the arm moves on it.
-    """
+    """Devices for measurements of time, their rig file, and how the arm moves on them; see ``timed_rig``."""
 
     def __init__(self, run_dir: Path, seed: int, progress: Callable[[str], None]) -> None:
         self.motion = MotionSettings()
@@ -91,11 +85,7 @@ class TimedRig:
         self._started = True
 
     def finish(self) -> RunEnd:
-        """End all processes and read what they left.
-
-        Raises:
-            NoStatistics: the controller was killed.
-        """
+        """End all processes and read what they left; raises ``NoStatistics`` if the controller was killed."""
         last = self.rig.close()
         return RunEnd(read_statistics(self.file.run_dir), last is not None and last.at_rest)
 
@@ -104,12 +94,7 @@ class TimedRig:
 def timed_rig(seed: int, progress: Callable[[str], None]) -> Iterator[TimedRig]:
     """A rig in a temporary folder: all pieces on the board, no cameras, every process as punctual as the PC allows.
 
-    Args:
-        seed: decides how the pieces stand.
-        progress: told what is being waited for.
-
-    Raises:
-        RigFailed: a process did not start.
+    The seed decides how the pieces stand. Raises ``RigFailed`` if a process did not start.
     """
     with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
         timed = TimedRig(Path(folder) / "run", seed, progress)
@@ -118,11 +103,7 @@ def timed_rig(seed: int, progress: Callable[[str], None]) -> Iterator[TimedRig]:
 
 
 def read_statistics(run_dir: Path) -> RunStatistics:
-    """The statistics that a controller left in its run directory.
-
-    Raises:
-        NoStatistics: it left none.
-    """
+    """The statistics that a controller left in its run directory; raises ``NoStatistics`` if it left none."""
     path = run_dir / STATISTICS_FILE
     try:
         return RunStatistics.model_validate(json.loads(path.read_text(encoding="utf-8")))

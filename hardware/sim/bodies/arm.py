@@ -45,17 +45,12 @@ PAD_SOLIMP = (0.97, 0.99, 0.0003, 0.5, 2.0)
 
 
 def inverse_kinematics(parameters: RobotParameters, tool: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Joint positions (3 arms × [servomotor, universal 1, universal 2]) [rad] that put the tool at a point.
-
-    Args:
-        parameters: robot.
-        tool: point (3,) in the base frame [m].
-
-    Raises:
-        ValueError: an arm cannot reach the point.
+    """Joint positions (3 arms × [servomotor, universal 1, universal 2]) [rad] that put the tool at a point (3,) in the
+    base frame [m].
 
     The universal joint's angles are this model's own: first about the tangent, relative to the proximal link, then
-    about the rod's normal. Only used to place the arm before the world starts.
+    about the rod's normal. Only used to place the arm before the world starts. Raises ``ValueError`` if an arm cannot
+    reach the point.
     """
     g = parameters.geometry
     joints = np.empty((3, 3))
@@ -216,13 +211,10 @@ def _add_gripper_drive(spec: mujoco.MjSpec, parameters: RobotParameters) -> None
 def add_arm(
     spec: mujoco.MjSpec, parameters: RobotParameters, base_position: tuple[float, float, float], turn: float = 0.0
 ) -> None:
-    """Add the whole robot to a scene whose world frame is the board frame (z up).
+    """Add the whole robot to a scene whose world frame is the board frame (z up), the base's centre at a point of it
+    [m].
 
-    Args:
-        spec: scene to add to.
-        parameters: robot.
-        base_position: of the base's centre in the world frame [m].
-        turn: of the board about the vertical against the robot, which therefore is turned the other way [rad].
+    ``turn`` is of the board about the vertical against the robot, which therefore is turned the other way [rad].
     """
     cos, sin = math.cos(turn / 2.0), math.sin(turn / 2.0)
     # first about the world's z by -turn, then about x by half a turn: z₃ points down
@@ -256,3 +248,39 @@ def stiffen_closures(model: mujoco.MjModel) -> None:
     """
     for arm in (1, 2, 3):
         model.body_invweight0[model.body(f"distal{arm}").id, 0] *= CLOSURE_SHARE
+
+
+def add_contact_sensor(
+    spec: mujoco.MjSpec, name: str, part: str, kind: mujoco.mjtObj = mujoco.mjtObj.mjOBJ_BODY
+) -> None:
+    """Net force of all contacts of a part of the scene, world frame [N]."""
+    net = 3  # reduction of a contact sensor; before it its data: found bit 0, force bit 1; after it how many
+    spec.add_sensor(
+        name=name, type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=kind, objname=part,
+        reftype=mujoco.mjtObj.mjOBJ_UNKNOWN, intprm=[2, net, 1],
+    )  # fmt: skip
+
+
+def add_contact_sensors(spec: mujoco.MjSpec) -> None:
+    """Those that a plant reads: on each finger, on the gripper's body, and on the scene's geom ``deck``."""
+    for name, part in (("right", "finger_right"), ("left", "finger_left"), ("body", "platform")):
+        add_contact_sensor(spec, f"force_{name}", part)
+    add_contact_sensor(spec, "force_deck", "deck", mujoco.mjtObj.mjOBJ_GEOM)
+
+
+def start_positions(
+    model: mujoco.MjModel, parameters: RobotParameters, tool: NDArray[np.float64], fingers: float
+) -> NDArray[np.float64]:
+    """All generalised positions of a world, (nq,), with the tool at a point, base frame (3,), and fingers open [m].
+
+    Raises ``ValueError`` if the arm does not reach it.
+    """
+    qpos = np.array(model.qpos0)
+    joints = inverse_kinematics(parameters, tool)
+    values = {f"platform_{name}": tool[axis] for axis, name in enumerate("xyz")}
+    values |= {f"finger_{side}": fingers for side in ("right", "left")}
+    for arm in range(3):
+        values |= zip((f"servo{arm + 1}", f"universal{arm + 1}a", f"universal{arm + 1}b"), joints[arm], strict=True)
+    for name, value in values.items():
+        qpos[model.joint(name).qposadr[0]] = value
+    return qpos

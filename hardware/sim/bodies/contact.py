@@ -26,34 +26,26 @@ class Solver(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """What a pair of surfaces is like.
-
-    Attributes:
-        stiffness: force by depth, as a blow of ``mass`` meets it [N/m].
-        mass: effective one of such a blow, for which stiffness and damping are right [kg].
-        damping_ratio: of the contact with that mass on it.
-        followed: mass that moves along with the surface while they touch, M above [kg].
-    """
+    """What a pair of surfaces is like."""
 
     stiffness: float
+    """Force by depth, as a blow of ``mass`` meets it [N/m]."""
     mass: float
+    """Effective one of such a blow, for which stiffness and damping are right [kg]."""
     damping_ratio: float
+    """Of the contact with that mass on it."""
     followed: float
+    """Mass that moves along with the surface while they touch, M above [kg]."""
 
     def met_by(self, mass: float) -> float:
-        """Stiffness as a blow of another mass than the contact's own meets it [N/m].
-
-        Args:
-            mass: effective one of what hits [kg].
-        """
+        """Stiffness as a blow of another effective mass [kg] than the contact's own meets it [N/m]."""
         return self.stiffness * (1.0 + self.followed / self.mass) / (1.0 + self.followed / mass)
 
     def solver(self, lighter: float, points: float = 1.0) -> Solver:
-        """For one of so many points that touch at once.
+        """For one of so many points that touch at once and share the force; of oblique ones, the sum of the squared
+        cosines.
 
-        Args:
-            lighter: mass of the body that MuJoCo takes for m: that of the one which can move, if one cannot [kg].
-            points: that share the force; of oblique ones, the sum of the squared cosines.
+        ``lighter`` is the mass that MuJoCo takes for m: that of the body which can move, if one cannot [kg].
         """
         ratio = self.followed / (points * lighter)
         impedance = ratio / (1.0 + ratio)
@@ -63,10 +55,5 @@ class Contact:
         return Solver((-stiffness * per_point, -damping * per_point), (impedance, impedance, 0.001, 0.5, 2.0))
 
     def peak(self, speed: float, mass: float) -> float:
-        """Largest force of a blow without damping: v √(k μ) for the mass it is right for [N].
-
-        Args:
-            speed: [m/s].
-            mass: effective one of what hits [kg].
-        """
+        """Largest force of a blow of an effective mass [kg] at a speed [m/s] without damping: v √(k μ) [N]."""
         return speed * math.sqrt(self.met_by(mass) * mass)

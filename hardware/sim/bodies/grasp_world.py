@@ -4,16 +4,15 @@ block.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
-from hardware.sim.bodies.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics
+from hardware.sim.bodies.arm import SCENE_BITS, TOOL_BITS, add_arm, add_contact_sensors, start_positions
+from hardware.sim.bodies.scene import CameraStand, add_camera
 
 SUBSTEPS: Final = 8
 """Steps of MuJoCo in a tick; the light block between stiff pads wants short ones."""
@@ -28,29 +27,28 @@ _SURFACE = (0.42, 0.43, 0.45, 1.0)
 _WHITE = (0.97, 0.97, 0.97, 1.0)
 _LINE = 0.0006
 """Half the width of the white lines that show whether the block has moved [m]."""
+_VIEW: Final = CameraStand((0.005, -0.42, 0.21), (0.005, -0.01, 0.012), 0.19)
+"""Along the fingers' closing plane, a little from above, near the block."""
 
 
 @dataclass(frozen=True, slots=True)
 class BlockWorld:
-    """What stands where: board frame as in the game, z up, the surface at z = 0.
-
-    Attributes:
-        centre_in_base: origin of the board frame in the robot's base frame [m].
-        tool: where the tool starts, base frame [m].
-        fingers: where each finger starts, from the tool's centre [m].
-        mass: of the block [kg].
-        half_size: of the block, along x, y, z [m].
-        friction: between block and surface.
-        offset: of the block along x [m].
-    """
+    """What stands where: board frame as in the game, z up, the surface at z = 0."""
 
     centre_in_base: tuple[float, float, float]
+    """Origin of the board frame in the robot's base frame [m]."""
     tool: tuple[float, float, float]
+    """Where the tool starts, base frame [m]."""
     fingers: float
+    """Where each finger starts, from the tool's centre [m]."""
     mass: float
+    """Of the block [kg]."""
     half_size: tuple[float, float, float]
+    """Of the block, along x, y, z [m]."""
     friction: float
+    """Between block and surface."""
     offset: float
+    """Of the block along x [m]."""
 
 
 def build_block_world(parameters: RobotParameters, world: BlockWorld, substeps: int = SUBSTEPS) -> mujoco.MjModel:
@@ -74,10 +72,10 @@ def build_block_world(parameters: RobotParameters, world: BlockWorld, substeps: 
         bar = spec.geom(f"bar_{side}")
         bar.contype, bar.conaffinity = 0, 0
     _add_block(spec, world)
-    _add_sensors(spec)
-    _add_views(spec)
-    model = spec.compile()
-    spec.add_key(name="start").qpos = _start(model, parameters, world).tolist()
+    add_contact_sensors(spec)
+    add_camera(spec, "camera", _VIEW)
+    start = start_positions(spec.compile(), parameters, np.array(world.tool), world.fingers)
+    spec.add_key(name="start").qpos = start.tolist()
     return spec.compile()
 
 
@@ -116,44 +114,3 @@ def _add_block(spec: mujoco.MjSpec, world: BlockWorld) -> None:
             type=mujoco.mjtGeom.mjGEOM_BOX, size=list(size), pos=[0.0, y, z], contype=0, conaffinity=0, mass=0.0,
             rgba=list(_WHITE),
         )  # fmt: skip
-
-
-def _add_sensors(spec: mujoco.MjSpec) -> None:
-    """The contact sensors that a plant reads: net forces on fingers, gripper and surface, as in the game's world."""
-    body, geom, net = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_GEOM, 3
-    for name, kind, what in (
-        ("force_right", body, "finger_right"),
-        ("force_left", body, "finger_left"),
-        ("force_body", body, "platform"),
-        ("force_deck", geom, "deck"),
-    ):
-        spec.add_sensor(
-            name=name, type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=kind, objname=what,
-            reftype=mujoco.mjtObj.mjOBJ_UNKNOWN, intprm=[2, net, 1],
-        )  # fmt: skip
-
-
-def _add_views(spec: mujoco.MjSpec) -> None:
-    """``camera``: along the fingers' closing plane, a little from above, near the block."""
-    position, target = np.array([0.005, -0.42, 0.21]), np.array([0.005, -0.01, 0.012])
-    forward = (target - position) / np.linalg.norm(target - position)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    rotation = np.column_stack([right, np.cross(right, forward), -forward])
-    quat = np.empty(4)
-    mujoco.mju_mat2Quat(quat, rotation.ravel())
-    view = spec.worldbody.add_camera(name="camera", pos=position.tolist(), fovy=math.degrees(0.19))
-    view.quat = quat.tolist()
-
-
-def _start(model: mujoco.MjModel, parameters: RobotParameters, world: BlockWorld) -> NDArray[np.float64]:
-    qpos = np.array(model.qpos0)
-    joints = inverse_kinematics(parameters, np.array(world.tool))
-    values = {f"platform_{name}": world.tool[axis] for axis, name in enumerate("xyz")}
-    values |= {f"finger_{side}": world.fingers for side in ("right", "left")}
-    for arm in range(3):
-        servo, first, second = joints[arm].tolist()
-        values |= {f"servo{arm + 1}": servo, f"universal{arm + 1}a": first, f"universal{arm + 1}b": second}
-    for name, value in values.items():
-        qpos[model.joint(name).qposadr[0]] = value
-    return qpos

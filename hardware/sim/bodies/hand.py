@@ -90,21 +90,17 @@ _DISC_SPACING: Final = 0.005
 
 
 class HandPose(NamedTuple):
-    """Where a hand is.
-
-    Attributes:
-        x: of the middle between the fingertips, board frame [m].
-        y: likewise.
-        z: of the centres of the fingertips' rounded ends [m].
-        yaw: 0 where the forearm points along −y, as white's does; counter-clockwise [rad].
-        gap: of each fingertip's inner side from the middle [m].
-    """
+    """Where a hand is."""
 
     x: float
+    """Of the middle between the fingertips, board frame [m]."""
     y: float
     z: float
+    """Of the centres of the fingertips' rounded ends [m]."""
     yaw: float
+    """0 where the forearm points along −y, as white's does; counter-clockwise [rad]."""
     gap: float
+    """Of each fingertip's inner side from the middle [m]."""
 
 
 def parked(side: Colour) -> HandPose:
@@ -115,15 +111,10 @@ def parked(side: Colour) -> HandPose:
 
 
 def seen_from_above(x: float, y: float, yaw: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Discs that cover the hand, its forearm and sleeve, seen from above, at most 5 mm apart.
+    """Discs that cover the hand, its forearm and sleeve, seen from above, at most 5 mm apart, for ``HandPose``'s x, y
+    and yaw.
 
-    Args:
-        x: of the middle between the fingertips, board frame [m].
-        y: likewise.
-        yaw: as of ``HandPose`` [rad].
-
-    Returns:
-        Their centres (n, 2), board frame, and radii (n,) [m].
+    Returns their centres (n, 2), board frame, and radii (n,) [m].
     """
     centres, radii = _discs()
     cos, sin = math.cos(yaw), math.sin(yaw)
@@ -205,15 +196,10 @@ def _add_look(body: mujoco.MjsBody, bone: Bone, rgba: tuple[float, ...] = SKIN_R
 
 
 def _add_servo(spec: mujoco.MjSpec, joint: str, stiffness: float, mass: float, strength: float, hold: float) -> None:
-    """A position servo, critically damped for what it moves.
+    """A position servo, critically damped for the mass that it moves [kg, kg m²], on a joint of its name.
 
-    Args:
-        spec: scene.
-        joint: name, also of the actuator.
-        stiffness: [N/m] or [N m/rad].
-        mass: [kg] or [kg m²].
-        strength: largest force beyond ``hold`` [N] or [N m].
-        hold: constant force: what the muscles do against gravity [N].
+    ``stiffness`` [N/m, N m/rad]; ``strength`` is the largest force beyond ``hold`` [N, N m], which is constant: what
+    the muscles do against gravity [N].
     """
     servo = spec.add_actuator(
         name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT, gaintype=mujoco.mjtGain.mjGAIN_FIXED,

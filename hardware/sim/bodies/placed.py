@@ -10,40 +10,34 @@ from hardware.table import PieceSpec
 
 @dataclass(frozen=True, slots=True)
 class StandingPiece:
-    """One piece as it is put down before the start: its spec and exact pose in the board frame [m, rad].
-
-    Attributes:
-        spec: name, kind, colour, place.
-        x: of its centre.
-        y: of its centre.
-        yaw: about its axis.
-        height: of what it stands on, above the board.
-        mass: in masses of its kind.
-        friction: in frictions of its felt and its stem.
-        tip: by how much it leans, about its own x axis, before it is turned; at π/2 it lies [rad].
-    """
+    """One piece as it is put down before the start: its spec and exact pose in the board frame [m, rad]."""
 
     spec: PieceSpec
+    """Name, kind, colour, place."""
     x: float
+    """Of its centre."""
     y: float
+    """Of its centre."""
     yaw: float = 0.0
+    """About its axis."""
     height: float = 0.0
+    """Of what it stands on, above the board."""
     mass: float = 1.0
+    """In masses of its kind."""
     friction: float = 1.0
+    """In frictions of its felt and its stem."""
     tip: float = 0.0
+    """By how much it leans, about its own x axis, before it is turned; at π/2 it lies [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
 class BoardOffset:
-    """Where the table really stands: the true board's pose in the frame of the board as the robot believes it to be.
-
-    Attributes:
-        shift: of its centre [m].
-        turn: about the vertical [rad].
-    """
+    """Where the table really stands: the true board's pose in the frame of the board as the robot believes it to be."""
 
     shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Of its centre [m]."""
     turn: float = 0.0
+    """About the vertical [rad]."""
 
     def in_true(self, point: tuple[float, float, float]) -> tuple[float, float, float]:
         """A point of the believed board frame in the true one [m]."""

@@ -11,16 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
-from hardware.sim.bodies.arm import SCENE_BITS, TOOL_BITS, add_arm, inverse_kinematics, stiffen_closures
+from hardware.sim.bodies.arm import (
+    SCENE_BITS,
+    TOOL_BITS,
+    add_arm,
+    add_contact_sensors,
+    start_positions,
+    stiffen_closures,
+)
 from hardware.sim.bodies.board_texture import board_png
 from hardware.sim.bodies.contact import Contact
 from hardware.sim.bodies.placed import AS_BELIEVED, BoardOffset, StandingPiece
 from hardware.sim.bodies.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, LINED, WALL, WOOD_FRICTION, give_stiffness
-from hardware.sim.bodies.turned_shapes import turned_mesh
 from hardware.sim.render.appearance import LightSettings
 from hardware.sim.render.d435 import COLOUR_FIELD_OF_VIEW
 from hardware.sim.render.lamps import lamps, set_ambient
 from hardware.table import FELT_HEIGHT, FELT_RADIUS, PIECE_SHAPES, Colour, Kind, PieceShape, TableSettings
+from hardware.turned_shapes import turned_mesh
 
 FOOT_SIDE = 0.85
 """Half a side of the square that stands for a foot, in radii of the foot: it tips over as late as the round one on
@@ -46,11 +53,16 @@ class CameraStand:
     target: tuple[float, float, float] = (0.0, 0.02, 0.0)
     field_of_view: float = COLOUR_FIELD_OF_VIEW
 
+    def axes(self) -> NDArray[np.float64]:
+        """The camera's x right, y down and z along the view in the board frame, (3, 3), one row each."""
+        forward = np.subtract(self.target, self.position)
+        forward = forward / np.linalg.norm(forward)
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(forward, right), forward])
 
-CAMERAS = {
-    "camera": CameraStand(),
-    "film": CameraStand((0.44, -0.60, 0.36), (0.0, 0.0, 0.12), math.radians(46.0)),
-}
+
+CAMERAS = {"camera": CameraStand(), "film": CameraStand((0.44, -0.60, 0.36), (0.0, 0.0, 0.12), math.radians(46.0))}
 """Views: the board's camera, beside the base; and one that films the whole arm."""
 
 
@@ -134,7 +146,7 @@ def _add_surroundings(spec: mujoco.MjSpec, table: TableSettings, offset: BoardOf
     _add_lights(spec)
     for name, pose in camera_poses(table).items():
         seen = replace(pose, position=offset.in_true(pose.position), target=offset.in_true(pose.target))
-        _add_camera(spec, name, seen)
+        add_camera(spec, name, seen)
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:
@@ -146,13 +158,10 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
     set_ambient(spec.visual.headlight, LightSettings())
 
 
-def _add_camera(spec: mujoco.MjSpec, name: str, pose: CameraStand) -> None:
-    forward = np.subtract(pose.target, pose.position)
-    forward = forward / np.linalg.norm(forward)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    down = np.cross(forward, right)
-    view = spec.worldbody.add_camera(name=name, pos=list(pose.position), fovy=math.degrees(pose.field_of_view))
+def add_camera(spec: mujoco.MjSpec, name: str, stand: CameraStand) -> None:
+    """Hang a camera over a scene."""
+    right, down, forward = stand.axes()
+    view = spec.worldbody.add_camera(name=name, pos=list(stand.position), fovy=math.degrees(stand.field_of_view))
     rotation = np.column_stack([right, -down, -forward])  # MuJoCo looks along -z with y up
     quat = np.empty(4)
     mujoco.mju_mat2Quat(quat, rotation.ravel())
@@ -209,23 +218,6 @@ def _dress(body: mujoco.MjsBody, piece: StandingPiece) -> None:
     )  # fmt: skip
 
 
-def _add_contact_sensors(spec: mujoco.MjSpec) -> None:
-    """Net contact forces [N] in the world frame: on each finger, on the gripper's body, on the deck."""
-    net = 3  # reduction of a contact sensor: net force
-    parts = {
-        "force_right": (mujoco.mjtObj.mjOBJ_BODY, "finger_right"),
-        "force_left": (mujoco.mjtObj.mjOBJ_BODY, "finger_left"),
-        "force_body": (mujoco.mjtObj.mjOBJ_BODY, "platform"),
-        "force_deck": (mujoco.mjtObj.mjOBJ_GEOM, "deck"),
-    }
-    for name, (kind, part) in parts.items():
-        # data specification: found bit 0, force bit 1; one contact reported
-        spec.add_sensor(
-            name=name, type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=kind, objname=part,
-            reftype=mujoco.mjtObj.mjOBJ_UNKNOWN, intprm=[2, net, 1],
-        )  # fmt: skip
-
-
 def _add_looks(spec: mujoco.MjSpec) -> None:
     """Quality of pictures, and the meshes of the pieces."""
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
@@ -263,23 +255,18 @@ def build_model(
     offset: BoardOffset = AS_BELIEVED,
     add: Callable[[mujoco.MjSpec], None] | None = None,
 ) -> mujoco.MjModel:
-    """Compile the world.
+    """Compile the world, whose frame is the board frame, z up; key frame 0 holds the whole start state.
 
     Args:
         parameters: robot.
         table: board and trays.
         pieces: every physical piece with its pose.
-        home: tool point in the base frame [m] at which the arm starts; key frame 0 holds the whole start state.
-        timestep: integration step [s], default the drive's tick.
+        home: tool point in the base frame at which the arm starts [m]; ``ValueError`` where it does not reach.
+        timestep: of the integration [s], default the drive's tick.
         looks: with all that is only seen. Without it a step is quicker, and what happens is the same.
         feet: of the pieces, on the board.
         offset: where the table really stands; robot and cameras stay where they are.
         add: puts something more into the world.
-
-    World frame: the board frame, z up.
-
-    Raises:
-        ValueError: the arm does not reach home.
     """
     spec = mujoco.MjSpec()
     spec.modelname = "touchmove"
@@ -304,28 +291,13 @@ def build_model(
             _dress(spec.body(piece.spec.name), piece)
     if add is not None:
         add(spec)
-    _add_contact_sensors(spec)
+    add_contact_sensors(spec)
     if not looks:
         _drop_looks(spec)
     model = spec.compile()
     give_stiffness(spec, model, parameters.pads, {p.spec.name: p.friction for p in pieces}, feet)
-    key = spec.add_key(name="start")
-    key.qpos = _start_positions(model, parameters, home).tolist()
+    start = start_positions(model, parameters, home, parameters.gripper.stroke / 2.0)
+    spec.add_key(name="start").qpos = start.tolist()
     model = spec.compile()
     stiffen_closures(model)
     return model
-
-
-def _start_positions(
-    model: mujoco.MjModel, parameters: RobotParameters, home: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    qpos = np.array(model.qpos0)
-    joints = inverse_kinematics(parameters, home)
-    for arm in range(3):
-        for name, value in zip(("servo{}", "universal{}a", "universal{}b"), joints[arm], strict=True):
-            qpos[model.joint(name.format(arm + 1)).qposadr[0]] = value
-    for axis, name in enumerate("xyz"):
-        qpos[model.joint(f"platform_{name}").qposadr[0]] = home[axis]
-    for side in ("right", "left"):
-        qpos[model.joint(f"finger_{side}").qposadr[0]] = parameters.gripper.stroke / 2.0
-    return qpos

@@ -36,17 +36,14 @@ LINED: Final = "lining."
 
 
 class Pair(NamedTuple):
-    """Two surfaces that can meet.
-
-    Attributes:
-        what: meets what.
-        contact: how.
-        source: of the number.
-    """
+    """Two surfaces that can meet."""
 
     what: str
+    """Meets what."""
     contact: Contact
+    """How."""
     source: str
+    """Of the number."""
 
 
 FOOT_ON_BOARD: Final = Pair(
@@ -83,12 +80,8 @@ def give_stiffness(
 ) -> None:
     """Make every contact of a world as stiff as its pair says.
 
-    Args:
-        spec: the world.
-        model: compiled from it: MuJoCo scales a contact by the bodies' masses at the start.
-        pads: of the gripper.
-        pieces: by their names, what each has of the usual friction.
-        feet: of the pieces, on the board.
+    MuJoCo scales a contact by the masses of bodies at the start, those of the ``model`` compiled from ``spec``;
+    ``pieces`` are by name what each has of the usual friction, ``feet`` theirs on the board.
     """
     fingers = [f"{part}_{side}" for side in ("right", "left") for part in ("pad_a", "pad_b", "bar")]
     masses = {piece: _lighter(model, model.body(piece).id) for piece in pieces}

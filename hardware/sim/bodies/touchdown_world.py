@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.parameters import RobotParameters
-from hardware.sim.bodies.arm import SCENE_BITS, TOOL_BITS
+from hardware.sim.bodies.arm import SCENE_BITS, TOOL_BITS, add_contact_sensor
 from hardware.sim.bodies.contact import Contact
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
@@ -36,15 +36,10 @@ def build_touchdown_world(
     home: NDArray[np.float64],
     stiffness: float,
 ) -> mujoco.MjModel:
-    """Arm, board and piece; key frame 0 is the start.
+    """Arm, board and one piece; key frame 0 is the start, with the tool at ``home``, base frame [m].
 
-    Args:
-        parameters: robot.
-        table: board.
-        piece: the only one.
-        raised: centre (x, y) of what stands out of the board, and how far [m].
-        home: tool point at the start, base frame [m].
-        stiffness: of the piece's foot on the board [N/m].
+    ``raised`` is the centre (x, y) of what stands out of the board, and how far [m], ``stiffness`` that of the foot on
+    it [N/m].
     """
     (x, y), height = raised
 
@@ -55,10 +50,7 @@ def build_touchdown_world(
             name="plate", type=mujoco.mjtGeom.mjGEOM_BOX, size=[_SIDE, _SIDE, height / 2.0], pos=[x, y, height / 2.0],
             contype=SCENE_BITS, conaffinity=SCENE_BITS | TOOL_BITS, friction=[FOOT_FRICTION, 0.005, 0.0001],
         )  # fmt: skip
-        world.add_sensor(
-            name="force_plate", type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_GEOM,
-            objname="plate", reftype=mujoco.mjtObj.mjOBJ_UNKNOWN, intprm=[2, 3, 1],
-        )  # fmt: skip
+        add_contact_sensor(world, "force_plate", "plate", mujoco.mjtObj.mjOBJ_GEOM)
 
     feet = Contact(stiffness, _FELT.mass, _FELT.damping_ratio, FOLLOWED)
     timestep = parameters.drive.tick / SUBSTEPS

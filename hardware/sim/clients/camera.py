@@ -19,14 +19,12 @@ from hardware.sim.clients import wire
 from hardware.sim.render.renderer import HEIGHT, WIDTH, frame_path, load_pictures
 
 
-class SimClock:
+class SimClock(wire.Client):
     """``Clock`` on plant time. Threads may share it: while one sleeps, the others wait."""
 
     def __init__(self, run_dir: Path) -> None:
-        """Connect to the world of a run directory."""
-        self._link, answer = wire.connect(run_dir, "clock")
+        super().__init__(run_dir, "clock")
         self._link.settimeout(None)
-        self._period = float(answer["period"])
         self._lock = threading.Lock()
 
     def now(self) -> float:
@@ -40,10 +38,6 @@ class SimClock:
         if ticks > 0:
             with self._lock:
                 wire.ask(self._link, {"sleep_ticks": ticks})
-
-    def close(self) -> None:
-        """Let the world go."""
-        self._link.close()
 
 
 class FrameStream:
@@ -87,25 +81,16 @@ class FrameStream:
 
 
 class SimCamera:
-    """``Camera`` looking at the simulated board; every read exposes a new frame.
+    """``Camera`` looking at the simulated board; every read exposes a new frame, of its ``intrinsics``.
 
     Pictures take the way of a real RealSense camera's: both sensors' own pictures through librealsense, which aligns
     depth to colour. Clean views of other cameras come as they are drawn.
-
-    Attributes:
-        intrinsics: of its frames.
     """
 
     def __init__(self, run_dir: Path, camera: str = "camera", depth: bool = True) -> None:
-        """Connect to the world of a run directory.
+        """Connect to the world of a run directory, for one of its views, with depth or without.
 
-        Args:
-            run_dir: of the world.
-            camera: one of the world's views.
-            depth: whether frames have depth.
-
-        Raises:
-            HardwareError: no world answers, it has no such camera, or that has no depth.
+        Raises ``HardwareError`` if no world answers, it has no such camera, or that has no depth.
         """
         self._link, answer = connect_camera(run_dir, camera)
         view = answer["views"][camera]
@@ -145,10 +130,8 @@ def depth_stream(description: dict[str, Any]) -> DepthStream:
 
 
 def connect_camera(run_dir: Path, camera: str) -> tuple[socket.socket, dict[str, Any]]:
-    """Connect as a camera's client: the socket and the world's answer.
-
-    Raises:
-        HardwareError: no world answers, or it has no such camera.
+    """Connect as a camera's client: the socket and the world's answer; raises ``HardwareError`` if no world answers, or
+    it has no such camera.
     """
     link, answer = wire.connect(run_dir, "camera")
     views = answer["views"]

@@ -13,28 +13,20 @@ class HandRefused(HardwareError):
     """The person cannot do what was asked; the message says why."""
 
 
-class SimHand:
-    """The hand of a world.
+class SimHand(wire.Client):
+    """The hand of a world, which withdraws once this is closed.
 
-    Args:
-        run_dir: of the world.
-
-    Raises:
-        HardwareError: no world answers, or it has no hand.
+    Raises ``HardwareError`` if no world answers in the run directory, or it has no hand.
     """
 
     def __init__(self, run_dir: Path) -> None:
-        self._link, answer = wire.connect(run_dir, "hand")
-        self._period = float(answer["period"])
+        super().__init__(run_dir, "hand")
         self._link.settimeout(None)  # a person takes the time that it takes
         self._asked = False
 
     def perform(self, *actions: Action) -> None:
-        """Begin with some actions, one after the other; plant time runs until they are done.
-
-        Raises:
-            HandRefused: others are still under way.
-            HardwareError: the world is gone.
+        """Begin with some actions, one after the other; plant time runs until they are done. Raises ``HandRefused`` if
+        others are still under way and ``HardwareError`` if the world is gone.
         """
         if self._asked:
             raise HandRefused("the hand is busy: wait until its actions are done")
@@ -42,14 +34,10 @@ class SimHand:
         self._asked = True
 
     def wait(self) -> float:
-        """Wait until what was begun is done.
+        """Wait until what was begun is done; returns the plant time of its end [s].
 
-        Returns:
-            Plant time of its end [s].
-
-        Raises:
-            HandRefused: it could not be done, or nothing was asked for.
-            HardwareError: the world is gone.
+        Raises ``HandRefused`` if it could not be done, or nothing was asked for, and ``HardwareError`` if the world is
+        gone.
         """
         if not self._asked:
             raise HandRefused("the hand was not asked to do anything")
@@ -63,7 +51,3 @@ class SimHand:
         """Actions from their beginning to their end; see ``perform`` and ``wait``."""
         self.perform(*actions)
         return self.wait()
-
-    def close(self) -> None:
-        """Let the world go; a hand that is still at work withdraws."""
-        self._link.close()

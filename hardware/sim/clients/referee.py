@@ -11,13 +11,11 @@ from hardware.referee import PiecePose, RunSpeed, Truth
 from hardware.sim.clients import wire
 
 
-class SimReferee:
+class SimReferee(wire.Client):
     """``Referee``: asks the world for the truth."""
 
     def __init__(self, run_dir: Path) -> None:
-        """Connect to the world of a run directory."""
-        self._link, answer = wire.connect(run_dir, "referee")
-        self._period = float(answer["period"])
+        super().__init__(run_dir, "referee")
 
     def look(self, reset_peak: bool = False) -> tuple[Truth, RunSpeed]:
         """The world as it is; optionally start counting the peak contact force anew."""
@@ -30,7 +28,3 @@ class SimReferee:
     def positions(self) -> NDArray[np.float64]:
         """All generalised positions of the world's model, shape (nq,)."""
         return np.array(wire.ask(self._link, {"positions": True})["positions"])
-
-    def close(self) -> None:
-        """Let the world go."""
-        self._link.close()

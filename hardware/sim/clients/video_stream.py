@@ -24,13 +24,9 @@ _GLANCE = 0.1
 class SimWatchCamera:
     """``Camera`` whose frames come at a steady rate, as a video camera's do, while plant time runs.
 
-    Each ``read`` waits for the next frame and hands the last one back. In pace fast plant time stands from a frame's
-    delivery until then, so what a reader does about a frame takes no plant time: its reading thread decides what the
-    arm does before the next tick. A reader that pauses calls ``release``.
-
-    Attributes:
-        intrinsics: of its frames.
-        interval: from frame to frame, plant time [s].
+    Each ``read`` waits for the next frame, of its ``intrinsics``, and hands the last one back. In pace fast plant time
+    stands from a frame's delivery until then, so what a reader does about a frame takes no plant time: its reading
+    thread decides what the arm does before the next tick. A reader that pauses calls ``release``.
     """
 
     def __init__(
@@ -42,20 +38,16 @@ class SimWatchCamera:
         *,
         glance: bool = False,
     ) -> None:
-        """Connect to the world of a run directory.
+        """Connect to the world of a run directory, for a frame each ``interval`` of plant time [s].
 
         Args:
-            run_dir: of the world.
-            interval: from frame to frame [s].
-            depth: whether frames have depth.
-            colour_asleep: whether frames have colour also while the camera was not woken up. With it a frame
-                takes the renderer more than twice as long; False: there is depth alone while the arm moves.
+            run_dir: of the world; ``HardwareError`` where none answers, or it has no cameras.
+            interval: from frame to frame [s]; kept as the nearest whole number of ticks.
+            depth: whether frames have depth; ``ValueError`` where they would have neither depth nor colour.
+            colour_asleep: whether frames have colour also while the camera was not woken up. With it a frame takes the
+                renderer more than twice as long; False: there is depth alone while the arm moves.
             glance: depth alone, always, coarse, and as the left imager sees it, beside the colour sensor: what a frame
                 costs then is a tenth.
-
-        Raises:
-            HardwareError: no world answers, or it has no cameras.
-            ValueError: frames would have neither depth nor colour.
         """
         if not (depth or colour_asleep):
             raise ValueError("a frame without colour and depth shows nothing: ask for one of them")
@@ -91,13 +83,9 @@ class SimWatchCamera:
     def read(self, max_age: float = 0.25) -> Frame | DepthFrame:
         """See ``Camera.read``; waits for a frame however long plant time stands.
 
-        Returns:
-            With depth alone if it was exposed while the camera was asleep and colour is not wanted then.
-
-        Raises:
-            StaleFrame: the frame came later than ``max_age`` after its exposure.
-            CameraClosed: it was closed, perhaps meanwhile.
-            HardwareError: the world is gone, or draws no pictures any more.
+        It has depth alone if it was exposed while the camera was asleep and colour is not wanted then. Raises
+        ``StaleFrame`` if it came later than ``max_age`` after its exposure, ``CameraClosed`` if the camera was closed,
+        perhaps meanwhile, and ``HardwareError`` if the world is gone, or draws no pictures any more.
         """
         with self._reading:
             self._begin()

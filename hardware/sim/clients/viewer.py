@@ -22,14 +22,10 @@ HIDDEN_GROUP: Final = 3
 
 
 def watch_world(run_dir: Path, progress: Callable[[str], None]) -> None:
-    """Show the world of a run directory until its window is closed or the world ends.
+    """Show a world that runs with cameras, whose model lies in its run directory, until its window is closed or it
+    ends.
 
-    Args:
-        run_dir: of a world that runs with cameras: its model lies there.
-        progress: told what is shown.
-
-    Raises:
-        HardwareError: there is no screen, the viewer's library is not installed, or no such world runs.
+    Raises ``HardwareError`` if there is no screen, the viewer's library is not installed, or no such world runs.
     """
     viewer = _viewer()
     path = run_dir / MODEL_FILE
@@ -65,11 +61,7 @@ def watch_world(run_dir: Path, progress: Callable[[str], None]) -> None:
 
 
 def _viewer() -> Any:
-    """The viewer's module.
-
-    Raises:
-        HardwareError: it does not start here.
-    """
+    """The viewer's module; raises ``HardwareError`` if it does not start here."""
     try:
         import glfw  # noqa: PLC0415  # for a window alone; not needed for anything else
         from mujoco import viewer  # noqa: PLC0415

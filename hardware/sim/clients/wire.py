@@ -14,7 +14,7 @@ import struct
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
@@ -126,8 +126,6 @@ class Change(Frozen):
 CameraRequest = Exposure | Subscription | WatchWish | Wake | Taken
 CAMERA_REQUEST: Final[TypeAdapter[CameraRequest]] = TypeAdapter(CameraRequest)
 
-_M = TypeVar("_M", bound=Frozen)
-
 
 def explain(error: ValidationError) -> str:
     """What is wrong with a message, in a few words."""
@@ -142,11 +140,7 @@ def pack_command(command: Command) -> bytes:
 
 
 def unpack_command(message: bytes) -> Command:
-    """Inverse of ``pack_command``.
-
-    Raises:
-        ValueError: the message has another size.
-    """
+    """Inverse of ``pack_command``; raises ``ValueError`` if the message has another size."""
     if len(message) != COMMAND.size:
         raise ValueError(f"a servo command has {COMMAND.size} bytes, this message {len(message)}")
     u1, u2, u3, finger, flags = COMMAND.unpack(message)
@@ -182,16 +176,9 @@ def socket_address(run_dir: Path) -> Iterator[str]:
 def connect(run_dir: Path, role: str, timeout: float = 30.0) -> tuple[socket.socket, dict[str, Any]]:
     """Connect to the world and say who we are; waits for a world that is still starting.
 
-    Args:
-        run_dir: of the world.
-        role: ``servo``, ``camera``, ``clock``, ``hand``, ``stage`` or ``referee``.
-        timeout: for the connection, and then for every answer [s, wall].
-
-    Returns:
-        The socket and the world's answer (pace, period, …).
-
-    Raises:
-        HardwareError: no world answers in time, or it refuses the role.
+    ``role`` is ``servo``, ``camera``, ``clock``, ``hand``, ``stage`` or ``referee``; ``timeout`` is for the connection,
+    and then for every answer [s, wall]. Returns the socket and the world's answer (pace, period, …). Raises
+    ``HardwareError`` if no world answers in time, or it refuses the role.
     """
     link = _reach(run_dir, timeout)
     link.settimeout(timeout)
@@ -200,6 +187,18 @@ def connect(run_dir: Path, role: str, timeout: float = 30.0) -> tuple[socket.soc
     except HardwareError as error:
         link.close()
         raise HardwareError(f"no connection as {role}: {error}") from error
+
+
+class Client:
+    """A connection to the world of a run directory in a role, as of ``connect``."""
+
+    def __init__(self, run_dir: Path, role: str) -> None:
+        self._link, self._told = connect(run_dir, role)
+        self._period = float(self._told["period"])
+
+    def close(self) -> None:
+        """Let the world go."""
+        self._link.close()
 
 
 def _reach(run_dir: Path, timeout: float) -> socket.socket:
@@ -265,21 +264,13 @@ class Receiver:
 
 
 def ask(link: socket.socket, request: dict[str, Any]) -> dict[str, Any]:
-    """One JSON question and its answer.
-
-    Raises:
-        HardwareError: the world is gone, silent or refuses the question.
-    """
+    """A JSON question and its answer; raises ``HardwareError`` if the world is gone, silent or refuses the question."""
     send(link, json.dumps(request).encode())
     return understood(receive(link))
 
 
 def send(link: socket.socket, message: bytes) -> None:
-    """One message.
-
-    Raises:
-        HardwareError: the world is gone.
-    """
+    """One message; raises ``HardwareError`` if the world is gone."""
     try:
         link.send(message)
     except OSError as error:
@@ -287,11 +278,7 @@ def send(link: socket.socket, message: bytes) -> None:
 
 
 def receive(link: socket.socket) -> bytes:
-    """One message, within the socket's time-out.
-
-    Raises:
-        HardwareError: the world is gone or silent.
-    """
+    """One message, within the socket's time-out; raises ``HardwareError`` if the world is gone or silent."""
     try:
         return link.recv(LARGEST_MESSAGE)
     except OSError as error:
@@ -306,11 +293,7 @@ def _lost(link: socket.socket, error: OSError) -> HardwareError:
 
 
 def understood(message: bytes) -> dict[str, Any]:
-    """An answer of the world.
-
-    Raises:
-        HardwareError: the world is gone, or refuses.
-    """
+    """An answer of the world; raises ``HardwareError`` if the world is gone, or refuses."""
     answer = decoded(message)
     if "error" in answer:
         raise HardwareError(f"the world refuses: {answer['error']}")
@@ -318,11 +301,7 @@ def understood(message: bytes) -> dict[str, Any]:
 
 
 def decoded(message: bytes) -> dict[str, Any]:
-    """An answer of the world, which may refuse.
-
-    Raises:
-        HardwareError: the world is gone.
-    """
+    """An answer of the world, which may refuse; raises ``HardwareError`` if the world is gone."""
     if not message:
         raise HardwareError("the world has ended; its log is in the run directory")
     answer: dict[str, Any] = json.loads(message)

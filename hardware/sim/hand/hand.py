@@ -28,19 +28,11 @@ _PARKED_WITHIN: Final = 0.05
 
 
 class Hand:
-    """The hand of one player, on a plant whose model has one.
+    """The hand of one player, on a plant whose model has one (``bodies.hand.add_hand``); the seed is of everything
+    human.
 
-    Args:
-        plant: in which it is; its model was built with ``hand_body.add_hand``.
-        settings: of the person.
-        pieces: all that stand on the table.
-        table: they stand on.
-        seed: of everything human about it.
-
-    A hand that is not where it is parked, as in a world that goes on from a snapshot, withdraws first.
-
-    Attributes:
-        failed: why the last actions were not carried out to the end; empty while all is well.
+    A hand that is not where it is parked, as in a world that goes on from a snapshot, withdraws first. ``failed`` says
+    why the last actions were not carried out to the end; empty while all is well.
     """
 
     def __init__(
@@ -83,11 +75,7 @@ class Hand:
         return self._routines.held is not None
 
     def perform(self, actions: tuple[Action, ...]) -> None:
-        """Begin with the first of these actions.
-
-        Raises:
-            HandFailed: it is busy.
-        """
+        """Begin with the first of these actions; raises ``HandFailed`` if it is busy."""
         if self.busy:
             raise HandFailed("the hand is busy: wait until its actions are done")
         self._start(actions)
@@ -103,11 +91,7 @@ class Hand:
     # time
 
     def drive(self) -> bool:
-        """Set the servos for the tick that comes.
-
-        Returns:
-            Whether actions have just ended, well or not (``failed``).
-        """
+        """Set the servos for the tick that comes; whether actions have just ended, well or not (``failed``)."""
         if self._work is None:
             return False
         time = self._time()

@@ -43,17 +43,14 @@ class Stroke:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Program:
-    """A motor program.
-
-    Attributes:
-        start: pose before it.
-        strokes: that add up.
-        duration: after which nothing moves any more [s].
-    """
+    """A motor program."""
 
     start: HandPose
+    """Pose before it."""
     strokes: tuple[Stroke, ...]
+    """That add up."""
     duration: float
+    """After which nothing moves any more [s]."""
 
     def at(self, time: float) -> Target:
         """Where the hand shall be, so many seconds after the start."""
@@ -83,15 +80,12 @@ class Program:
 
 @dataclass(slots=True, eq=False)
 class Sketch:
-    """A program in the making.
-
-    Attributes:
-        pose: at its end so far.
-        speed: highest of a long stroke [m/s].
-    """
+    """A program in the making."""
 
     pose: HandPose
+    """At its end so far."""
     speed: float
+    """Highest of a long stroke [m/s]."""
     _start: HandPose = field(init=False)
     _strokes: list[Stroke] = field(init=False, default_factory=list)
     _end: float = field(init=False, default=0.0)
@@ -110,16 +104,10 @@ class Sketch:
         overlap: float = 0.0,
         speed: float | None = None,
     ) -> Sketch:
-        """Add a stroke to what is given of a pose.
+        """Add a stroke to what is given of a pose [m, rad]; the others stay unchanged.
 
-        Args:
-            x: [m]; as the others unchanged where it is not given.
-            y: [m].
-            z: [m].
-            yaw: [rad].
-            gap: [m].
-            overlap: begin so much before the end so far, as a share of the stroke before.
-            speed: highest [m/s], if it is another one.
+        It begins so much before the end so far as ``overlap`` says, a share of the stroke before, and is no faster than
+        ``speed`` [m/s], if it is another one.
         """
         given = (x, y, z, yaw, gap)
         new = HandPose(*(old if value is None else value for old, value in zip(self.pose, given, strict=True)))

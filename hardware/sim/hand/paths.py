@@ -42,15 +42,12 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Traveller:
-    """Whose hand it is and how quick.
-
-    Attributes:
-        side: of the board.
-        speed: highest of a reach [m/s].
-    """
+    """Whose hand it is and how quick."""
 
     side: Colour
+    """Of the board."""
     speed: float
+    """Highest of a reach [m/s]."""
 
     @property
     def front(self) -> float:
@@ -68,15 +65,10 @@ class Traveller:
     ) -> tuple[Sketch, Hold]:
         """Up, over to a point, and no further down: the program's last pose is where the way down begins.
 
-        Of several ways and holds it takes the first that keeps clear of the robot, else the one that does so best.
-
-        Args:
-            sight: without what is held.
-            start: of the fingertips.
-            holds: at the end, best first.
-            tips: where the fingertips shall be for a hold, x and y [m].
-            below: lowest point of what is carried, or of the fingertips, under the fingertips' ends [m].
-            wide: from the way to the middle of a piece that could be touched [m].
+        Of several ways and holds, best first, it takes the first that keeps clear of the robot, else the one that does
+        so best. ``sight`` is without what is held; ``tips`` says where the fingertips shall be for a hold, x and y [m];
+        ``below`` is the lowest point of what is carried, or of the fingertips, under the fingertips' ends, and ``wide``
+        from the way to the middle of a piece that could be touched [m].
         """
         ways: list[tuple[Hold, HandPose, list[tuple[HandPose, ...]]]] = []
         for hold in holds:
@@ -124,13 +116,7 @@ class Traveller:
         return pose._replace(x=pose.x + length * back[0], y=pose.y + length * back[1])
 
     def _way(
-        self,
-        sight: TableView,
-        start: HandPose,
-        between: tuple[HandPose, ...],
-        end: HandPose,
-        below: float,
-        wide: float,
+        self, sight: TableView, start: HandPose, between: tuple[HandPose, ...], end: HandPose, below: float, wide: float
     ) -> Sketch:
         """On each straight part only as high as what stands below it wants."""
         sketch, corners = Sketch(start, self.speed), (*between, end)

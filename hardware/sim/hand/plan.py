@@ -43,19 +43,14 @@ def grip_height(shape: PieceShape) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """A piece between the fingertips.
-
-    Attributes:
-        name: of it.
-        shape: sizes.
-        below: of its foot under the fingertips' ends [m].
-        forward: of its foot from the middle between the fingertips, hand frame, x and y [m].
-    """
+    """A piece between the fingertips."""
 
     name: str
     shape: PieceShape
     below: float
+    """Of its foot under the fingertips' ends [m]."""
     forward: tuple[float, float]
+    """Of its foot from the middle between the fingertips, hand frame, x and y [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +81,7 @@ class Person(Traveller):
 
         Args:
             sight: without the piece that is held.
-            x: of the piece [m].
+            x: of the piece, as y [m].
             y: likewise.
             z: of the fingertips at the piece [m].
             lifted: and when they come from above, or lift it [m].

@@ -15,20 +15,7 @@ import numpy as np
 
 from hardware.sim.bodies.hand import TIP_RADIUS, HandPose, parked
 from hardware.sim.bodies.scene import deck_half_size
-from hardware.sim.hand.actions import (
-    Action,
-    HandSettings,
-    Hesitate,
-    Hover,
-    Knock,
-    Move,
-    Point,
-    Put,
-    Rest,
-    Slide,
-    Take,
-    Withdraw,
-)
+from hardware.sim.hand import actions as act
 from hardware.sim.hand.motion import Program, Sketch
 from hardware.sim.hand.paths import LEAST_LIFT
 from hardware.sim.hand.plan import Held, Person, held_now, tips_for
@@ -54,31 +41,18 @@ class HandFailed(Exception):
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What a routine may ask of the world.
-
-    Attributes:
-        look: the table as it is.
-        pose: where the fingertips are told to be.
-    """
+    """What a routine may ask of the world."""
 
     look: Callable[[], TableView]
+    """The table as it is."""
     pose: Callable[[], HandPose]
+    """Where the fingertips are told to be."""
 
 
 class Routines:
-    """Everything a person does with the hand.
+    """What a person does with the hand; ``rng`` draws what is human about it, ``held`` is between the fingertips."""
 
-    Args:
-        view: of the table.
-        settings: of the person.
-        table: on which pieces stand.
-        rng: draws what is human about it.
-
-    Attributes:
-        held: what is between the fingertips.
-    """
-
-    def __init__(self, view: View, settings: HandSettings, table: TableSettings, rng: np.random.Generator) -> None:
+    def __init__(self, view: View, settings: act.HandSettings, table: TableSettings, rng: np.random.Generator) -> None:
         self.held: Held | None = None
         self._view = view
         self._settings = settings
@@ -86,12 +60,8 @@ class Routines:
         self._rng = rng
         self._person = Person(settings.side, settings.speed)
 
-    def do(self, actions: tuple[Action, ...]) -> Iterator[Program]:
-        """The programs of some actions.
-
-        Raises:
-            HandFailed: while they are carried out, as soon as one is impossible.
-        """
+    def do(self, actions: tuple[act.Action, ...]) -> Iterator[Program]:
+        """The programs of some actions; raises ``HandFailed`` as soon as one of them is impossible."""
         for action in actions:
             yield from self._one(action)
 
@@ -103,34 +73,34 @@ class Routines:
         self.held = held_now(near[0], pose) if closed else None
         yield from self._withdraw()
 
-    def _one(self, action: Action) -> Iterator[Program]:
+    def _one(self, action: act.Action) -> Iterator[Program]:
         match action:
-            case Take():
+            case act.Take():
                 yield from self._take(action.at)
-            case Put():
+            case act.Put():
                 yield from self._put(action.at)
-            case Move():
+            case act.Move():
                 self._check_free(self._view.look(), self._standing_piece(action.start), action.to)
                 yield from self._take(action.start)
                 yield from self._put(action.to)
-            case Slide():
+            case act.Slide():
                 yield from self._slide(action)
-            case Knock():
+            case act.Knock():
                 yield from self._knock(action)
-            case Hover():
+            case act.Hover():
                 x, y = action.at
                 sketch = self._person.over(self._view.look(), self._view.pose(), x, y, action.height, self.held)
                 yield sketch.wait(action.duration).done()
-            case Hesitate():
+            case act.Hesitate():
                 yield self._hesitate(action)
-            case Rest():
+            case act.Rest():
                 yield from self._rest(action)
-            case Withdraw():
+            case act.Withdraw():
                 yield from self._withdraw()
 
     # pieces
 
-    def _standing_piece(self, at: Point) -> SeenPiece:
+    def _standing_piece(self, at: act.Point) -> SeenPiece:
         x, y = at
         piece = self._view.look().nearest(x, y)
         if piece is None or piece.distance(x, y) > NEAR:
@@ -141,7 +111,7 @@ class Routines:
             raise HandFailed(f"the piece near ({x:.3f}, {y:.3f}) m lies on its side: the hand takes standing ones only")
         return piece
 
-    def _grasp(self, at: Point) -> Iterator[Program]:
+    def _grasp(self, at: act.Point) -> Iterator[Program]:
         """Fingers about a piece and closed."""
         if self.held is not None:
             raise HandFailed("the hand holds a piece already: put it down first")
@@ -150,7 +120,7 @@ class Routines:
         yield program
         self.held = held_now(self._view.look().find(piece.name), self._view.pose())
 
-    def _take(self, at: Point) -> Iterator[Program]:
+    def _take(self, at: act.Point) -> Iterator[Program]:
         for _ in range(_ATTEMPTS):
             yield from self._grasp(at)
             assert self.held is not None
@@ -164,7 +134,7 @@ class Routines:
             self.held, at = None, (now.x, now.y)
         raise HandFailed(f"the piece near ({at[0]:.3f}, {at[1]:.3f}) m slipped {_ATTEMPTS} times: look at it")
 
-    def _put(self, at: Point) -> Iterator[Program]:
+    def _put(self, at: act.Point) -> Iterator[Program]:
         if self.held is None:
             raise HandFailed("the hand holds nothing to put down: take a piece first")
         sight = self._view.look()
@@ -195,7 +165,7 @@ class Routines:
         dx, dy = self._rng.normal(0.0, self._settings.placement_sigma, 2).clip(-limit, limit).tolist()
         return dx, dy
 
-    def _check_free(self, sight: TableView, piece: Held | SeenPiece, at: Point) -> None:
+    def _check_free(self, sight: TableView, piece: Held | SeenPiece, at: act.Point) -> None:
         x, y = at
         wide, deep = deck_half_size(self._table)
         if abs(x) > wide - piece.shape.foot_radius or abs(y) > deep - piece.shape.foot_radius:
@@ -206,11 +176,11 @@ class Routines:
             raise HandFailed(f"another piece stands at ({x:.3f}, {y:.3f}) m: take it away first")
 
     @staticmethod
-    def _is_free(sight: TableView, piece: Held | SeenPiece, at: Point) -> bool:
+    def _is_free(sight: TableView, piece: Held | SeenPiece, at: act.Point) -> bool:
         others = sight.without(piece.name).pieces
         return all(p.distance(*at) > p.shape.foot_radius + piece.shape.foot_radius for p in others)
 
-    def _slide(self, action: Slide) -> Iterator[Program]:
+    def _slide(self, action: act.Slide) -> Iterator[Program]:
         yield from self._grasp(action.start)
         assert self.held is not None
         pose, held = self._view.pose(), self.held
@@ -219,7 +189,7 @@ class Routines:
         yield Sketch(pose, self._settings.speed).to(x=x, y=y, speed=_SLIDE_SPEED).wait(0.1).done()
         yield from self._release()
 
-    def _knock(self, action: Knock) -> Iterator[Program]:
+    def _knock(self, action: act.Knock) -> Iterator[Program]:
         if self.held is not None:
             raise HandFailed("the hand holds a piece: put it down before it knocks another one over")
         piece, sight = self._standing_piece(action.at), self._view.look()
@@ -227,12 +197,12 @@ class Routines:
         z = piece.z + piece.shape.height - 0.001
         in_the_way = [other for other in sight.without(piece.name).pieces if other.top > z]
 
-        def starts() -> Iterator[Point]:
+        def starts() -> Iterator[act.Point]:
             for run_up in _RUN_UPS:
                 before = piece.shape.stem_radius + TIP_RADIUS + run_up
                 yield piece.x - before * dx, piece.y - before * dy
 
-        def is_free(at: Point) -> bool:  # two fingertips side by side
+        def is_free(at: act.Point) -> bool:  # two fingertips side by side
             return all(other.distance(*at) > other.shape.stem_radius + 2.0 * TIP_RADIUS for other in in_the_way)
 
         x, y = next(filter(is_free, starts()), [*starts()][-1])
@@ -244,7 +214,7 @@ class Routines:
 
     # being in the way
 
-    def _hesitate(self, action: Hesitate) -> Program:
+    def _hesitate(self, action: act.Hesitate) -> Program:
         x, y = action.at
         sight = self._view.look()
         below = TIP_RADIUS if self.held is None else self.held.below
@@ -255,7 +225,7 @@ class Routines:
         sketch.wait(0.3 * action.duration).to(x=x + 0.07 * back[0], y=y + 0.07 * back[1], z=low + 0.03)
         return sketch.wait(0.3 * action.duration).to(x=x, y=y, z=low + 0.01).wait(0.4 * action.duration).done()
 
-    def _rest(self, action: Rest) -> Iterator[Program]:
+    def _rest(self, action: act.Rest) -> Iterator[Program]:
         if self.held is not None:
             raise HandFailed("the hand holds a piece: put it down before the hand rests")
         x, y = action.at

@@ -29,23 +29,16 @@ OBSTACLES: Final = np.array(
 
 @dataclass(frozen=True, slots=True)
 class SeenPiece:
-    """A piece.
-
-    Attributes:
-        name: of it.
-        kind: of it.
-        x: of the middle of its foot, board frame [m].
-        y: likewise.
-        z: likewise.
-        axis: unit vector from its foot to its top.
-    """
+    """A piece."""
 
     name: str
     kind: Kind
     x: float
+    """Of the middle of its foot, board frame [m]."""
     y: float
     z: float
     axis: tuple[float, float, float]
+    """Unit vector from its foot to its top."""
 
     @property
     def shape(self) -> PieceShape:
@@ -79,15 +72,12 @@ class SeenPiece:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TableView:
-    """The table at one moment.
-
-    Attributes:
-        pieces: all of them.
-        tool: the robot's tool point, board frame, shape (3,) [m].
-    """
+    """The table at one moment."""
 
     pieces: tuple[SeenPiece, ...]
+    """All of them."""
     tool: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    """The robot's tool point, board frame, shape (3,) [m]."""
 
     def nearest(self, x: float, y: float) -> SeenPiece | None:
         """The piece nearest to a point; None where there are no pieces."""
@@ -104,9 +94,7 @@ class TableView:
     def highest(self, *points: tuple[float, float], width: float) -> float:
         """Top of the highest piece near a chain of straight lines [m], 0 where there is none.
 
-        Args:
-            points: corners of the chain [m].
-            width: to each side of it, to the middle of a piece's foot [m].
+        Near is up to ``width`` from the chain to the middle of a piece's foot [m].
         """
         tops = [piece.top for piece in self.pieces if _distance_to_chain(piece, points) < width]
         return max(tops, default=0.0)
@@ -114,12 +102,8 @@ class TableView:
     def pinch_room(self, x: float, y: float, yaw: float, z: float, half_width: float) -> float:
         """Least distance of fingertips beside a point from other pieces [m]; negative where they meet.
 
-        Args:
-            x: [m].
-            y: [m].
-            yaw: of the hand [rad].
-            z: of the fingertips [m].
-            half_width: from the middle to the middle of a fingertip [m].
+        ``yaw`` is of the hand [rad], ``z`` of the fingertips, ``half_width`` from the middle to the middle of a
+        fingertip [m].
         """
         room = math.inf
         for piece in self.pieces:

@@ -49,13 +49,7 @@ NEVER: Final = GripFaults()
 class GripFault:
     """The gripper's motor as one seed makes it. A world that is continued from a snapshot counts holds anew.
 
-    Args:
-        faults: when it lets go.
-        seed: decides.
-
-    Attributes:
-        possible: whether it ever does.
-        lost: how many grips were lost so far.
+    ``possible`` says whether it ever lets go, ``lost`` how many grips were lost so far.
     """
 
     def __init__(self, faults: GripFaults, seed: int) -> None:
@@ -67,14 +61,9 @@ class GripFault:
         self.lost = 0
 
     def velocity(self, tick: int, period: float, asked: float, right: float, left: float) -> float:
-        """What the motor makes of a command at a tick.
+        """What the motor makes of a velocity asked of each finger, opening positive, at a tick of a period [m/s, s].
 
-        Args:
-            tick: of the plant.
-            period: of a tick [s].
-            asked: velocity of each finger, opening positive [m/s].
-            right: force on the right pad [N].
-            left: on the left one [N].
+        ``right`` and ``left`` are the forces on the pads [N].
         """
         self._watch(tick, period, min(right, left))
         if self._begin <= tick < self._end:

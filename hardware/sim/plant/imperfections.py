@@ -45,14 +45,8 @@ PERFECT: Final = Imperfections()
 class Flaws:
     """Imperfections as one seed makes them.
 
-    Args:
-        imperfections: how large they may be.
-        seed: decides.
-
-    Attributes:
-        friction: factor of each shaft's friction.
-        ripples: whether torques are changed at all.
-        grip: when the gripper lets go by itself.
+    ``friction`` are factors of each shaft's, ``ripples`` whether torques are changed at all, ``grip`` when the gripper
+    lets go by itself.
     """
 
     def __init__(self, imperfections: Imperfections, seed: int) -> None:

@@ -33,19 +33,11 @@ SLOTS: Final = 2
 
 
 class LiveState:
-    """Keeps the state of one plant in a file.
+    """Keeps the state of one plant in a file, made anew; a state that lay there is replaced when the new one is whole.
 
     What was kept survives the process as soon as ``keep`` has returned, or, written aside, some hundred microseconds
-    later; not a computer that loses its power before the system has written it to its disk.
-
-    Args:
-        path: made anew; a state that lay there before is replaced when the new one is whole.
-        model: of the plant.
-        data: of the plant, read only.
-        tick: now.
-
-    Raises:
-        HardwareError: the file cannot be made, or there is no room for it.
+    later; not a computer that loses its power before the system has written it to its disk. Raises ``HardwareError`` if
+    the file cannot be made, or there is no room for it.
     """
 
     def __init__(self, path: Path, model: mujoco.MjModel, data: mujoco.MjData, tick: int) -> None:
@@ -135,10 +127,8 @@ class LiveState:
 
 
 def load_live_state(path: Path) -> Snapshot | None:
-    """Read what a world kept that was killed; None where there is no such file.
-
-    Raises:
-        HardwareError: no slot of the file is whole.
+    """Read what a world kept that was killed; None where there is no such file. Raises ``HardwareError`` if no slot of
+    the file is whole.
     """
     try:
         content = path.read_bytes()

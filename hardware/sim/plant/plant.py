@@ -41,20 +41,18 @@ good, by up to 0.2 rad/s about the points that held it, and went nowhere; on a l
 REST_TICKS = 25
 """Everything must have been resting for so long."""
 
-_ENABLED: Final = int(DriveStatus.ENABLED)
-_BRAKED: Final = int(DriveStatus.BRAKED)
-_SATURATED: Final = int(DriveStatus.SATURATED)
-_WATCHDOG: Final = int(DriveStatus.WATCHDOG)
-_FAULT: Final = int(DriveStatus.FAULT)
-_STANDING: Final = int(DriveStatus.STANDING)
-_OVERSPEED: Final = int(DriveStatus.OVERSPEED)
+_ENABLED, _BRAKED, _SATURATED, _WATCHDOG, _FAULT, _STANDING, _OVERSPEED = map(int, DriveStatus)
 _TRIPS: Final = _WATCHDOG | _FAULT | _OVERSPEED
 """What switches the drives off and stays until they are disabled."""
 _STATUS: Final = tuple(DriveStatus(bits) for bits in range(1 << len(DriveStatus)))
 
 
 class Plant:
-    """The simulated robot and table, advanced one tick at a time.
+    """The simulated robot and table, advanced one tick at a time: ``tick`` counts periods since the start.
+
+    Of ``data`` only the controls are ever written, of ``model`` only the dry friction of the servomotors' joints, which
+    acts as the brakes. Raises ``ValueError`` if the timestep does not divide the tick, or the snapshot is of another
+    model.
 
     Args:
         model: compiled by ``scene.build_model``, or another one with the same arm; key frame 0 is the start. Contact
@@ -64,14 +62,6 @@ class Plant:
         snapshot: where another plant of this model ended, to go on from there.
         flaws: of amplifiers, shafts and sensors; None: they are as the parameters say.
         boxes: in which pieces lie in heaps.
-
-    Attributes:
-        model: MuJoCo's; the brakes act as dry friction of the servomotors' joints, nothing else is ever changed.
-        data: MuJoCo's; only its controls are ever written.
-        tick: periods since the start.
-
-    Raises:
-        ValueError: the model's timestep does not divide the tick, or the snapshot is that of another model.
     """
 
     def __init__(
@@ -182,11 +172,7 @@ class Plant:
         return bool(self._switches & _BRAKED)
 
     def measure(self, standing: bool) -> Measurement:
-        """What encoders, gripper and tactile sensors say now.
-
-        Args:
-            standing: whether the status shall say that plant time stood still.
-        """
+        """What encoders, gripper and tactile sensors say now; the status says so if plant time stood still."""
         a, b, c, v1, v2, v3, right, left, *_ = self._felt
         scale, q, fingers = self._rad_per_count, self._positions, self._finger_q
         more_right, more_left = self._flaws.tactile(self.tick)

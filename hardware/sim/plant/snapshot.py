@@ -18,17 +18,14 @@ STATE: Final = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 class Snapshot(NamedTuple):
-    """State of a plant.
-
-    Attributes:
-        state: MuJoCo's, all that a step begins with.
-        tick: of the plant.
-        at_rest: everything, and the arm on its brakes.
-    """
+    """State of a plant."""
 
     state: NDArray[np.float64]
+    """MuJoCo's, all that a step begins with."""
     tick: int
+    """Of the plant."""
     at_rest: bool
+    """Everything, and the arm on its brakes."""
 
 
 def save_snapshot(path: Path, model: mujoco.MjModel, data: mujoco.MjData, tick: int) -> None:
@@ -41,11 +38,7 @@ def save_snapshot(path: Path, model: mujoco.MjModel, data: mujoco.MjData, tick: 
 
 
 def load_snapshot(path: Path) -> Snapshot | None:
-    """Read what a world left; None where there is no snapshot.
-
-    Raises:
-        HardwareError: the file is none.
-    """
+    """Read what a world left; None where there is no snapshot. Raises ``HardwareError`` if the file is none."""
     try:
         with np.load(path) as content:
             return Snapshot(np.array(content["state"], dtype=float), int(content["tick"]), at_rest=True)

@@ -64,21 +64,12 @@ def advance(
     step: int, model: int, data: int, steps: int, positions: Array, velocities: Array, sensors: Array,
     servos: NDArray[np.int64], joints: NDArray[np.int64], forces: NDArray[np.int64], constants: Array, memory: Array,
 ) -> None:  # fmt: skip
-    """One tick.
+    """One tick of so many steps, by the addresses of ``mj_step``, of MuJoCo's model and of its data.
 
-    Args:
-        step: address of ``mj_step``.
-        model: address of MuJoCo's model.
-        data: address of MuJoCo's data.
-        steps: of the integration in a tick.
-        positions: all generalised positions.
-        velocities: all generalised velocities.
-        sensors: all sensor readings.
-        servos: where the servomotors' angles are, (3,).
-        joints: where the velocities of arm and gripper are, (n,).
-        forces: where the contact forces begin, right and left finger first, (n,).
-        constants: encoder counts for each rad, rad/s for each count in a tick, share of the tactile lag in a tick.
-        memory: as ``MEMORY`` says; changed.
+    Of all generalised positions and velocities and all sensor readings, ``servos`` (3,) says where the servomotors'
+    angles are, ``joints`` (n,) where the velocities of arm and gripper are, and ``forces`` (n,) where the contact
+    forces begin, right and left finger first. ``constants`` are of ``constants_of``; ``memory`` is changed, as
+    ``MEMORY`` says.
     """
     for _ in range(steps):
         _call_step(step, model, data)  # type: ignore[call-arg]  # the first is the compiler's
@@ -104,6 +95,8 @@ def advance(
 
 
 def constants_of(encoder_bits: int, tick: float, bandwidth: float) -> Array:
-    """For ``advance``: of an encoder, the length of a tick [s], and the tactile sensors' bandwidth [rad/s]."""
+    """Encoder counts for each rad, rad/s for each count in a tick [s], and share in a tick of the lag of a bandwidth
+    [rad/s].
+    """
     counts = 2.0**encoder_bits / (2.0 * math.pi)
     return np.array([counts, 1.0 / (counts * tick), 1.0 - math.exp(-bandwidth * tick)])

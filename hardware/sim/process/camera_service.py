@@ -17,7 +17,7 @@ from hardware.interfaces import HardwareError
 from hardware.sim.bodies.scene import CAMERAS
 from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
-from hardware.sim.process.connections import Refused, Visitor
+from hardware.sim.process.connections import Refused, Service, Visitor
 from hardware.sim.process.scene_control import SceneControlService
 from hardware.sim.process.services import NEVER, SILENCE
 from hardware.sim.process.video_stream import PATIENCE, StreamClient
@@ -52,22 +52,12 @@ class _View:
         return self.drawing or not self.taken
 
 
-class CameraService:
-    """Frames for cameras.
+class CameraService(Service):
+    """Frames for cameras: of the board's RGB-D camera, the view ``camera``, and clean pictures of other views.
 
-    Args:
-        facts: about the world that every visitor is told.
-        plant: what is seen.
-        renderer: draws; None in a world without cameras.
-        run_dir: where frames are written.
-        latency: from exposure to delivery [ticks].
-        camera: the board's RGB-D camera, which has the view ``camera``; other views are clean pictures.
-        seed: of its noise.
-        stage: how light and camera are at the moment.
-
-    Attributes:
-        due: tick at which the next frame is to be exposed or delivered.
-        waiting: somebody waits for a frame, so that plant time has to run.
+    ``due`` is the tick at which the next frame is to be exposed or delivered, ``waiting`` whether somebody waits for
+    one, so that plant time has to run. ``latency`` is from exposure to delivery [ticks]. ``renderer`` is None in a
+    world without cameras; ``seed`` is of the sensors' noise, ``stage`` how light and camera are at the moment.
     """
 
     def __init__(
@@ -81,16 +71,10 @@ class CameraService:
         seed: int,
         stage: SceneControlService,
     ) -> None:
-        self.due = NEVER
-        self.waiting = False
-        self._facts = facts
-        self._plant = plant
-        self._renderer = renderer
-        self._run_dir = run_dir
-        self._latency = latency
-        self._camera = camera
-        self._seed = seed
-        self._stage = stage
+        super().__init__(facts)
+        self.due, self.waiting = NEVER, False
+        self._plant, self._renderer, self._run_dir, self._latency = plant, renderer, run_dir, latency
+        self._camera, self._seed, self._stage = camera, seed, stage
         self._views: dict[Visitor, _View] = {}
         self._stream_clients: dict[Visitor, StreamClient] = {}
         self._slots = 0
@@ -191,14 +175,10 @@ class CameraService:
         )
 
     def serve(self, listen: Callable[[float], None] | None) -> bool:
-        """Expose and deliver what is due now.
+        """Expose and deliver what is due now; whether plant time had to wait.
 
-        Args:
-            listen: hears visitors for a while [s]; plant time then waits for frames and their takers (pace fast).
-                None: what is not drawn yet is delivered later, and streams leave frames out (pace real).
-
-        Returns:
-            Whether plant time had to wait.
+        ``listen`` hears visitors for a while [s]; plant time then waits for frames and their takers (pace fast). None:
+        what is not drawn yet is delivered later, and streams leave frames out (pace real).
         """
         tick, waited = self._plant.tick, False
         for view in [view for view in self._views.values() if view.due <= tick]:

@@ -11,7 +11,7 @@ import select
 import socket
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -23,12 +23,7 @@ class Refused(Exception):
 
 
 class Visitor:
-    """One connection.
-
-    Attributes:
-        link: its socket; never blocks.
-        service: of its role; None before its greeting.
-    """
+    """One connection: ``link`` never blocks; ``service`` is that of its role, None before its greeting."""
 
     def __init__(self, link: socket.socket) -> None:
         link.setblocking(False)
@@ -52,30 +47,26 @@ class Visitor:
             self.link.shutdown(socket.SHUT_RDWR)
 
 
-class Service(Protocol):
-    """What the world does for visitors of one role."""
+class Service:
+    """What the world does for visitors of one role, who are all told the same facts about it."""
 
-    def welcome(self, visitor: Visitor, /) -> dict[str, Any]:
-        """What the visitor has to know.
+    def __init__(self, facts: dict[str, Any]) -> None:
+        self._facts = facts
 
-        Raises:
-            Refused: it cannot come in.
-        """
+    def welcome(self, visitor: Visitor) -> dict[str, Any]:
+        """What the visitor has to know; raises ``Refused`` if it cannot come in."""
+        return self._facts
 
-    def hear(self, visitor: Visitor, message: bytes, /) -> None:
+    def hear(self, visitor: Visitor, message: bytes) -> None:
         """Take a message in; ``ValidationError`` is told the visitor."""
+        raise NotImplementedError
 
-    def leave(self, visitor: Visitor, /) -> None:
+    def leave(self, visitor: Visitor) -> None:
         """The visitor is gone."""
 
 
 class Visitors:
-    """All connections of a world.
-
-    Args:
-        run_dir: where the socket is made.
-        services: by role.
-    """
+    """All connections of a world, by a socket in its run directory; services are by role."""
 
     def __init__(self, run_dir: Path, services: Mapping[str, Service]) -> None:
         self._path = run_dir / wire.SOCKET_NAME
@@ -90,10 +81,9 @@ class Visitors:
         self._numbers = [self._door.fileno()]
 
     def listen(self, timeout: float) -> None:
-        """Handle everything that is there, or wait for something to come.
+        """Handle everything that is there, or wait up to ``timeout`` for something to come [s].
 
-        Args:
-            timeout: longest wait [s], to a few dozen microseconds (``poll`` would round up to whole milliseconds).
+        It is exact to a few dozen microseconds: ``poll`` would round up to whole milliseconds.
         """
         for number in select.select(self._numbers, (), (), timeout)[0]:
             if number == self._numbers[0]:

@@ -20,23 +20,16 @@ from hardware.sim.render.appearance import CameraSettings, SceneState
 
 
 class Construction(NamedTuple):
-    """A world that can be built.
-
-    Attributes:
-        settings: what was asked for.
-        drawn: what the seed made of it.
-    """
+    """A world that can be built."""
 
     settings: WorldSettings
+    """What was asked for."""
     drawn: Draw
+    """What the seed made of it."""
 
     @classmethod
     def of(cls, settings: WorldSettings) -> Construction:
-        """Draw a world.
-
-        Raises:
-            ParametersError: the robot's parameters cannot be read.
-        """
+        """Draw a world; raises ``ParametersError`` if the robot's parameters cannot be read."""
         one = settings
         parameters = load_parameters(one.parameters_file)
         return cls(one, draw(one.randomisation, one.seed, one.pieces, one.table, parameters, one.light, one.camera))
@@ -52,11 +45,7 @@ class Construction(NamedTuple):
         return SceneState(light=self.drawn.light, exposure=self.camera.exposure, mount=self.camera.mount)
 
     def model(self, *, looks: bool) -> mujoco.MjModel:
-        """The whole world, with or without what is only seen.
-
-        Raises:
-            ValueError: the arm does not reach home.
-        """
+        """The whole world, with or without what is only seen; raises ``ValueError`` if the arm does not reach home."""
         home, drawn, hand = np.array(self.settings.home), self.drawn, self.settings.hand
         return build_model(
             drawn.parameters, self.settings.table, drawn.pieces, home, looks=looks, offset=drawn.board,
@@ -64,10 +53,8 @@ class Construction(NamedTuple):
         )  # fmt: skip
 
     def plant(self, snapshot: Snapshot | None = None) -> Plant:
-        """The plant, from the start or from where another one ended.
-
-        Raises:
-            ValueError: the arm does not reach home, or the snapshot is that of another world.
+        """The plant, from the start or from where another one ended; raises ``ValueError`` if the arm does not reach
+        home, or the snapshot is that of another world.
         """
         names = tuple(piece.name for piece in self.settings.pieces)
         flaws = Flaws(self.settings.randomisation.devices, self.settings.seed)

@@ -8,22 +8,15 @@ from hardware.sim.hand.actions import REQUEST, Perform
 from hardware.sim.hand.hand import Hand
 from hardware.sim.hand.routines import HandFailed
 from hardware.sim.plant.plant import Plant
-from hardware.sim.process.connections import Refused, Visitor
+from hardware.sim.process.connections import Refused, Service, Visitor
 
 
-class HandService:
-    """Actions for the hand, one list at a time; the answer comes when the last one is done, or one is impossible.
-
-    Args:
-        facts: about the world that every visitor is told.
-        plant: whose time it is.
-        hand: of the world; None in one without.
-    """
+class HandService(Service):
+    """Actions for the hand, one list at a time; the answer comes when the last one is done, or one is impossible."""
 
     def __init__(self, facts: dict[str, Any], plant: Plant, hand: Hand | None) -> None:
-        self._facts = facts
-        self._plant = plant
-        self._hand = hand
+        super().__init__(facts)
+        self._plant, self._hand = plant, hand
         self._master: Visitor | None = None
 
     @property
@@ -31,11 +24,11 @@ class HandService:
         """The hand does something, so that plant time has to run."""
         return self._hand is not None and self._hand.busy
 
-    def welcome(self, _visitor: Visitor) -> dict[str, Any]:
+    def welcome(self, visitor: Visitor) -> dict[str, Any]:
         """See ``Service``."""
         if self._hand is None:
             raise Refused("this world was started without a hand: set 'hand' in its settings")
-        return self._facts
+        return super().welcome(visitor)
 
     def hear(self, visitor: Visitor, message: bytes) -> None:
         """See ``Service``."""

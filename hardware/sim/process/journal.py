@@ -39,13 +39,8 @@ class Journal:
 
 
 class Replay:
-    """A journal, done again on another plant.
-
-    Args:
-        run_dir: in which a world left its journal.
-
-    Raises:
-        HardwareError: it left none, or half of one.
+    """The journal in a run directory, done again on another plant; raises ``HardwareError`` if a world left none, or
+    half of one.
     """
 
     def __init__(self, run_dir: Path) -> None:

@@ -10,14 +10,11 @@ first sample on a real-time bus."""
 
 
 class Pacer:
-    """When ticks are due in pace real. All times are ``time.monotonic`` [s].
+    """When ticks of a period [s] are due in pace real. All times are ``time.monotonic`` [s].
 
-    A tick is due one period after the one before was due, so that small delays do not add up. A world that is late
-    runs its next ticks as soon as the controller is ready for each, so that it neither outruns the controller nor
-    holds it responsible for a delay of its own: a command counts as missing one period after the last tick was run.
-
-    Args:
-        period: of a tick [s].
+    A tick is due one period after the one before was due, so that small delays do not add up. A world that is late runs
+    its next ticks as soon as the controller is ready for each, so that it neither outruns the controller nor holds it
+    responsible for a delay of its own: a command counts as missing one period after the last tick was run.
     """
 
     def __init__(self, period: float) -> None:
@@ -35,11 +32,8 @@ class Pacer:
 
 
 class SpeedMeter:
-    """How fast plant time runs against the wall, counted only while it runs.
-
-    Attributes:
-        ticks: counted.
-        wall: wall time they took [s].
+    """How fast plant time runs against the wall, counted only while it runs: ``ticks``, and the ``wall`` time they took
+    [s].
     """
 
     def __init__(self) -> None:

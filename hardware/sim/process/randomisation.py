@@ -71,21 +71,18 @@ class Randomisation(FrozenFinite):
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """One world of a seed.
-
-    Attributes:
-        pieces: where each stands, what it weighs, how it slides.
-        parameters: of the robot as it really is.
-        board: where the table really stands.
-        light: over it.
-        camera: as it really hangs and exposes.
-    """
+    """One world of a seed."""
 
     pieces: tuple[StandingPiece, ...]
+    """Where each stands, what it weighs, how it slides."""
     parameters: RobotParameters
+    """Of the robot as it really is."""
     board: BoardOffset
+    """Where the table really stands."""
     light: LightSettings
+    """Over it."""
     camera: CameraSettings
+    """As it really hangs and exposes."""
 
 
 def draw(
@@ -97,16 +94,9 @@ def draw(
     light: LightSettings,
     camera: CameraSettings,
 ) -> Draw:
-    """Draw a world. Each group of things has random numbers of its own, so that a range changes nothing but its own.
+    """Draw a world from what is believed of it, and light and camera as they are on average.
 
-    Args:
-        ranges: of what can differ.
-        seed: decides.
-        pieces: what is set up, and where.
-        table: as believed.
-        parameters: of the robot, as believed.
-        light: as it is on average.
-        camera: likewise.
+    Each group of things has random numbers of its own, so that a range changes nothing but its own.
     """
     board, robot, lamp, view = (np.random.default_rng([seed, group]) for group in range(1, 5))
     shift = np.array([ranges.board_shift, ranges.board_shift, ranges.board_height]) * board.uniform(-1.0, 1.0, 3)

@@ -7,28 +7,18 @@ from typing import Any
 
 from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
-from hardware.sim.process.connections import Visitor
+from hardware.sim.process.connections import Service, Visitor
 from hardware.sim.render.appearance import ExposureSettings, LightSettings, MountSettings, SceneState
 
 
-class SceneControlService:
-    """Keeps how light and camera are, and lets visitors change them.
-
-    Args:
-        facts: about the world that every visitor is told.
-        plant: whose time it is.
-        looks: at the start.
-
-    Attributes:
-        looks: from the next exposure on.
-    """
+class SceneControlService(Service):
+    """Keeps how light and camera are from the next exposure on, its ``looks``, and lets visitors change them."""
 
     def __init__(self, facts: dict[str, Any], plant: Plant, looks: SceneState) -> None:
-        self.looks = looks
-        self._facts = facts
-        self._plant = plant
+        super().__init__(facts)
+        self.looks, self._plant = looks, plant
 
-    def welcome(self, _visitor: Visitor) -> dict[str, Any]:
+    def welcome(self, visitor: Visitor) -> dict[str, Any]:
         """See ``Service``."""
         return {**self._facts, "looks": self.looks.model_dump()}
 
@@ -39,21 +29,14 @@ class SceneControlService:
         self.looks = self.looks.model_copy(update=given)
         visitor.tell({"tick": self._plant.tick, "looks": self.looks.model_dump()})
 
-    def leave(self, _visitor: Visitor) -> None:
-        """See ``Service``."""
 
-
-class SceneControl:
+class SceneControl(wire.Client):
     """The client: changes light, exposure and the camera's mount while a world runs."""
 
     def __init__(self, run_dir: Path) -> None:
-        """Connect to the world of a run directory.
-
-        Raises:
-            HardwareError: no world answers.
-        """
-        self._link, answer = wire.connect(run_dir, "stage")
-        self.looks = SceneState.model_validate(answer["looks"])
+        """Connect to the world of a run directory; raises ``HardwareError`` if no world answers."""
+        super().__init__(run_dir, "stage")
+        self.looks = SceneState.model_validate(self._told["looks"])
         """As they are, from the next exposure on."""
 
     def change(
@@ -62,17 +45,9 @@ class SceneControl:
         exposure: ExposureSettings | None = None,
         mount: MountSettings | None = None,
     ) -> int:
-        """Change what is given; returns the tick from which it counts.
-
-        Raises:
-            HardwareError: the world is gone.
-        """
+        """Change what is given, from the returned tick on; raises ``HardwareError`` if the world is gone."""
         parts = {"light": light, "exposure": exposure, "mount": mount}
         wish = {name: part.model_dump() for name, part in parts.items() if part is not None}
         answer = wire.ask(self._link, wish)
         self.looks = SceneState.model_validate(answer["looks"])
         return int(answer["tick"])
-
-    def close(self) -> None:
-        """Let the world go."""
-        self._link.close()

@@ -57,15 +57,7 @@ REALTIME_PRIORITY = 90
 
 
 class World:
-    """One simulated world and its clients.
-
-    Args:
-        run_dir: where socket, frames and the snapshot at the end lie.
-        settings: of the world.
-
-    Attributes:
-        plant: arm, board and pieces.
-    """
+    """One simulated world and its clients; socket, frames and the snapshot at the end lie in its run directory."""
 
     def __init__(self, run_dir: Path, settings: WorldSettings) -> None:
         self._run_dir = run_dir
@@ -113,10 +105,8 @@ class World:
         self._ending = False
 
     def run(self) -> None:
-        """Serve until the controller says goodbye or none comes, or SIGTERM; then rest and leave a snapshot.
-
-        Raises:
-            HardwareError: the cameras have no OpenGL.
+        """Serve until the controller says goodbye or none comes, or SIGTERM; then rest and leave a snapshot. Raises
+        ``HardwareError`` if the cameras have no OpenGL.
         """
         signal.signal(signal.SIGTERM, self._end)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the app decides when a world ends
@@ -325,10 +315,8 @@ class World:
 
 
 def serve(run_dir: Path) -> None:
-    """Run a world from the settings in a run directory until it is no longer needed.
-
-    Raises:
-        HardwareError: settings or parameters are missing or impossible, or there is no OpenGL for the cameras.
+    """Run a world from the settings in a run directory until it is no longer needed; raises ``HardwareError`` if
+    settings or parameters are missing or impossible, or there is no OpenGL for the cameras.
     """
     settings = load_settings(run_dir)
     try:

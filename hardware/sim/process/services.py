@@ -10,7 +10,7 @@ from typing import Any, Final
 from hardware.interfaces import Command
 from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
-from hardware.sim.process.connections import Refused, Visitor
+from hardware.sim.process.connections import Refused, Service, Visitor
 from hardware.sim.process.pacing import SpeedMeter
 
 SILENCE = 2.0
@@ -19,26 +19,19 @@ NEVER: Final = 1 << 62
 """A tick that does not come."""
 
 
-class Drives:
-    """The servo bus: one controller at a time.
+class Drives(Service):
+    """The servo bus: one controller at a time, None while nobody holds the drives.
 
-    Args:
-        facts: about the world that every visitor is told.
-        first: how long the world waits for its first controller [s, wall].
-        linger: how long it waits for another one once that is gone [s, wall].
-
-    Attributes:
-        controller: who holds the drives.
-        command: received and not yet carried out.
-        goodbye: a controller has ended in good order, and with it the world.
+    ``command`` was received and is not yet carried out; ``goodbye``: a controller has ended in good order, and with it
+    the world. It waits ``first`` for its first controller, ``linger`` for another one once that is gone [s, wall].
     """
 
     def __init__(self, facts: dict[str, Any], first: float, linger: float) -> None:
+        super().__init__(facts)
         self.controller: Visitor | None = None
         self.command: Command | None = None
         self.goodbye = False
         self._receiver: wire.Receiver | None = None
-        self._facts = facts
         self._linger = linger
         self._patience = first
         self._heard = time.monotonic()
@@ -97,26 +90,16 @@ class Drives:
         return time.monotonic() - self._heard > self._patience
 
 
-class ClockService:
-    """Plant time for those who ask, and for those who sleep until it has passed.
-
-    Args:
-        facts: about the world that every visitor is told.
-        plant: whose time it is.
-
-    Attributes:
-        due: tick at which the next sleeper wakes up.
+class ClockService(Service):
+    """Plant time for those who ask, and for those who sleep until it has passed; ``due`` is when the next of them wakes
+    up.
     """
 
     def __init__(self, facts: dict[str, Any], plant: Plant) -> None:
+        super().__init__(facts)
         self.due = NEVER
-        self._facts = facts
         self._plant = plant
         self._sleepers: list[tuple[int, Visitor]] = []
-
-    def welcome(self, _visitor: Visitor) -> dict[str, Any]:
-        """See ``Service``."""
-        return self._facts
 
     def hear(self, visitor: Visitor, message: bytes) -> None:
         """See ``Service``."""
@@ -143,23 +126,12 @@ class ClockService:
         self.due = min((due for due, _ in sleepers), default=NEVER)
 
 
-class RefereeService:
-    """The truth, for the referee.
-
-    Args:
-        facts: about the world that every visitor is told.
-        plant: about which the truth is told.
-        speed: how fast it ran.
-    """
+class RefereeService(Service):
+    """The truth about the plant, and how fast it ran, for the referee."""
 
     def __init__(self, facts: dict[str, Any], plant: Plant, speed: SpeedMeter) -> None:
-        self._facts = facts
-        self._plant = plant
-        self._speed = speed
-
-    def welcome(self, _visitor: Visitor) -> dict[str, Any]:
-        """See ``Service``."""
-        return self._facts
+        super().__init__(facts)
+        self._plant, self._speed = plant, speed
 
     def hear(self, visitor: Visitor, message: bytes) -> None:
         """See ``Service``."""
@@ -171,6 +143,3 @@ class RefereeService:
         pieces = [[p.name, p.x, p.y, p.z, p.tilt] for p in truth.pieces]
         ran = {"ran_ticks": self._speed.ticks, "ran_wall": self._speed.wall}
         visitor.tell({**asdict(truth), "pieces": pieces, **ran})
-
-    def leave(self, _visitor: Visitor) -> None:
-        """See ``Service``."""

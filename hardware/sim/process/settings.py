@@ -5,13 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Self
 
-from pydantic import (
-    NonNegativeFloat,
-    NonNegativeInt,
-    PositiveFloat,
-    ValidationError,
-    model_validator,
-)
+from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, ValidationError, model_validator
 
 from hardware.frozen import Frozen
 from hardware.interfaces import LINGER, SEED, HardwareError, Pace
@@ -80,11 +74,7 @@ def keep_settings(settings: WorldSettings, run_dir: Path) -> None:
 
 
 def load_settings(run_dir: Path) -> WorldSettings:
-    """Read the settings the app left in the run directory.
-
-    Raises:
-        HardwareError: they are missing or malformed.
-    """
+    """Read what the app left in the run directory; raises ``HardwareError`` if they are missing or malformed."""
     path = run_dir / FILE_NAME
     try:
         return WorldSettings.model_validate_json(path.read_text(encoding="utf-8"))

@@ -50,12 +50,7 @@ class PlacedPiece:
 class TableStudio:
     """Renders frames of pieces at chosen poses. A context manager.
 
-    Args:
-        pieces: the set; each picture says which of them are there.
-        table: they stand on.
-        home: tool point at which the arm is, base frame [m].
-        camera: of the pictures.
-        hand: whose hand there is, that pictures may show; None: nobody's.
+    The arm's tool is at ``home``, base frame [m]; ``hand`` says whose pictures may show, None: nobody's.
     """
 
     def __init__(
@@ -90,14 +85,8 @@ class TableStudio:
     def frame(self, poses: Iterable[PlacedPiece], looks: SceneState, seed: int, hand: HandPose | None = None) -> Frame:
         """A picture of these pieces and no others; ``seed`` decides the sensors' noise.
 
-        Args:
-            poses: of the pieces.
-            looks: light, exposure and mount.
-            seed: of noise.
-            hand: where the hand is; None: where it is parked, out of the picture.
-
-        Raises:
-            ValueError: there is no hand in this studio.
+        The hand is parked out of the picture where its pose is None; raises ``ValueError`` if there is none in this
+        studio.
         """
         if hand is not None and self._hand is None:
             raise ValueError("this studio has no hand: say whose when it is opened")

@@ -20,54 +20,48 @@ Listen = Callable[[float], None]
 
 @dataclass(slots=True)
 class FrameInFlight:
-    """A frame between exposure and delivery.
-
-    Attributes:
-        slot: into whose file it is drawn.
-        exposed: tick of exposure.
-        due: tick of delivery.
-        colour: it has colour; else depth alone.
-        drawing: it is not drawn yet.
-    """
+    """A frame between exposure and delivery."""
 
     slot: int
+    """Into whose file it is drawn."""
     exposed: int
+    """Tick of exposure."""
     due: int
+    """Tick of delivery."""
     colour: bool = True
+    """It has colour; else depth alone."""
     drawing: bool = True
+    """It is not drawn yet."""
 
 
 @dataclass(slots=True, eq=False)
 class StreamClient:
-    """One who watches.
-
-    Attributes:
-        visitor: told of each frame.
-        camera: view that is watched.
-        depth: whether depth is wanted.
-        every: ticks from frame to frame.
-        latency: from exposure to delivery [ticks].
-        free: slots that no frame is in.
-        exposes: tick of the next exposure.
-        colour_asleep: frames have colour also while ``wake`` is False.
-        glance: they never have, and depth is coarse.
-        wake: plant time runs for it, also while nothing moves.
-        flights: frames under way, oldest first.
-        held: slot of the frame that was delivered and not taken.
-    """
+    """One who watches."""
 
     visitor: Visitor
+    """Told of each frame."""
     camera: str
+    """View that is watched."""
     depth: bool
+    """Whether depth is wanted."""
     every: int
+    """Ticks from frame to frame."""
     latency: int
+    """From exposure to delivery [ticks]."""
     free: list[int]
+    """Slots that no frame is in."""
     exposes: int
+    """Tick of the next exposure."""
     colour_asleep: bool = True
+    """Frames have colour also while ``wake`` is False."""
     glance: bool = False
+    """They never have, and depth is coarse."""
     wake: bool = False
+    """Plant time runs for it, also while nothing moves."""
     flights: list[FrameInFlight] = field(default_factory=list)
+    """Frames under way, oldest first."""
     held: int | None = None
+    """Slot of the frame that was delivered and not taken."""
 
     @property
     def due(self) -> int:
@@ -99,15 +93,9 @@ class StreamClient:
                 flight.drawing = False
 
     def deliver(self, tick: int, listen: Listen | None, present: Callable[[], bool]) -> bool:
-        """Deliver what is due.
+        """Deliver what is due at a tick to a visitor who is still ``present``; whether plant time had to wait.
 
-        Args:
-            tick: the present one.
-            listen: hears visitors for a while [s]; plant time waits. None: it does not (pace real).
-            present: whether the visitor still is there.
-
-        Returns:
-            Whether plant time had to wait.
+        ``listen`` hears visitors for a while [s]; plant time waits. None: it does not (pace real).
         """
         waited = False
         while self.flights and self.flights[0].due <= tick and present():

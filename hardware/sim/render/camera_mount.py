@@ -18,12 +18,7 @@ _DEPTH_ANGLE = 2.0 * math.atan(0.5 * DEPTH_HEIGHT / depth_intrinsics().fy)
 
 
 class Mount:
-    """A camera of a model, seen through either of its sensors.
-
-    Args:
-        model: whose camera of this name is set; as it is now is its nominal pose.
-        name: of the camera.
-    """
+    """A model's camera of a name, seen through either of its sensors; as it is now is its nominal pose."""
 
     def __init__(self, model: mujoco.MjModel, name: str) -> None:
         self._camera = model.camera(name)

@@ -29,8 +29,15 @@ from hardware.sim.render.renderer import (
     frame_path,
     unpack_request,
 )
-from hardware.sim.render.sensor_model import colour_picture, depth_picture, seen_from_left, whole_units
-from hardware.sim.render.sensors import COLOUR, GLANCING, STEREO
+from hardware.sim.render.sensor_model import (
+    COLOUR,
+    GLANCING,
+    STEREO,
+    colour_picture,
+    depth_picture,
+    seen_from_left,
+    whole_units,
+)
 
 ROD_HALF_DISTANCE = 0.024
 """Between the rods of a pair, each from the middle [m]; they are drawn, the physics lumps them."""
@@ -67,11 +74,7 @@ def draw_rods(scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
 
 
 class SceneDrawer:
-    """The world as it is drawn: a model of its own, and a renderer for each size of picture.
-
-    Args:
-        model: compiled with looks; its lights and its camera are set for each picture.
-    """
+    """The world as it is drawn: a model of its own, compiled with looks, and a renderer for each size of picture."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
@@ -86,13 +89,7 @@ class SceneDrawer:
         mujoco.mj_forward(model, self._data)
 
     def draw(self, shot: RenderRequest, positions: NDArray[np.float64], file: NDArray[np.uint8]) -> None:
-        """Draw a picture into a frame's bytes.
-
-        Args:
-            shot: what is wanted.
-            positions: of all joints, shape (nq,).
-            file: of a slot, shape (``FRAME_BYTES``,).
-        """
+        """Draw a picture of all joints' positions (nq,) into the bytes of a slot's file, shape (``FRAME_BYTES``,)."""
         self._data.qpos[:] = positions
         mujoco.mj_kinematics(self._model, self._data)
         if shot.looks is not None and shot.looks.light != self._looks.light:
@@ -112,11 +109,7 @@ class SceneDrawer:
         file[DEPTH_BYTES : DEPTH_BYTES + picture.size] = picture.ravel()
 
     def warm_up(self) -> None:
-        """Draw once.
-
-        Raises:
-            Exception: whatever OpenGL raises where it does not work; the world tells the last line of it.
-        """
+        """Draw once. Raises whatever OpenGL raises where it does not work; the world tells the last line of it."""
         self._see(SENSOR_VIEW, WIDTH, HEIGHT)
 
     def close(self) -> None:

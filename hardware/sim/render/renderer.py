@@ -92,10 +92,8 @@ def frame_path(run_dir: Path, slot: int) -> Path:
 
 
 def make_slot(run_dir: Path, slot: int) -> None:
-    """Make a slot's file, and see that there is room for its frames: who drew where none is left would be killed.
-
-    Raises:
-        OSError: there is none.
+    """Make a slot's file, and see that there is room for its frames: who drew where none is left would be killed;
+    raises ``OSError`` if there is none.
     """
     with frame_path(run_dir, slot).open("ab") as file:
         os.posix_fallocate(file.fileno(), 0, FRAME_BYTES)
@@ -104,11 +102,8 @@ def make_slot(run_dir: Path, slot: int) -> None:
 def load_pictures(
     path: Path, width: int, height: int, *, depth: bool, colour: bool = True
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint16] | None]:
-    """What was drawn into a slot's file.
-
-    Returns:
-        Colour (height, width, 3) RGB, black where it is not wanted; depth as the imager has it, in whole units, or None
-        where it is not wanted.
+    """What was drawn into a slot's file: colour (height, width, 3) RGB, black where it is not wanted; depth as the
+    imager has it, in whole units, or None where it is not wanted.
     """
     shape = (height, width, 3)
     if colour:
@@ -158,10 +153,8 @@ class Renderer:
             )  # fmt: skip
 
     def _start_again(self) -> None:
-        """Replace a process that has ended, and ask the new one for what the old one owed.
-
-        Raises:
-            HardwareError: it ends again and again.
+        """Replace a process that has ended, and ask the new one for what the old one owed; raises ``HardwareError`` if
+        it ends again and again.
         """
         while True:
             self._deaths += 1
@@ -183,10 +176,8 @@ class Renderer:
         return self._process.pid
 
     def wait_ready(self) -> None:
-        """Block until the first picture could be drawn.
-
-        Raises:
-            HardwareError: there is no OpenGL here, or it ends again and again.
+        """Block until the first picture could be drawn; raises ``HardwareError`` if there is no OpenGL here, or it ends
+        again and again.
         """
         while True:
             self._link.settimeout(START_TIMEOUT)
@@ -206,10 +197,8 @@ class Renderer:
             self._start_again()  # it was killed
 
     def request(self, shot: RenderRequest, positions: NDArray[np.float64]) -> None:
-        """Ask for a picture of the world at these joint positions.
-
-        Raises:
-            HardwareError: the renderer ends again and again, or is stuck.
+        """Ask for a picture of the world at these joint positions; raises ``HardwareError`` if the renderer ends again
+        and again, or is stuck.
         """
         self._owed.append(pack_request(shot, positions))
         try:
@@ -220,14 +209,10 @@ class Renderer:
             self._start_again()
 
     def take(self, wait: bool, patience: float = DRAW_TIMEOUT) -> int | None:
-        """The slot of the next finished picture.
+        """The slot of the next finished picture; of one under way after ``patience`` at most [s, wall], or None without
+        ``wait``.
 
-        Args:
-            wait: for a picture under way; else None where none is finished.
-            patience: how long to wait at most [s, wall].
-
-        Raises:
-            HardwareError: the renderer ends again and again, or is stuck.
+        Raises ``HardwareError`` if the renderer ends again and again, or is stuck.
         """
         while True:
             try:

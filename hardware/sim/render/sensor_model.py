@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.interfaces import Intrinsics
+from hardware.sim.render.d435 import GLANCE, depth_intrinsics
 
 Image = NDArray[np.uint8]
 Field = NDArray[np.float32]
@@ -104,20 +105,18 @@ class ColourSensor:
         return replace(self, full_well=self.full_well / factor**2, read_noise=self.read_noise / factor)
 
 
+STEREO: Final = StereoSensor(depth_intrinsics())
+GLANCING: Final = STEREO.decimated(depth_intrinsics(GLANCE), GLANCE)
+COLOUR: Final = ColourSensor()
+
+
 def depth_picture(
     depth: Field, grey: Field | None, sensor: StereoSensor, unit: float, rng: np.random.Generator
 ) -> NDArray[np.uint16]:
-    """What the stereo sensor reports.
+    """What the stereo sensor reports: depth in units [m], shape (h, w); 0 where there is none.
 
-    Args:
-        depth: true distance along the view from the left imager, shape (h, w) [m].
-        grey: brightness of the scene from there as part of full scale, shape (h, w); None: no glare.
-        sensor: that sees it.
-        unit: of the result [m].
-        rng: decides all errors.
-
-    Returns:
-        Depth in units, shape (h, w); 0 where there is none.
+    ``depth`` is the true distance along the view from the left imager, shape (h, w) [m], ``grey`` the brightness of the
+    scene from there as part of full scale, shape (h, w); None: no glare. ``rng`` decides all errors.
     """
     shape = depth.shape
     ideal: Field = (sensor.scale / np.maximum(depth, 1e-3)).astype(np.float32)
@@ -140,14 +139,11 @@ def whole_units(depth: NDArray[np.floating], unit: float) -> NDArray[np.uint16]:
 
 
 def occluded(disparity: Field) -> NDArray[np.bool_]:
-    """Where the right imager does not see what the left one does.
+    """Where the right imager does not see what the left one does, for disparities of shape (h, w) [px].
 
     Pixel u of the left imager is at u − d in the right one. It is hidden there where something to the right of it in
     the left picture comes out as far left or further, and it is not in the picture at all where u − d is negative: the
     invalid band at the left border [D].
-
-    Args:
-        disparity: shape (h, w) [px].
     """
     right = np.arange(disparity.shape[1], dtype=np.float32) - disparity
     beyond = np.minimum.accumulate(right[:, ::-1], axis=1)[:, ::-1]
@@ -157,12 +153,8 @@ def occluded(disparity: Field) -> NDArray[np.bool_]:
 
 
 def correlated(rng: np.random.Generator, shape: tuple[int, ...], length: float) -> Field:
-    """A Gaussian field of mean 0 and standard deviation 1, alike over some pixels.
-
-    Args:
-        rng: draws it.
-        shape: (h, w).
-        length: standard deviation of the Gaussian by which white noise is blurred [px].
+    """A Gaussian field (h, w) of mean 0 and standard deviation 1: white noise, blurred over a ``length`` (standard
+    deviation) [px].
     """
     noise = _white(rng, shape)
     reach = max(1, math.ceil(3.0 * length))
@@ -215,21 +207,12 @@ def colour_picture(
     white_balance: tuple[float, float, float],
     rng: np.random.Generator,
 ) -> Image:
-    """What the colour sensor delivers.
+    """What the colour sensor delivers of an ideal picture, both RGB, shape (h, w, 3).
 
     Light is added up and cut off in a linear scale; the picture itself is encoded for displays (gamma 2.2). The noise
-    of a pixel that gathers N electrons is √N, and that of reading it is added; gain amplifies both.
-
-    Args:
-        ideal: RGB, shape (h, w, 3).
-        sensor: that sees it; None: an ideal one, of which exposure, gain and white balance alone are felt.
-        exposure: time, as a factor.
-        gain: analogue gain.
-        white_balance: factors of red, green and blue.
-        rng: draws the noise.
-
-    Returns:
-        RGB, shape (h, w, 3).
+    of a pixel that gathers N electrons is √N, and that of reading it is added; gain amplifies both. Exposure is the
+    time as a factor, white balance the factors of red, green and blue. Of an ideal ``sensor``, None, these and gain
+    alone are felt.
     """
     curves = (_LINEAR[:, None] * exposure * np.asarray(white_balance)).astype(np.float32)
     light: Field = np.asarray(cv2.LUT(ideal, curves[None]), dtype=np.float32)
@@ -260,17 +243,10 @@ def _vignette(h: int, w: int, corner: float) -> Field:
 def seen_from_left(
     colour: Image, colour_pinhole: Intrinsics, depth: Field, pinhole: Intrinsics, offset: float
 ) -> Field:
-    """Brightness of the scene as the left imager sees it, taken from the colour sensor's picture beside it.
+    """Brightness as the left imager sees it, part of full scale, shape (h', w'); 0 outside the colour picture.
 
-    Args:
-        colour: ideal RGB, shape (h, w, 3).
-        colour_pinhole: of the colour sensor.
-        depth: from the left imager, shape (h', w') [m].
-        pinhole: of the left imager.
-        offset: of the left imager from the colour sensor, to the right [m].
-
-    Returns:
-        Part of full scale, shape (h', w'); 0 outside the colour picture.
+    It is taken from the colour sensor's ideal picture, RGB (h, w, 3), by the depth from the left imager, (h', w') [m],
+    which stands an ``offset`` to the right of it [m]; each with its pinhole.
     """
     h, w = depth.shape
     grey = np.maximum(np.maximum(colour[..., 0], colour[..., 1]), colour[..., 2])

@@ -29,14 +29,7 @@ _PATIENCE: Final = 60.0
 
 
 class StillRenderer:
-    """Draws a model. A context manager.
-
-    Args:
-        model: with a camera ``VIEW``.
-
-    Raises:
-        HardwareError: there is no OpenGL here.
-    """
+    """Draws a model with a camera ``VIEW``. A context manager; raises ``HardwareError`` if there is no OpenGL here."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="touchmove-")
@@ -62,9 +55,7 @@ class StillRenderer:
         self, positions: NDArray[np.float64], looks: SceneState | None = None, sensor: Sensor | None = None
     ) -> tuple[NDArray[np.uint8], NDArray[np.uint16] | None]:
         """Colour and depth at joint positions (nq,), as ``load_pictures`` has them; the rest as of ``RenderRequest``.
-
-        Raises:
-            HardwareError: the renderer has ended or is stuck.
+        Raises ``HardwareError`` if the renderer has ended or is stuck.
         """
         self._renderer.request(RenderRequest(slot=0, view=VIEW, looks=looks, sensor=sensor), positions)
         self._renderer.take(wait=True, patience=_PATIENCE)

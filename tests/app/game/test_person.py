@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import chess
@@ -37,11 +37,14 @@ class UserInterface:
         self.said: list[str] = []
         self.asked: list[str] = []
 
-    def say(self, sentence: str) -> None:
+    def say(self, sentence: str, squares: Collection[str] = ()) -> None:
         self.said.append(sentence)
 
-    def prompt(self, question: str) -> None:
+    def prompt(self, question: str, answers: Collection[str] = (), squares: Collection[str] = ()) -> None:
         self.asked.append(question)
+
+    def answered(self) -> None:
+        pass
 
 
 class Hands:

@@ -6,6 +6,7 @@ import io
 import json
 import subprocess
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from app.play.match import last_round
 from app.play.session import SessionResult
 from app.records import EVENTS_FILE, read_events, read_history
 from app.settings.files import settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.interface import TypedLines, UserInterface
 from hardware.table import Captured, TableSettings
 
 TABLE = TableSettings()
@@ -35,7 +36,7 @@ MASTERS = Path(__file__).resolve().parents[2] / "data" / "master_games.pgn"
 def play(folder: Path, typed: str | None = None, **changes: Any) -> SessionResult:
     named = {name.replace("__", "."): value for name, value in changes.items()}
     settings = settings_of({"rig.name": "board", "rig.video": False, "out": folder, **named})
-    return run_games(settings, UserInterface(), None if typed is None else io.StringIO(typed))
+    return run_games(settings, UserInterface(), None if typed is None else TypedLines(io.StringIO(typed)))
 
 
 def moves_of(folder: Path) -> list[str]:
@@ -71,10 +72,12 @@ def test_a_game_begun_by_new_goes_on_after_it_was_left(tmp_path: Path) -> None:
     left = play(folder, "e4\nnew\nd4\nquit\n", white__player="human", engine__nodes=50)
     assert (left.folder, left.report.result, left.report.plies) == (folder / "game-2", "*", 2)
     assert last_round(folder) == (folder / "game-2", 2, False)
-    done = resume_games(left.folder, UserInterface(), io.StringIO("resign\n"))  # whichever folder of the match is named
+    done = resume_games(
+        left.folder, UserInterface(), TypedLines(io.StringIO("resign\n"))
+    )  # whichever folder of the match is named
     assert (done.folder, done.report.result, done.report.plies) == (folder / "game-2", "0-1", 2)
     with pytest.raises(UserError, match="is over, after 2 plies"):
-        resume_games(folder, UserInterface(), io.StringIO(""))
+        resume_games(folder, UserInterface(), TypedLines(io.StringIO("")))
 
 
 def test_the_last_round_of_a_match_that_began_with_setting_up_is_its_game(tmp_path: Path) -> None:
@@ -88,14 +91,14 @@ def test_a_refused_takeback_leaves_the_clock_running(tmp_path: Path) -> None:
     said: list[str] = []
 
     class Told(UserInterface):
-        def say(self, sentence: str) -> None:
+        def say(self, sentence: str, squares: Collection[str] = ()) -> None:
             said.append(sentence)
 
     named = {
         "rig.name": "board", "rig.captured": "box", "rig.video": False, "out": tmp_path / "game", "clock.time": "5+0",
         "game.fen": "4k3/8/8/3p4/4P3/8/8/4K3 w - - 0 1", "white.player": "human", "engine.nodes": 50,
     }  # fmt: skip
-    done = run_games(settings_of(named), Told(), io.StringIO("exd5\ntakeback\nKd2\nresign\n"))
+    done = run_games(settings_of(named), Told(), TypedLines(io.StringIO("exd5\ntakeback\nKd2\nresign\n")))
     assert any("box" in sentence for sentence in said), said
     plies = read_history(tmp_path / "game" / EVENTS_FILE, TABLE.model_copy(update={"captured": Captured.BOX})).plies
     left = [ply.clock_s["white"] for ply in plies if ply.clock_s is not None and ply.side == "white"]
@@ -205,7 +208,7 @@ def test_a_person_plays_takes_back_changes_sides_and_resigns(tmp_path: Path) -> 
 def test_sides_that_were_changed_stay_so_after_a_resume(tmp_path: Path) -> None:
     left = play(tmp_path / "game", "e4\nside\nquit\n", white__player="human", engine__nodes=50)
     assert left.resumable
-    done = resume_games(tmp_path / "game", UserInterface(), io.StringIO("resign\n"))
+    done = resume_games(tmp_path / "game", UserInterface(), TypedLines(io.StringIO("resign\n")))
     assert (done.report.result, done.report.exit_reason) == ("1-0", "Black resigns")
     assert len(moves_of(tmp_path / "game")) == 3
     assert players_of(tmp_path / "game")[1] == "Human"
@@ -236,7 +239,7 @@ def test_nobody_at_the_keyboard_leaves_a_game_that_goes_on(tmp_path: Path) -> No
     done = play(tmp_path / "game", "e4\n", white__player="human", engine__nodes=500)
     assert not done.holds
     assert done.resumable
-    again = resume_games(tmp_path / "game", UserInterface(), io.StringIO("d4\nresign\n"))
+    again = resume_games(tmp_path / "game", UserInterface(), TypedLines(io.StringIO("d4\nresign\n")))
     assert again.report.result == "0-1"
     assert moves_of(tmp_path / "game")[::2] == ["e4", "d4"]
 

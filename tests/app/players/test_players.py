@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from collections.abc import Collection
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -265,7 +266,7 @@ class Hearing(UserInterface):
     def __init__(self) -> None:
         self.said = list[str]()
 
-    def say(self, sentence: str) -> None:
+    def say(self, sentence: str, squares: Collection[str] = ()) -> None:
         self.said.append(sentence)
 
 

@@ -10,7 +10,7 @@ from controller.model.constants import DeltaModel
 from controller.model.dynamics import joint_inertia
 from controller.model.kinematics import arm_directions
 from controller.model.reach import jacobians_at, posture_at, tool_point_at
-from controller.model.second_order import arm_hessian, tool_drift, unmeasured_drift, velocity_torque
+from controller.model.second_order import arm_hessian, tool_drift, velocity_torque
 from controller.offline import constrained
 from controller.offline.simulation import ConstrainedArm
 from hardware.parameters import load_parameters
@@ -97,18 +97,6 @@ def test_tool_drift_is_the_second_derivative_along_a_straight_line_of_angles() -
         second = (ways[0] - 2.0 * ways[1] + ways[2]) / step**2
         found = np.array(tool_drift(MODEL.constants, angle, rate, *pose_at(MODEL, angle)))
         np.testing.assert_allclose(found, second, rtol=1e-4, atol=1e-6)
-
-
-def test_unmeasured_angles_accelerate_as_eq_17_says() -> None:
-    random = np.random.default_rng(3)
-    for point in points():
-        q, v = ARM.at(point, random.normal(0.0, 0.8, 3))
-        angle, rate = q[constrained.MEASURED], v[constrained.MEASURED]
-        drift = tool_drift(MODEL.constants, angle, rate, *pose_at(MODEL, angle))
-        found = np.empty(6)
-        unmeasured_drift(MODEL.constants, q, v, drift, found)
-        expected = constrained.acceleration_at(MODEL, q, v, np.zeros(3))[constrained.UNMEASURED]
-        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10)
 
 
 def compiled_velocity_torque(angle: FloatArray, rate: FloatArray) -> FloatArray:

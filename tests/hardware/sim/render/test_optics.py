@@ -10,6 +10,8 @@ import pytest
 from hardware.interfaces import Intrinsics
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.sim.render.sensor_model import (
+    COLOUR,
+    STEREO,
     ColourSensor,
     colour_picture,
     correlated,
@@ -18,7 +20,6 @@ from hardware.sim.render.sensor_model import (
     seen_from_left,
     whole_units,
 )
-from hardware.sim.render.sensors import COLOUR, STEREO
 
 UNIT = 1e-4
 SHAPE = (480, 848)

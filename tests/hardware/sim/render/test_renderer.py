@@ -24,7 +24,7 @@ from hardware.sim.render.appearance import CameraSettings, ExposureSettings, Lig
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
 from hardware.sim.render.drawing import draw_rods
 from hardware.sim.render.renderer import DEPTH_BYTES, MODEL_FILE, Renderer, RenderRequest, Sensor, frame_path, make_slot
-from hardware.sim.render.sensors import STEREO
+from hardware.sim.render.sensor_model import STEREO
 from hardware.table import TableSettings
 from tests.hardware.sim.process.test_world import settings_for
 

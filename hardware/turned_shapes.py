@@ -1,5 +1,5 @@
-"""Shapes of turned pieces for the camera: profiles as (radius, height), their meshes of revolution, and what is carved:
-a rook's battlements, a queen's coronet, a king's cross, a knight's head.
+"""Shapes of turned pieces, for whoever draws them: profiles as (radius, height), their meshes of revolution, and what
+is carved: a rook's battlements, a queen's coronet, a king's cross, a knight's head.
 
 Nothing above the foot is wider than the stem that the gripper holds.
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,20 +18,41 @@ from hardware.table import FELT_HEIGHT, PIECE_PROFILES, PIECE_SHAPES, Kind, piec
 
 SEGMENTS = 20
 
+KING_CROSS: Final = (((0.13, 0.13, 0.05), 0.05), ((0.4, 0.13, 0.014), 0.04))
+"""Its upright and its arm: half the size along x and y in stem radii and along z as height above, and how far the
+middle lies below the king's top, as height above."""
+
 Mesh = tuple[NDArray[np.float64], NDArray[np.int32]]
 """Vertices (n, 3) [m] and triangles (m, 3)."""
 
-_BATTLEMENTS = (8, 9)
-"""Rings of the rook's profile that are cut down between its battlements."""
-_CORONET = (10,)
-"""Ring of the queen's profile that stands up in points."""
+
+class Carving(NamedTuple):
+    """What is cut into a turned piece.
+
+    Attributes:
+        rings: of ``PIECE_PROFILES`` that are not level all around: which, from 0.
+        height: by which they rise or sink, as part of the piece's whole height; negative: they sink.
+        teeth: so many around the piece.
+        square: cut straight down over two fifths of each tooth's share; else a wave.
+    """
+
+    rings: tuple[int, ...]
+    height: float
+    teeth: int
+    square: bool
+
+
+CARVINGS: Final[dict[Kind, Carving]] = {
+    Kind.ROOK: Carving((8, 9), -0.09, 4, square=True),  # battlements
+    Kind.QUEEN: Carving((10,), 0.03, 5, square=False),  # a coronet
+}
 
 # Neck and head of the knight, seen from the side: (y in stem radii, height as above); it looks towards +y.
-_HORSE = (
+KNIGHT_HEAD: Final = (
     (-0.85, 0.17), (0.8, 0.17), (0.7, 0.28), (0.4, 0.42), (0.3, 0.5), (0.55, 0.5), (0.9, 0.47), (1.0, 0.54),
     (0.95, 0.62), (0.55, 0.78), (0.25, 0.88), (0.15, 1.0), (-0.1, 0.91), (-0.5, 0.82), (-0.85, 0.62), (-0.95, 0.38),
 )  # fmt: skip
-_HORSE_LAYERS = ((-0.62, 0.7), (-0.34, 1.0), (0.34, 1.0), (0.62, 0.7))
+KNIGHT_LAYERS: Final = ((-0.62, 0.7), (-0.34, 1.0), (0.34, 1.0), (0.62, 0.7))
 """Across the head: (x in stem radii, scale of the outline), so that its edges are rounded off."""
 
 
@@ -51,16 +73,17 @@ def _profile(kind: Kind) -> list[tuple[float, float]]:
 
 def _carving(kind: Kind) -> Callable[[int, int], float]:
     """By how much a ring's vertex stands higher than the profile, as part of the piece above the foot."""
-    rings = {Kind.ROOK: _BATTLEMENTS, Kind.QUEEN: _CORONET}.get(kind, ())
+    carving = CARVINGS.get(kind)
     first = len(_profile(kind)) - len(PIECE_PROFILES[kind]) - 2  # of the profile above the foot, among all rings
-    carved = {first + ring for ring in rings}
+    carved = {first + ring for ring in carving.rings} if carving else set()
 
     def lift(ring: int, segment: int) -> float:
-        if ring not in carved:
+        if carving is None or ring not in carved:
             return 0.0
-        if kind is Kind.ROOK:
-            return -0.09 if segment % 5 < 2 else 0.0
-        return 0.03 * math.cos(2.0 * math.pi * segment / 4.0)
+        share = SEGMENTS // carving.teeth
+        if carving.square:
+            return carving.height if segment % share < 2 * share // 5 else 0.0
+        return carving.height * math.cos(2.0 * math.pi * segment / share)
 
     return lift
 
@@ -91,22 +114,22 @@ def _horse_head(kind: Kind) -> Mesh:
     """Neck and head: the outline in layers across, the outer ones smaller."""
     shape = PIECE_SHAPES[kind]
     low, span = shape.foot_height, shape.height - shape.foot_height
-    outline = np.array([[y * shape.stem_radius, low + f * span] for y, f in _HORSE])
+    outline = np.array([[y * shape.stem_radius, low + f * span] for y, f in KNIGHT_HEAD])
     middle = np.array([-0.1 * shape.stem_radius, low + 0.55 * span])
     n = len(outline)
     vertices, faces = [], []
-    for x, scale in _HORSE_LAYERS:
+    for x, scale in KNIGHT_LAYERS:
         ring = middle + scale * (outline - middle)
         ring[:, 1] = np.minimum(np.maximum(ring[:, 1], low + 0.15 * span), shape.height)
         vertices += [[x * shape.stem_radius, y, z] for y, z in ring]
-    for layer in range(len(_HORSE_LAYERS) - 1):
+    for layer in range(len(KNIGHT_LAYERS) - 1):
         a, b = layer * n, (layer + 1) * n
         for i in range(n):
             j = (i + 1) % n
             faces += [[a + i, a + j, b + j], [a + i, b + j, b + i]]
-    for layer, turned in ((0, True), (len(_HORSE_LAYERS) - 1, False)):
+    for layer, turned in ((0, True), (len(KNIGHT_LAYERS) - 1, False)):
         centre = len(vertices)
-        vertices.append([_HORSE_LAYERS[layer][0] * shape.stem_radius, *middle.tolist()])
+        vertices.append([KNIGHT_LAYERS[layer][0] * shape.stem_radius, *middle.tolist()])
         for i in range(n):
             a, b = layer * n + i, layer * n + (i + 1) % n
             faces.append([centre, b, a] if turned else [centre, a, b])
@@ -117,10 +140,7 @@ def _cross(kind: Kind) -> list[Mesh]:
     """On top of the king: an upright and an arm."""
     shape = PIECE_SHAPES[kind]
     r, top, span = shape.stem_radius, shape.height, shape.height - shape.foot_height
-    return [
-        _box((0.13 * r, 0.13 * r, 0.05 * span), top - 0.05 * span),
-        _box((0.4 * r, 0.13 * r, 0.014 * span), top - 0.04 * span),
-    ]
+    return [_box((x * r, y * r, z * span), top - below * span) for (x, y, z), below in KING_CROSS]
 
 
 def _box(half: tuple[float, float, float], height: float) -> Mesh:

@@ -1,0 +1,1 @@
+"""What goes on now: state in sections, who watches, who holds the controls, telemetry."""

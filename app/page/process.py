@@ -1,0 +1,68 @@
+"""The page's process: ``python -m app.page.process --fd N --records DIR --settings JSON``, started by a game.
+
+It ends when the game does: at once where that said so, else when the controller falls silent: until then STOP works.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import gc
+import os
+import socket
+import sys
+from pathlib import Path
+from typing import Final
+
+from app import UserError
+from app.page.address import Entrance, open_entrance
+from app.page.live.feed import Feed
+from app.page.page_server import PageServer
+from app.settings.tree import PageSection
+
+NICE: Final = 5
+"""The page steps back behind game and controller [steps of the scheduler's niceness]."""
+GONE: Final = "the game's program is gone without a word: 'touchmove resume' goes on with its game"
+
+
+def main() -> int:
+    """Be the page's process; its exit status: 0 the game has ended, 2 the page cannot be opened."""
+    parser = argparse.ArgumentParser(prog="app.page.process", description=__doc__)
+    parser.add_argument("--fd", type=int, required=True, help="socket to the game's process")
+    parser.add_argument("--records", type=Path, required=True, help="folder of all recorded games")
+    parser.add_argument("--settings", type=PageSection.model_validate_json, required=True, help="[page], as JSON")
+    wishes = parser.parse_args()
+    os.nice(NICE)
+    game = socket.socket(fileno=wishes.fd)
+    try:
+        entrance = open_entrance(wishes.settings)
+    except UserError as error:
+        print(f"touchmove: {error}", file=sys.stderr)
+        return 2
+    gc.freeze()  # what was loaded stays
+    asyncio.run(_serve(entrance, wishes.records, game))
+    return 0
+
+
+async def _serve(entrance: Entrance, records: Path, game: socket.socket) -> None:
+    feed = await Feed.of(game)
+    page = PageServer(entrance, records, feed.say)
+    hearing = asyncio.create_task(_hear(feed, page))
+    await page.serve(lambda: print(entrance.address, flush=True))
+    hearing.cancel()
+    feed.close()
+
+
+async def _hear(feed: Feed, page: PageServer) -> None:
+    """Take the game's news until it is gone."""
+    async for news, jpeg in feed.news():
+        page.take(news, jpeg)
+    if page.state.ended is None:
+        page.state.end(GONE)
+        page.people.ended = True
+        await page.controller_silent()
+    await page.end()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

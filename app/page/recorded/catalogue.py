@@ -1,0 +1,156 @@
+"""The recorded games in a folder: which there are, and what each of them is, at a glance."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import quote
+
+from app.page.recorded.game_fold import UNDECIDED
+from app.records.files import EVENTS_FILE, FILM_FILE, ROUND_FOLDER
+from app.records.telemetry import TELEMETRY_FILE
+
+MOST: Final = 500
+"""Of the newest records so many are listed."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordPlace:
+    """A record: how the page's addresses name it, and where it lies.
+
+    Attributes:
+        id: one part of an address, for any name of a folder.
+        folder: with its events.
+        number: of the game in its match, from 1.
+        sets_up: no game, but what was set up for one.
+    """
+
+    id: str
+    folder: Path
+    number: int
+    sets_up: bool
+
+
+class Catalogue:
+    """Finds the records below some folders; each holds matches, or is one.
+
+    Args:
+        folders: of matches; of two records with one name that of the first counts.
+    """
+
+    def __init__(self, *folders: Path) -> None:
+        self._folders = list(folders)
+        self._known: dict[Path, tuple[tuple[int, int], dict[str, Any]]] = {}
+
+    def add(self, match: Path) -> None:
+        """A match that may lie elsewhere; nothing is done where it lies in one of the folders."""
+        if match not in self._folders and match.parent not in self._folders:
+            self._folders.append(match)
+
+    def places(self) -> dict[str, RecordPlace]:
+        """All records by name, the newest match first."""
+        found: dict[str, RecordPlace] = {}
+        for folder in self._folders:
+            for match in sorted(_matches(folder), key=_begun, reverse=True):
+                for place in _rounds(match):
+                    found.setdefault(place.id, place)
+        return found
+
+    def find(self, record: str) -> RecordPlace | None:
+        """The record of a name; None: there is none. No name leads elsewhere than to a record that is listed."""
+        return self.places().get(record)
+
+    def id_of(self, folder: Path) -> str:
+        """Name of the record in a folder, also of one that is only about to be made."""
+        for place in self.places().values():
+            if place.folder == folder:
+                return place.id
+        return _id(match_of_record(folder), folder)
+
+    def games(self) -> list[dict[str, Any]]:
+        """What ``GET /games`` answers."""
+        shown = []
+        for place in [*self.places().values()][:MOST]:
+            file = place.folder / EVENTS_FILE
+            status = file.stat()
+            key = (status.st_mtime_ns, status.st_size)
+            known = self._known.get(place.folder)
+            if known is None or known[0] != key:
+                known = self._known[place.folder] = key, _glance(file)
+            shown.append({
+                "id": place.id, "number": place.number, "sets_up": place.sets_up, **known[1],
+                "film": (place.folder / FILM_FILE).is_file(),
+                "telemetry": (place.folder / TELEMETRY_FILE).is_file(),
+            })  # fmt: skip
+        return shown
+
+
+def match_of_record(folder: Path) -> Path:
+    """Folder of the match that a record belongs to: its own, or the one around it."""
+    return folder.parent if ROUND_FOLDER.fullmatch(folder.name) else folder
+
+
+def _matches(folder: Path) -> Iterator[Path]:
+    """The matches in a folder, or the folder itself if it is one."""
+    if _is_match(folder):
+        yield folder
+    elif folder.is_dir():
+        yield from (one for one in folder.iterdir() if _is_match(one))
+
+
+def _is_match(folder: Path) -> bool:
+    return any((one / EVENTS_FILE).is_file() for one in (folder, *_later(folder)))
+
+
+def _later(match: Path) -> list[Path]:
+    """Folders of the rounds after the first."""
+    if not match.is_dir():
+        return []
+    return [one for one in match.iterdir() if ROUND_FOLDER.fullmatch(one.name) and one.is_dir()]
+
+
+def _begun(match: Path) -> float:
+    """When the first record of a match was made, nearly."""
+    return max((one / EVENTS_FILE).stat().st_mtime for one in (match, *_later(match)) if (one / EVENTS_FILE).is_file())
+
+
+def _rounds(match: Path) -> Iterator[RecordPlace]:
+    """The records of a match, in their order."""
+    rounds = []
+    for folder in (match, *_later(match)):
+        found = ROUND_FOLDER.fullmatch(folder.name) if folder != match else None
+        number = 1 if found is None else int(found["number"])
+        sets_up = found is not None and found["kind"] != "game"
+        rounds.append(RecordPlace(_id(match, folder), folder, number, sets_up))
+    for place in sorted(rounds, key=lambda one: (one.number, not one.sets_up)):
+        if (place.folder / EVENTS_FILE).is_file():
+            yield place
+
+
+def _id(match: Path, folder: Path) -> str:
+    """A name in one part of an address: no stroke, no dot alone, and nothing that a browser would write otherwise."""
+    names = (match.name,) if folder == match else (match.name, folder.name)
+    return "~".join(quote(name, safe="").replace("%", "=").replace("~", "=7E") for name in names) or "~"
+
+
+def _glance(file: Path) -> dict[str, Any]:
+    """What the list says of a record, without reading all of it closely; null where it cannot be read."""
+    lines = file.read_bytes().splitlines()
+    first, last = _object(lines[:1]), _object(lines[-1:])
+    ended = last.get("event") == "end"
+    return {
+        "white": first.get("white"), "black": first.get("black"), "began": first.get("wall_time"),
+        "start": first.get("fen"), "plies": sum(b'"event":"ply"' in line for line in lines),
+        "result": last.get("result") if ended else UNDECIDED, "reason": last.get("reason") if ended else None,
+    }  # fmt: skip
+
+
+def _object(lines: list[bytes]) -> dict[str, Any]:
+    try:
+        found = json.loads(lines[0]) if lines else None
+    except ValueError:
+        found = None
+    return found if isinstance(found, dict) else {}

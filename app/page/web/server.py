@@ -1,0 +1,205 @@
+"""The routes of the page."""
+
+from __future__ import annotations
+
+import asyncio
+import gzip
+import html
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, cast
+from urllib.parse import parse_qs
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp
+from starlette.websockets import WebSocket
+
+from app import UserError
+from app.page.live.hub import encoded
+from app.page.live.people import People
+from app.page.live.state import VIEWS
+from app.page.recorded.catalogue import Catalogue, RecordPlace
+from app.page.recorded.shower import JSON, Made, RecordShower
+from app.page.web.live_socket import Allowance, serve_watcher
+from app.page.web.pictures import STREAM_TYPE, Pictures
+from app.page.web.security import Gatekeeper, Names
+from app.page.web.sign_in import SignIn
+from app.records.files import FILM_FILE
+from app.records.game import FRAMES
+from app.terminal.shown import View
+
+STATIC: Final = Path(__file__).parents[1] / "static"
+LARGEST_FORM: Final = 2048
+"""Of what is sent to sign in [bytes]."""
+TRIES: Final = 10.0
+"""So often in a row somebody may sign in with a wrong password, whoever it is; then one try in ``AGAIN`` seconds."""
+AGAIN: Final = 3.0
+
+
+@dataclass(slots=True)
+class Site:
+    """What the routes show.
+
+    Attributes:
+        people: at the page.
+        pictures: of camera and film.
+        catalogue: of recorded games.
+        shower: makes what is shown of one.
+        sign_in: None: there is no password.
+    """
+
+    people: People
+    pictures: Pictures
+    catalogue: Catalogue
+    shower: RecordShower
+    sign_in: SignIn | None
+
+
+def site_app(site: Site, names: Names) -> ASGIApp:
+    """The page as an ASGI application."""
+    return Gatekeeper(_Routes(site).app(), names, site.sign_in)
+
+
+class _Routes:
+    def __init__(self, site: Site) -> None:
+        self._site = site
+        self._tries = Allowance(1.0 / AGAIN, TRIES)
+        self._one_try = asyncio.Lock()
+        self._making = asyncio.Lock()
+
+    def app(self) -> Starlette:
+        return Starlette(
+            routes=[
+                Route("/", self._page),
+                Route("/login", self._form, methods=["GET"]),
+                Route("/login", self._sign_in, methods=["POST"]),
+                Mount("/static", StaticFiles(directory=STATIC)),
+                Route("/picture/{view}.jpg", self._picture),
+                Route("/stream/{view}", self._stream),
+                Route("/games", self._games),
+                Route("/games/{id}/record.json", self._record),
+                Route("/games/{id}/film", self._film),
+                Route("/games/{id}/frames/{name}", self._frame),
+                WebSocketRoute("/live", self._live),
+            ],
+        )
+
+    async def _page(self, _: Request) -> Response:
+        return FileResponse(STATIC / "index.html")
+
+    async def _live(self, socket: WebSocket) -> None:
+        await serve_watcher(socket, self._site.people)
+
+    # ---- pictures
+
+    async def _picture(self, request: Request) -> Response:
+        picture = self._site.pictures.newest(_view(request))
+        if picture is None:
+            raise HTTPException(404, "there is no picture of that yet")
+        return Response(picture.jpeg, media_type="image/jpeg", headers={"Cache-Control": "no-store"})
+
+    async def _stream(self, request: Request) -> Response:
+        view = _view(request)
+        if self._site.pictures.full:
+            raise HTTPException(503, "too many look at streams already: close one of them")
+        parts = self._site.pictures.stream(view)
+        return StreamingResponse(parts, media_type=STREAM_TYPE, headers={"Cache-Control": "no-store"})
+
+    # ---- records
+
+    async def _games(self, request: Request) -> Response:
+        games = await asyncio.to_thread(self._site.catalogue.games)
+        return _answer(request, Made.of(encoded(games).encode(), JSON))
+
+    async def _record(self, request: Request) -> Response:
+        return await self._made(request, self._site.shower.record, await self._place(request))
+
+    async def _film(self, request: Request) -> Response:
+        return _file((await self._place(request)).folder / FILM_FILE, "video/webm")
+
+    async def _frame(self, request: Request) -> Response:
+        frames = (await self._place(request)).folder / FRAMES
+        name = request.path_params["name"]
+        if name not in await asyncio.to_thread(_pictures, frames):
+            raise HTTPException(404, "there is no such picture")
+        return _file(frames / name, "image/jpeg")
+
+    async def _place(self, request: Request) -> RecordPlace:
+        place = await asyncio.to_thread(self._site.catalogue.find, request.path_params["id"])
+        if place is None:
+            raise HTTPException(404, "there is no such recorded game: GET /games lists them")
+        return place
+
+    async def _made(self, request: Request, make: Callable[[RecordPlace], Made], place: RecordPlace) -> Response:
+        try:
+            async with self._making:  # one at a time: what is long is not made twice
+                made = await asyncio.to_thread(make, place)
+        except UserError as error:
+            raise HTTPException(409, str(error)) from error
+        return _answer(request, made)
+
+    # ---- who may come in
+
+    async def _form(self, _: Request) -> Response:
+        return HTMLResponse(_form(""))
+
+    async def _sign_in(self, request: Request) -> Response:
+        sign_in = self._site.sign_in
+        if sign_in is None:
+            return RedirectResponse("/", 303)
+        form = b""
+        async for part in request.stream():
+            form += part
+            if len(form) > LARGEST_FORM:
+                raise HTTPException(413, "that is no form of this page")
+        if not self._tries.take():
+            wait = math.ceil(self._tries.wait)
+            sentence = f"Too many wrong passwords: try again in {wait} s."
+            return HTMLResponse(_form(sentence), 429, headers={"Retry-After": str(wait)})
+        given = parse_qs(form.decode("latin-1"), encoding="utf-8", errors="replace").get("password", [""])[0]
+        async with self._one_try:  # each takes memory and a processor for a moment
+            right = await asyncio.to_thread(sign_in.accepts, given)
+        if not right:
+            return HTMLResponse(_form("That is not the password."), 403)
+        self._tries.give_back()
+        return RedirectResponse("/", 303, headers={"Set-Cookie": sign_in.cookie()})
+
+
+def _view(request: Request) -> View:
+    view = request.path_params["view"]
+    if view not in VIEWS:
+        raise HTTPException(404, f"there is no view of that name: {' and '.join(VIEWS)} are")
+    return cast("View", view)
+
+
+def _pictures(folder: Path) -> set[str]:
+    return {one.name for one in folder.glob("*.jpg")}
+
+
+def _file(path: Path, kind: str) -> Response:
+    """A file with its parts (``Range``), or 404."""
+    if not path.is_file():
+        raise HTTPException(404, "this game has none")
+    return FileResponse(path, media_type=kind)
+
+
+def _answer(request: Request, made: Made) -> Response:
+    """What was made, packed where the browser unpacks it; nothing where it has that already."""
+    headers = {"ETag": made.tag, "Vary": "Accept-Encoding"}
+    if request.headers.get("if-none-match") == made.tag:
+        return Response(status_code=304, headers=headers)
+    if "gzip" in request.headers.get("accept-encoding", ""):
+        return Response(made.packed, media_type=made.kind, headers={**headers, "Content-Encoding": "gzip"})
+    return Response(gzip.decompress(made.packed), media_type=made.kind, headers=headers)
+
+
+def _form(sentence: str) -> str:
+    page = (STATIC / "login.html").read_text(encoding="utf-8")
+    return page.replace("<!-- what is wrong -->", html.escape(sentence))

@@ -1,0 +1,52 @@
+"""The robot and the table of a record, beside its events: ``robot.json``.
+
+Whoever looks at a record later can then say which limits a figure is to be held against, and where board and trays
+stood, even where the files that those were read from have changed or gone.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from pydantic import ValidationError
+
+from app.records.events import Record
+from app.records.files import RecordError, write_atomically
+from hardware.parameters import RobotParameters
+from hardware.table import TableSettings
+
+ROBOT_FILE: Final = "robot.json"
+
+
+class RobotRecord(Record):
+    """What a game was played on."""
+
+    parameters: RobotParameters
+    table: TableSettings
+
+
+def keep_robot(folder: Path, robot: RobotRecord) -> None:
+    """Write it into the folder of a record.
+
+    Raises:
+        RecordError: it cannot be written.
+    """
+    write_atomically(folder / ROBOT_FILE, robot.model_dump_json(indent=2) + "\n")
+
+
+def kept_robot(folder: Path) -> RobotRecord | None:
+    """What a record was played on; None: it does not say, as a version before this one wrote it, or the arm never was.
+
+    Raises:
+        RecordError: the file cannot be read, or is of another version.
+    """
+    path = folder / ROBOT_FILE
+    try:
+        return RobotRecord.model_validate_json(path.read_bytes())
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise RecordError(f"{path} cannot be read: {error.strerror}: name the folder of a recorded game") from error
+    except ValidationError as error:
+        raise RecordError(f"{path} is of another version: read it with the version that wrote it") from error

@@ -1,0 +1,213 @@
+"""All that a record holds of one game, read once: events, limits, what the telemetry says of each ply, pictures."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from app.records import (
+    EVENTS_FILE,
+    FRAMES,
+    ROBOT_FILE,
+    PlyEvent,
+    RecordError,
+    Report,
+    RobotRecord,
+    StartEvent,
+    kept_robot,
+    read_events,
+    summarise,
+)
+from app.records.events import AnyEvent, EndEvent, StepEvent, unsaid
+from app.records.history import counted_plies
+from app.records.telemetry import TELEMETRY_FILE, read_telemetry
+from controller.protection.limits import Limits, default_limits
+from controller.protocol.layout import Flag
+from controller.protocol.messages import Telemetry
+
+_ROUND: Final = re.compile(r"(game|set-up)-(\d+)")
+"""Folders of the rounds of a match, beside the first one's files."""
+_PICTURE: Final = re.compile(re.escape(FRAMES) + r"/ply-(\d+)\.jpg")
+
+
+@dataclass(frozen=True, slots=True)
+class LoopOfPly:
+    """What the telemetry says of the time in which a ply was done.
+
+    Attributes:
+        ply: its number.
+        lateness: largest delay of a tick [s].
+        work: longest computation of a tick [s].
+        tracking: largest distance of the tool from its reference while a motion ran [m].
+        force: largest force on the tool as torques and motion tell [N].
+    """
+
+    ply: int
+    lateness: float
+    work: float
+    tracking: float
+    force: float
+
+
+@dataclass(frozen=True, slots=True)
+class LoopOfGame:
+    """Of all plies; whether the bus was in lockstep, where no tick can be late; why there is nothing, if so."""
+
+    plies: tuple[LoopOfPly, ...] = ()
+    lockstep: bool = False
+    missing: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ReportSource:
+    """One record.
+
+    Attributes:
+        folder: of it.
+        events: all of them.
+        start: the first.
+        plies: those that count.
+        report: what its numbers come to.
+        robot: what it was played on; None: the record does not say.
+        limits: of that robot; None: likewise.
+        loop: what the telemetry says.
+        rounds: folders of all rounds of its match that have a record, in their order.
+        said: what was left out of a file that was cut off.
+    """
+
+    folder: Path
+    events: tuple[AnyEvent, ...]
+    start: StartEvent
+    plies: tuple[PlyEvent, ...]
+    report: Report
+    robot: RobotRecord | None
+    limits: Limits | None
+    loop: LoopOfGame
+    rounds: tuple[Path, ...]
+    said: tuple[str, ...] = field(default=())
+
+    @property
+    def end(self) -> EndEvent | None:
+        """How it ended; None: the record breaks off."""
+        last = self.events[-1]
+        return last if isinstance(last, EndEvent) else None
+
+
+def read_source(folder: Path, told: Callable[[str], None] = unsaid) -> ReportSource:
+    """Read a record; what is missing beside its events is left out.
+
+    Raises:
+        RecordError: the events cannot be read, do not begin with a start, or contradict themselves.
+    """
+    said: list[str] = []
+
+    def note(sentence: str) -> None:
+        said.append(sentence)
+        told(sentence)
+
+    events = read_events(folder / EVENTS_FILE, note)
+    report = summarise(events)
+    start = events[0]
+    assert isinstance(start, StartEvent)
+    plies = tuple(counted_plies(events))
+    numbers = [ply.ply for ply in plies]
+    if numbers != list(range(1, len(plies) + 1)):
+        raise RecordError(f"the events contradict themselves: plies are numbered {numbers[:8]}, not from 1 on")
+    robot = kept_robot(folder)
+    match = match_folder(folder)
+    return ReportSource(
+        folder, events, start, plies, report, robot,
+        None if robot is None else _limits_of(robot, folder),
+        _loop(match, events, plies), rounds_of(match), tuple(said),
+    )  # fmt: skip
+
+
+def _limits_of(robot: RobotRecord, folder: Path) -> Limits:
+    try:
+        return default_limits(robot.parameters, robot.table)
+    except ValueError as error:
+        raise RecordError(f"{folder / ROBOT_FILE} contradicts itself: {error}") from error
+
+
+def match_folder(folder: Path) -> Path:
+    """The folder of the match that a round belongs to: its own, or the one above."""
+    folder = folder.resolve()
+    return folder.parent if _ROUND.fullmatch(folder.name) and (folder.parent / EVENTS_FILE).is_file() else folder
+
+
+def rounds_of(match: Path) -> tuple[Path, ...]:
+    """Folders of the rounds of a match that have a record: the first game's, then set-ups and games by their number."""
+    found = [(1, 1, match)] if (match / EVENTS_FILE).is_file() else []
+    for inner in sorted(match.iterdir()) if match.is_dir() else ():
+        name = _ROUND.fullmatch(inner.name)
+        if name is not None and (inner / EVENTS_FILE).is_file():
+            found.append((int(name[2]), int(name[1] == "game"), inner))
+    return tuple(folder for _, _, folder in sorted(found))
+
+
+def picture_of(source: ReportSource, ply: int, frame: str | None) -> Path | None:
+    """The picture that an event names, if it is one of the record's own and there; of the start by its number."""
+    name = frame or f"{FRAMES}/ply-{ply:03d}.jpg"
+    path = source.folder / name
+    return path if _PICTURE.fullmatch(name) and path.is_file() else None
+
+
+def _loop(match: Path, events: Sequence[AnyEvent], plies: Sequence[PlyEvent]) -> LoopOfGame:
+    files = sorted(match.glob(f"{Path(TELEMETRY_FILE).stem}*.mcap"))
+    if not files:
+        return LoopOfGame(missing=f"There is no {TELEMETRY_FILE} in this record.")
+    spans = _spans(events, plies)
+    since, until = events[0].plant_time, events[-1].plant_time
+    try:
+        telemetry = itertools.chain.from_iterable(read_telemetry(file, since, until) for file in files)
+        return _by_ply(spans, telemetry)
+    except RecordError as error:
+        return LoopOfGame(missing=f"The telemetry cannot be read: {error}.")
+
+
+def _spans(events: Iterable[AnyEvent], plies: Sequence[PlyEvent]) -> list[tuple[float, float, int]]:
+    """Of each ply that the arm made: plant time of its first step and of its end [s], and its number."""
+    done, spans, begun = set(map(id, plies)), [], None
+    for event in events:
+        if isinstance(event, StepEvent) and event.uci is not None:
+            begun = event.plant_time if begun is None else begun
+        elif isinstance(event, PlyEvent):
+            if begun is not None and id(event) in done:
+                spans.append((begun, event.plant_time, event.ply))
+            begun = None
+    return spans
+
+
+def _by_ply(spans: Sequence[tuple[float, float, int]], told: Iterable[tuple[float, Telemetry]]) -> LoopOfGame:
+    found: dict[int, LoopOfPly] = {}
+    lockstep = False
+    ordered = sorted(spans)
+    at = 0
+    for stamp, one in told:
+        lockstep = lockstep or bool(one.flags & Flag.LOCKSTEP)
+        if at and stamp < ordered[at - 1][1]:
+            at = 0  # another file begins anew
+        while at < len(ordered) and ordered[at][1] < stamp:
+            at += 1
+        if at < len(ordered) and ordered[at][0] <= stamp:
+            number = ordered[at][2]
+            found[number] = _worst(found.get(number, LoopOfPly(number, 0.0, 0.0, 0.0, 0.0)), one)
+    missing = "" if found else "The telemetry holds nothing of the time in which the arm moved."
+    return LoopOfGame(tuple(found[number] for number in sorted(found)), lockstep, missing)
+
+
+def _worst(so_far: LoopOfPly, one: Telemetry) -> LoopOfPly:
+    away = math.dist(one.position, one.reference) if one.motion else 0.0
+    return LoopOfPly(
+        so_far.ply, _larger(so_far.lateness, one.lateness), _larger(so_far.work, one.work),
+        _larger(so_far.tracking, away), _larger(so_far.force, math.hypot(*one.force)),
+    )  # fmt: skip
+
+
+def _larger(one: float, other: float) -> float:
+    return max(one, other) if math.isfinite(other) else one

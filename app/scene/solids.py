@@ -1,0 +1,60 @@
+"""Round bars and blocks: the shapes that all of the robot and its table is drawn with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from hardware.interfaces import Triple
+
+
+class Finish(StrEnum):
+    """What a surface looks like; whoever draws chooses the colours."""
+
+    METAL = "metal"
+    ALUMINIUM = "aluminium"
+    CARBON = "carbon"
+    PLASTIC = "plastic"
+    PAD = "pad"
+    WOOD = "wood"
+    LIGHT_SQUARE = "light square"
+    DARK_SQUARE = "dark square"
+    WHITE_PIECE = "white piece"
+    BLACK_PIECE = "black piece"
+
+
+@dataclass(frozen=True, slots=True)
+class RoundBar:
+    """A cylinder, or a cone's frustum, with flat ends.
+
+    Attributes:
+        start: the middle of one end [m].
+        end: the middle of the other [m].
+        radius: at the start [m].
+        finish: of its surface.
+        end_radius: at the end [m]; None: the same.
+    """
+
+    start: Triple
+    end: Triple
+    radius: float
+    finish: Finish
+    end_radius: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Cuboid:
+    """A block along the axes of the frame it is given in.
+
+    Attributes:
+        centre: of it [m].
+        size: its whole extent along x, y and z [m].
+        finish: of its surface.
+    """
+
+    centre: Triple
+    size: Triple
+    finish: Finish
+
+
+Solid = RoundBar | Cuboid

@@ -1,0 +1,162 @@
+"""The game's end of the page: all that there is to see reaches a page, also one that starts later; lines come back."""
+
+from __future__ import annotations
+
+import io
+import json
+import socket
+from contextlib import ExitStack
+from pathlib import Path
+
+import chess
+import numpy as np
+import pytest
+
+from app.page.news import NEWS, LookNews, PathNews, PictureNews, PromptNews
+from app.page.publisher import KEPT, POINTS, PagePublisher
+from app.players.person import PersonGone
+from app.terminal.interface import Together, TypedLines, UserInterface
+from app.terminal.shown import ClockShown, LookShown, PathShown, SessionShown
+from hardware.interfaces import Pace
+from hardware.table import Colour
+from tests.waiting import PATIENCE, until
+
+
+class Page:
+    """The other end of a publisher's socket."""
+
+    def __init__(self, publisher: PagePublisher) -> None:
+        ours, theirs = socket.socketpair()
+        publisher.connect(ours)
+        theirs.settimeout(PATIENCE)
+        self.socket, self.stream = theirs, theirs.makefile("rwb")
+
+    def next(self):
+        news = NEWS.validate_json(self.stream.readline())
+        after = self.stream.read(news.bytes) if isinstance(news, PictureNews) else b""
+        return news, after
+
+    def close(self) -> None:
+        self.stream.close()
+        self.socket.close()
+
+    def say(self, **what: object) -> None:
+        self.stream.write(json.dumps(what).encode() + b"\n")
+        self.stream.flush()
+
+
+@pytest.fixture
+def publisher():
+    made = PagePublisher("play")
+    yield made
+    made.disconnect()
+
+
+@pytest.fixture
+def open_page():
+    with ExitStack() as pages:
+
+        def opened(publisher: PagePublisher) -> Page:
+            page = Page(publisher)
+            pages.callback(page.close)
+            return page
+
+        yield opened
+
+
+def session(folder: Path) -> SessionShown:
+    place = ("127.0.0.1", 4711, folder / "key")
+    return SessionShown(folder, "sim", Pace.FAST, 0.00088, Colour.WHITE, True, True, place, lambda view, rate: None)
+
+
+def look(stamp: float = 1.0) -> LookShown:
+    likelihood = np.full((64, 3), 0.01)
+    likelihood[:, 0] = 0.98
+    likelihood[28] = (0.4, 0.5, 0.1)
+    grid = np.zeros((81, 2))
+    return LookShown(np.zeros((48, 64, 3), np.uint8), stamp, "doubt", "what is on e4?", likelihood, grid, ("e4",))
+
+
+def test_a_page_is_told_everything_in_order_and_pictures_come_whole(publisher, open_page, tmp_path: Path) -> None:
+    page = open_page(publisher)
+    publisher.session(session(tmp_path))
+    publisher.round(tmp_path, 1, sets_up=False)
+    publisher.say("put it back", ["e4"])
+    publisher.prompt("done?", ("done",), ("e4",))
+    publisher.clock(ClockShown({chess.WHITE: 61.5, chess.BLACK: 60.0}, chess.WHITE))
+    publisher.look(look())
+    position = np.linspace(0.0, 1.0, 3000).reshape(1000, 3)
+    publisher.path(PathShown("carry", position, np.ones((1000, 3))))
+    kinds, told = [], []
+    for _ in range(8):
+        news, after = page.next()
+        kinds.append(news.news)
+        told.append((news, after))
+    assert kinds == ["session", "round", "say", "prompt", "clock", "picture", "look", "path"]
+    assert told[5][1][:2] == b"\xff\xd8"  # a JPEG
+    seen = told[6][0]
+    assert isinstance(seen, LookNews)
+    assert seen.unsure == ("e4",)
+    assert seen.squares[28].seen == "white"
+    path = told[7][0]
+    assert isinstance(path, PathNews)
+    assert len(path.points) <= POINTS
+    assert path.stride * (len(path.points) - 1) < 1000 <= path.stride * len(path.points)
+
+
+def test_a_page_that_starts_later_hears_the_newest_of_each_and_what_was_said_last(
+    publisher, open_page, tmp_path: Path
+) -> None:
+    publisher.session(session(tmp_path))
+    for number in range(KEPT + 50):
+        publisher.say(f"sentence {number}")
+        publisher.phase(f"phase {number}")
+    publisher.prompt("your move", turn=True)
+    publisher.answered()
+    page = open_page(publisher)
+    heard = [page.next()[0] for _ in range(KEPT + 3)]
+    assert heard[0].news == "session"
+    assert [one.text for one in heard if one.news == "say"] == [f"sentence {n}" for n in range(50, KEPT + 50)]
+    assert [one.text for one in heard if one.news == "phase"] == [f"phase {KEPT + 49}"]
+    assert [one for one in heard if one.news == "prompt"] == [PromptNews()]
+
+
+def test_the_game_goes_on_whatever_becomes_of_the_page(publisher, open_page, tmp_path: Path) -> None:
+    publisher.say("before")
+    page = open_page(publisher)
+    assert page.next()[0].text == "before"
+    page.close()
+    for number in range(5000):  # nobody reads
+        publisher.say(str(number))
+    open_page(publisher)  # one that does not read: it is let go of, and nobody waits
+    for _ in range(20000):
+        publisher.say("x" * 100)
+    other = open_page(publisher)
+    assert other.next()[0].news == "say"
+
+
+def test_what_is_said_on_the_page_is_heard_like_what_is_typed_also_after_the_end_of_input(publisher, open_page) -> None:
+    heard: list[str] = []
+
+    class Hears(UserInterface):
+        def heard(self, line: str) -> None:
+            heard.append(line)
+
+    ui = Together(Hears(), publisher)
+    lines = TypedLines(io.StringIO("e4 # the king's pawn\n\n"), ui.heard, lambda: publisher.used)
+    publisher.subscribe(lines.offer)
+    page = open_page(publisher)
+    page.say(said="present", holder=True)
+    until(lambda: publisher.used)
+    assert lines.next(PATIENCE) == "e4"
+    assert lines.next(0.01) is None  # the end of input is not the last word where somebody is at the page
+    page.say(said="line", text="  resign ")
+    assert lines.next(PATIENCE) == "resign"
+    assert heard == ["e4", "resign"]
+
+
+def test_where_nobody_was_at_the_page_the_end_of_input_is_the_end() -> None:
+    lines = TypedLines(io.StringIO("e4\n"))
+    assert lines.next(PATIENCE) == "e4"
+    with pytest.raises(PersonGone):
+        lines.next(PATIENCE)

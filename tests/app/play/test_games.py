@@ -1,0 +1,120 @@
+"""Another game, as a person wants it to be: said in one line, checked before the present one is given up, and kept."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Collection
+from pathlib import Path
+
+import chess
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.play.games import wished
+from app.play.launch import resume_games, run_games
+from app.players.commands import CommandError, NewGame, parse_command, parse_new
+from app.settings.files import kept_settings, settings_of
+from app.settings.tree import PlayerKind
+from app.terminal.interface import TypedLines, UserInterface
+
+MIDDLE = "r1bqkbnr/pppp1ppp/2n5/4p3/4P3/5N2/PPPP1PPP/RNBQKB1R w KQkq - 2 3"
+
+wishes = st.builds(
+    NewGame,
+    st.sampled_from([None, True, False]), st.none() | st.integers(0, 4000), st.sampled_from([None, "", "10+5", "3:00"]),
+    st.sampled_from([None, "", MIDDLE, chess.STARTING_FEN]),
+)  # fmt: skip
+
+
+def said(wish: NewGame) -> str:
+    words = ["new"]
+    if wish.person is not None:
+        words.append("white" if wish.person else "black")
+    if wish.elo is not None:
+        words.append(f"elo {wish.elo}" if wish.elo else "full")
+    if wish.clock is not None:
+        words.append(f"clock {wish.clock or 'none'}")
+    if wish.fen is not None:
+        words.append(f"fen {wish.fen or 'start'}")
+    return " ".join(words)
+
+
+@given(wishes.filter(lambda wish: wish != NewGame()))
+def test_what_is_said_of_a_new_game_is_understood(wish: NewGame) -> None:
+    assert parse_command(said(wish), chess.Board()) == wish
+
+
+@pytest.mark.parametrize("words", ["elo", "elo strong", "clock", "fen", "fen 8/8", "purple", "white elo"])
+def test_what_says_nothing_about_a_new_game_is_refused_in_a_sentence(words: str) -> None:
+    with pytest.raises(CommandError, match="says nothing about a new game: say for instance"):
+        parse_new(words.split())
+
+
+@given(wishes, wishes, st.booleans())
+def test_the_last_wish_holds_and_the_rest_stays(first: NewGame, second: NewGame, white: bool) -> None:
+    sides = ("white", "black") if white else ("black", "white")
+    before = settings_of({f"{sides[0]}.player": "human", f"{sides[1]}.elo": 1700, "clock.time": "5+3"})
+    once = wished(before, first)
+    twice = wished(once, second)
+    for wish, old, new in ((first, before, once), (second, once, twice)):
+        humans = [colour for colour in (True, False) if new.side(colour).player is PlayerKind.HUMAN]
+        was = next(colour for colour in (True, False) if old.side(colour).player is PlayerKind.HUMAN)
+        assert humans == [was if wish.person is None else wish.person]
+        elo = new.side(not humans[0]).elo
+        assert elo == (old.side(not was).elo if wish.elo is None else wish.elo or None)
+        assert new.clock.time == (old.clock.time if wish.clock is None else wish.clock or None)
+        assert new.game.fen == (old.game.fen if wish.fen is None else wish.fen or None)
+        assert (new.rig, new.engine, new.vision) == (old.rig, old.engine, old.vision)
+
+
+class Told(UserInterface):
+    def __init__(self) -> None:
+        self.said: list[str] = []
+        self.results: list[tuple[str, str]] = []
+
+    def say(self, sentence: str, squares: Collection[str] = ()) -> None:
+        self.said.append(sentence)
+
+    def result(self, result: str, reason: str) -> None:
+        self.results.append((result, reason))
+
+
+def play(folder: Path, *lines: str, accompanied: bool = False, **more: object) -> Told:
+    named = {
+        "rig.name": "board", "white.player": "human", "engine.nodes": 200, "out": folder, **more,
+    }  # fmt: skip
+    typed = TypedLines(io.StringIO("\n".join(lines) + "\n"), company=lambda: accompanied)
+    ui = Told()
+    run_games(settings_of(named), ui, typed)
+    return ui
+
+
+def start_of(folder: Path) -> dict[str, object]:
+    return json.loads((folder / "events.jsonl").read_text().splitlines()[0])
+
+
+def test_another_game_is_as_wished_and_goes_on_so_after_an_interruption(tmp_path: Path) -> None:
+    folder = tmp_path / "match"
+    ui = play(
+        folder, "e4", "new black elo 99", f"new black full clock 10+5 fen {MIDDLE}", "quit", **{"engine.nodes": None}
+    )
+    assert any("99" in sentence for sentence in ui.said), ui.said  # no engine plays so weakly: that game went on
+    second = start_of(folder / "game-2")
+    assert (second["black"], second["fen"], second["time_control"]) == ("Human", MIDDLE, "600+5")
+    kept = kept_settings(folder)
+    assert (kept.black.player, kept.game.fen) == (PlayerKind.HUMAN, MIDDLE)
+    done = resume_games(folder, UserInterface(), TypedLines(io.StringIO("resign\n")))
+    assert done.folder == folder / "game-2"
+    assert done.report.result == "1-0"
+
+
+def test_who_goes_on_watching_is_asked_for_another_game_and_who_does_not_is_not(tmp_path: Path) -> None:
+    asked = play(tmp_path / "one", "resign", "new", "resign", "quit", accompanied=True)
+    assert [result for result, _ in asked.results if result != "*"] == ["0-1", "0-1"]
+    assert (tmp_path / "one" / "game-2").exists()
+    assert not (tmp_path / "one" / "game-3").exists()
+    alone = play(tmp_path / "two", "resign", "new", "resign")
+    assert [result for result, _ in alone.results] == ["0-1"]
+    assert not (tmp_path / "two" / "game-2").exists()

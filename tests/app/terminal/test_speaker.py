@@ -1,0 +1,65 @@
+"""What is spoken at the terminal: every legal move has words, and nobody waits for a slow voice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import chess
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.terminal.speaker import Speaker, SpeakerMissing, spoken
+
+
+@pytest.mark.parametrize(
+    ("san", "words"),
+    [
+        ("e4", "e4"),
+        ("Nbxd7+", "knight b takes d7, check"),
+        ("O-O", "castles short"),
+        ("O-O-O#", "castles long, checkmate"),
+        ("exd8=Q+", "e takes d8 becomes a queen, check"),
+        ("R1a3", "rook 1 a3"),
+        ("Qh4xe1", "queen h4 takes e1"),
+    ],
+)
+def test_moves_as_people_say_them(san: str, words: str) -> None:
+    assert spoken(san) == words
+
+
+@given(st.lists(st.integers(0, 1 << 16), max_size=60))
+def test_every_legal_move_can_be_said(choices: list[int]) -> None:
+    board = chess.Board()
+    for choice in choices:
+        moves = list(board.legal_moves)
+        if not moves:
+            return
+        move = moves[choice % len(moves)]
+        said = spoken(board.san(move))
+        assert chess.square_name(move.to_square) in said or board.is_castling(move)
+        board.push(move)
+
+
+def test_what_is_no_move_is_refused() -> None:
+    with pytest.raises(ValueError, match="is no move in SAN"):
+        spoken("e9")
+
+
+def test_a_slow_voice_keeps_nobody_and_says_what_is_newest(tmp_path: Path) -> None:
+    heard, go = tmp_path / "heard", tmp_path / "go"
+    voice = tmp_path / "voice"
+    voice.write_text(f'#!/bin/sh\nwhile [ ! -e {go} ]; do sleep 0.01; done\necho "$2" >> {heard}\n')
+    voice.chmod(0o755)
+    with Speaker(str(voice)) as speaker:
+        for number in range(100):
+            speaker.say(f"sentence {number}")
+        go.touch()
+    lines = heard.read_text().splitlines()
+    assert lines[-1] == "sentence 99"
+    assert len(lines) <= 5
+
+
+def test_a_voice_that_is_not_there_is_one_sentence_with_the_remedy() -> None:
+    with pytest.raises(SpeakerMissing, match="sudo apt-get install"):
+        Speaker("a-voice-that-nobody-has")
