@@ -273,12 +273,8 @@ class EngineSupervisor:
         self._settings = settings
         self._lock = threading.Lock()
         self._path: str | None = None
-        self._process: UciProcess | None = None
-
-    @property
-    def process(self) -> UciProcess | None:
-        """The process; None while there is none."""
-        return self._process
+        self.process: UciProcess | None = None
+        """None while there is none."""
 
     def open(self, path: str) -> None:
         """Start the engine, so that what is wrong shows here; raises ``EngineRefused`` if it does not offer a setting,
@@ -319,7 +315,7 @@ class EngineSupervisor:
         """The process, started if there is none; raises ``EngineRefused`` if it is closed, or does not offer what is to
         be set and ``Misbehaved`` if it could not be started.
         """
-        path, process = self._path, self._process
+        path, process = self._path, self.process
         if path is None:
             raise EngineRefused("the engine is not open: open it before asking")
         if process is not None:
@@ -327,7 +323,7 @@ class EngineSupervisor:
         process = self._start(path)
         with self._lock:
             if self._path is not None:
-                self._process = process
+                self.process = process
                 return process
         process.kill()  # closed meanwhile
         raise EngineRefused("the engine was closed while it was started")
@@ -346,6 +342,6 @@ class EngineSupervisor:
     def drop(self) -> None:
         """End the process; the next question starts another one."""
         with self._lock:
-            process, self._process = self._process, None
+            process, self.process = self.process, None
         if process:
             process.kill()

@@ -10,10 +10,10 @@ from typing import Any, Final
 
 import pyrealsense2 as rs
 
-from hardware.camera.background import Background, Newest
+from hardware.camera.background import ReaderThread
 from hardware.camera.framesets import FrameMaker
 from hardware.camera.settings import RealSenseSettings
-from hardware.interfaces import CameraClosed, Clock, Frame, HardwareError, StaleFrame
+from hardware.interfaces import Clock, Frame, HardwareError, StaleFrame
 
 FIRST_FRAME: Final = 5.0
 """A camera that has sent nothing so long after its start does not work [s, wall]."""
@@ -52,29 +52,16 @@ class RealSenseCamera:
         self._context = context if context is not None else rs.context()
         self._serial = choose_serial(settings.serial, _serials(self._context))
         self._maker, self._making = FrameMaker(), threading.Lock()
-        self._newest = Newest[_Pair]()
         self._exposed = -math.inf
         self._made: tuple[_Pair, Frame] | None = None
         self._pipeline = self._start()  # here, so that a wrong setting is told at once
-        self._background = Background("realsense", self._run)
-        self._background.start()
-        try:
-            if self._newest.get(FIRST_FRAME) is None:
-                raise HardwareError(
-                    f"RealSense {self._serial} sends no pictures: plug it into a USB 3 port, and close other programs "
-                    "that use it"
-                )
-        except HardwareError:
-            self.close()
-            raise
+        self._reading = ReaderThread[_Pair]("realsense", self._run)
+        silent = f"RealSense {self._serial} sends no pictures: plug it into a USB 3 port, and close other programs "
+        self._reading.start(FIRST_FRAME, HardwareError(f"{silent}that use it"))
 
     def read(self, max_age: float) -> Frame:
         """See ``Camera.read``. While the camera is unplugged this raises; afterwards it works again."""
-        if self._background.closing.is_set():
-            raise CameraClosed
-        newest = self._newest.get()
-        if newest is None:
-            raise self._lost()
+        newest = self._reading.newest()
         age = time.time() - newest.exposed
         if age > max_age:
             raise StaleFrame(age, max_age)
@@ -90,28 +77,28 @@ class RealSenseCamera:
 
     def close(self) -> None:
         """See ``Camera.close``."""
-        self._background.end()
-        self._newest, self._made = Newest(), None
+        self._reading.end()
+        self._made = None
 
     # the thread
 
     def _run(self) -> None:
         """Take framesets until the camera is closed; when they stop coming, look for the camera again."""
         pipeline: Any = self._pipeline
-        while not self._background.closing.is_set():
+        while not self._reading.closing.is_set():
             if pipeline is None:
                 pipeline = self._restart()
             elif not self._take(pipeline):
                 _stop(pipeline)
                 pipeline = None
-                self._newest.fail(self._lost())
+                self._reading.fail(self._lost())
         if pipeline is not None:
             _stop(pipeline)
 
     def _take(self, pipeline: Any) -> bool:
         """Wait for the next pair and keep it; False: none came."""
         deadline = time.monotonic() + SILENCE
-        while time.monotonic() < deadline and not self._background.closing.is_set():
+        while time.monotonic() < deadline and not self._reading.closing.is_set():
             try:
                 there, frameset = pipeline.try_wait_for_frames(100)
             except RuntimeError:  # librealsense noticed first that the device is gone
@@ -119,14 +106,14 @@ class RealSenseCamera:
             if there and frameset.size() == 2:
                 self._keep(frameset)
                 return True
-        return self._background.closing.is_set()
+        return self._reading.closing.is_set()
 
     def _keep(self, frameset: Any) -> None:
         frameset.keep()
         arrived = time.time()
         exposed = min(exposure_time(frameset.get_color_frame(), arrived), arrived)
         self._exposed = max(exposed, self._exposed)
-        self._newest.put(_Pair(frameset, self._exposed))
+        self._reading.put(_Pair(frameset, self._exposed))
 
     def _restart(self) -> Any:
         """A new pipeline if the camera is there again, else None after a while."""
@@ -134,8 +121,8 @@ class RealSenseCamera:
             try:
                 return self._start()
             except HardwareError as error:
-                self._newest.fail(error)
-        self._background.closing.wait(RETRY)
+                self._reading.fail(error)
+        self._reading.closing.wait(RETRY)
         return None
 
     def _lost(self) -> HardwareError:

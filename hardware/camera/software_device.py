@@ -13,7 +13,8 @@ import numpy as np
 import pyrealsense2 as rs
 from numpy.typing import NDArray
 
-from hardware.interfaces import HardwareError, Intrinsics
+from hardware.camera.framesets import FrameMaker
+from hardware.interfaces import Frame, HardwareError, Intrinsics
 
 FPS = 30
 _WAIT_MS = 1000
@@ -78,7 +79,7 @@ class SoftwareDevice:
 
 
 class SoftwareCamera:
-    """A software device whose pictures are taken out again at once, as framesets."""
+    """A software device whose pictures are taken out again at once, as librealsense's framesets, made into frames."""
 
     def __init__(self, colour: Intrinsics, depth: DepthStream | None) -> None:
         self._device = SoftwareDevice(colour, depth)
@@ -88,10 +89,10 @@ class SoftwareCamera:
             sensor.open(profile)
             sensor.start(queue)
             self._queues.append(queue)
-        self._join = Join()
+        self._join, self._maker = Join(), FrameMaker()
 
-    def pass_through(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16] | None, stamp: float) -> Any:
-        """The frameset of a pair of pictures; see ``SoftwareDevice.push``. Raises ``HardwareError`` if librealsense
+    def frame(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16] | None, stamp: float) -> Frame:
+        """The frame of a pair of pictures; see ``SoftwareDevice.push``. Raises ``HardwareError`` if librealsense
         lost a picture.
         """
         self._device.push(colour, depth, stamp)
@@ -101,7 +102,7 @@ class SoftwareCamera:
             if not there:
                 raise HardwareError("librealsense lost a picture of a software camera: start the program again")
             pictures.append(picture)
-        return self._join.frameset(pictures)
+        return self._maker.make(self._join.frameset(pictures), stamp)
 
     def close(self) -> None:
         """Stop the sensors; a second call does nothing."""

@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.camera.background import Background, Newest
+from hardware.camera.background import ReaderThread
 from hardware.camera.settings import WebcamSettings
-from hardware.interfaces import CameraClosed, Clock, Frame, HardwareError, Intrinsics, StaleFrame
+from hardware.interfaces import Clock, Frame, HardwareError, Intrinsics, StaleFrame
 
 FIRST_FRAME: Final = 5.0
 """A camera that has sent nothing so long after its start does not work [s, wall]."""
@@ -29,34 +29,20 @@ class WebcamCamera:
     """
 
     def __init__(self, settings: WebcamSettings, clock: Clock) -> None:
-        self.intrinsics: Intrinsics
         self._settings = settings
         self._clock = clock
-        self._newest = Newest[tuple[NDArray[np.uint8], float]]()
         self._last = -math.inf
         self._stamped: float | None = None
         self._capture = self._open()
         if self._capture is None:
             raise self._lost("cannot be opened")
-        self._background = Background("webcam", self._run)
-        self._background.start()
-        try:
-            newest = self._newest.get(FIRST_FRAME)
-            if newest is None:
-                raise self._lost("sends no pictures")
-        except HardwareError:
-            self.close()
-            raise
-        self.intrinsics = pinhole(newest[0].shape[1], newest[0].shape[0], settings)
+        self._reading = ReaderThread[tuple[NDArray[np.uint8], float]]("webcam", self._run)
+        first, _ = self._reading.start(FIRST_FRAME, self._lost("sends no pictures"))
+        self.intrinsics = pinhole(first.shape[1], first.shape[0], settings)
 
     def read(self, max_age: float) -> Frame:
         """See ``Camera.read``. A picture's age counts from when the computer got it."""
-        if self._background.closing.is_set():
-            raise CameraClosed
-        newest = self._newest.get()
-        if newest is None:
-            raise self._lost("sends no pictures")
-        picture, arrived = newest
+        picture, arrived = self._reading.newest()
         age = time.monotonic() - arrived
         if age > max_age:
             raise StaleFrame(age, max_age)
@@ -72,12 +58,12 @@ class WebcamCamera:
 
     def close(self) -> None:
         """See ``Camera.close``."""
-        self._background.end()
+        self._reading.end()
 
     # the thread
 
     def _run(self) -> None:
-        capture, pause, closing = self._capture, self._pause(), self._background.closing
+        capture, pause, closing = self._capture, self._pause(), self._reading.closing
         while not closing.is_set():
             if capture is None:
                 capture = self._open()
@@ -85,13 +71,13 @@ class WebcamCamera:
                 continue
             there, picture = capture.read()
             if there:
-                self._newest.put((np.asarray(picture, dtype=np.uint8), time.monotonic()))
+                self._reading.put((np.asarray(picture, dtype=np.uint8), time.monotonic()))
                 closing.wait(pause)
                 continue
             capture.release()
             capture = None
             if not pause:
-                self._newest.fail(self._lost("sends no pictures any more"))
+                self._reading.fail(self._lost("sends no pictures any more"))
         if capture is not None:
             capture.release()
 

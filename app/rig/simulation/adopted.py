@@ -21,13 +21,8 @@ class Adopted:
     """
 
     def __init__(self, pid: int) -> None:
-        self._pid = pid
+        self.pid = pid
         self._handle = os.pidfd_open(pid)
-
-    @property
-    def pid(self) -> int:
-        """Its number."""
-        return self._pid
 
     def poll(self) -> int | None:
         """Exit status, ``ENDED`` once it has, None while it runs."""
@@ -44,7 +39,7 @@ class Adopted:
     def wait(self, timeout: float | None = None) -> int:
         """Wait for its end; raises ``subprocess.TimeoutExpired``."""
         if not self._over(timeout):
-            raise subprocess.TimeoutExpired(f"process {self._pid}", timeout or 0.0)
+            raise subprocess.TimeoutExpired(f"process {self.pid}", timeout or 0.0)
         return ENDED
 
     def __del__(self) -> None:

@@ -35,7 +35,8 @@ _SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 _HAND_DAMPING: Final = 10.0
 """Of the hand in the air [N s/m], assumed; an impact is over before it matters. Without any a hand that was knocked
 away would float on, and sooner or later hit the resting arm by itself."""
-_AXES = dict(zip("xyz", np.eye(3).tolist(), strict=True))
+_SLIDE: Final = mujoco.mjtJoint.mjJNT_SLIDE
+_AXES: Final = dict(zip("xyz", np.eye(3).tolist(), strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,12 +57,11 @@ def build_finger_world(
         if not finger.clamped:
             hand.mass, hand.inertia, hand.explicitinertial = MASS, [1e-3] * 3, True
             for name, axis in _AXES.items():
-                hand.add_joint(name=f"hand_{name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, damping=_HAND_DAMPING)
+                hand.add_joint(name=f"hand_{name}", type=_SLIDE, axis=axis, damping=_HAND_DAMPING)
         # it meets the tool alone: pressed on the board it is the spring that must give, not the board
         tip = hand.add_body(name="fingertip", gravcomp=1.0)
         for name, axis in _AXES.items():
-            slide = tip.add_joint(name=f"finger_{name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
-            slide.stiffness, slide.damping = STIFFNESS, _DAMPING
+            tip.add_joint(name=f"finger_{name}", type=_SLIDE, axis=axis, stiffness=STIFFNESS, damping=_DAMPING)
         tip.add_geom(
             name="fingertip", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0], mass=_TIP_MASS,
             contype=0, conaffinity=TOOL_BITS, priority=1, solref=list(_SOLREF), solimp=list(_SOLIMP),

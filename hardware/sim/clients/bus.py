@@ -24,20 +24,10 @@ class SimServoBus:
         # the kernel's time-out instead of Python's: with the latter every receive would begin by sleeping
         self._link.settimeout(None)
         self._link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", int(SILENCE), 0))
-        self._lockstep = bool(answer["lockstep"])
-        self._period = float(answer["period"])
+        self.lockstep = bool(answer["lockstep"])
+        self.period = float(answer["period"])
         self._receiver = wire.Receiver(self._link)
         self._running = False
-
-    @property
-    def lockstep(self) -> bool:
-        """Pace fast: plant time waits for the next exchange."""
-        return self._lockstep
-
-    @property
-    def period(self) -> float:
-        """Tick [s]."""
-        return self._period
 
     def exchange(self, command: Command) -> Measurement:
         """See ``ServoBus.exchange``."""
@@ -53,7 +43,7 @@ class SimServoBus:
         if not answer:
             raise BusLost(GONE)
         measurement = wire.unpack_measurement(answer)
-        self._running = self._lockstep and not measurement.status & DriveStatus.STANDING
+        self._running = self.lockstep and not measurement.status & DriveStatus.STANDING
         return measurement
 
     def close(self) -> None:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.camera.framesets import FrameMaker
 from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.interfaces import CameraClosed, Frame, HardwareError, Intrinsics, StaleFrame
 from hardware.sim.clients import wire
@@ -102,7 +101,6 @@ class SimCamera:
         self._wish = {"camera": camera, "depth": depth}
         self._path = frame_path(run_dir, int(answer["slot"]))
         self._device = SoftwareCamera(self.intrinsics, depth_stream(view["depth"]) if depth else None)
-        self._maker = FrameMaker()
 
     def read(self, max_age: float = 0.25) -> Frame:
         """See ``Camera.read``."""
@@ -115,7 +113,7 @@ class SimCamera:
             raise StaleFrame(age, max_age)
         pinhole, stamp = self.intrinsics, exposed * self._period
         colour, units = load_pictures(self._path, pinhole.width, pinhole.height, depth=bool(self._wish["depth"]))
-        return self._maker.make(self._device.pass_through(colour, units, stamp), stamp)
+        return self._device.frame(colour, units, stamp)
 
     def close(self) -> None:
         """Let the world go."""

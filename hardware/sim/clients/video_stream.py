@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from hardware.camera.framesets import FrameMaker
 from hardware.camera.software_device import SoftwareCamera
 from hardware.interfaces import CameraClosed, DepthFrame, Frame, HardwareError, Intrinsics, StaleFrame
 from hardware.sim.clients import wire
@@ -60,7 +59,6 @@ class SimWatchCamera:
         self.intrinsics = Intrinsics(**(view["depth"]["glance"] if glance else view["colour"]))
         self._depth, self._glance, self._unit = depth, glance, float(view["depth"]["unit"])
         self._device = SoftwareCamera(Intrinsics(**view["colour"]), depth_stream(view["depth"]) if depth else None)
-        self._maker = FrameMaker()
         self._held = self._closed = self._watching = False
         self._reading, self._sending = threading.Lock(), threading.Lock()
         self._link.settimeout(_GLANCE)
@@ -132,7 +130,7 @@ class SimWatchCamera:
         picture, units = load_pictures(
             frame_path(self._run_dir, slot), pinhole.width, pinhole.height, depth=self._depth, colour=colour
         )
-        frame = self._maker.make(self._device.pass_through(picture, units, stamp), stamp)
+        frame = self._device.frame(picture, units, stamp)
         if colour or frame.depth is None:
             return frame
         return DepthFrame(frame.depth, frame.intrinsics, stamp)

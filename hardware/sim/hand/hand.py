@@ -16,7 +16,7 @@ import numpy as np
 from hardware.sim.bodies.hand import JOINTS, NAME, HandPose, parked, servo_constants
 from hardware.sim.hand.actions import Action, HandSettings, Withdraw
 from hardware.sim.hand.motion import Program
-from hardware.sim.hand.routines import HandFailed, Routines, View
+from hardware.sim.hand.routines import HandFailed, Routines
 from hardware.sim.hand.sight import SeenPiece, TableView
 from hardware.sim.plant.plant import Plant
 from hardware.table import PieceSpec, TableSettings
@@ -48,8 +48,8 @@ class Hand:
         self._kinds = {piece.name: piece.kind for piece in pieces}
         self._bodies = {piece.name: data.body(piece.name) for piece in pieces}
         self._tool = data.site("tool")
-        self._view = View(self._look, self._where)
-        self._routines = Routines(self._view, settings, table, np.random.default_rng([seed, _STREAM]))
+        rng = np.random.default_rng([seed, _STREAM])
+        self._routines = Routines(self._look, lambda: self._pose, settings, table, rng)
         self._work: Iterator[Program] | None = None
         self._began = 0
         self._home = parked(settings.side)
@@ -146,10 +146,6 @@ class Hand:
         self._plant.model.tree_sleep_policy[self._tree] = int(policy)
 
     # what it sees and feels
-
-    def _where(self) -> HandPose:
-        """Where the fingertips are told to be at the end of what was begun."""
-        return self._pose
 
     def _measured(self) -> HandPose:
         data = self._plant.data

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -39,25 +38,16 @@ class HandFailed(Exception):
     """The hand cannot do what it is asked; the message is one sentence."""
 
 
-@dataclass(frozen=True, slots=True)
-class View:
-    """What a routine may ask of the world."""
-
-    look: Callable[[], TableView]
-    """The table as it is."""
-    pose: Callable[[], HandPose]
-    """Where the fingertips are told to be."""
-
-
 class Routines:
     """What a person does with the hand; ``rng`` draws what is human about it, ``held`` is between the fingertips."""
 
-    def __init__(self, view: View, settings: act.HandSettings, table: TableSettings, rng: np.random.Generator) -> None:
+    def __init__(
+        self, look: Callable[[], TableView], pose: Callable[[], HandPose], settings: act.HandSettings,
+        table: TableSettings, rng: np.random.Generator,
+    ) -> None:  # fmt: skip
         self.held: Held | None = None
-        self._view = view
-        self._settings = settings
-        self._table = table
-        self._rng = rng
+        self._look, self._pose = look, pose
+        self._settings, self._table, self._rng = settings, table, rng
         self._person = Person(settings.side, settings.speed)
 
     def do(self, actions: tuple[act.Action, ...]) -> Iterator[Program]:
@@ -67,7 +57,7 @@ class Routines:
 
     def leave_off(self) -> Iterator[Program]:
         """Something was interrupted: find out by looking whether the fingers hold a piece, and withdraw."""
-        pose, sight = self._view.pose(), self._view.look()
+        pose, sight = self._pose(), self._look()
         near = [p for p in sight.pieces if p.distance(pose.x, pose.y) < 0.008 and p.z <= pose.z <= p.top]
         closed = near and pose.gap < near[0].shape.stem_radius
         self.held = held_now(near[0], pose) if closed else None
@@ -80,7 +70,7 @@ class Routines:
             case act.Put():
                 yield from self._put(action.at)
             case act.Move():
-                self._check_free(self._view.look(), self._standing_piece(action.start), action.to)
+                self._check_free(self._look(), self._standing_piece(action.start), action.to)
                 yield from self._take(action.start)
                 yield from self._put(action.to)
             case act.Slide():
@@ -89,7 +79,7 @@ class Routines:
                 yield from self._knock(action)
             case act.Hover():
                 x, y = action.at
-                sketch = self._person.over(self._view.look(), self._view.pose(), x, y, action.height, self.held)
+                sketch = self._person.over(self._look(), self._pose(), x, y, action.height, self.held)
                 yield sketch.wait(action.duration).done()
             case act.Hesitate():
                 yield self._hesitate(action)
@@ -102,7 +92,7 @@ class Routines:
 
     def _standing_piece(self, at: act.Point) -> SeenPiece:
         x, y = at
-        piece = self._view.look().nearest(x, y)
+        piece = self._look().nearest(x, y)
         if piece is None or piece.distance(x, y) > NEAR:
             raise HandFailed(
                 f"no piece stands within {1e3 * NEAR:.0f} mm of ({x:.3f}, {y:.3f}) m: give a point nearer to one"
@@ -116,39 +106,39 @@ class Routines:
         if self.held is not None:
             raise HandFailed("the hand holds a piece already: put it down first")
         piece = self._standing_piece(at)
-        program, _ = self._person.reach(self._view.look(), self._view.pose(), piece)
+        program, _ = self._person.reach(self._look(), self._pose(), piece)
         yield program
-        self.held = held_now(self._view.look().find(piece.name), self._view.pose())
+        self.held = held_now(self._look().find(piece.name), self._pose())
 
     def _take(self, at: act.Point) -> Iterator[Program]:
         for _ in range(_ATTEMPTS):
             yield from self._grasp(at)
             assert self.held is not None
-            before = self._view.look().find(self.held.name)
-            yield self._person.lift(self._view.pose(), LEAST_LIFT)
-            now = self._view.look().find(self.held.name)
+            before = self._look().find(self.held.name)
+            yield self._person.lift(self._pose(), LEAST_LIFT)
+            now = self._look().find(self.held.name)
             if now.z - before.z > LEAST_LIFT / 2.0:
-                self.held = held_now(now, self._view.pose())
+                self.held = held_now(now, self._pose())
                 return
-            yield self._person.let_go(self._view.look(), self._view.pose(), self.held)
+            yield self._person.let_go(self._look(), self._pose(), self.held)
             self.held, at = None, (now.x, now.y)
         raise HandFailed(f"the piece near ({at[0]:.3f}, {at[1]:.3f}) m slipped {_ATTEMPTS} times: look at it")
 
     def _put(self, at: act.Point) -> Iterator[Program]:
         if self.held is None:
             raise HandFailed("the hand holds nothing to put down: take a piece first")
-        sight = self._view.look()
+        sight = self._look()
         held = self._still_held(sight, self.held)
         self._check_free(sight, held, at)
         x, y = np.add(at, self._slip()).tolist()
         turn = float(self._rng.uniform(-1.0, 1.0)) * self._settings.turning
         yaw = self._person.natural_yaw(x, y) + turn
-        yield self._person.place(sight, self._view.pose(), held, x, y, yaw)
+        yield self._person.place(sight, self._pose(), held, x, y, yaw)
         yield from self._release()
 
     def _still_held(self, sight: TableView, before: Held) -> Held:
         """How it is held by now, after whatever happened on the way."""
-        self.held = held_now(sight.find(before.name), self._view.pose())
+        self.held = held_now(sight.find(before.name), self._pose())
         if math.hypot(*self.held.forward) > NEAR or abs(self.held.below - before.below) > NEAR:
             self.held = None
             raise HandFailed("the piece fell out of the hand on its way: look where it lies")
@@ -156,7 +146,7 @@ class Routines:
 
     def _release(self) -> Iterator[Program]:
         assert self.held is not None
-        yield self._person.let_go(self._view.look(), self._view.pose(), self.held)
+        yield self._person.let_go(self._look(), self._pose(), self.held)
         self.held = None
 
     def _slip(self) -> tuple[float, float]:
@@ -183,7 +173,7 @@ class Routines:
     def _slide(self, action: act.Slide) -> Iterator[Program]:
         yield from self._grasp(action.start)
         assert self.held is not None
-        pose, held = self._view.pose(), self.held
+        pose, held = self._pose(), self.held
         dx, dy = np.subtract(action.to, (pose.x, pose.y))
         x, y = tips_for(pose.x + float(dx), pose.y + float(dy), pose.yaw, held.forward)
         yield Sketch(pose, self._settings.speed).to(x=x, y=y, speed=_SLIDE_SPEED).wait(0.1).done()
@@ -192,7 +182,7 @@ class Routines:
     def _knock(self, action: act.Knock) -> Iterator[Program]:
         if self.held is not None:
             raise HandFailed("the hand holds a piece: put it down before it knocks another one over")
-        piece, sight = self._standing_piece(action.at), self._view.look()
+        piece, sight = self._standing_piece(action.at), self._look()
         dx, dy = math.cos(action.direction), math.sin(action.direction)
         z = piece.z + piece.shape.height - 0.001
         in_the_way = [other for other in sight.without(piece.name).pieces if other.top > z]
@@ -208,7 +198,7 @@ class Routines:
         x, y = next(filter(is_free, starts()), [*starts()][-1])
         end = piece.x + _SWEEP * dx, piece.y + _SWEEP * dy
         # with closed fingers all the way down: open ones would pinch the head of what stands there
-        sketch = self._person.over(sight, self._view.pose(), x, y, z, then=end, gap=_GAP_CLOSED)
+        sketch = self._person.over(sight, self._pose(), x, y, z, then=end, gap=_GAP_CLOSED)
         sketch.to(x=end[0], y=end[1], speed=_SWEEP_SPEED)
         yield sketch.to(z=0.10, overlap=0.1).done()
 
@@ -216,10 +206,10 @@ class Routines:
 
     def _hesitate(self, action: act.Hesitate) -> Program:
         x, y = action.at
-        sight = self._view.look()
+        sight = self._look()
         below = TIP_RADIUS if self.held is None else self.held.below
-        low = sight.highest((x, y), width=0.04) + below + 0.012
-        sketch = self._person.over(sight, self._view.pose(), x, y, low, self.held)
+        low = sight.highest((x, y), (x, y), width=0.04) + below + 0.012
+        sketch = self._person.over(sight, self._pose(), x, y, low, self.held)
         pose = sketch.pose
         back = math.sin(pose.yaw), -math.cos(pose.yaw)
         sketch.wait(0.3 * action.duration).to(x=x + 0.07 * back[0], y=y + 0.07 * back[1], z=low + 0.03)
@@ -229,19 +219,19 @@ class Routines:
         if self.held is not None:
             raise HandFailed("the hand holds a piece: put it down before the hand rests")
         x, y = action.at
-        sketch = self._person.over(self._view.look(), self._view.pose(), x, y, 0.03)
+        sketch = self._person.over(self._look(), self._pose(), x, y, 0.03)
         sketch.to(z=TIP_RADIUS - 0.003, speed=_SETTLING_SPEED).wait(action.duration)
         yield sketch.to(z=0.03, speed=0.15).done()
 
     def _withdraw(self) -> Iterator[Program]:
         if self.held is not None:
             yield from self._put_anywhere(self.held)
-        pose, home = self._view.pose(), parked(self._settings.side)
-        yield self._person.home(self._view.look(), pose, home)
+        pose, home = self._pose(), parked(self._settings.side)
+        yield self._person.home(self._look(), pose, home)
 
     def _put_anywhere(self, held: Held) -> Iterator[Program]:
         """Where there is room next to where the piece is."""
-        sight, pose = self._view.look(), self._view.pose()
+        sight, pose = self._look(), self._pose()
         wide, deep = (side - held.shape.foot_radius for side in deck_half_size(self._table))
         here = min(max(pose.x, -wide), wide), min(max(pose.y, -deep), deep)
         places = [(x, y) for x in np.arange(-wide, wide, 0.02).tolist() for y in np.arange(-deep, deep, 0.02).tolist()]

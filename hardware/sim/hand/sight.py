@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass, field
 from typing import Final
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from hardware.sim.bodies.hand import FOREARM, PALM, SLEEVE, Bone, HandPose, finger_bones
 from hardware.table import PIECE_SHAPES, Kind, PieceShape
 
+Point = tuple[float, float]
 UPRIGHT: Final = 0.30
 """A piece that leans by less than this stands [rad]."""
 OBSTACLES: Final = np.array(
@@ -91,12 +91,12 @@ class TableView:
         """The piece of that name."""
         return next(piece for piece in self.pieces if piece.name == name)
 
-    def highest(self, *points: tuple[float, float], width: float) -> float:
-        """Top of the highest piece near a chain of straight lines [m], 0 where there is none.
+    def highest(self, begin: Point, end: Point, width: float) -> float:
+        """Top of the highest piece near a straight line between two points of the board [m], 0 where there is none.
 
-        Near is up to ``width`` from the chain to the middle of a piece's foot [m].
+        Near is up to ``width`` from it to the middle of a piece's foot [m].
         """
-        tops = [piece.top for piece in self.pieces if _distance_to_chain(piece, points) < width]
+        tops = [piece.top for piece in self.pieces if _distance_to_line(piece, begin, end) < width]
         return max(tops, default=0.0)
 
     def pinch_room(self, x: float, y: float, yaw: float, z: float, half_width: float) -> float:
@@ -125,13 +125,7 @@ class TableView:
         return float((distance - points[:, 3:4]).min())
 
 
-def _distance_to_chain(piece: SeenPiece, points: tuple[tuple[float, float], ...]) -> float:
-    if len(points) == 1:
-        return piece.distance(*points[0])
-    return min(_distance_to_line(piece, a, b) for a, b in itertools.pairwise(points))
-
-
-def _distance_to_line(piece: SeenPiece, a: tuple[float, float], b: tuple[float, float]) -> float:
+def _distance_to_line(piece: SeenPiece, a: Point, b: Point) -> float:
     dx, dy = b[0] - a[0], b[1] - a[1]
     length = dx * dx + dy * dy
     share = 0.0 if length == 0.0 else ((piece.x - a[0]) * dx + (piece.y - a[1]) * dy) / length

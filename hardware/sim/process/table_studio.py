@@ -15,7 +15,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.camera.framesets import FrameMaker
 from hardware.camera.software_device import DepthStream, SoftwareCamera
 from hardware.interfaces import Frame
 from hardware.parameters import load_parameters
@@ -72,7 +71,6 @@ class TableStudio:
             colour_intrinsics(self._camera.width, self._camera.height),
             DepthStream(depth_intrinsics(), self._camera.depth_unit, LEFT_IMAGER),
         )
-        self._maker = FrameMaker()
         self._taken = 0
 
     def __enter__(self) -> Self:
@@ -93,8 +91,7 @@ class TableStudio:
         self._taken += 1
         sensor = Sensor(camera=self._camera, seed=seed, tick=self._taken, depth=True)
         colour, depth = self._still.draw(self._positions(poses, hand), looks, sensor)
-        stamp = self._taken / 30.0
-        return self._maker.make(self._device.pass_through(colour, depth, stamp), stamp)
+        return self._device.frame(colour, depth, self._taken / 30.0)
 
     def camera_from_board(self, mount: MountSettings) -> NDArray[np.float64]:
         """The truth: how the camera really hangs, shape (4, 4)."""

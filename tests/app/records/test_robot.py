@@ -27,5 +27,5 @@ def test_what_cannot_be_read_is_a_sentence(tmp_path: Path) -> None:
         kept_robot(tmp_path)
     path.unlink()
     path.mkdir()
-    with pytest.raises(RecordError, match="robot.json cannot be read: Is a directory"):
+    with pytest.raises(RecordError, match=r"robot\.json cannot be read: Is a directory"):
         kept_robot(tmp_path)

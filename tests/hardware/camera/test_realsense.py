@@ -11,7 +11,7 @@ import numpy as np
 import pyrealsense2 as rs
 import pytest
 
-from hardware.camera.framesets import FrameMaker, pinhole_of
+from hardware.camera.framesets import pinhole_of
 from hardware.camera.realsense import NoRealSense, RealSenseCamera, apply_options, choose_serial, exposure_time
 from hardware.camera.settings import RealSenseSettings
 from hardware.camera.software_device import DepthStream, SoftwareCamera
@@ -175,7 +175,7 @@ def test_depth_is_where_the_colour_sensor_sees_it() -> None:
     depth[:, edge:] = near
     device = SoftwareCamera(PINHOLE, DEPTH)
     try:
-        frame = FrameMaker().make(device.pass_through(colour_picture(1), depth, 1.0), 1.0)
+        frame = device.frame(colour_picture(1), depth, 1.0)
     finally:
         device.close()
     assert frame.depth is not None
@@ -192,7 +192,7 @@ def test_what_is_aligned_already_is_left_as_it_is() -> None:
     depth[::7, ::5] = 700
     device = SoftwareCamera(PINHOLE, DepthStream(PINHOLE, 1e-3))
     try:
-        frame = FrameMaker().make(device.pass_through(colour_picture(1), depth, 1.0), 1.0)
+        frame = device.frame(colour_picture(1), depth, 1.0)
     finally:
         device.close()
     assert frame.depth is not None

@@ -37,7 +37,7 @@ from hardware.sim.hand.actions import (
     Withdraw,
 )
 from hardware.sim.hand.hand import Hand
-from hardware.sim.hand.routines import HandFailed, Routines, View
+from hardware.sim.hand.routines import HandFailed, Routines
 from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.snapshot import load_snapshot, save_snapshot
 from hardware.sim.process.settings import WorldSettings, stand_pieces
@@ -184,7 +184,7 @@ def test_each_kind_is_held_upright_and_does_not_slip(kind: Kind) -> None:
 def test_people_miss_by_some_millimetres_and_never_by_more_than_their_limit() -> None:
     person = HandSettings(placement_sigma=0.002, placement_limit=0.004)
     table = Table()
-    routines = Routines(View(table.hand._look, table.hand._where), person, TABLE, np.random.default_rng(3))
+    routines = Routines(table.hand._look, lambda: table.hand._pose, person, TABLE, np.random.default_rng(3))
     slips = np.array([routines._slip() for _ in range(2000)])
     assert np.std(slips) == pytest.approx(0.00195, abs=0.0001)  # a normal distribution, cut at two sigma
     assert np.abs(slips).max() == 0.004
