@@ -34,7 +34,19 @@ export function mountActions(store, board) {
     make('summary', {}, icon('more'), make('span', {class: 'label'}, 'More')),
     make('div', {class: 'words'}, ...MORE.slice(0, 4).map(one), setUp, flip, one('quit')),
   );
-  mountHand(store, board, more.querySelector('.words'));
+  const menu = make('div', {class: 'more-menu'}, more.querySelector('.words'));
+  more.append(menu);
+  mountHand(store, board, menu);
+  // where it lies over the page, it folds up again once something was chosen, or something else is looked at
+  const fold = () => getComputedStyle(menu).position === 'absolute' && more.removeAttribute('open');
+  menu.addEventListener('click', (event) => event.target.closest('button') !== null && fold());
+  document.addEventListener('pointerdown', (event) => !more.contains(event.target) && fold());
+  more.addEventListener('keydown', (event) => {
+    if (event.key === 'Escape' && more.open) {
+      fold();
+      more.querySelector('summary').focus();
+    }
+  });
   const field = make('input', {
     id: 'line', type: 'text', maxlength: 200, autocomplete: 'off', autocapitalize: 'off', spellcheck: 'false',
     enterkeyhint: 'send', 'aria-label': 'Type a move or a word',
