@@ -94,9 +94,7 @@ def colour_sums(picture: Picture, level: Field, square: Any, where: Mask) -> tup
     return sums, count
 
 
-@_loop(
-    types.float64[::1](_SQUARES, types.boolean[:, ::1], types.float32[:, ::1], types.int64[::1], types.float64)
-)  # fmt: skip
+@_loop(types.float64[::1](_SQUARES, types.boolean[:, ::1], types.float32[:, ::1], types.int64[::1], types.float64))
 def tops(square: Any, where: Mask, value: Field, count: Any, share: float) -> Array:
     """The value below which a share of those pixels of each square are that count; ``count`` of them in each, (64,).
 
@@ -120,9 +118,7 @@ def tops(square: Any, where: Mask, value: Field, count: Any, share: float) -> Ar
     return found
 
 
-@_loop(
-    types.Tuple((types.float32[:, :, ::1], types.float32[:, ::1]))(types.float32[:, :, ::1])
-)  # fmt: skip
+@_loop(types.Tuple((types.float32[:, :, ::1], types.float32[:, ::1]))(types.float32[:, :, ::1]))
 def slopes_of(level: Field) -> tuple[Field, Field]:
     """Gradients of three fields (h, w, 3) by Sobel's filter, mirrored at the border.
 
@@ -186,9 +182,7 @@ def changes(
     return means
 
 
-@_loop(
-    types.boolean(types.float64, types.float64, types.float64, _ENDS, _RADII)
-)  # fmt: skip
+@_loop(types.boolean(types.float64, types.float64, types.float64, _ENDS, _RADII))
 def _within(x: float, y: float, z: float, ends: Array, radii: Array) -> bool:
     """Whether a point is within any of some capsules; ``ends`` (n, 2, 3), ``radii`` (n,)."""
     for k in range(len(radii)):
@@ -314,9 +308,7 @@ def squares_under(
     return counts
 
 
-@_loop(
-    types.void(_FIELD, types.float32[:, ::1], _MASK, types.float32[:, ::1], types.float32, types.float32)
-)  # fmt: skip
+@_loop(types.void(_FIELD, types.float32[:, ::1], _MASK, types.float32[:, ::1], types.float32, types.float32))
 def learn_heights(depth: Field, ray: Field, hidden: Mask, usual: Field, position: float, share: float) -> None:
     """Take a picture of the settled board into its usual heights (h, w) [m], in place; infinite ones are not known.
 

@@ -1,11 +1,11 @@
 """``touchmove calibrate``: the arm shows its marker to the camera all over the board; where the camera hangs follows.
 
-The arm stays higher than any piece, so that the board may be set up or empty. At each point it rests, one frame is
-taken that was exposed after it came to rest, and the encoders say where the tool really is.
+How the arm shows it: ``app.commissioning.marker_survey``.
 """
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from rich.console import Group, RenderableType
+from rich.text import Text
 
 from app import UserError
-from app.commissioning.calibrate_report import CalibrateReport, ShownPoint
 from app.commissioning.marker_survey import MarkerObservation, Setup, fresh_frame, show
 from app.motion import MotionSettings
 from app.records.files import GAMES
@@ -27,16 +27,18 @@ from app.rig.factory import choose_rig, open_rig
 from app.rig.rig_file import WorldSection
 from app.rig.simulation.settings import NO_PIECES, own_rig
 from app.settings.calibration import CalibratedBoard, Calibration, Pinhole, as_rows, residuals, write_calibration
+from app.terminal.report_table import judged, rows_table
 from controller.wire.errors import ControllerError
+from hardware.frozen import Frozen
 from hardware.interfaces import Frame, HardwareError, Pace
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings, square_place
+from vision.arrays import Array
 from vision.board.find import find_board
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.camera.calibration import CalibrationFailed, CameraPose, depth_factor, solve_pose
 from vision.camera.table_plane import board_place, find_plane, nominal_view
 
-Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 FindCorners = Callable[[Frame, BoardView], Array | None]
 """Corners a1, h1, h8, a8 in a frame, (4, 2) [px], near to where a view has them; None where no board is seen."""
@@ -44,10 +46,65 @@ FindCorners = Callable[[Frame, BoardView], Array | None]
 FILE: Final = "calibration.json"
 MOST_EXPECTED: Final = 0.0015
 """A calibration whose worst square is expected to be off by more, as a standard deviation, is refused [m]."""
-MOST_RESIDUAL: Final = 0.0015
-"""And one whose points disagree by more than this on average [m]."""
-MOST_FACTOR: Final = 0.05
-"""Depth that is wrong by a larger share is no depth of this scene."""
+MOST_RESIDUAL: Final = 0.0015  # and one whose points disagree by more than this on average [m]
+MOST_FACTOR: Final = 0.05  # depth that is wrong by a larger share is no depth of this scene
+
+
+class ShownPoint(Frozen):
+    """One point at which the arm showed its marker."""
+
+    point: tuple[float, float, float]  # the marker's centre, base frame [m]
+    seen: bool  # whether the camera saw it
+    counted: bool  # whether it counts
+    residual: float | None  # how far across the view it is seen from where it should be [m]; None if it was not seen
+
+    def said(self) -> str | Text:
+        """Its residual, for people."""
+        if self.residual is None:
+            return judged("not in sight", None)
+        residual = f"{1e3 * self.residual:.2f}"
+        return residual if self.counted else judged(f"{residual} left out", False)
+
+
+class CalibrateReport(Frozen):
+    """A calibration, or why there is none."""
+
+    rig: str  # whose
+    holds: bool  # whether there is one
+    failure: str | None  # one sentence where there is none
+    file: str | None  # it was written to
+    calibration: Calibration | None  # itself
+    shown: tuple[ShownPoint, ...]  # all points
+
+    def table(self) -> RenderableType:
+        """One screen for people."""
+        if self.calibration is None:
+            return f"rig {self.rig}: not calibrated: {self.failure}"
+        found = self.calibration
+        columns = ("point", "z1 [mm]", "z2 [mm]", "z3 [mm]", "residual [mm]")
+        rows = [
+            (str(number), *(f"{1e3 * value:z.1f}" for value in one.point), one.said())
+            for number, one in enumerate(self.shown, start=1)
+        ]
+        table = rows_table([f">{name}" for name in columns], rows, f"rig {self.rig}: calibrated")
+        return Group(table, *self._lines(found))
+
+    def _lines(self, found: Calibration) -> list[str]:
+        lines = [
+            f"residuals: mean {1e3 * found.mean_residual:.2f} mm, worst {1e3 * found.worst_residual:.2f} mm; "
+            f"expected error on the board: mean {1e3 * found.mean_error:.2f} mm, "
+            f"worst {1e3 * found.worst_error:.2f} mm",
+        ]
+        if found.depth_factor != 1.0:
+            lines.append(f"depth is multiplied by {found.depth_factor:.4f}, as measured at the marker")
+        if found.board is not None:
+            x, y, z = (1e3 * value for value in found.board.centre)
+            tilt, yaw = math.degrees(found.board.tilt), math.degrees(found.board.yaw)
+            lines.append(
+                f"board: centre at ({x:z.1f}, {y:z.1f}, {z:z.1f}) mm in the base frame, turned by {yaw:z.2f}°, "
+                f"tilted by {tilt:z.2f}°" + ("" if found.board.by_corners else "; place and turn are the settings'")
+            )
+        return [*lines, f"written to {self.file}"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,27 +19,18 @@ from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Serv
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 
-DURATION: Final = 1.0
-"""How long the drives are listened to [s of plant time]."""
-SETTLING: Final = 0.5
-"""Before that, as a share of it."""
-PERIOD_TOLERANCE: Final = 0.02
-"""Of the tick's length."""
-LOST_TICKS: Final = 0.01
-"""Share of ticks that may go by without an exchange, on a PC that does other things as well."""
-STILL: Final = 0.01
-"""Closed brakes hold the servomotors below this [rad/s]."""
-NOISE_COUNTS: Final = 4.0
-"""Standard deviation of an encoder at rest [counts]."""
-FINGER_TOLERANCE: Final = 0.001
-"""Beyond its stroke [m]."""
+DURATION: Final = 1.0  # how long the drives are listened to [s of plant time]
+SETTLING: Final = 0.5  # before that, as a share of it
+PERIOD_TOLERANCE: Final = 0.02  # of the tick's length
+LOST_TICKS: Final = 0.01  # share of ticks that may go by without an exchange, on a PC that does other things as well
+STILL: Final = 0.01  # closed brakes hold the servomotors below this [rad/s]
+NOISE_COUNTS: Final = 4.0  # standard deviation of an encoder at rest [counts]
+FINGER_TOLERANCE: Final = 0.001  # beyond its stroke [m]
 TACTILE_OFFSET: Final = 0.5
 TACTILE_NOISE: Final = 0.2
 """Of a finger that holds nothing [N]."""
-SILENCE: Final = 5.0
-"""How long nothing is said to try the drives' watchdog, in its own times."""
-BELOW_BOARD: Final = 0.02
-"""The tool cannot be deeper than so far below the playing surface [m]."""
+SILENCE: Final = 5.0  # how long nothing is said to try the drives' watchdog, in its own times
+BELOW_BOARD: Final = 0.02  # the tool cannot be deeper than so far below the playing surface [m]
 
 _REST: Final = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=False, busy=True)
 _POWERED: Final = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=True, busy=True)
@@ -47,25 +38,15 @@ _POWERED: Final = Command((0.0, 0.0, 0.0), 0.0, brake=True, enable=True, busy=Tr
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """What the drives said for a while; one row a fresh tick.
+    """What the drives said for a while; one row a fresh tick."""
 
-    Attributes:
-        wall: how long it took [s].
-        ticks: tick numbers, (n,).
-        angle: (n, 3) [rad].
-        velocity: (n, 3) [rad/s].
-        finger: (n,) [m].
-        tactile: (n, 2) [N].
-        status: of the last one.
-    """
-
-    wall: float
-    ticks: Vector
-    angle: Vector
-    velocity: Vector
-    finger: Vector
-    tactile: Vector
-    status: DriveStatus
+    wall: float  # how long it took [s]
+    ticks: Vector  # tick numbers, (n,)
+    angle: Vector  # (n, 3) [rad]
+    velocity: Vector  # (n, 3) [rad/s]
+    finger: Vector  # (n,) [m]
+    tactile: Vector  # (n, 2) [N]
+    status: DriveStatus  # of the last one
 
 
 def check_drives(

@@ -17,26 +17,17 @@ class CheckState(StrEnum):
 
     GOOD = "good"
     WRONG = "wrong"
-    LEFT_OUT = "left out"
-    """It could not be looked at, or the rig has none; not counted against it."""
+    LEFT_OUT = "left out"  # it could not be looked at, or the rig has none; not counted against it
 
 
 class Finding(Frozen):
-    """One thing that was looked at.
+    """One thing that was looked at."""
 
-    Attributes:
-        device: it belongs to.
-        what: was looked at.
-        state: how it is.
-        found: what was seen, in words.
-        advice: what to do where it is wrong.
-    """
-
-    device: str
-    what: str
-    state: CheckState
-    found: str
-    advice: str = ""
+    device: str  # it belongs to
+    what: str  # was looked at
+    state: CheckState  # how it is
+    found: str  # what was seen, in words
+    advice: str = ""  # what to do where it is wrong
 
 
 class CheckReport(Frozen):

@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable
+from dataclasses import dataclass
 from ipaddress import ip_address
-from typing import Final
+from pathlib import Path
+from typing import Final, Self
 
 import numpy as np
 from rich.table import Table
 from rich.text import Text
 
 from app import UserError
-from app.commissioning.processor import ProcessorTime, stolen_share
 from app.rig.factory import choose_rig
 from app.rig.rig_file import RigFile
 from app.rig.simulation.timed import GrantedRealTime, timed_rig
@@ -28,58 +29,63 @@ from hardware.frozen import Frozen
 SEED: Final = 1
 ROUND_TRIP: Final = 13.0
 """p99 [ms]: an announcement is sent 26 ms ahead, and must arrive with as much to spare."""
-JITTER: Final = 5.0
-"""p99 less median of the round trip [ms]."""
-LOST: Final = 1.0
-"""Pings lost [%]: a motion survives thirty times as much, but a wired network loses next to nothing."""
-OVERTAKEN: Final = 1.0
-"""Telemetry overtaken or repeated [%]."""
-MISSED: Final = 0.1
-"""Ticks without an exchange [%]."""
-HALF_TICK: Final = 0.44
-"""Lateness and work of a tick [ms]: the other half is the reserve."""
-STOLEN: Final = 0.1
-"""Processor time taken by the host of a virtual machine [%]."""
-BUFFER: Final = 1 << 20
-"""What the controller asks for [bytes]: 3000 datagrams."""
+JITTER: Final = 5.0  # p99 less median of the round trip [ms]
+LOST: Final = 1.0  # pings lost [%]: a motion survives thirty times as much, but a wired network loses next to nothing
+OVERTAKEN: Final = 1.0  # telemetry overtaken or repeated [%]
+MISSED: Final = 0.1  # ticks without an exchange [%]
+HALF_TICK: Final = 0.44  # lateness and work of a tick [ms]: the other half is the reserve
+STOLEN: Final = 0.1  # processor time taken by the host of a virtual machine [%]
+BUFFER: Final = 1 << 20  # what the controller asks for [bytes]: 3000 datagrams
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessorTime:
+    """Counters since the PC was started, over all cores [ticks of the system]: all time, and what a host stole.
+
+    In a virtual machine stolen time is what the host gave to others while this machine wanted to work. No privilege
+    within the machine protects a loop from it.
+    """
+
+    total: int
+    stolen: int
+
+    @classmethod
+    def now(cls) -> Self | None:
+        """The counters; None where the system does not tell."""
+        try:
+            first = Path("/proc/stat").read_text(encoding="ascii").splitlines()[0].split()
+        except (OSError, IndexError):
+            return None
+        values = [int(value) for value in first[1:9]]  # what follows is counted in these already
+        return cls(sum(values), values[7]) if len(values) == 8 else None
+
+
+def stolen_share(before: ProcessorTime | None, after: ProcessorTime | None) -> float:
+    """Share of the processors' time that a host stole between two counts, 0 to 1; 0 where it is not known."""
+    if before is None or after is None or after.total <= before.total:
+        return 0.0
+    return (after.stolen - before.stolen) / (after.total - before.total)
 
 
 class LinkCheck(Frozen):
-    """One line of the test: ``holds`` where the value is on the good side of its limit.
+    """One line of the test: ``holds`` where the value is on the good side of its limit."""
 
-    Attributes:
-        unit: of value and limit.
-        value: found.
-        limit: the bar.
-        at_least: whether the value must reach the limit instead of staying below.
-        holds: whether it is good enough.
-        advice: what to change where it is not.
-    """
-
-    unit: str
-    value: float
-    limit: float
-    at_least: bool = False
-    holds: bool
-    advice: str
+    unit: str  # of value and limit
+    value: float  # found
+    limit: float  # the bar
+    at_least: bool = False  # whether the value must reach the limit instead of staying below
+    holds: bool  # whether it is good enough
+    advice: str  # what to change where it is not
 
 
 class LinkReport(Frozen):
-    """All checks; ``holds`` says whether all of them hold.
+    """All checks; ``holds`` says whether all of them hold."""
 
-    Attributes:
-        rig: on which.
-        duration: of the measurement [s].
-        holds: whether PC and network are good enough.
-        checks: by name.
-        notes: what real time was not granted, with the remedy.
-    """
-
-    rig: str
-    duration: float
-    holds: bool
-    checks: dict[str, LinkCheck]
-    notes: tuple[str, ...]
+    rig: str  # on which
+    duration: float  # of the measurement [s]
+    holds: bool  # whether PC and network are good enough
+    checks: dict[str, LinkCheck]  # by name
+    notes: tuple[str, ...]  # what real time was not granted, with the remedy
 
     def table(self) -> Table:
         """One screen for people."""

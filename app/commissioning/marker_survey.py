@@ -11,33 +11,27 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.motion import MotionSettings, Plan, Planner, PlanRefused
 from app.rig.devices import Rig
 from hardware.interfaces import Camera, Frame, HardwareError
 from hardware.parameters import Marker, RobotParameters
 from hardware.table import PIECE_SHAPES, TableSettings
+from vision.arrays import Array
 from vision.camera.calibration import CalibrationFailed
 from vision.camera.marker import SeenMarker, find_marker
 
-Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-PAUSE: Final = 0.15
-"""From rest to a picture: what swings comes to rest [s]."""
-PATIENCE: Final = 3.0
-"""For a frame that was exposed after the arm came to rest [s]."""
+PAUSE: Final = 0.15  # from rest to a picture: what swings comes to rest [s]
+PATIENCE: Final = 3.0  # for a frame that was exposed after the arm came to rest [s]
 MOST_AGE: Final = 0.5
 _SIDES: Final = (-1.0, 0.0, 1.0)
 _SPREAD: Final = 0.75
 """Points lie so far out, in half boards."""
-_CLEAR: Final = 0.012
-"""Between pads and the tallest piece [m]."""
-_LAYERS: Final = (0.0, 0.045, 0.090)
-"""Heights above the lowest one [m]."""
-_INNER: Final = 8
-"""Depth is taken from the middle of the marker, an eighth of its side to each side."""
+_CLEAR: Final = 0.012  # between pads and the tallest piece [m]
+_LAYERS: Final = (0.0, 0.045, 0.090)  # heights above the lowest one [m]
+_INNER: Final = 8  # depth is taken from the middle of the marker, an eighth of its side to each side
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +63,7 @@ class MarkerObservation:
 
     point: Array
     seen: SeenMarker | None
-    depth: float
-    """Measured at its centre [m]; 0 where there is none."""
+    depth: float  # measured at its centre [m]; 0 where there is none
 
 
 def showing_points(setup: Setup) -> tuple[Array, ...]:

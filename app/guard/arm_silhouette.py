@@ -13,7 +13,6 @@ from collections import deque
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.scene.arm import (
     BODY_HALF_LENGTH,
@@ -32,22 +31,18 @@ from controller.settings import ControllerSettings
 from hardware.interfaces import Triple
 from hardware.parameters import RobotParameters
 from hardware.table import PIECE_SHAPES, TableSettings
+from vision.arrays import Array
 from vision.hands.arm_mask import Capsules
-
-Array = NDArray[np.float64]
 
 HELD_RADIUS: Final = 0.002 + max(shape.foot_radius for shape in PIECE_SHAPES.values())
 HELD_BELOW: Final = max(shape.grip_height for shape in PIECE_SHAPES.values())
 HELD_ABOVE: Final = max(shape.height - shape.grip_height for shape in PIECE_SHAPES.values())
 """From the tool point to both ends of the tallest piece that it may hold [m]."""
-_FAN: Final = 4
-"""The flange is drawn as so many bars across it."""
-_PLATE_BARS: Final = 3
-"""The marker's plate is drawn as so many bars along it."""
+_FAN: Final = 4  # the flange is drawn as so many bars across it
+_PLATE_BARS: Final = 3  # the marker's plate is drawn as so many bars along it
 _EVERY: Final = ControllerSettings().telemetry_ticks
 """On a lockstep bus one of so many ticks is kept, the first: that is told in every run [ticks]."""
-_MOST_WAIT: Final = 2.0
-"""For telemetry that is on its way [s, wall]."""
+_MOST_WAIT: Final = 2.0  # for telemetry that is on its way [s, wall]
 
 
 class ArmPose(NamedTuple):

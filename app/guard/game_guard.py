@@ -21,15 +21,12 @@ from hardware.table import TableSettings
 from vision.board.view import BoardView
 from vision.hands.stillness import Seen
 
-AGAIN: Final = 1.0
-"""So often a camera that has fallen silent is asked again [s, wall]."""
-SIGHT_PATIENCE: Final = 10.0
-"""Longer than this nobody waits for sight [s, wall]."""
+AGAIN: Final = 1.0  # so often a camera that has fallen silent is asked again [s, wall]
+SIGHT_PATIENCE: Final = 10.0  # longer than this nobody waits for sight [s, wall]
 LATENCY: Final = 0.065
 """From a frame's exposure until it was looked at; one that is older admits no speed [s]. Of a D435 by USB 0.04 to
 0.06, of the simulated one 0.06."""
-FIRST_FRAME_AGE: Final = 60.0
-"""Of a frame that is asked for its camera alone [s]."""
+FIRST_FRAME_AGE: Final = 60.0  # of a frame that is asked for its camera alone [s]
 
 
 class GameGuard:
@@ -65,8 +62,7 @@ class GameGuard:
         self._tried = -math.inf
         self._departures = 0
         self._gone_at: float | None = None
-        self.stops: list[GuardStop] = []
-        """Each time the arm was asked to hold, until the board was looked for last."""
+        self.stops: list[GuardStop] = []  # each time the arm was asked to hold, until the board was looked for last
 
     def look(self, view: BoardView) -> None:
         """From now on the board is where this view of its camera has it.

@@ -29,15 +29,12 @@ from vision.board.view import BoardView
 from vision.hands.arm_mask import Hidden, draw_mask
 from vision.hands.stillness import Seen, Watch
 
-FRAME_AGE: Final = 1.0
-"""Frames older than this say nothing about the present [s]; a late one is left out and told of."""
-MARGIN: Final = 0.008
-"""The arm is masked so much thicker than it is: what calibration and interpolation may err [m] …"""
+FRAME_AGE: Final = 1.0  # frames older than this say nothing about the present [s]; a late one is left out and told of
+MARGIN: Final = 0.008  # the arm is masked so much thicker than it is: what calibration and interpolation may err [m] …
 APART: Final = 0.020
 """What is measured so far off the arm is not the arm [m]: besides that margin, what depth errs, and how far an arm at
 full speed moves in the time by which a frame's stamp errs."""
-GROW: Final = 4
-"""… and so much wider in the picture: edges that a depth camera smears [px]."""
+GROW: Final = 4  # … and so much wider in the picture: edges that a depth camera smears [px]
 _Shown = tuple[Frame | DepthFrame, Seen]
 Listener = Callable[[Frame | DepthFrame, Seen], None]
 
@@ -59,23 +56,14 @@ class GuardStop:
 
 @dataclass(slots=True, eq=False)
 class _Request:
-    """Of somebody who waits for a frame without a hand.
+    """Of somebody who waits for a frame without a hand."""
 
-    Attributes:
-        gone: that is all; else the board is to be settled, too.
-        admit: motions shall be admitted then.
-        colour: the frame shall have colour.
-        after: it shall be stamped later [s]; None: it shall be a new one.
-        first: number of the first frame that will do.
-        found: the frame.
-    """
-
-    gone: bool = False
-    admit: bool = False
-    colour: bool = False
-    after: float | None = None
-    first: int = 0
-    found: _Shown | None = None
+    gone: bool = False  # that is all; else the board is to be settled, too
+    admit: bool = False  # motions shall be admitted then
+    colour: bool = False  # the frame shall have colour
+    after: float | None = None  # it shall be stamped later [s]; None: it shall be a new one
+    first: int = 0  # number of the first frame that will do
+    found: _Shown | None = None  # the frame
 
 
 class ArmMasks:
@@ -131,8 +119,7 @@ class HandGuard:
         *,
         holding: bool = False,
     ) -> None:
-        self.stops: list[GuardStop] = []
-        """Each time the arm was asked to hold."""
+        self.stops: list[GuardStop] = []  # each time the arm was asked to hold
         self._frames, self._view, self._masks, self._holder = frames, view, masks, holder
         self._watch, self._separation = watch or Watch(), separation
         self._progress, self._listener = progress, listener

@@ -21,12 +21,10 @@ from vision.arrays import Array
 from vision.board.view import BoardView
 from vision.hands.stillness import Seen
 
-HAND_SPEED: Final = 1.6
-"""Of a hand that reaches out [m/s]; ISO 13855."""
+HAND_SPEED: Final = 1.6  # of a hand that reaches out [m/s]; ISO 13855
 TOOL_SIZE: Final = 0.050
 """From the tool point to the farthest of what moves as fast beside it: gripper, fingers, and what they hold [m]."""
-GRACE: Final = 0.008
-"""A frame may come so much later than the one after the other should [s]."""
+GRACE: Final = 0.008  # a frame may come so much later than the one after the other should [s]
 EDGE: Final = 0.07
 """Share of the picture's width at either side that has no depth: one imager alone sees it. At the D435's left border
 56 of 848 px where something is 0.4 m away."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -60,6 +61,7 @@ def run_games(settings: Settings, ui: UserInterface, lines: Lines | None = None)
         human = _human(settings, rig_setup, folder, lines, stack)
         if settings.game.from_board:
             return _play_from_board(settings, rig_setup, folder, ui, human, stack, number=1)
+        shown = _show_session(settings, rig_setup, folder, human, ui)
         games = GameSeries(settings, rig_setup, ui, human, folder)
         match = stack.enter_context(_match(settings, rig_setup, games, folder, ui))
         standing = None if settings.game.standing is None else start_board(settings.game.standing, option="--standing")
@@ -68,7 +70,7 @@ def run_games(settings: Settings, ui: UserInterface, lines: Lines | None = None)
         rig = rig_setup.rig(folder, board, _person(settings) or settings.rig.person)
         return run_session(
             folder,
-            _opening_rig(settings, rig_setup, rig, folder, ui, human, new=True),
+            _opening_rig(rig_setup, rig, ui, shown, new=True),
             _keepable(settings, rig_setup, folder, ui, stack, human, match, 1), rig_setup.parameters.drive.tick,
             _filming(rig_setup, folder), ui,
             session_vision(settings, rig_setup, human, ui),
@@ -95,6 +97,7 @@ def resume_games(folder: Path, ui: UserInterface, lines: Lines | None = None) ->
         position = position.from_the_start()
     with ExitStack() as stack:
         human = _human(settings, rig_setup, folder, lines, stack)
+        shown = _show_session(settings, rig_setup, folder, human, ui)
         games = GameSeries(settings, rig_setup, ui, human, folder, begun=number)
         if not sets_up and _over(history, games.most(number)) and games(number + 1, None) is None:
             raise UserError(f"the game in {path} is over, after {len(history.plies)} plies: start a new one")
@@ -106,7 +109,7 @@ def resume_games(folder: Path, ui: UserInterface, lines: Lines | None = None) ->
             require_present(rig_setup.run_dir(folder), history.events[-1].plant_time, rig_setup.parameters.drive.tick)
         return run_session(
             folder,
-            _opening_rig(settings, rig_setup, rig_setup.rig(folder), folder, ui, human, new=False),
+            _opening_rig(rig_setup, rig_setup.rig(folder), ui, shown, new=False),
             _keepable(settings, rig_setup, folder, ui, stack, human, match, number), rig_setup.parameters.drive.tick,
             None, ui, session_vision(settings, rig_setup, human, ui),
         )  # fmt: skip
@@ -141,9 +144,10 @@ def _play_from_board(
         make_folder(folder)
     standing = start_board(settings.game.standing, option="--standing") if number == 1 else None
     rig = rig_setup.rig(folder, standing, _person(settings) or settings.rig.person)
+    shown = _show_session(settings, rig_setup, folder, human, ui)
     return run_session(
         folder,
-        _opening_rig(settings, rig_setup, rig, folder, ui, human, new=number == 1),
+        _opening_rig(rig_setup, rig, ui, shown, new=number == 1),
         _from_board(settings, rig_setup, folder, ui, human, stack, number), rig_setup.parameters.drive.tick, None, ui,
         session_vision(settings, rig_setup, human, ui),
     )  # fmt: skip
@@ -262,25 +266,31 @@ def _human(
 
 
 def _opening_rig(
-    settings: Settings, rig_setup: RigSetup, rig: RigFile | None, folder: Path, ui: UserInterface, human: Human | None,
-    *, new: bool,
-) -> Callable[[Listener], Rig]:  # fmt: skip
+    rig_setup: RigSetup, rig: RigFile | None, ui: UserInterface, shown: SessionShown, *, new: bool
+) -> Callable[[Listener], Rig]:
     """Opens the rig and shows what it is; arguments as of ``RigSetup.open``."""
-    kind: RigKind = "lab" if rig is not None and not rig_setup.own else "board" if rig is None else "sim"
 
     def opened(listener: Listener) -> Rig:
         found = rig_setup.open(rig, ui.phase, listener, new=new)
-        ui.session(
-            SessionShown(
-                folder, kind, rig_setup.pace, rig_setup.parameters.drive.tick, _person(settings),
-                human is not None and human.hands is not None, rig_setup.sees, found.controller, found.film,
-            )
-        )  # fmt: skip
+        ui.session(replace(shown, controller=found.controller, live=found.film))
         sees = "looks at the board" if found.camera is not None else "there is none: moves are said, not seen"
         ui.device("camera", None if found.camera is None else True, sees)
         return found
 
     return opened
+
+
+def _show_session(
+    settings: Settings, rig_setup: RigSetup, folder: Path, human: Human | None, ui: UserInterface
+) -> SessionShown:
+    """Show what is going to be played, before anything slow."""
+    kind: RigKind = "board" if rig_setup.file is None else "sim" if rig_setup.own else "lab"
+    shown = SessionShown(
+        folder, kind, rig_setup.pace, rig_setup.parameters.drive.tick, _person(settings),
+        human is not None and human.hands is not None, rig_setup.sees,
+    )  # fmt: skip
+    ui.session(shown)
+    return shown
 
 
 def _filming(rig_setup: RigSetup, folder: Path) -> Filming | None:

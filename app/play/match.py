@@ -140,6 +140,7 @@ class Match:
         sets_up = standing is not None
         name = f"set-up-{number}" if sets_up and fixture.plies else self._name("game", number)
         record = self._record(name, board, stands, at)
+        self._ui.round(record.folder, number, sets_up=sets_up)
         self._start = Start(number, sets_up, record, Position(board.copy(), stands))
         return board
 
@@ -148,6 +149,7 @@ class Match:
         fixture = self._take_up(start.number, None)
         assert fixture is not None, "what was begun is among the fixtures"
         self._records.enter_context(start.record)
+        self._ui.round(start.record.folder, start.number, sets_up=start.sets_up)
         self._start = start
 
     def next(self, devices: Devices, last: GameEnd | None) -> Round | None:
@@ -187,6 +189,7 @@ class Match:
         board = table.board.copy(stack=False) if self._sets_up else self._fixture.board.copy()
         name = self._name("set-up" if self._sets_up else "game", self._number)
         record = self._record(name, board, table.inventory, devices.clock.now())
+        self._ui.round(record.folder, self._number, sets_up=self._sets_up)
         return self._round(devices, record, Position(board, table.inventory))
 
     def _round(self, devices: Devices, record: GameRecord, position: Position) -> Round:
@@ -194,7 +197,6 @@ class Match:
         assert self._chosen is not None
         if position.begun:
             record.resumed(devices.clock.now())
-        self._ui.round(record.folder, self._number, sets_up=self._sets_up)
         human, side = self._fixture.human, persons_side(record.events)
         if human is not None and side is not None:
             human = replace(human, colour=side is Colour.WHITE)

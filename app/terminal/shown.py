@@ -46,7 +46,7 @@ class SessionShown:
         person: who plays by hand; None: nobody.
         hands: a simulated hand moves that person's pieces.
         sees: there is a camera.
-        controller: its host, UDP port and key file; None: there is none.
+        controller: its host, UDP port and key file; None: there is none, or not yet.
         live: pictures of the view camera or film, so many a second, while plant time runs; None where there are none.
     """
 
@@ -57,8 +57,8 @@ class SessionShown:
     person: Colour | None
     hands: bool
     sees: bool
-    controller: tuple[str, int, Path] | None
-    live: Callable[[View, float], FilmSource | None]
+    controller: tuple[str, int, Path] | None = None
+    live: Callable[[View, float], FilmSource | None] = lambda _view, _rate: None
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,25 +19,17 @@ from vision.board.grid import Grid
 
 Look = Callable[[Array], Array]
 """Gives lightness at points (..., 2) [px], shape (...), light less dark squares about 1; not a number outside."""
-ALONG: Final = np.array([0.12, 0.24, 0.37, 0.5, 0.63, 0.76, 0.88])
-"""Where along a side [sides of a square]."""
-ACROSS: Final = 0.13
-"""How far from it to either side [sides of a square]."""
+ALONG: Final = np.array([0.12, 0.24, 0.37, 0.5, 0.63, 0.76, 0.88])  # where along a side [sides of a square]
+ACROSS: Final = 0.13  # how far from it to either side [sides of a square]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sides:
-    """How well the two squares at each side differ as they should: 1 as on the board, 0 by chance, -1 the other way.
+    """How well the two squares at each side differ as they should: 1 as on the board, 0 by chance, -1 the other way."""
 
-    Attributes:
-        origin: column and row of the first square.
-        upright: between squares (i - 1, j) and (i, j), shape (columns, rows); not a number outside of the picture.
-        level: between squares (i, j - 1) and (i, j), shape (columns, rows).
-    """
-
-    origin: tuple[int, int]
-    upright: Array
-    level: Array
+    origin: tuple[int, int]  # column and row of the first square
+    upright: Array  # between squares (i - 1, j) and (i, j), shape (columns, rows); not a number outside of the picture
+    level: Array  # between squares (i, j - 1) and (i, j), shape (columns, rows)
 
 
 def compare_sides(look: Look, grid: Grid, bright: int, low: tuple[int, int], high: tuple[int, int]) -> Sides:

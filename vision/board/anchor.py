@@ -24,35 +24,25 @@ from vision.board.lattice import fit_homography
 from vision.board.view import BoardNotFound
 from vision.board.window import judge
 
-TOLERANCE: Final = 0.06
-"""A corner that is off by more has moved [sides of a square]."""
-LEAST_CROSSINGS: Final = 10
-"""Crossings that must be seen to tell anything, in at least three rows and columns."""
-LEAST_SHARE: Final = 0.3
-"""Share of the crossings of the reference that must be seen."""
-GONE_ON: Final = -0.3
-"""Margin of the window below which squares go on beyond the border: a shift by whole squares."""
-SAMPLES: Final = 9
-"""Along a side of a window: coarser than for finding, since what is looked for is known to be close."""
+TOLERANCE: Final = 0.06  # a corner that is off by more has moved [sides of a square]
+LEAST_CROSSINGS: Final = 10  # crossings that must be seen to tell anything, in at least three rows and columns
+LEAST_SHARE: Final = 0.3  # share of the crossings of the reference that must be seen
+GONE_ON: Final = -0.3  # margin of the window below which squares go on beyond the border: a shift by whole squares
+SAMPLES: Final = 9  # along a side of a window: coarser than for finding, since what is looked for is known to be close
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AnchorCheck:
-    """What a picture tells about the board's place.
-
-    Attributes:
-        shift: how far the corners a1, h1, h8, a8 are from where they were, shape (4,) [sides of a square]; not a number
-            where it is not known.
-        moved: whether a corner is further off than ``TOLERANCE``; None if too little of the board can be seen, or if
-            it is not where it was and has not been searched for.
-        seen: share of the reference's crossings that were found again.
-        corners: where the corners are now, shape (4, 2) [px]; those of the reference unless the board has moved.
-    """
+    """What a picture tells about the board's place."""
 
     shift: Array
+    """How far the corners a1, h1, h8, a8 are from where they were, shape (4,) [sides of a square]; not a number where
+    it is not known."""
     moved: bool | None
-    seen: float
-    corners: Array
+    """Whether a corner is further off than ``TOLERANCE``; None if too little of the board can be seen, or if it is not
+    where it was and has not been searched for."""
+    seen: float  # share of the reference's crossings that were found again
+    corners: Array  # where the corners are now, shape (4, 2) [px]; those of the reference unless the board has moved
 
 
 class Anchor:

@@ -18,14 +18,10 @@ from vision.board.grid import CORNERS, Grid, GridFit, fit_grid
 
 HALF_WINDOW: Final = 0.24
 """Half of the window around a crossing [sides of a square]; pieces that stand in the middle begin at about 0.3."""
-WINDOW: Final = 17
-"""Samples along a side of the window; odd."""
-ROUNDS: Final = 4
-"""How often the window is moved onto the crossing."""
-LEAST_LIKENESS: Final = 0.75
-"""Correlation of the window with four squares that meet."""
-FURTHEST: Final = 0.2
-"""A crossing that moves further than this is another feature [sides of a square]."""
+WINDOW: Final = 17  # samples along a side of the window; odd
+ROUNDS: Final = 4  # how often the window is moved onto the crossing
+LEAST_LIKENESS: Final = 0.75  # correlation of the window with four squares that meet
+FURTHEST: Final = 0.2  # a crossing that moves further than this is another feature [sides of a square]
 BORDER_WEIGHT: Final = 0.1
 """Weight across the border of crossings on it: frames and inlays have lines of their own, up to 0.1 squares outside."""
 PLACES: Final = np.stack(np.meshgrid(np.arange(9.0), np.arange(9.0), indexing="ij"), axis=-1).reshape(-1, 2)
@@ -36,17 +32,11 @@ FINEST, COARSEST = 18.0, 44.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crossings:
-    """Crossings that were seen.
+    """Crossings that were seen."""
 
-    Attributes:
-        places: shape (n, 2).
-        found: where they are, as places by the grid they were looked for with, shape (n, 2).
-        border: whether each lies on the border, shape (n,).
-    """
-
-    places: Array
-    found: Array
-    border: Mask
+    places: Array  # shape (n, 2)
+    found: Array  # where they are, as places by the grid they were looked for with, shape (n, 2)
+    border: Mask  # whether each lies on the border, shape (n,)
 
 
 def refine_grid(look: Look, grid: Grid, dark: int) -> GridFit | None:
@@ -80,18 +70,16 @@ def find_crossings(look: Look, grid: Grid, dark: int) -> Crossings:
 
     ``dark`` is as of ``refine_grid``.
     """
-    window = window_places(WINDOW)
-    places = PLACES
-    found = places.copy()
-    alive = np.ones(len(places), dtype=bool)
+    window, found = window_places(WINDOW), PLACES.copy()
+    alive = np.ones(len(PLACES), dtype=bool)
     for _ in range(ROUNDS):
         values = look(grid.project(found[:, None, None] + window))
         alive &= np.isfinite(values).all(axis=(1, 2))
         found = found + np.clip(_crossing_of_edges(np.nan_to_num(values), window), -0.1, 0.1)
-        alive &= np.abs(found - places).max(axis=1) < FURTHEST
-        found = np.where(alive[:, None], found, places)
+        alive &= np.abs(found - PLACES).max(axis=1) < FURTHEST
+        found = np.where(alive[:, None], found, PLACES)
     values = np.nan_to_num(look(grid.project(found[:, None, None] + window)))
-    likeness = _likeness(values, window, places, np.zeros_like(places), dark)
+    likeness = _likeness(values, window, np.zeros_like(PLACES), dark)
     return _select(found, alive & (likeness > LEAST_LIKENESS))
 
 
@@ -105,7 +93,7 @@ def crossings_in(values: Array, dark: int) -> Crossings:
     shift = _crossing_of_edges(safe, window)
     alive = np.isfinite(values).all(axis=(1, 2)) & (np.abs(shift).max(axis=1) < FURTHEST)
     shift = np.where(alive[:, None], shift, 0.0)
-    likeness = _likeness(safe, window, PLACES, shift, dark)
+    likeness = _likeness(safe, window, shift, dark)
     return _select(PLACES + shift, alive & (likeness > LEAST_LIKENESS))
 
 
@@ -132,12 +120,12 @@ def _crossing_of_edges(values: Array, window: Array) -> Array:
     return np.stack([(vv * bu - uv * bv) / safe, (uu * bv - uv * bu) / safe], axis=1)
 
 
-def _likeness(values: Array, window: Array, places: Array, shift: Array, dark: int) -> Array:
+def _likeness(values: Array, window: Array, shift: Array, dark: int) -> Array:
     """Correlation with light and dark squares that meet off the middle, over what is on the board, shape (n,)."""
     spot = window - shift[:, None, None]
-    place = places[:, None, None] + spot
+    place = PLACES[:, None, None] + spot
     clear = ((place > 0.02) & (place < 7.98)).all(axis=-1) & (np.abs(spot).min(axis=-1) > 0.03)
-    parity = dark * (2.0 * (places.sum(axis=1) % 2) - 1.0)
+    parity = dark * (2.0 * (PLACES.sum(axis=1) % 2) - 1.0)
     pattern = parity[:, None, None] * np.sign(spot[..., 0] * spot[..., 1])
     count = np.maximum(clear.sum(axis=(1, 2)), 1)
     a, b = (

@@ -31,39 +31,28 @@ from vision.board.window import Window, best_window, judge
 PASSES: Final = ((640, 0.0), (1280, 0.0), (400, 0.0), (640, 3.0))
 """Longer side and blur of the pictures that are searched one after another [px]: boards near, small, out of focus, and
 with lines drawn between the squares."""
-NEAR_SIDE: Final = 32.0
-"""Side of a square in the picture that is searched for a board near a known place [px]."""
-NEAR_MARGIN: Final = 2.0
-"""How far around the known place is searched [sides of a square]."""
-MOST_SADDLES: Final = 500
-"""Of one picture; a board has 49."""
+NEAR_SIDE: Final = 32.0  # side of a square in the picture that is searched for a board near a known place [px]
+NEAR_MARGIN: Final = 2.0  # how far around the known place is searched [sides of a square]
+MOST_SADDLES: Final = 500  # of one picture; a board has 49
 LEAST_CROSSINGS, ENOUGH_CROSSINGS = 10, 30
 """A lattice below the first is chance; beyond the second no other is looked for."""
-MOST_SEEDS: Final = 150
-"""Beginnings of lattices that are tried in a picture."""
-MOST_LATTICES: Final = 4
-"""How many are judged in a picture, the largest first."""
-SURE_ERROR: Final = 0.15
-"""Corners that are less certain than this are given with a doubt [sides of a square]."""
-MOST_ERROR: Final = 0.3
-"""And those less certain than this not at all [sides of a square]."""
+MOST_SEEDS: Final = 150  # beginnings of lattices that are tried in a picture
+MOST_LATTICES: Final = 4  # how many are judged in a picture, the largest first
+SURE_ERROR: Final = 0.15  # corners that are less certain than this are given with a doubt [sides of a square]
+MOST_ERROR: Final = 0.3  # and those less certain than this not at all [sides of a square]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundBoard:
-    """A board in a picture.
-
-    Attributes:
-        corners: outer corners of the playing area a1, h1, h8, a8, counter-clockwise seen from above, shape (4, 2) [px].
-        oriented: False where a1 may be the opposite corner: all that is known then is that a1 is dark.
-        error: the worst error of a corner that is to be expected, exceeded by one board in twenty [sides of a square].
-        doubt: what is wrong and what to do about it, a sentence, where ``error`` is above ``SURE_ERROR``; else None.
-    """
+    """A board in a picture."""
 
     corners: Array
-    oriented: bool
+    """Outer corners of the playing area a1, h1, h8, a8, counter-clockwise seen from above, shape (4, 2) [px]."""
+    oriented: bool  # False where a1 may be the opposite corner: all that is known then is that a1 is dark
     error: float
+    """The worst error of a corner that is to be expected, exceeded by one board in twenty [sides of a square]."""
     doubt: str | None = None
+    """What is wrong and what to do about it, a sentence, where ``error`` is above ``SURE_ERROR``; else None."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,17 +77,11 @@ class _Measured:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Candidate:
-    """A board as a resized picture shows it.
+    """A board as a resized picture shows it."""
 
-    Attributes:
-        grid: place (0, 0) is one of the board's corners.
-        weights: of the channels, so that light less dark squares is about 1.
-        dark: 1 where the square at place (0, 0) is dark, otherwise -1.
-    """
-
-    grid: Grid
-    weights: Array
-    dark: int
+    grid: Grid  # place (0, 0) is one of the board's corners
+    weights: Array  # of the channels, so that light less dark squares is about 1
+    dark: int  # 1 where the square at place (0, 0) is dark, otherwise -1
 
 
 def find_board(colour: Picture, *, near: ArrayLike | None = None) -> FoundBoard:

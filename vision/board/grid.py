@@ -16,8 +16,7 @@ from scipy.optimize import least_squares
 from vision.arrays import Array
 from vision.board.lattice import fit_homography, project, steps
 
-LEVEL: Final = 4.0
-"""How early the bending levels off [1/half diagonal²]."""
+LEVEL: Final = 4.0  # how early the bending levels off [1/half diagonal²]
 PRIOR_BENDING: Final = 0.05
 """What k is about, where the crossings do not tell: cameras without fisheye lenses stay below 0.1."""
 CORNERS: Final = np.array([[0.0, 0.0], [8.0, 0.0], [8.0, 8.0], [0.0, 8.0]])
@@ -26,17 +25,11 @@ CORNERS: Final = np.array([[0.0, 0.0], [8.0, 0.0], [8.0, 8.0], [0.0, 8.0]])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grid:
-    """A board's lines in a picture.
+    """A board's lines in a picture."""
 
-    Attributes:
-        homography: from places to pixels of a picture without distortion, shape (3, 3).
-        bending: k of the lens.
-        size: width and height of the picture [px].
-    """
-
-    homography: Array
-    bending: float
-    size: tuple[int, int]
+    homography: Array  # from places to pixels of a picture without distortion, shape (3, 3)
+    bending: float  # k of the lens
+    size: tuple[int, int]  # width and height of the picture [px]
 
     def project(self, places: Array) -> Array:
         """Pixels of places (..., 2); not a number for those behind the camera."""
@@ -67,19 +60,13 @@ def bend(points: Array, bending: float, size: tuple[int, int]) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GridFit:
-    """A grid and how good it is.
+    """A grid and how good it is."""
 
-    Attributes:
-        grid: through the crossings.
-        off: how far each crossing lies off it, shape (n, 2) [sides of a square].
-        scatter: of good crossings in one direction, one sigma, from the middle of all [sides of a square].
-        spread: standard deviation of where the outer corners are, from that scatter, shape (4,) [sides of a square].
-    """
-
-    grid: Grid
-    off: Array
-    scatter: float
+    grid: Grid  # through the crossings
+    off: Array  # how far each crossing lies off it, shape (n, 2) [sides of a square]
+    scatter: float  # of good crossings in one direction, one sigma, from the middle of all [sides of a square]
     spread: Array
+    """Standard deviation of where the outer corners are, from that scatter, shape (4,) [sides of a square]."""
 
 
 def fit_grid(

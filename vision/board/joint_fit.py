@@ -22,52 +22,38 @@ from vision.board.side_edges import SideEdges, measure_edges
 
 PLANE, LENS, BOW = slice(0, 8), slice(8, 9), slice(9, 23)
 """Where the parameters of each part are; the last one is the light's."""
-LOOSE: Final = 1.0
-"""How far the plane may be from the first grid's, one sigma [sides of a square]."""
+LOOSE: Final = 1.0  # how far the plane may be from the first grid's, one sigma [sides of a square]
 PRIOR_LENS: Final = 0.02
 """What a lens bends by, one sigma: as ``Grid.bending``. Cameras of phones and of rigs correct their pictures."""
-PRIOR_BOW: Final = 0.02
-"""Size of each term of a board's bow, one sigma [sides of a square]."""
-PRIOR_CREEP: Final = 0.05
-"""How far light creeps, one sigma [sides of a square]."""
-EDGE_WEIGHT: Final = 0.7
-"""What one end of a side counts, a crossing being 1."""
-LEAST_SCATTER: Final = 0.008
-"""No crossing is seen better than this, one sigma [sides of a square]."""
+PRIOR_BOW: Final = 0.02  # size of each term of a board's bow, one sigma [sides of a square]
+PRIOR_CREEP: Final = 0.05  # how far light creeps, one sigma [sides of a square]
+EDGE_WEIGHT: Final = 0.7  # what one end of a side counts, a crossing being 1
+LEAST_SCATTER: Final = 0.008  # no crossing is seen better than this, one sigma [sides of a square]
 ALIKE: Final = 16.0
 """So many neighbouring measurements are wrong in the same way: board and light are not as in the model there."""
 ROUNDS: Final = 12
 FIRST_SCATTER: Final = 0.04
 """Scatter about a plane of the crossings of a bent board, in the first round [sides of a square]."""
-LEAST_CROSSINGS: Final = 12
-"""Of those within the board; fewer are chance."""
+LEAST_CROSSINGS: Final = 12  # of those within the board; fewer are chance
 TRUST: Final = 1.6
 """Error that is exceeded by one board in twenty, by what the fit believes: counted on drawn boards of known corners."""
 PIXELS: Final = 1.2
 """How well a corner is known by eye in a picture, which is what it is compared with: sharpening and compression shift
 the edges of a border, and people who mark them agree no better [px]."""
-LEAST_ERROR: Final = 0.01
-"""No corner is claimed to be better than this [sides of a square]: boards are made no better."""
+LEAST_ERROR: Final = 0.01  # no corner is claimed to be better than this [sides of a square]: boards are made no better
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointFit:
-    """Corners of a board in a picture.
+    """Corners of a board in a picture."""
 
-    Attributes:
-        corners: in the order of ``CORNERS``, shape (4, 2) [px].
-        scatter: of good measurements, one sigma [sides of a square].
-        sigma: of each corner, by the covariance of the fit, shape (4,) [sides of a square].
-        halves: how far each corner moves when a quarter of the board is left out, jackknife deviation, shape (4,)
-            [sides of a square].
-        sides: shorter side of the square at each corner, shape (4,) [px].
-    """
-
-    corners: Array
-    scatter: float
-    sigma: Array
+    corners: Array  # in the order of ``CORNERS``, shape (4, 2) [px]
+    scatter: float  # of good measurements, one sigma [sides of a square]
+    sigma: Array  # of each corner, by the covariance of the fit, shape (4,) [sides of a square]
     halves: Array
-    sides: Array
+    """How far each corner moves when a quarter of the board is left out, jackknife deviation, shape (4,) [sides of a
+    square]."""
+    sides: Array  # shorter side of the square at each corner, shape (4,) [px]
 
     def error(self, factor: float = 1.0) -> float:
         """What the worst corner's error stays below for nineteen boards of twenty [sides of a square].

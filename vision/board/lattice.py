@@ -18,32 +18,22 @@ from scipy.spatial import cKDTree
 from vision.arrays import Array, Indices
 from vision.board.saddles import Saddles
 
-NEIGHBOURS: Final = 16
-"""How many saddles around one are looked at for the next crossing of a line."""
-LEAST_TURN: Final = 0.5
-"""Cosine of twice the angle between where the bright sectors are and where they should be."""
-REACH: Final = 0.2
-"""A saddle further than this from where a crossing must be is another one [sides of a square]."""
-SPAN: Final = 9
-"""No board has more lines than this in one direction."""
+NEIGHBOURS: Final = 16  # how many saddles around one are looked at for the next crossing of a line
+LEAST_TURN: Final = 0.5  # cosine of twice the angle between where the bright sectors are and where they should be
+REACH: Final = 0.2  # a saddle further than this from where a crossing must be is another one [sides of a square]
+SPAN: Final = 9  # no board has more lines than this in one direction
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lattice:
-    """Saddles with the crossings they are.
-
-    Attributes:
-        places: column and row of each crossing, from any origin, shape (n, 2); one column further is to the right of
-            one row further, as the eye sees it counter-clockwise.
-        points: where they are, shape (n, 2) [px].
-        homography: from places to pixels, shape (3, 3).
-        bright: 1 where the square at the upper indices of crossing (0, 0) is a light one, otherwise -1.
-    """
+    """Saddles with the crossings they are."""
 
     places: Indices
-    points: Array
-    homography: Array
-    bright: int
+    """Column and row of each crossing, from any origin, shape (n, 2); one column further is to the right of one row
+    further, as the eye sees it counter-clockwise."""
+    points: Array  # where they are, shape (n, 2) [px]
+    homography: Array  # from places to pixels, shape (3, 3)
+    bright: int  # 1 where the square at the upper indices of crossing (0, 0) is a light one, otherwise -1
 
     def __len__(self) -> int:
         return len(self.points)
@@ -58,8 +48,7 @@ def fit_homography(places: Array, points: Array, weights: Array | None = None) -
         Shape (3, 3), the last entry 1 unless it vanishes.
     """
     source, target = _to_unit(places), _to_unit(points)
-    p = _apply_affine(source, places)
-    q = _apply_affine(target, points)
+    p, q = (each @ unit[:2, :2].T + unit[:2, 2] for each, unit in ((places, source), (points, target)))
     ones, zeros = np.ones((len(p), 1)), np.zeros((len(p), 3))
     full = np.hstack([p, ones])
     rows = np.vstack([np.hstack([full, zeros, -q[:, :1] * full]), np.hstack([zeros, full, -q[:, 1:] * full])])
@@ -236,7 +225,3 @@ def _to_unit(points: Array) -> Array:
     centre = points.mean(axis=0)
     scale = np.sqrt(2.0) / max(float(np.linalg.norm(points - centre, axis=1).mean()), 1e-12)
     return np.array([[scale, 0.0, -scale * centre[0]], [0.0, scale, -scale * centre[1]], [0.0, 0.0, 1.0]])
-
-
-def _apply_affine(matrix: Array, points: Array) -> Array:
-    return np.asarray(points @ matrix[:2, :2].T + matrix[:2, 2])

@@ -19,27 +19,18 @@ from vision.board.alternation import sample
 from vision.board.grid import CORNERS
 from vision.board.lattice import fit_homography, project
 
-LUMA: Final = np.array([0.299, 0.587, 0.114])
-"""How much red, green and blue count for lightness (ITU-R BT.601)."""
-LEAST_AGREEMENT: Final = 0.85
-"""Share of squares that must be occupied or empty as in the placement."""
-LEAST_MARGIN: Final = 4.0
-"""How much better the best turn must fit than any other [standard errors]."""
+LUMA: Final = np.array([0.299, 0.587, 0.114])  # how much red, green and blue count for lightness (ITU-R BT.601)
+LEAST_AGREEMENT: Final = 0.85  # share of squares that must be occupied or empty as in the placement
+LEAST_MARGIN: Final = 4.0  # how much better the best turn must fit than any other [standard errors]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Orientation:
-    """How a board lies.
+    """How a board lies."""
 
-    Attributes:
-        corners: outer corners a1, h1, h8, a8, shape (4, 2) [px].
-        sure: False where the pieces do not tell; the corners are then as they were given.
-        margin: how much better this turn fits than the next best [standard errors].
-    """
-
-    corners: Array
-    sure: bool
-    margin: float
+    corners: Array  # outer corners a1, h1, h8, a8, shape (4, 2) [px]
+    sure: bool  # False where the pieces do not tell; the corners are then as they were given
+    margin: float  # how much better this turn fits than the next best [standard errors]
 
 
 def orient(colour: Picture, corners: ArrayLike, placement: chess.BaseBoard | None = None) -> Orientation:

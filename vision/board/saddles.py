@@ -16,35 +16,25 @@ import numpy as np
 
 from vision.arrays import Array, Field, Indices, Picture
 
-BLUR: Final = 1.3
-"""Width of the Gaussian before the second derivatives [px]."""
+BLUR: Final = 1.3  # width of the Gaussian before the second derivatives [px]
 RINGS: Final = (3.0, 4.5)
 """Radii of the rings that are looked at [px]: wider than the blur, narrower than half of the smallest square."""
-SAMPLES: Final = 32
-"""Points of a ring; a multiple of four."""
+SAMPLES: Final = 32  # points of a ring; a multiple of four
 LEAST_SYMMETRY: Final = 0.55
 """Share of a ring's variance that is alike from opposite sides, less the share that is not: 1 for a clean saddle."""
 MOST_SKEW: Final = 1.1
 """Skewness of a ring's values: 0 with light and dark in equal parts, 1.15 at a crossing of 45°, more at a thin line."""
-LEAST_CONTRAST: Final = 4.0
-"""Amplitude around the ring below which there is only noise [grey levels of ``levels``]."""
+LEAST_CONTRAST: Final = 4.0  # amplitude around the ring below which there is only noise [grey levels of ``levels``]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Saddles:
-    """Saddle points of a picture, best first.
+    """Saddle points of a picture, best first."""
 
-    Attributes:
-        points: where, shape (n, 2) [px].
-        bright: direction in which the brighter sectors lie, modulo half a turn, shape (n,) [rad].
-        edges: directions of the two edges that cross, modulo half a turn, shape (n, 2) [rad].
-        quality: symmetry of the ring times the logarithm of its contrast, shape (n,).
-    """
-
-    points: Array
-    bright: Array
-    edges: Array
-    quality: Array
+    points: Array  # where, shape (n, 2) [px]
+    bright: Array  # direction in which the brighter sectors lie, modulo half a turn, shape (n,) [rad]
+    edges: Array  # directions of the two edges that cross, modulo half a turn, shape (n, 2) [rad]
+    quality: Array  # symmetry of the ring times the logarithm of its contrast, shape (n,)
 
     def __len__(self) -> int:
         return len(self.points)

@@ -17,29 +17,20 @@ from vision.arrays import Array, Indices, Mask
 from vision.board.alternation import Look
 from vision.board.grid import Grid
 
-REACH: Final = 0.26
-"""How far across a side the picture is looked at, either way [sides of a square]."""
-STEP: Final = 0.02
-"""And how closely [sides of a square]."""
-ACROSS: Final = np.arange(-REACH, REACH + 0.5 * STEP, STEP)
-"""Where across a side, shape (m,) [sides of a square]."""
+REACH: Final = 0.26  # how far across a side the picture is looked at, either way [sides of a square]
+STEP: Final = 0.02  # and how closely [sides of a square]
+ACROSS: Final = np.arange(-REACH, REACH + 0.5 * STEP, STEP)  # where across a side, shape (m,) [sides of a square]
 ENDS: Final = np.array([[0.12, 0.18, 0.24, 0.30, 0.36], [0.64, 0.70, 0.76, 0.82, 0.88]])
 """Where along a side, at either end [sides of a square]."""
-NEAR: Final = 0.10
-"""Width of the window in which an edge is centred, one sigma [sides of a square]."""
-NEAR_BORDER: Final = 0.05
-"""The same on the border, where lines around the board have edges of their own."""
-MOST_FAR: Final = 0.12
-"""An edge further from the line is not the border's [sides of a square]."""
-LEAST_SLOPE: Final = 1.0
-"""Rise or fall of a clear edge [1/side of a square]: of noise and grain it is less."""
-ROUNDS: Final = 6
-"""How often the window is moved onto the edge."""
+NEAR: Final = 0.10  # width of the window in which an edge is centred, one sigma [sides of a square]
+NEAR_BORDER: Final = 0.05  # the same on the border, where lines around the board have edges of their own
+MOST_FAR: Final = 0.12  # an edge further from the line is not the border's [sides of a square]
+LEAST_SLOPE: Final = 1.0  # rise or fall of a clear edge [1/side of a square]: of noise and grain it is less
+ROUNDS: Final = 6  # how often the window is moved onto the edge
 LEAST_STEP: Final = 0.35
 LEAST_BORDER_STEP: Final = 0.175
 """Height of an edge within the board and on its border, light less dark squares being 1."""
-MOST_ASIDE: Final = 0.12
-"""An edge further from where it is looked for is another one [sides of a square]."""
+MOST_ASIDE: Final = 0.12  # an edge further from where it is looked for is another one [sides of a square]
 LEAST_PURE: Final = 0.7
 LEAST_BORDER_PURE: Final = 0.5
 """Share of all rise and fall near an edge that goes the way it should, within the board and on its border."""
@@ -49,21 +40,13 @@ SAME_EDGE: Final = 0.03
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SideEdges:
-    """Edges that were seen, each across the line that it belongs to.
+    """Edges that were seen, each across the line that it belongs to."""
 
-    Attributes:
-        places: where on the line, shape (n, 2).
-        axis: 0 across columns, 1 across rows, shape (n,).
-        off: how far beyond the line it was seen, shape (n,) [sides of a square].
-        rising: 1 where it is lighter beyond the line, otherwise -1, shape (n,).
-        border: whether the line is the board's border, shape (n,).
-    """
-
-    places: Array
-    axis: Indices
-    off: Array
-    rising: Array
-    border: Mask
+    places: Array  # where on the line, shape (n, 2)
+    axis: Indices  # 0 across columns, 1 across rows, shape (n,)
+    off: Array  # how far beyond the line it was seen, shape (n,) [sides of a square]
+    rising: Array  # 1 where it is lighter beyond the line, otherwise -1, shape (n,)
+    border: Mask  # whether the line is the board's border, shape (n,)
 
 
 def measure_edges(look: Look, grid: Grid, dark: int) -> SideEdges:

@@ -19,10 +19,8 @@ from vision.arrays import Array
 
 CORNER_NAMES = ("a1", "h1", "h8", "a8")
 """Outer corners of the playing area in the order used throughout: counter-clockwise seen from above."""
-CORNER_TOLERANCE = 3.0
-"""A corner further than this from where the fitted pose puts it was not a corner [px]."""
-LEAST_AREA = 1000.0
-"""A board that covers less than this is too small to work with [px²]."""
+CORNER_TOLERANCE = 3.0  # a corner further than this from where the fitted pose puts it was not a corner [px]
+LEAST_AREA = 1000.0  # a board that covers less than this is too small to work with [px²]
 
 
 class BoardNotFound(Exception):
@@ -31,18 +29,13 @@ class BoardNotFound(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardView:
-    """A board as one camera sees it.
+    """A board as one camera sees it."""
 
-    Attributes:
-        intrinsics: of the camera.
-        camera_from_board: rigid transform that takes points of the board frame into the camera frame, shape (4, 4),
-            translation in [m]; read-only.
-        table: size of the squares.
-    """
-
-    intrinsics: Intrinsics
+    intrinsics: Intrinsics  # of the camera
     camera_from_board: Array
-    table: TableSettings
+    """Rigid transform that takes points of the board frame into the camera frame, shape (4, 4), translation in [m];
+    read-only."""
+    table: TableSettings  # size of the squares
 
     def __post_init__(self) -> None:
         """Keep a read-only copy of the pose.
@@ -112,16 +105,14 @@ class BoardView:
     @property
     def camera_position(self) -> Array:
         """The pinhole in the board frame, shape (3,) [m]."""
-        rotation, shift = self.camera_from_board[:3, :3], self.camera_from_board[:3, 3]
-        return -rotation.T @ shift
+        return -self.camera_from_board[:3, :3].T @ self.camera_from_board[:3, 3]
 
     def depth(self, points: ArrayLike) -> Array:
         """Distance of points (..., 3) [m] of the board frame from the camera's plane, along its view: (...) [m]."""
         return self._in_camera(points)[..., 2]
 
     def _in_camera(self, points: ArrayLike) -> Array:
-        rotation, shift = self.camera_from_board[:3, :3], self.camera_from_board[:3, 3]
-        return np.asarray(points, dtype=float) @ rotation.T + shift
+        return np.asarray(points, dtype=float) @ self.camera_from_board[:3, :3].T + self.camera_from_board[:3, 3]
 
     def project(self, points: ArrayLike) -> Array:
         """Where points (..., 3) [m] of the board frame are in the picture, (..., 2) [px], also where they lie outside

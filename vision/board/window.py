@@ -17,37 +17,23 @@ from numpy.lib.stride_tricks import sliding_window_view
 from vision.arrays import Array
 from vision.board.alternation import Sides
 
-LEAST_LINE: Final = 0.1
-"""Mark below which a row of the board cannot be told from what is beside the board."""
-LEAST_MEAN: Final = 0.4
-"""Mean mark of the board's rows and columns."""
-LEAST_MARGIN: Final = 0.1
-"""How much better the outermost row must be than the one it would be exchanged for by a shift."""
-MOST_OUTSIDE: Final = 0.4
-"""Mark of a row beyond the board: above it, the pattern goes on and is no chessboard."""
-LEAST_SEEN: Final = 0.75
-"""Share of the board's sides of squares that lie within the picture."""
+LEAST_LINE: Final = 0.1  # mark below which a row of the board cannot be told from what is beside the board
+LEAST_MEAN: Final = 0.4  # mean mark of the board's rows and columns
+LEAST_MARGIN: Final = 0.1  # how much better the outermost row must be than the one it would be exchanged for by a shift
+MOST_OUTSIDE: Final = 0.4  # mark of a row beyond the board: above it, the pattern goes on and is no chessboard
+LEAST_SEEN: Final = 0.75  # share of the board's sides of squares that lie within the picture
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Window:
-    """Eight rows and columns of a lattice.
+    """Eight rows and columns of a lattice."""
 
-    Attributes:
-        origin: column and row of the first square.
-        mean: mean mark of the rows and columns.
-        weakest: least mark of a row or column.
-        margin: how much better the outermost rows and columns are than what a shift by one would bring.
-        outside: largest mark of a row or column just beyond, as far as it is in the picture.
-        seen: share of the sides between squares that lies within the picture.
-    """
-
-    origin: tuple[int, int]
-    mean: float
-    weakest: float
-    margin: float
-    outside: float
-    seen: float
+    origin: tuple[int, int]  # column and row of the first square
+    mean: float  # mean mark of the rows and columns
+    weakest: float  # least mark of a row or column
+    margin: float  # how much better the outermost rows and columns are than what a shift by one would bring
+    outside: float  # largest mark of a row or column just beyond, as far as it is in the picture
+    seen: float  # share of the sides between squares that lies within the picture
 
     @property
     def doubt(self) -> str | None:

@@ -17,17 +17,13 @@ from scipy.optimize import least_squares
 from hardware.interfaces import Intrinsics
 from vision.arrays import Array, Mask
 
-LEAST_POINTS: Final = 8
-"""The marker has to be seen at so many points at least."""
+LEAST_POINTS: Final = 8  # the marker has to be seen at so many points at least
 LEAST_SPREAD: Final = 0.04
 """Points have to spread at least so far in every direction, as a standard deviation over the largest two; and at
 least a third of it in the third [m]."""
-ROBUST: Final = 0.5
-"""Pictures that are further than this from where they should be count less [px]."""
-OUTLIER: Final = 5.0
-"""And not at all beyond so many of the usual error … """
-LEAST_OUTLIER: Final = 1.0
-"""… if that is more than this [px]."""
+ROBUST: Final = 0.5  # pictures that are further than this from where they should be count less [px]
+OUTLIER: Final = 5.0  # and not at all beyond so many of the usual error …
+LEAST_OUTLIER: Final = 1.0  # … if that is more than this [px]
 LEAST_NOISE: Final = 0.05
 """No picture of a marker is more exact than this, whatever the residuals of few points say [px]."""
 
@@ -38,23 +34,14 @@ class CalibrationFailed(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraPose:
-    """A calibrated camera.
+    """A calibrated camera."""
 
-    Attributes:
-        intrinsics: of the camera.
-        camera_from_base: takes points of the base frame into the camera's, shape (4, 4), translation in [m].
-        used: which of the n points count, (n,) bool.
-        residual: how far each marker is seen from where it should be, (n,) [px].
-        aside: the same across the view at the marker, (n,) [m].
-        covariance: of a small rotation vector [rad] about the camera's axes and a shift [m] along them, (6, 6).
-    """
-
-    intrinsics: Intrinsics
-    camera_from_base: Array
-    used: Mask
-    residual: Array
-    aside: Array
-    covariance: Array
+    intrinsics: Intrinsics  # of the camera
+    camera_from_base: Array  # takes points of the base frame into the camera's, shape (4, 4), translation in [m]
+    used: Mask  # which of the n points count, (n,) bool
+    residual: Array  # how far each marker is seen from where it should be, (n,) [px]
+    aside: Array  # the same across the view at the marker, (n,) [m]
+    covariance: Array  # of a small rotation vector [rad] about the camera's axes and a shift [m] along them, (6, 6)
 
     @property
     def base_from_camera(self) -> Array:
@@ -73,8 +60,7 @@ class CameraPose:
         turned = -np.array([_cross_matrix(one) for one in seen])
         jacobian = np.concatenate([turned, np.broadcast_to(np.eye(3), turned.shape)], axis=2)
         spread = np.einsum("nij,jk,nik->n", jacobian, self.covariance, jacobian)
-        error: Array = np.sqrt(np.maximum(spread, 0.0))
-        return error
+        return np.asarray(np.sqrt(np.maximum(spread, 0.0)))
 
 
 def solve_pose(intrinsics: Intrinsics, points: Array, pixels: Array) -> CameraPose:

@@ -11,21 +11,15 @@ import numpy as np
 
 from vision.arrays import Array, Picture
 
-LEAST_SIDE: Final = 14.0
-"""A marker with a shorter side is too small to be measured [px]."""
+LEAST_SIDE: Final = 14.0  # a marker with a shorter side is too small to be measured [px]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenMarker:
-    """A marker in a picture.
+    """A marker in a picture."""
 
-    Attributes:
-        centre: picture of the centre of the black square, (2,) [px].
-        corners: of the black square, (4, 2) [px].
-    """
-
-    centre: Array
-    corners: Array
+    centre: Array  # picture of the centre of the black square, (2,) [px]
+    corners: Array  # of the black square, (4, 2) [px]
 
 
 @cache
@@ -56,5 +50,4 @@ def _crossing(corners: Array) -> Array:
     """Where the diagonals cross: the picture of the centre, whichever way the marker faces."""
     first, second = corners[2] - corners[0], corners[3] - corners[1]
     share = np.linalg.solve(np.column_stack([first, -second]), corners[1] - corners[0])
-    crossing: Array = corners[0] + share[0] * first
-    return crossing
+    return np.asarray(corners[0] + share[0] * first)

@@ -17,46 +17,30 @@ from vision.arrays import Array, Field
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.camera.calibration import CameraPose
 
-_STEP: Final = 3
-"""Every so many pixels one is taken."""
-_REACH: Final = 0.06
-"""The board is looked for within so much of its expected height [m]."""
-_CLOSE: Final = 0.004
-"""What is further from the plane than this does not belong to it [m]."""
+_STEP: Final = 3  # every so many pixels one is taken
+_REACH: Final = 0.06  # the board is looked for within so much of its expected height [m]
+_CLOSE: Final = 0.004  # what is further from the plane than this does not belong to it [m]
 _LEAST_PIXELS: Final = 300
 _ROUNDS: Final = 6
 
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """The board's plane in the base frame.
+    """The board's plane in the base frame."""
 
-    Attributes:
-        height: z₃ below the middle of the expected board [m].
-        slope: dz₃/dz₁ and dz₃/dz₂.
-        share: of the pixels on the board that lie in it; pieces do not.
-    """
-
-    height: float
-    slope: tuple[float, float]
-    share: float
+    height: float  # z₃ below the middle of the expected board [m]
+    slope: tuple[float, float]  # dz₃/dz₁ and dz₃/dz₂
+    share: float  # of the pixels on the board that lie in it; pieces do not
 
 
 @dataclass(frozen=True, slots=True)
 class BoardPlace:
-    """Where a board lies in the base frame.
+    """Where a board lies in the base frame."""
 
-    Attributes:
-        centre: of the playing surface [m].
-        yaw: turn of the board about its own z axis, against a board along the base's axes [rad].
-        tilt: of its normal from the vertical [rad].
-        by_depth: whether height and tilt are from depth; else from the corners.
-    """
-
-    centre: tuple[float, float, float]
-    yaw: float
-    tilt: float
-    by_depth: bool
+    centre: tuple[float, float, float]  # of the playing surface [m]
+    yaw: float  # turn of the board about its own z axis, against a board along the base's axes [rad]
+    tilt: float  # of its normal from the vertical [rad]
+    by_depth: bool  # whether height and tilt are from depth; else from the corners
 
 
 def nominal_view(pose: CameraPose, table: TableSettings) -> BoardView:
@@ -157,8 +141,7 @@ def _points_on_board(depth: Field, pose: CameraPose, table: TableSettings) -> Ar
     eye = pose.intrinsics
     ray = np.column_stack([(u - eye.cx) / eye.fx, (v - eye.cy) / eye.fy, np.ones(len(u))])[there]
     base = pose.base_from_camera
-    points: Array = (ray * z[there, None]) @ base[:3, :3].T + base[:3, 3]
-    return points
+    return np.asarray((ray * z[there, None]) @ base[:3, :3].T + base[:3, 3])
 
 
 def _meet(pose: CameraPose, pixels: Array, plane: Plane, table: TableSettings) -> Array:
@@ -170,5 +153,4 @@ def _meet(pose: CameraPose, pixels: Array, plane: Plane, table: TableSettings) -
     along = ray @ normal
     if (np.abs(along) < 1e-6).any():
         raise BoardNotFound("the camera looks along the board's plane: hang it higher")
-    points: Array = base[:3, 3] + ray * (((anchor - base[:3, 3]) @ normal) / along)[:, None]
-    return points
+    return np.asarray(base[:3, 3] + ray * (((anchor - base[:3, 3]) @ normal) / along)[:, None])

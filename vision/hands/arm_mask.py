@@ -18,29 +18,21 @@ from numpy.typing import ArrayLike
 from vision.arrays import Array, Indices, Mask
 from vision.board.view import BoardView
 
-NEAREST: Final = 0.05
-"""What is nearer to the camera's plane than this, beyond its radius, is not drawn [m]."""
-_ROUND: Final = 16
-"""Corners of the polygon that stands for a circle; it is drawn about it."""
+NEAREST: Final = 0.05  # what is nearer to the camera's plane than this, beyond its radius, is not drawn [m]
+_ROUND: Final = 16  # corners of the polygon that stands for a circle; it is drawn about it
 _TURN: Final = 2.0 * math.pi * np.arange(_ROUND) / _ROUND
 _OUTSIDE: Final = 1.0 / math.cos(math.pi / _ROUND)
 _SHIFT: Final = 4
 """OpenCV takes corners in whole parts of a pixel: 2 ** -4."""
-_FAR: Final = 1e5
-"""Corners further away than this are drawn there [px]."""
+_FAR: Final = 1e5  # corners further away than this are drawn there [px]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Capsules:
-    """Some capsules; arrays are read-only.
+    """Some capsules; arrays are read-only."""
 
-    Attributes:
-        ends: of their axes, board frame, shape (n, 2, 3) [m].
-        radii: shape (n,) [m].
-    """
-
-    ends: Array
-    radii: Array
+    ends: Array  # of their axes, board frame, shape (n, 2, 3) [m]
+    radii: Array  # shape (n,) [m]
 
     def __post_init__(self) -> None:
         """Keep read-only copies.
@@ -74,16 +66,12 @@ class Capsules:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hidden:
-    """What is known to be before the table.
+    """What is known to be before the table."""
 
-    Attributes:
-        mask: where it is in the picture, generously, shape (height, width).
-        bodies: in which all of it is. With depth, what is seen within the mask but outside of these is something else:
-            a hand behind the arm's outline, or before it. None: whatever the mask covers is not looked at.
-    """
-
-    mask: Mask
+    mask: Mask  # where it is in the picture, generously, shape (height, width)
     bodies: Capsules | None = None
+    """In which all of it is. With depth, what is seen within the mask but outside of these is something else: a hand
+    behind the arm's outline, or before it. None: whatever the mask covers is not looked at."""
 
 
 def draw_mask(view: BoardView, capsules: Capsules, margin: float = 0.0, grow: int = 0) -> Mask:

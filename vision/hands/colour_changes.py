@@ -20,57 +20,35 @@ from vision.hands.watched_zone import Zone
 
 DEEPEST_SHADOW: Final = 0.42
 """Brightness that is left in the deepest shadow that counts as one: lamps of a room fill shadows up."""
-BRIGHTEST: Final = 1.25
-"""A surface that is brighter than this, compared with the background, is another one."""
-OFF_COLOUR: Final = 13.0
-"""A colour so far off the background's line is another surface [grey levels of 255]."""
-NOISE: Final = 4.0
-"""Least standard deviation of a pixel's noise that is reckoned with [grey levels]."""
-MOVES: Final = 3.5
-"""A pixel moves where it differs by so many standard deviations of noise."""
-_SPARSE: Final = 5
-"""Statistics over all of a picture are taken of each so manieth pixel along both axes."""
-_LEARNING: Final = 0.2
-"""Share of a settled picture in the new background."""
-_COVERED: Final = 0.12
-"""A square of which a hand covers such a share lies under it."""
+BRIGHTEST: Final = 1.25  # a surface that is brighter than this, compared with the background, is another one
+OFF_COLOUR: Final = 13.0  # a colour so far off the background's line is another surface [grey levels of 255]
+NOISE: Final = 4.0  # least standard deviation of a pixel's noise that is reckoned with [grey levels]
+MOVES: Final = 3.5  # a pixel moves where it differs by so many standard deviations of noise
+REACH: Final = 0.15  # what differs, touches the rim, and covers at least so much of the board reaches in [squares] …
+BODY: Final = 0.5
+"""… if it is so large outside of the board: pieces near the edge that lean out of it are smaller [squares];"""
+LONE: Final = 1.2  # or if it covers so much of the board, whatever is seen of it outside [squares]
+LARGE: Final = 5.0  # whatever differs and is at least so large is no piece, nor a few of them [squares]
+_SPARSE: Final = 5  # statistics over all of a picture are taken of each so manieth pixel along both axes
+_LEARNING: Final = 0.2  # share of a settled picture in the new background
+_COVERED: Final = 0.12  # a square of which a hand covers such a share lies under it
 _SMALL: Final = np.ones((3, 3), dtype=np.uint8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColourObservation:
-    """What one picture shows.
+    """What one picture shows."""
 
-    Attributes:
-        moving: area that moved since the last picture, over the board [squares].
-        reaching: area of what reaches in or is larger than pieces [squares].
-        over: squares under that.
-    """
-
-    moving: float
-    reaching: float
-    over: frozenset[int]
+    moving: float  # area that moved since the last picture, over the board [squares]
+    reaching: float  # area of what reaches in or is larger than pieces [squares]
+    over: frozenset[int]  # squares under that
 
 
 class Differences:
-    """Watches in colour. Not thread-safe.
+    """Watches a zone in colour. Not thread-safe."""
 
-    Args:
-        zone: what is watched.
-        reach: what differs, touches the rim, and covers at least so much of the board reaches in [squares] …
-        body: … if it is so large outside of the board: pieces near the edge that lean out of it are smaller [squares].
-        lone: or if it covers so much of the board, whatever is seen of it outside [squares].
-        large: whatever differs and is at least so large is no piece, nor a few of them [squares].
-    """
-
-    def __init__(
-        self, zone: Zone, reach: float = 0.15, body: float = 0.5, lone: float = 1.2, large: float = 5.0
-    ) -> None:
+    def __init__(self, zone: Zone) -> None:
         self._zone = zone
-        self._reach = reach
-        self._body = body
-        self._lone = lone
-        self._large = large
         self._before: Picture | None = None
         self._hidden: Mask | None = None
         self._background: Picture | None = None
@@ -143,8 +121,8 @@ class Differences:
         at_rim[0] = False
         self._entering = at_rim[labels]
         inside = np.bincount(labels[self._zone.board], minlength=count) / self._zone.square_area
-        enters = ((inside >= self._reach) & (areas - inside >= self._body)) | (inside >= self._lone)
-        hands = (areas >= self._large) | (at_rim & enters)
+        enters = ((inside >= REACH) & (areas - inside >= BODY)) | (inside >= LONE)
+        hands = (areas >= LARGE) | (at_rim & enters)
         hands[0] = False
         if not hands.any():
             return 0.0, None

@@ -19,19 +19,20 @@ from vision.hands.arm_mask import Capsules
 from vision.hands.watched_zone import Space
 from vision.loops import learn_heights, measure_parts, squares_under, stand_out
 
-TALLEST: Final = max(shape.height for shape in PIECE_SHAPES.values())
-"""Height of the tallest piece [m]."""
+TALLEST: Final = max(shape.height for shape in PIECE_SHAPES.values())  # height of the tallest piece [m]
+_MARGIN: Final = 0.018  # what is higher than the tallest piece by this is no piece [m]
+_CEILING: Final = 0.34  # what is higher than this is not over the board but between it and the camera [m]
+_LEAST: Final = 0.00045  # area of what is no piece [m²]
+_REACH: Final = 0.0018  # area of what comes in from outside, however low [m²]
+_LARGE: Final = 0.006  # area of what is no piece wherever it is: castling moves two of them at once [m²]
+_MOVES: Final = 0.00024  # area that changes on a board at rest, by noise, at most [m²]
 _LEARNING: Final = 0.2
 _STANDS: Final = 0.012
 """What is lower is the board, or noise of the depth camera [m]."""
-_RISES: Final = 0.020
-"""A height that changed by less may be noise of the depth camera [m]."""
-_RIM: Final = 0.012
-"""What comes so near to the border of the space that is watched comes in from outside [m]."""
-_TOUCHING: Final = 0.11
-"""A hand whose skin is seen lower than this may touch what stands below [m]."""
-_BORDER: Final = 3
-"""So does what comes so near to the picture's edge, in the small picture [px]."""
+_RISES: Final = 0.020  # a height that changed by less may be noise of the depth camera [m]
+_RIM: Final = 0.012  # what comes so near to the border of the space that is watched comes in from outside [m]
+_TOUCHING: Final = 0.11  # a hand whose skin is seen lower than this may touch what stands below [m]
+_BORDER: Final = 3  # so does what comes so near to the picture's edge, in the small picture [px]
 _NO_ENDS: Final = np.zeros((0, 2, 3))
 _NO_RADII: Final = np.zeros(0)
 _EVERYWHERE: Final = np.array([np.inf, np.inf], dtype=np.float32)
@@ -41,57 +42,26 @@ _SMALL: Final = np.ones((3, 3), dtype=np.uint8)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Relief:
-    """What one depth picture shows that is no piece.
+    """What one depth picture shows that is no piece."""
 
-    Attributes:
-        area: of it, as the camera sees it [m²].
-        over: squares that it is over.
-        low: squares over which it is low enough to touch a piece.
-        before: it hides a part of the board, or of a piece on it, or may touch one.
-        moving: area over the board that is higher or lower than in the picture since which it has lain still [m²].
-        away: points of what stands out beyond what is watched, board frame, (n, 3) [m].
-    """
-
-    area: float
-    over: frozenset[int]
-    low: frozenset[int]
-    before: bool
-    moving: float
-    away: Array
+    area: float  # of it, as the camera sees it [m²]
+    over: frozenset[int]  # squares that it is over
+    low: frozenset[int]  # squares over which it is low enough to touch a piece
+    before: bool  # it hides a part of the board, or of a piece on it, or may touch one
+    moving: float  # area over the board that is higher or lower than in the picture since which it has lain still [m²]
+    away: Array  # points of what stands out beyond what is watched, board frame, (n, 3) [m]
 
 
 NOWHERE: Final = np.zeros((0, 3))
 
 
 class Heights:
-    """Watches in depth. Not thread-safe.
+    """Watches a space, with squares as of a table, in depth. Not thread-safe."""
 
-    Args:
-        space: what is watched.
-        table: its squares.
-        margin: what is higher than the tallest piece by this is no piece [m].
-        ceiling: what is higher than this is not over the board but between it and the camera [m].
-        least: area of what is no piece [m²].
-        reach: area of what comes in from outside, however low [m²].
-        large: area of what is no piece wherever it is: castling moves two of them at once [m²].
-        moves: area that changes on a board at rest, by noise, at most [m²].
-    """
-
-    def __init__(
-        self,
-        space: Space,
-        table: TableSettings,
-        margin: float = 0.018,
-        ceiling: float = 0.34,
-        least: float = 0.00045,
-        reach: float = 0.0018,
-        large: float = 0.006,
-        moves: float = 0.00024,
-    ) -> None:
+    def __init__(self, space: Space, table: TableSettings) -> None:
         self._space, self._table = space, table
-        self._limits = np.array([TALLEST + margin, ceiling, _STANDS, _RISES], dtype=np.float32)
+        self._limits = np.array([TALLEST + _MARGIN, _CEILING, _STANDS, _RISES], dtype=np.float32)
         self._half = np.array(space.half, dtype=np.float32)
-        self._least, self._reach, self._large, self._moves = least, reach, large, moves
         shape = space.ray.shape[1:]
         self._usual = np.full(shape, np.inf, dtype=np.float32)
         self._nothing = np.zeros(shape, dtype=np.bool_)
@@ -120,7 +90,7 @@ class Heights:
         areas, high, enters = measure_parts(
             parts, count, found, depth, space.ray, space.position, space.pixel, self._half - np.float32(_RIM), _BORDER
         )
-        chosen = (high >= self._least) | (enters & (areas >= self._reach)) | (areas >= self._large)
+        chosen = (high >= _LEAST) | (enters & (areas >= _REACH)) | (areas >= _LARGE)
         if not chosen.any():
             return self._nobody(depth, hidden, away)
         self._still = None
@@ -150,7 +120,7 @@ class Heights:
         seen = self._space.board & (depth > 0.0) & (then > 0.0) & ~covered & ~covered_then
         changed = cv2.morphologyEx(((rises > _STANDS) & seen).astype(np.uint8), cv2.MORPH_OPEN, _SMALL) > 0
         area = float(self._space.pixel * (depth[changed] ** 2).sum())
-        if area > self._moves:
+        if area > _MOVES:
             self._still = depth, covered
         return Relief(0.0, _NO_SQUARES, _NO_SQUARES, before=False, moving=area, away=away)
 

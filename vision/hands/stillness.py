@@ -29,33 +29,24 @@ _T = TypeVar("_T", bound=np.generic)
 _NOBODY: Final = frozenset[int]()
 _DARK: Final = 12.0
 """A board whose lightest parts are darker than this is not seen: a camera that starts, a lamp that is out."""
-STABLE_TIME = 0.1
-"""Players of a quick game leave the board alone for hardly longer between two moves [s]."""
+STABLE_TIME = 0.1  # players of a quick game leave the board alone for hardly longer between two moves [s]
 
 
 @dataclass(frozen=True, slots=True)
 class WatchSettings:
-    """How a board is watched.
+    """How a board is watched."""
 
-    Attributes:
-        stable_time: nothing moved and no hand was there for so long: the board is settled [s].
-        confirm: a hand counts as there, or as gone, after so many frames in a row that show it so.
-        motion: area that moves on a board at rest, by noise, at most [squares].
-        margin: in colour, the board is watched to so far beyond its edge [squares].
-        space_margin: in depth, to so far beyond the board and the trays [m].
-        learning_delay: a settled board is learned when it stays so for this long after: what comes in slowly is not
-            taken for a part of the table [s].
-        patience: without depth, what looks like a hand and does not move at all for so long is part of the table, as
-            no hand is so still [s].
-    """
-
-    stable_time: float = 0.2
-    confirm: int = 2
-    motion: float = 0.15
-    margin: float = 0.75
-    space_margin: float = 0.03
+    stable_time: float = 0.2  # nothing moved and no hand was there for so long: the board is settled [s]
+    confirm: int = 2  # a hand counts as there, or as gone, after so many frames in a row that show it so
+    motion: float = 0.15  # area that moves on a board at rest, by noise, at most [squares]
+    margin: float = 0.75  # in colour, the board is watched to so far beyond its edge [squares]
+    space_margin: float = 0.03  # in depth, to so far beyond the board and the trays [m]
     learning_delay: float = 0.15
+    """A settled board is learned when it stays so for this long after: what comes in slowly is not taken for a part of
+    the table [s]."""
     patience: float = 10.0
+    """Without depth, what looks like a hand and does not move at all for so long is part of the table, as no hand is so
+    still [s]."""
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -69,32 +60,23 @@ class WatchSettings:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What is so at a frame.
+    """What is so at a frame."""
 
-    Attributes:
-        stamp: of the frame's exposure [s].
-        hand_present: a hand, or whatever else is no piece, is over the board or the trays.
-        hand_area: of what this frame shows of it [squares].
-        over: squares that it is over in this frame, 0 = a1 … 63 = h8.
-        moving: something moves over the board.
-        stable_since: stamp of the first frame since which nothing on the board moved and no hand was over it or hid a
-            part of it; None: not now [s]. A hand over a tray may be there meanwhile, where there is depth.
-        settled: that has been so for the stable time, and no hand is anywhere.
-        touched: squares at which a hand was, low enough to touch, since the board was settled the last time; once it is
-            settled again they are told in its first frame, and are then none.
-        away: points of what stands high, or higher than usual, beyond board and trays, (n, 3), board frame [m]; with
-            depth alone.
-    """
-
-    stamp: float
-    hand_present: bool
-    hand_area: float
-    over: frozenset[int]
-    moving: bool
+    stamp: float  # of the frame's exposure [s]
+    hand_present: bool  # a hand, or whatever else is no piece, is over the board or the trays
+    hand_area: float  # of what this frame shows of it [squares]
+    over: frozenset[int]  # squares that it is over in this frame, 0 = a1 … 63 = h8
+    moving: bool  # something moves over the board
     stable_since: float | None
-    settled: bool
+    """Stamp of the first frame since which nothing on the board moved and no hand was over it or hid a part of it;
+    None: not now [s]. A hand over a tray may be there meanwhile, where there is depth."""
+    settled: bool  # that has been so for the stable time, and no hand is anywhere
     touched: frozenset[int]
+    """Squares at which a hand was, low enough to touch, since the board was settled the last time; once it is settled
+    again they are told in its first frame, and are then none."""
     away: Array = field(default_factory=lambda: NOWHERE, compare=False)
+    """Points of what stands high, or higher than usual, beyond board and trays, (n, 3), board frame [m]; with depth
+    alone."""
 
 
 @dataclass(slots=True)
@@ -102,10 +84,8 @@ class _StillnessTrack:
     """What was so up to the last frame."""
 
     hand: bool = False
-    against: int = 0
-    """Frames in a row that contradict ``hand``."""
-    free: bool = False
-    """The last frame showed no hand over the board."""
+    against: int = 0  # frames in a row that contradict ``hand``
+    free: bool = False  # the last frame showed no hand over the board
     since: float | None = None
     settled: bool = False
     touched: frozenset[int] = _NOBODY
@@ -183,19 +163,12 @@ class ColourWatch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SettledView:
-    """A picture of a settled board.
+    """A picture of a settled board."""
 
-    Attributes:
-        colour: RGB, shape (h, w, 3).
-        stamp: of its exposure [s].
-        since: the board has looked like this since then [s].
-        touched: squares at which a hand was since the last settled view.
-    """
-
-    colour: Picture
-    stamp: float
-    since: float
-    touched: frozenset[int]
+    colour: Picture  # RGB, shape (h, w, 3)
+    stamp: float  # of its exposure [s]
+    since: float  # the board has looked like this since then [s]
+    touched: frozenset[int]  # squares at which a hand was since the last settled view
 
 
 class VideoGate:

@@ -17,13 +17,11 @@ from hardware.table import PIECE_SHAPES
 from vision.arrays import Array, Field, Indices, Mask, Picture
 from vision.board.view import BoardView, playing_area
 
-SMALL: Final = 320
-"""Pictures are made smaller by a whole number, to about this width [px]."""
+SMALL: Final = 320  # pictures are made smaller by a whole number, to about this width [px]
 NO_SQUARE: Final = 64
 _RIM: Final = 0.3
 """The rim is so wide [squares] …"""
-_EDGE: Final = 4
-"""… or this at the edge of the small picture [px]."""
+_EDGE: Final = 4  # … or this at the edge of the small picture [px]
 
 
 def step_of(width: int) -> int:
@@ -42,23 +40,14 @@ def shrink(colour: Picture, step: int) -> Picture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Zone:
-    """What is watched of a picture.
+    """What is watched of a picture."""
 
-    Attributes:
-        step: see ``step_of``.
-        board: small mask of the playing area.
-        around: of the playing area and a margin about it.
-        rim: the outermost pixels of ``around``: what reaches in from outside crosses them.
-        square: number of the square seen in each pixel of the small picture, ``NO_SQUARE`` where there is none.
-        square_area: mean area of a square in the small picture [px].
-    """
-
-    step: int
-    board: Mask
-    around: Mask
-    rim: Mask
-    square: Indices
-    square_area: float
+    step: int  # see ``step_of``
+    board: Mask  # small mask of the playing area
+    around: Mask  # of the playing area and a margin about it
+    rim: Mask  # the outermost pixels of ``around``: what reaches in from outside crosses them
+    square: Indices  # number of the square seen in each pixel of the small picture, ``NO_SQUARE`` where there is none
+    square_area: float  # mean area of a square in the small picture [px]
 
     @classmethod
     def of_corners(cls, corners: ArrayLike, size: tuple[int, int], margin: float) -> Zone:
@@ -86,14 +75,7 @@ class Zone:
         u, v = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
         x, y, w = np.tensordot(to_grid, np.stack([u, v, np.ones_like(u)]), axes=1)
         ahead = w * np.sign((to_grid @ np.append(small.mean(axis=0), 1.0))[2]) > 1e-9
-        x, y = (
-            np.where(ahead, x / np.where(ahead, w, 1.0), np.inf),
-            np.where(ahead, y / np.where(ahead, w, 1.0), np.inf),
-        )
-        return cls._on_grid(step, x, y, margin, area)
-
-    @classmethod
-    def _on_grid(cls, step: int, x: Array, y: Array, margin: float, area: float) -> Zone:
+        x, y = (np.where(ahead, one / np.where(ahead, w, 1.0), np.inf) for one in (x, y))
         board = (x >= 0.0) & (x < 8.0) & (y >= 0.0) & (y < 8.0)
         around = (x >= -margin) & (x < 8.0 + margin) & (y >= -margin) & (y < 8.0 + margin)
         inner = margin - _RIM
@@ -121,20 +103,13 @@ class Space:
     """What a depth camera's small pixels are of, as points of the board frame.
 
     A pixel's point is linear in its depth: (x, y, height) = depth · ray + position of the camera.
-
-    Attributes:
-        ray: for each pixel of the small picture, (3, h, w), board frame.
-        position: of the camera, (3,) [m].
-        pixel: area that a pixel covers at depth 1 [1/1].
-        half: half sizes of what is watched along x and y [m].
-        board: small mask of where the board and the pieces on it are seen.
     """
 
-    ray: Field
-    position: Field
-    pixel: float
-    half: tuple[float, float]
-    board: Mask
+    ray: Field  # for each pixel of the small picture, (3, h, w), board frame
+    position: Field  # of the camera, (3,) [m]
+    pixel: float  # area that a pixel covers at depth 1 [1/1]
+    half: tuple[float, float]  # half sizes of what is watched along x and y [m]
+    board: Mask  # small mask of where the board and the pieces on it are seen
 
     @classmethod
     def of_view(cls, view: BoardView, margin: float) -> Space:
@@ -164,6 +139,5 @@ def _rays(pinhole: Intrinsics, step: int) -> Array:
     """Through the pixels that ``depth[::step, ::step]`` takes, camera frame, depth 1: (h, w, 3)."""
     width, height = pinhole.width // step, pinhole.height // step
     u, v = np.meshgrid(np.arange(width) * step, np.arange(height) * step)
-    return np.stack(
-        [(u - pinhole.cx) / pinhole.fx, (v - pinhole.cy) / pinhole.fy, np.ones_like(u, dtype=float)], axis=2
-    )
+    across, down = (u - pinhole.cx) / pinhole.fx, (v - pinhole.cy) / pinhole.fy
+    return np.stack([across, down, np.ones_like(across)], axis=2)

@@ -19,37 +19,26 @@ from hardware.table import PieceSpec, Place, square_place
 from vision.board.view import BoardView
 from vision.pieces.fit import LEAST_AGREEMENT, LEAST_SUPPORT, Fit
 
-FLOOR: Final = 0.0002
-"""No place is known better than this: shapes are not exact [m]."""
+FLOOR: Final = 0.0002  # no place is known better than this: shapes are not exact [m]
 _NEIGHBOURS: Final = 3.5
 """Edges side by side err alike, so that fewer count than there are: by so much the error is larger than their scatter
 says (measured over rendered positions)."""
-LEAST_SEEN: Final = 0.15
-"""With less of its outline in sight nobody can say whether a piece stands there."""
+LEAST_SEEN: Final = 0.15  # with less of its outline in sight nobody can say whether a piece stands there
 
 
 @dataclass(frozen=True, slots=True)
 class Centre:
-    """Where a piece's foot stands.
+    """Where a piece's foot stands."""
 
-    Attributes:
-        x: of its centre in the board frame [m].
-        y: of its centre in the board frame [m].
-        std: expected error of either, as a standard deviation [m].
-        support: how much what is in sight of the silhouette looks like the piece, -1 to 1.
-        agreement: share of the outline in sight where the picture has its edge just there.
-        seen: share of the outline that is in sight, 0 to 1.
-        low: by depth, nothing there is as high as the piece would be: one that lies along the view looks much like one
-            that stands.
-    """
-
-    x: float
-    y: float
-    std: float
-    support: float
-    agreement: float
-    seen: float
+    x: float  # of its centre in the board frame [m]
+    y: float  # of its centre in the board frame [m]
+    std: float  # expected error of either, as a standard deviation [m]
+    support: float  # how much what is in sight of the silhouette looks like the piece, -1 to 1
+    agreement: float  # share of the outline in sight where the picture has its edge just there
+    seen: float  # share of the outline that is in sight, 0 to 1
     low: bool = False
+    """By depth, nothing there is as high as the piece would be: one that lies along the view looks much like one that
+    stands."""
 
     @property
     def hidden(self) -> bool:

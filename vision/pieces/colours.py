@@ -17,12 +17,9 @@ _BITS: Final = 5
 _BINS: Final = 1 << _BITS
 _BLUR: Final = 1.2
 """Of the counts, along each channel [bins]: neighbouring colours tell about each other."""
-_PRIOR: Final = 2e-6
-"""Share of pixels that any bin has to begin with: colours that were never seen decide nothing."""
-_OTHERS: Final = 0.1
-"""Chance that a pixel that is not the piece's belongs to one of the other side."""
-MOST: Final = 2.5
-"""One pixel decides at most so much (natural logarithm of the ratio)."""
+_PRIOR: Final = 2e-6  # share of pixels that any bin has to begin with: colours that were never seen decide nothing
+_OTHERS: Final = 0.1  # chance that a pixel that is not the piece's belongs to one of the other side
+MOST: Final = 2.5  # one pixel decides at most so much (natural logarithm of the ratio)
 
 
 def colour_bins(colour: Picture) -> Whole:
@@ -51,8 +48,7 @@ def evidence(piece: Field, others: Field, grounds: list[Field]) -> Field:
     """
     instead = (1.0 - _OTHERS) * np.stack(grounds) + _OTHERS * others[None, :]
     ratio = np.log(piece)[None, :] - np.log(instead)
-    table: Field = np.clip(ratio, -MOST, MOST).astype(np.float32).ravel()
-    return table
+    return np.asarray(np.clip(ratio, -MOST, MOST).astype(np.float32).ravel())
 
 
 def looked_up(table: Field, ground: Whole, bins: Whole) -> Field:

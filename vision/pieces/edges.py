@@ -13,25 +13,17 @@ from vision.arrays import Array, Field, Indices, Mask, Whole
 _REACH: Final = 5.0
 _STEP: Final = 0.5
 """Lines across the outline reach so far to both sides and are sampled so closely [px]."""
-_WINDOW: Final = 4
-"""Samples on either side of an edge that are compared."""
-_NEARER: Final = 0.05
-"""Of several edges on a line the nearer one: how much one px² of distance costs."""
+_WINDOW: Final = 4  # samples on either side of an edge that are compared
+_NEARER: Final = 0.05  # of several edges on a line the nearer one: how much one px² of distance costs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edges:
-    """The picture's edges across the outlines of n pieces.
+    """The picture's edges across the outlines of n pieces."""
 
-    Attributes:
-        offset: how far outside of each contour point the edge lies, (n, points) [px].
-        sure: how clear it is, 0 to 1.
-        open: whether that part of the outline is in sight.
-    """
-
-    offset: Array
-    sure: Array
-    open: Mask
+    offset: Array  # how far outside of each contour point the edge lies, (n, points) [px]
+    sure: Array  # how clear it is, 0 to 1
+    open: Mask  # whether that part of the outline is in sight
 
 
 def line_samples() -> Field:

@@ -25,17 +25,13 @@ from vision.pieces.poses import Pose
 from vision.pieces.surface import raised
 from vision.pieces.verify import TOLERANCE
 
-_BEFORE: Final = 0.012
-"""A point further beyond a piece's foot than this, seen from above, is none of the piece's [m]."""
-_BEYOND: Final = 0.014
-"""Pieces are looked for up to so far beyond the playing area [m]."""
+_BEFORE: Final = 0.012  # a point further beyond a piece's foot than this, seen from above, is none of the piece's [m]
+_BEYOND: Final = 0.014  # pieces are looked for up to so far beyond the playing area [m]
 _LEANS: Final = 0.06
 """… and before the first rank and behind the last, where no trays are, so much further: pieces lie there with their
 heads beyond the edge, and what is high looks further off than it is [m]."""
-_SIGHTED: Final = 0.0015
-"""Error of where a piece stands that was only sighted, as a standard deviation [m]."""
-_SAME: Final = 0.008
-"""A piece that stands was found twice when both places are no further apart [m]."""
+_SIGHTED: Final = 0.0015  # error of where a piece stands that was only sighted, as a standard deviation [m]
+_SAME: Final = 0.008  # a piece that stands was found twice when both places are no further apart [m]
 
 
 def find_misplaced(

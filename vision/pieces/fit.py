@@ -19,35 +19,25 @@ from vision.pieces.surface import GROUNDS, Surface, heights, surface
 
 SEARCH: Final = 0.010
 """A piece is looked for so far around its square's centre, and found further away only by the last bit [m]."""
-_GRIDS: Final = ((0.0025, 4), (0.001, 2))
-"""Searches: step between places tried [m], and how many on either side."""
-_RING: Final = 2.5
-"""Outside an outline by so much there should be no piece [px]."""
-_CONTRAST: Final = 12.0
-"""Difference of brightness over a pixel at which an edge is clear [levels of 255]."""
+_GRIDS: Final = ((0.0025, 4), (0.001, 2))  # searches: step between places tried [m], and how many on either side
+_RING: Final = 2.5  # outside an outline by so much there should be no piece [px]
+_CONTRAST: Final = 12.0  # difference of brightness over a pixel at which an edge is clear [levels of 255]
 _BY_REGION, _BY_CONTRAST, _BY_PLACE = 0.3, 0.5, 0.1
 """What the silhouette's inside, plain brightness and nearness to the square's centre weigh in the search, compared with
 the step of evidence across the outline."""
-_ROUNDS: Final = (3, 3)
-"""Of least squares, before and after colours are learnt again from the outlines found."""
-_ROBUST: Final = 1.2
-"""Edges further than this from where the fitted outline has them count less [px]."""
-_LONGEST: Final = 0.004
-"""Move of one round [m]."""
-_FIRM: Final = 1e3
-"""Keeps a piece with no edges where it is [px²/m²]."""
+_ROUNDS: Final = (3, 3)  # of least squares, before and after colours are learnt again from the outlines found
+_ROBUST: Final = 1.2  # edges further than this from where the fitted outline has them count less [px]
+_LONGEST: Final = 0.004  # move of one round [m]
+_FIRM: Final = 1e3  # keeps a piece with no edges where it is [px²/m²]
 TALL, FLAT = 0.012, 0.004
 """What is higher above the board than the first is no board; what is lower than the second may be [m]."""
 LEAST_SUPPORT: Final = 0.15
 LEAST_AGREEMENT: Final = 0.45
 """A piece that stands where it was found has more than both (measured: at least 0.31 and 0.55; where none stands, at
 most -0.05 and 0.38 with depth, 0.59 and 0.50 without)."""
-_TOP: Final = 0.9
-"""Of the points of a piece, this share is below what counts as its top: single points fly."""
-_HIGHEST: Final = 0.08
-"""No piece is as high [m]."""
-_ENOUGH: Final = 25
-"""With fewer points of known height a piece's is not known."""
+_TOP: Final = 0.9  # of the points of a piece, this share is below what counts as its top: single points fly
+_HIGHEST: Final = 0.08  # no piece is as high [m]
+_ENOUGH: Final = 25  # with fewer points of known height a piece's is not known
 _CLEAR_EDGE: Final = 0.1
 _AGREES: Final = 1.5
 """An edge so near to the fitted outline agrees with it [px]."""
@@ -162,8 +152,7 @@ class Fit:
 
         def moved(points: Array) -> Whole:
             at = points[:, None].astype(np.float32) + shift[:, :, None]
-            whole: Whole = np.rint(at).astype(np.int32)
-            return whole
+            return np.asarray(np.rint(at).astype(np.int32))
 
         score = _BY_REGION * self._inside_out(seen, moved) + self._across(seen, moved)
         off = self.places[:, None] + tried - self._nominal[:, None]
@@ -174,8 +163,7 @@ class Fit:
         """Evidence inside each silhouette less that around it, (n, tried)."""
         inner = self.sampled(moved(seen.inside), self.maps).mean(axis=2)
         outer = self.sampled(moved(seen.contour + _RING * seen.normal), self.maps).mean(axis=2)
-        difference: Array = (inner - outer).astype(float)
-        return difference
+        return np.asarray((inner - outer).astype(float))
 
     def _across(self, seen: Silhouettes, moved: Callable[[Array], Whole]) -> Array:
         """How steeply evidence falls, and brightness changes, across each outline where it is in sight, (n, tried)."""
@@ -189,8 +177,7 @@ class Fit:
         contrast = np.abs(along(self._contrast, flat, normal)) / np.float32(_CONTRAST)
         edge = np.clip(fall, 0.0, 1.0) + np.float32(_BY_CONTRAST) * np.clip(contrast, 0.0, 1.0)
         least = 8.0  # with less of the outline in sight it says little
-        steep: Array = (edge * free).sum(axis=2) / np.maximum(free.sum(axis=2), least)
-        return steep
+        return np.asarray((edge * free).sum(axis=2) / np.maximum(free.sum(axis=2), least))
 
     def _flat(self, at: Whole) -> tuple[Whole, Mask]:
         """Indices into the window of pixels (n, …, 2), and whether they count: within it, and of no other piece."""
@@ -265,13 +252,11 @@ class Fit:
         """Share of each outline in sight where the picture has an edge just there, (n,)."""
         edges = self.edges
         good = (edges.sure > _CLEAR_EDGE * self._shapes.weight) & (np.abs(edges.offset) < _AGREES) & edges.open
-        share: Array = good.sum(axis=1) / np.maximum(edges.open.sum(axis=1), 1)
-        return share
+        return np.asarray(good.sum(axis=1) / np.maximum(edges.open.sum(axis=1), 1))
 
     def in_sight(self) -> Array:
         """Share of each outline that no other piece hides or touches, (n,)."""
-        share: Array = self.edges.open.mean(axis=1)
-        return share
+        return np.asarray(self.edges.open.mean(axis=1))
 
     def too_low(self) -> Mask:
         """Whether depth shows each piece's silhouette, and nothing in it as high as if the piece stood, (n,).

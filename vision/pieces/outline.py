@@ -20,20 +20,13 @@ from vision.arrays import Array, Picture
 from vision.board.view import BoardView
 from vision.pieces.surface import Surface
 
-CONTOUR_POINTS: Final = 56
-"""Of each outline."""
-INSIDE_POINTS: Final = 48
-"""Of each silhouette."""
-STEP_DEG: Final = 4.0
-"""Outlines are made for elevations so far apart [°]."""
-HEAD_WEIGHT: Final = 0.1
-"""Of a knight's outline above its turned part: its head looks different from all sides."""
-_HEAD_RADIUS: Final = 0.75
-"""Of a knight's head seen from anywhere, in stem radii."""
-_SCALE: Final = 6000.0
-"""Of the drawing in which outlines are found [px/m]."""
-_RING_STEP: Final = 0.0005
-"""Between rings of the drawing [m]."""
+CONTOUR_POINTS: Final = 56  # of each outline
+INSIDE_POINTS: Final = 48  # of each silhouette
+STEP_DEG: Final = 4.0  # outlines are made for elevations so far apart [°]
+HEAD_WEIGHT: Final = 0.1  # of a knight's outline above its turned part: its head looks different from all sides
+_HEAD_RADIUS: Final = 0.75  # of a knight's head seen from anywhere, in stem radii
+_SCALE: Final = 6000.0  # of the drawing in which outlines are found [px/m]
+_RING_STEP: Final = 0.0005  # between rings of the drawing [m]
 _RING_POINTS: Final = 40
 _STEP: Final = 1e-3
 """For derivatives, and to see which way a normal points in the picture [m]."""
@@ -41,19 +34,12 @@ _STEP: Final = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """Outline and silhouette of one kind from one elevation; points (n, 3) in ``aside`` [m].
+    """Outline and silhouette of one kind from one elevation; points (n, 3) in ``aside`` [m]."""
 
-    Attributes:
-        contour: ``CONTOUR_POINTS`` on the surface, evenly along the outline.
-        normal: outward normals of the outline at those, across the view; unit vectors.
-        weight: how far each of them can be trusted, 0 to 1.
-        inside: ``INSIDE_POINTS`` spread over the silhouette.
-    """
-
-    contour: Array
-    normal: Array
-    weight: Array
-    inside: Array
+    contour: Array  # ``CONTOUR_POINTS`` on the surface, evenly along the outline
+    normal: Array  # outward normals of the outline at those, across the view; unit vectors
+    weight: Array  # how far each of them can be trusted, 0 to 1
+    inside: Array  # ``INSIDE_POINTS`` spread over the silhouette
 
 
 def outline(kind: Kind, elevation: float) -> Outline:
@@ -140,21 +126,13 @@ def _spread(mask: Picture) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Silhouettes:
-    """Of n pieces that stand at places (n, 2) [m], in pixels of the surface's window.
+    """Of n pieces that stand at places (n, 2) [m], in pixels of the surface's window."""
 
-    Attributes:
-        contour: (n, points, 2).
-        normal: outwards, unit vectors, (n, points, 2).
-        inside: (n, samples, 2).
-        jacobian: pixels per metre along x and y of the board, at half height, (n, 2, 2).
-        distance: of the pieces from the camera, (n,) [m].
-    """
-
-    contour: Array
-    normal: Array
-    inside: Array
-    jacobian: Array
-    distance: Array
+    contour: Array  # (n, points, 2)
+    normal: Array  # outwards, unit vectors, (n, points, 2)
+    inside: Array  # (n, samples, 2)
+    jacobian: Array  # pixels per metre along x and y of the board, at half height, (n, 2, 2)
+    distance: Array  # of the pieces from the camera, (n,) [m]
 
 
 class Shapes:
@@ -185,8 +163,7 @@ class Shapes:
         self.weight = np.array([one.weight for one in outlines]).reshape(-1, CONTOUR_POINTS)
 
     def _turned(self, points: list[Array], count: int) -> Array:
-        turned: Array = np.einsum("nki,nij->nkj", np.array(points).reshape(-1, count, 3), self._axes)
-        return turned
+        return np.asarray(np.einsum("nki,nij->nkj", np.array(points).reshape(-1, count, 3), self._axes))
 
     def at(self, places: Array) -> Silhouettes:
         """Where outlines are when the pieces stand at these places, (n, 2) [m]."""
@@ -202,8 +179,7 @@ class Shapes:
         return Silhouettes(contour, normal, self._pixels(self._inside + foot), jacobian, distance)
 
     def _pixels(self, points: Array) -> Array:
-        pixels: Array = self._view.project(points) - self._origin
-        return pixels
+        return np.asarray(self._view.project(points) - self._origin)
 
 
 def labels(seen: Silhouettes, shape: tuple[int, ...]) -> NDArray[np.int16]:

@@ -22,45 +22,31 @@ from vision.board.view import BoardView
 from vision.pieces.fit import FLAT, Fit
 from vision.pieces.poses import Pose, PoseTrial, apart, drawn, middles, moved, neighbours, off_surface
 
-_RISEN: Final = 0.006
-"""What rises higher above the board is no board [m]."""
-_BY_DEPTH: Final = 2.0
-"""Evidence of a pixel's height, either way (natural logarithm of the ratio)."""
-_FAT: Final = 9
-"""Depth pictures are fat at edges: so wide around pieces that stand, depth may be theirs [px]."""
-_OFF: Final = 0.006
-"""A point so far from a piece's surface speaks neither for it nor against it [m]."""
+_RISEN: Final = 0.006  # what rises higher above the board is no board [m]
+_BY_DEPTH: Final = 2.0  # evidence of a pixel's height, either way (natural logarithm of the ratio)
+_FAT: Final = 9  # depth pictures are fat at edges: so wide around pieces that stand, depth may be theirs [px]
+_OFF: Final = 0.006  # a point so far from a piece's surface speaks neither for it nor against it [m]
 _FAR: Final = 1.25
 """… and one that is far off speaks against it by this share of the evidence of its height, less that evidence: edges of
 depth pictures err by centimetres."""
-_HIGH: Final = 25
-"""So many pixels that are higher than a lying piece decide that it stands, if that explains anything."""
-_BLUR: Final = 2.5
-"""… or so many times as far where poses are tried that are far apart."""
-_LEAST_AREA: Final = 60
-"""Smaller spots are noise [px]."""
-_LIKELY: Final = 0.6
-"""Evidence, on average over some pixels, of what is worth a closer look."""
+_HIGH: Final = 25  # so many pixels that are higher than a lying piece decide that it stands, if that explains anything
+_BLUR: Final = 2.5  # … or so many times as far where poses are tried that are far apart
+_LEAST_AREA: Final = 60  # smaller spots are noise [px]
+_LIKELY: Final = 0.6  # evidence, on average over some pixels, of what is worth a closer look
 _COARSE_YAWS: Final = 12
 _COARSE_STEP: Final = 0.010
 """Places are tried so far apart around a spot [m] …"""
-_COARSE: Final = 2
-"""… so many on either side …"""
-_KEPT, _CLOSER = 6, 2
-"""… and so many of the best are looked at more closely, then so many of those again …"""
+_COARSE: Final = 2  # … so many on either side …
+_KEPT, _CLOSER = 6, 2  # … and so many of the best are looked at more closely, then so many of those again …
 _STEPS: Final = ((0.004, 0.20), (0.002, 0.10), (0.001, 0.05), (0.0005, 0.025))
 """Finer and finer steps of place [m] and direction [rad]."""
-_LEAST_SUPPORT: Final = 0.30
-"""Mean evidence over a silhouette, as a share of the most, by which a piece is there."""
-_LEAST_SEEN: Final = 0.35
-"""With less of its silhouette in sight a pose is a guess."""
-_ALIKE: Final = 60.0
-"""Neighbouring pixels err alike: so many count as one (measured over rendered tables)."""
+_LEAST_SUPPORT: Final = 0.30  # mean evidence over a silhouette, as a share of the most, by which a piece is there
+_LEAST_SEEN: Final = 0.35  # with less of its silhouette in sight a pose is a guess
+_ALIKE: Final = 60.0  # neighbouring pixels err alike: so many count as one (measured over rendered tables)
 _MOST: Final = 2.5
 _STAYED: Final = 150.0
 """Evidence that a piece is where it was before; …"""
-_STRAYED: Final = 0.06
-"""… less and less of it up to so far from there [m]."""
+_STRAYED: Final = 0.06  # … less and less of it up to so far from there [m]
 _AT_HOME: Final = 100.0
 """Evidence that what stands no further from where a piece was than ``_NEAR_HOME`` [m] is that piece: pieces are shifted
 more often than another one comes to stand in their place (assumed). Rook and knight differ by 100 to 200."""
@@ -71,28 +57,18 @@ _FLOOR: Final = 0.0005, 0.02
 
 @dataclass(frozen=True, slots=True)
 class MisplacedPiece:
-    """A piece that is not where it should stand.
+    """A piece that is not where it should stand."""
 
-    Attributes:
-        piece: which of the missing ones; of several alike, the first.
-        target: where it should stand.
-        pose: how it is there.
-        std: expected error of its place, as a standard deviation, each of x and y [m].
-        yaw_std: of its direction [rad]; 0 for one that stands.
-        support: mean evidence over its silhouette, of the most there can be, -1 to 1.
-        seen: share of its silhouette that nothing hides.
-        lead: evidence by which this piece in this way, lying or standing, explains more than the next best of the
-            missing ones would in any, as a share of its own; 0 where another one does as well.
-    """
-
-    piece: PieceSpec
-    target: Place
-    pose: Pose
-    std: float = 0.0
-    yaw_std: float = 0.0
-    support: float = 0.0
-    seen: float = 0.0
+    piece: PieceSpec  # which of the missing ones; of several alike, the first
+    target: Place  # where it should stand
+    pose: Pose  # how it is there
+    std: float = 0.0  # expected error of its place, as a standard deviation, each of x and y [m]
+    yaw_std: float = 0.0  # of its direction [rad]; 0 for one that stands
+    support: float = 0.0  # mean evidence over its silhouette, of the most there can be, -1 to 1
+    seen: float = 0.0  # share of its silhouette that nothing hides
     lead: float = 0.0
+    """Evidence by which this piece in this way, lying or standing, explains more than the next best of the missing ones
+    would in any, as a share of its own; 0 where another one does as well."""
 
     @property
     def lies(self) -> bool:
@@ -115,8 +91,7 @@ class PoseSearch:
         self, fit: Fit, view: BoardView, taken: Mask, around: tuple[float, float], points: Field | None
     ) -> None:
         self._made_of = fit, view, taken, around, points
-        self._ways: dict[tuple[Kind, Colour], list[PoseTrial]] = {}
-        """The best ways that were found, by kind and colour."""
+        self._ways: dict[tuple[Kind, Colour], list[PoseTrial]] = {}  # the best ways that were found, by kind and colour
         self._view, self._part = view, fit.part
         self._shape = fit.part.ground.shape[0], fit.part.ground.shape[1]
         self._origin = int(fit.part.columns.start), int(fit.part.rows.start)

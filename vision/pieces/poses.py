@@ -23,31 +23,20 @@ _RINGS: Final = 15
 _ANGLES: Final = 2.0 * np.pi * np.arange(16) / 16
 _CIRCLE: Final = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 """Of a ring."""
-_KNIGHT: Final = 0.75
-"""Radius of a knight's head from wherever it is seen, in stem radii."""
-_AROUND: Final = 0.02
-"""Distances from a piece's surface are known up to so far from it [m] …"""
-_CELL: Final = 0.00025
-"""… in steps of this [m]."""
-_RESTS: Final = 0.92
-"""A foot's rim is rounded: so far from the axis does it rest, in radii of the foot."""
-_APART: Final = 0.016, 0.7
-"""Poses that differ by so much in place [m] or in direction [rad] are two."""
+_KNIGHT: Final = 0.75  # radius of a knight's head from wherever it is seen, in stem radii
+_AROUND: Final = 0.02  # distances from a piece's surface are known up to so far from it [m] …
+_CELL: Final = 0.00025  # … in steps of this [m]
+_RESTS: Final = 0.92  # a foot's rim is rounded: so far from the axis does it rest, in radii of the foot
+_APART: Final = 0.016, 0.7  # poses that differ by so much in place [m] or in direction [rad] are two
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """How a piece is there, board frame.
+    """How a piece is there, board frame."""
 
-    Attributes:
-        x: of its foot's underside, the middle, seen from above [m].
-        y: likewise [m].
-        yaw: from there to the head, from the x axis, counter-clockwise [rad]; None: it stands.
-    """
-
-    x: float
-    y: float
-    yaw: float | None = None
+    x: float  # of its foot's underside, the middle, seen from above [m]
+    y: float  # likewise [m]
+    yaw: float | None = None  # from there to the head, from the x axis, counter-clockwise [rad]; None: it stands
 
 
 @lru_cache(maxsize=16)
@@ -91,24 +80,22 @@ def _axes(kind: Kind, pose: Pose) -> tuple[Array, Array]:
 def off_surface(points: Field, kind: Kind, pose: Pose) -> Array:
     """How far points (n, 3) of the board frame are from the surface of a piece, whether within or without, (n,) [m]."""
     start, axes = _axes(kind, pose)
-    table = _distances(kind)
     from_start = points - start
     along = from_start @ axes[2]
-    across = np.sqrt(np.maximum((from_start**2).sum(axis=1) - along**2, 0.0))
-    row = np.clip(np.rint((along + _AROUND) / _CELL).astype(np.intp), 0, table.shape[0] - 1)
-    column = np.minimum(np.rint(across / _CELL).astype(np.intp), table.shape[1] - 1)
-    off: Array = table[row, column]
-    return off
+    return _off(kind, along, np.sqrt(np.maximum((from_start**2).sum(axis=1) - along**2, 0.0)))
 
 
 def off_standing(points: Field, kind: Kind, places: Array) -> Array:
     """The same for a piece that stands at each of some places, board frame (m, 2) [m]: (m, n) [m]."""
+    return _off(kind, points[:, 2], np.hypot(points[:, 0] - places[:, :1], points[:, 1] - places[:, 1:]))
+
+
+def _off(kind: Kind, along: Array | Field, across: Array) -> Array:
+    """How far points are from the surface, by where they are along the axis and how far from it [m]."""
     table = _distances(kind)
-    row = np.clip(np.rint((points[:, 2] + _AROUND) / _CELL).astype(np.intp), 0, table.shape[0] - 1)
-    away = np.hypot(points[:, 0] - places[:, :1], points[:, 1] - places[:, 1:])
-    column = np.minimum(np.rint(away / _CELL).astype(np.intp), table.shape[1] - 1)
-    off: Array = table[row, column]
-    return off
+    row = np.clip(np.rint((along + _AROUND) / _CELL).astype(np.intp), 0, table.shape[0] - 1)
+    column = np.minimum(np.rint(across / _CELL).astype(np.intp), table.shape[1] - 1)
+    return np.asarray(table[row, column])
 
 
 @lru_cache(maxsize=16)
@@ -130,19 +117,12 @@ def _distances(kind: Kind) -> Array:
 
 
 class Drawn(NamedTuple):
-    """A silhouette in a part of a picture.
+    """A silhouette in a part of a picture."""
 
-    Attributes:
-        rows: of the part, around the silhouette.
-        columns: likewise.
-        mask: of the silhouette, over those; empty where none of it is within the part.
-        underside: of what the camera sees of the foot's underside, which is felt; over the same.
-    """
-
-    rows: slice
-    columns: slice
-    mask: Mask
-    underside: Mask
+    rows: slice  # of the part, around the silhouette
+    columns: slice  # likewise
+    mask: Mask  # of the silhouette, over those; empty where none of it is within the part
+    underside: Mask  # of what the camera sees of the foot's underside, which is felt; over the same
 
 
 def drawn(kind: Kind, pose: Pose, view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> Drawn:

@@ -19,31 +19,20 @@ a mixture where two of these meet."""
 GROUNDS: Final = 4
 MARGIN: Final = 14
 """Around the board and what stands on it [px]."""
-_SEAM: Final = 1.2
-"""So far to either side of a line between squares a pixel shows both [px]."""
+_SEAM: Final = 1.2  # so far to either side of a line between squares a pixel shows both [px]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """The window of a picture in which board and pieces lie, pixel by pixel; shape of all fields (h, w).
+    """The window of a picture in which board and pieces lie, pixel by pixel; shape of all fields (h, w)."""
 
-    Attributes:
-        rows: of the picture.
-        columns: of the picture.
-        ground: ``LIGHT``, ``DARK`` or ``BESIDE``, int32.
-        square: index of the square, -1 beside the board, int16.
-        place: point of the board's plane that would be seen, (h, w, 2), board frame [m].
-        depth: of the board's plane along the view [m].
-        climb: by how much a point whose depth is less than the plane's by 1 m is above the plane.
-    """
-
-    rows: slice
-    columns: slice
-    ground: Whole
-    square: NDArray[np.int16]
-    place: Field
-    depth: Field
-    climb: Field
+    rows: slice  # of the picture
+    columns: slice  # of the picture
+    ground: Whole  # ``LIGHT``, ``DARK`` or ``BESIDE``, int32
+    square: NDArray[np.int16]  # index of the square, -1 beside the board, int16
+    place: Field  # point of the board's plane that would be seen, (h, w, 2), board frame [m]
+    depth: Field  # of the board's plane along the view [m]
+    climb: Field  # by how much a point whose depth is less than the plane's by 1 m is above the plane
 
 
 @lru_cache(maxsize=4)

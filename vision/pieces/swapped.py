@@ -21,8 +21,7 @@ from vision.reading.outcome import Situation
 
 SHIFTED: Final = 0.0017
 """A piece that nobody has touched is seen no further than this from where it was, with its neighbours' light [m]."""
-UNLIKE: Final = 0.30
-"""… and looks no more than this less like itself (both: see ``replaced``)."""
+UNLIKE: Final = 0.30  # … and looks no more than this less like itself (both: see ``replaced``)
 
 
 class KnownPicture(NamedTuple):

@@ -20,24 +20,17 @@ from vision.pieces.centres import Centre, centres_of, on_squares
 from vision.pieces.fit import Fit
 from vision.pieces.surface import surface
 
-TOLERANCE: Final = 0.005
-"""Of a piece's centre from that of its square: the fingers close on pieces up to 8 mm off [m]."""
-RISES: Final = 0.008
-"""What rises so far above the board, and is no piece that was found, lies there [m]."""
-_AROUND: Final = 9
-"""Depth pictures are fat at edges: so wide is left out around pieces that were found [px]."""
-_LEAST_AREA: Final = 40
-"""Smaller spots are noise [px]."""
-_SURE: Final = 1.2
-"""Colour evidence, on average over a spot, by which something lies there where there is no depth."""
-_LEAST_COLOURED: Final = 120
-"""Without depth, smaller spots may be shadows [px]."""
+TOLERANCE: Final = 0.005  # of a piece's centre from that of its square: the fingers close on pieces up to 8 mm off [m]
+RISES: Final = 0.008  # what rises so far above the board, and is no piece that was found, lies there [m]
+_AROUND: Final = 9  # depth pictures are fat at edges: so wide is left out around pieces that were found [px]
+_LEAST_AREA: Final = 40  # smaller spots are noise [px]
+_SURE: Final = 1.2  # colour evidence, on average over a spot, by which something lies there where there is no depth
+_LEAST_COLOURED: Final = 120  # without depth, smaller spots may be shadows [px]
 _DROP: Final = 0.45
 """A piece that looks so much less like itself than before, and no other does, was touched: what lies behind another
 piece can look like one that stands there (measured: pieces that stand drop by 0.16 once in a thousand looks, at most by
 0.42 in 8,400; of 12 that lay and still seemed to stand, 9 dropped by 0.48 or more)."""
-_ASIDE: Final = 0.4
-"""An offset is called one towards a side when that side has at least such a share of it."""
+_ASIDE: Final = 0.4  # an offset is called one towards a side when that side has at least such a share of it
 
 
 class FaultKind(StrEnum):
@@ -45,43 +38,29 @@ class FaultKind(StrEnum):
 
     OFF_CENTRE = "off centre"
     MISSING = "missing"
-    FALLEN = "fallen"
-    """Something lies where a piece should stand."""
-    FOREIGN = "foreign"
-    """Something is where nothing should be."""
+    FALLEN = "fallen"  # something lies where a piece should stand
+    FOREIGN = "foreign"  # something is where nothing should be
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One thing that is not as it should be.
+    """One thing that is not as it should be."""
 
-    Attributes:
-        kind: of fault.
-        square: 0 = a1 … 63 = h8.
-        sentence: for people.
-        place: of the piece or the thing, board frame [m]; None where nothing is there.
-    """
-
-    kind: FaultKind
-    square: int
-    sentence: str
-    place: tuple[float, float] | None
+    kind: FaultKind  # of fault
+    square: int  # 0 = a1 … 63 = h8
+    sentence: str  # for people
+    place: tuple[float, float] | None  # of the piece or the thing, board frame [m]; None where nothing is there
 
 
 @dataclass(frozen=True, slots=True)
 class Examination:
-    """What a look at the board says.
+    """What a look at the board says."""
 
-    Attributes:
-        faults: by square.
-        likeness: of each piece in sight, by square: how well it looks like itself, at most 2; to be held against the
-            next look's.
-        centres: of the same pieces, board frame [m].
-    """
-
-    faults: tuple[Fault, ...]
+    faults: tuple[Fault, ...]  # by square
     likeness: Mapping[int, float]
-    centres: Mapping[int, tuple[float, float]]
+    """Of each piece in sight, by square: how well it looks like itself, at most 2; to be held against the next look's.
+    """
+    centres: Mapping[int, tuple[float, float]]  # of the same pieces, board frame [m]
 
 
 def examine_board(

@@ -16,19 +16,14 @@ from vision.arrays import Array, Indices
 
 States = Indices
 
-EMPTY, WHITE, BLACK = 0, 1, 2
-"""States of a square."""
-MEMORY: Final = 0.9
-"""Share of what was known that one more position leaves: light changes within ten plies."""
-DIAGONAL: Final = 0.3
-"""How far the covariance is shrunk towards its diagonal."""
-FLOOR: Final = 0.05
-"""Share of its mean variance that is added to each: what has not varied yet may still."""
+EMPTY, WHITE, BLACK = 0, 1, 2  # states of a square
+MEMORY: Final = 0.9  # share of what was known that one more position leaves: light changes within ten plies
+DIAGONAL: Final = 0.3  # how far the covariance is shrunk towards its diagonal
+FLOOR: Final = 0.05  # share of its mean variance that is added to each: what has not varied yet may still
 TEMPERATURE: Final = 12.0
 """Neighbouring blocks say much the same, so that squared distances overstate what is known. Measured on photographs:
 with it, states given 95 % are right at least as often."""
-BOUND: Final = 6.0
-"""No square's look counts for more than this, in natural logarithms: anything may look odd once."""
+BOUND: Final = 6.0  # no square's look counts for more than this, in natural logarithms: anything may look odd once
 _LIGHT_SQUARES: Final = np.array([(square % 8 + square // 8) % 2 == 1 for square in range(64)])
 
 

@@ -20,23 +20,16 @@ from vision.reading.outcome import Situation
 
 States = Indices
 
-MANY: Final = 6
-"""With more squares wrong than this, they are counted rather than explained."""
+MANY: Final = 6  # with more squares wrong than this, they are counted rather than explained
 
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """What is the matter, and what to do.
+    """What is the matter, and what to do."""
 
-    Attributes:
-        situation: its sort.
-        squares: all that are not as they should be, and those that the advice is about.
-        sentence: for the person at the board.
-    """
-
-    situation: Situation
-    squares: tuple[int, ...]
-    sentence: str
+    situation: Situation  # its sort
+    squares: tuple[int, ...]  # all that are not as they should be, and those that the advice is about
+    sentence: str  # for the person at the board
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,7 @@ from vision.arrays import Array, Indices, Mask
 from vision.reading.appearance import BLACK, EMPTY, WHITE
 from vision.reading.features import BOUND
 
-Codes = NDArray[np.int8]
-"""Pieces by square: 0 empty, 1 to 6 white pawn to king, -1 to -6 black; shape (..., 64)."""
+Codes = NDArray[np.int8]  # pieces by square: 0 empty, 1 to 6 white pawn to king, -1 to -6 black; shape (..., 64)
 NUDGE: Final = -4.0
 """Nothing that looks changed counts for more than this against the same piece, or none, still being there: people brush
 past pieces, and shadows wander."""
@@ -31,10 +30,8 @@ ALTERED: Final = 4.0
 """Where the odds of a change are higher than this, another piece may stand there, if nothing else shows it [nat]."""
 PASSED: Final = 0.05
 """Where more than this has come to be hidden by measurement, or is hidden no more, a change of looks says nothing."""
-MOSTLY: Final = 0.4
-"""A square of whose middle more than this is hidden looks like what hides it."""
-COVERED: Final = 0.15
-"""A square of whose middle another piece covers more than this is not seen as it is."""
+MOSTLY: Final = 0.4  # a square of whose middle more than this is hidden looks like what hides it
+COVERED: Final = 0.15  # a square of whose middle another piece covers more than this is not seen as it is
 
 
 HIGH: Final = np.array([-1, 0, 1, 1, 1, 2, 2])
@@ -43,56 +40,41 @@ HIGH: Final = np.array([-1, 0, 1, 1, 1, 2, 2])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cover:
-    """How much of each square's middle the picture does not show, as depth has measured it: shares, shape (64,).
+    """How much of each square's middle the picture does not show, as depth has measured it: shares, shape (64,)."""
 
-    Attributes:
-        now: something that stands elsewhere hides so much.
-        before: so much was hidden in the picture that this one is compared with.
-        differs: so much was hidden in one of the two pictures alone.
-    """
-
-    now: Array
-    before: Array
-    differs: Array
+    now: Array  # something that stands elsewhere hides so much
+    before: Array  # so much was hidden in the picture that this one is compared with
+    differs: Array  # so much was hidden in one of the two pictures alone
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """What one look says.
+    """What one look says."""
 
-    Attributes:
-        states: logarithm of how likely empty, white and black are by looks, shape (64, 3), at most 0.
-        changed: logarithm of the odds that the content has changed, shape (64,).
-        cover: share of the squares (columns) that a piece on a square (rows) covers, shape (64, 64); or one of these
-            for each of the heights of ``HIGH``, (3, 64, 64).
-        solid: the same as ``states``, by depth; no piece hides another there. None: the camera has no depth.
-        measured: what hides squares, by depth, in place of ``cover``.
-    """
-
-    states: Array
-    changed: Array
+    states: Array  # logarithm of how likely empty, white and black are by looks, shape (64, 3), at most 0
+    changed: Array  # logarithm of the odds that the content has changed, shape (64,)
     cover: Array
+    """Share of the squares (columns) that a piece on a square (rows) covers, shape (64, 64); or one of these for each
+    of the heights of ``HIGH``, (3, 64, 64)."""
     solid: Array | None = None
-    measured: Cover | None = None
+    """The same as ``states``, by depth; no piece hides another there. None: the camera has no depth."""
+    measured: Cover | None = None  # what hides squares, by depth, in place of ``cover``
 
     def read(self, before: Codes) -> Indices:
         """The likeliest state of each square by its looks and by whether it has changed, whatever the rules: (64,)."""
-        read: Indices = self._each(before, before).argmax(axis=1)
-        return read
+        return np.asarray(self._each(before, before).argmax(axis=1))
 
     def likelihood(self, before: Codes) -> Array:
         """How likely each square is empty, white or black, by the same: shape (64, 3), rows that sum to one."""
         each = self._each(before, before)
         weights = np.exp(each - each.max(axis=1, keepdims=True))
-        likelihood: Array = weights / weights.sum(axis=1, keepdims=True)
-        return likelihood
+        return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
     def _each(self, codes: Codes, before: Codes) -> Array:
         """How well states explain each square, the others being as a position says: natural logarithms, (64, 3)."""
         looks, did, kept = (one[0] for one in self._terms(codes[None], before))
         as_before = np.arange(3) == states_of(before)[:, None]
-        each: Array = looks + np.where(as_before, kept[:, None], did[:, None])
-        return each
+        return np.asarray(looks + np.where(as_before, kept[:, None], did[:, None]))
 
     def altered(self, before: Codes) -> tuple[int, ...]:
         """Squares with a piece of the colour that was there, which look changed though nothing hides them: perhaps
@@ -177,8 +159,7 @@ class Evidence:
     def _covered(self, codes: Codes) -> Array:
         """Share of each square's middle that pieces on the other squares cover: shape (..., 64)."""
         high, layers = HIGH[np.abs(codes)], np.broadcast_to(self.cover, (HIGH.max() + 1, 64, 64))
-        covered: Array = sum((high == k).astype(float) @ layer for k, layer in enumerate(layers)) - (high >= 0)
-        return covered
+        return np.asarray(sum((high == k).astype(float) @ layer for k, layer in enumerate(layers)) - (high >= 0))
 
 
 def _taller(one: Codes, other: Codes) -> Codes:

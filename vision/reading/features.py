@@ -22,16 +22,11 @@ from vision.loops import changes, slopes_of
 from vision.reading.rectified_view import MARGIN, PLAN_PX, SQUARE_PX
 from vision.reading.solids import LOGARITHM
 
-SMOOTHING: Final = 0.75
-"""Of what gradients are taken from: below it there is noise, and the camera's own blur [px]."""
-BLOCKS: Final = 5
-"""A square is described by BLOCKS × BLOCKS blocks."""
-EDGE: Final = 0.02
-"""Added to the size of gradients before their logarithm, for the same reason."""
-MIDDLE: Final = 0.8
-"""Share of a square's side that is compared: its edges are where neighbours and a shake show."""
-BOUND: Final = 8.0
-"""No square counts for more than this, in natural logarithms."""
+SMOOTHING: Final = 0.75  # of what gradients are taken from: below it there is noise, and the camera's own blur [px]
+BLOCKS: Final = 5  # a square is described by BLOCKS × BLOCKS blocks
+EDGE: Final = 0.02  # added to the size of gradients before their logarithm, for the same reason
+MIDDLE: Final = 0.8  # share of a square's side that is compared: its edges are where neighbours and a shake show
+BOUND: Final = 8.0  # no square counts for more than this, in natural logarithms
 WEIGHTS: Final = (1.3, 4.3, 3.0, 2.9)
 OFFSET: Final = -0.1
 """Logistic regression over the measures below, fitted to photographs of six games on four boards; fitted without a game
@@ -40,18 +35,13 @@ and tried on it, the weights change little and the errors do not."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Light:
-    """A sight in logarithmic brightness, with its gradients.
+    """A sight in logarithmic brightness, with its gradients."""
 
-    Attributes:
-        level: natural logarithm of brightness, shape (PLAN_PX, PLAN_PX, 3).
-        slopes: gradients of the smoothed ``level``: along columns in red, green and blue, then along rows, shape
-            (PLAN_PX, PLAN_PX, 6) [1/px].
-        size: length of the gradient over all colours, shape (PLAN_PX, PLAN_PX) [1/px].
-    """
-
-    level: Field
+    level: Field  # natural logarithm of brightness, shape (PLAN_PX, PLAN_PX, 3)
     slopes: Field
-    size: Field
+    """Gradients of the smoothed ``level``: along columns in red, green and blue, then along rows, shape (PLAN_PX,
+    PLAN_PX, 6) [1/px]."""
+    size: Field  # length of the gradient over all colours, shape (PLAN_PX, PLAN_PX) [1/px]
 
     def brighter(self, step: Array) -> Light:
         """The same, with so much more light in each colour, shape (3,), logarithmic."""
@@ -119,5 +109,4 @@ def change_measures(light: Light, reference: Light) -> Array:
 
 def change_odds(light: Light, reference: Light) -> Array:
     """Logarithm of the odds that a square's content has changed: shape (64,), within ±``BOUND``."""
-    odds: Array = np.clip(change_measures(light, reference) @ np.array(WEIGHTS) + OFFSET, -BOUND, BOUND)
-    return odds
+    return np.asarray(np.clip(change_measures(light, reference) @ np.array(WEIGHTS) + OFFSET, -BOUND, BOUND))

@@ -29,44 +29,28 @@ STRAY: Final = 6.0
 """How much rarer than a legal move it is that, besides, a piece is missing; that one too many stands there, or one of
 the other colour [nat]. Every square must keep the margin against that by itself. Of a square that is not seen nothing
 can be said, so that there even a missing piece counts as the latter: it would take a wonder."""
-UNEXPLAINED: Final = 12.0
-"""The most that may be left unexplained over the whole board: three pieces brushed past [nat]."""
-MANY: Final = 4.0
-"""Two plies in one look must keep the margin by so much more: there are hundreds of them [nat]."""
+UNEXPLAINED: Final = 12.0  # the most that may be left unexplained over the whole board: three pieces brushed past [nat]
+MANY: Final = 4.0  # two plies in one look must keep the margin by so much more: there are hundreds of them [nat]
 
 
 @dataclass(frozen=True, slots=True)
 class MoveReading:
-    """What is believed to have been played.
+    """What is believed to have been played."""
 
-    Attributes:
-        verdict: what the look came to.
-        moves: what was played; in doubt the likeliest, which must not be taken.
-        confidence: probability of ``moves`` among everything weighed.
-        margin: what is left of the margins, in natural logarithms; negative in doubt.
-        squares: those that speak against ``moves``, the loudest first.
-        promotion_unsure: the promoted piece was not seen; a queen is written.
-    """
-
-    verdict: ReadingOutcome
-    moves: tuple[chess.Move, ...]
-    confidence: float
-    margin: float
-    squares: tuple[int, ...]
-    promotion_unsure: bool = False
+    verdict: ReadingOutcome  # what the look came to
+    moves: tuple[chess.Move, ...]  # what was played; in doubt the likeliest, which must not be taken
+    confidence: float  # probability of ``moves`` among everything weighed
+    margin: float  # what is left of the margins, in natural logarithms; negative in doubt
+    squares: tuple[int, ...]  # those that speak against ``moves``, the loudest first
+    promotion_unsure: bool = False  # the promoted piece was not seen; a queen is written
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """Positions that could have come about.
+    """Positions that could have come about."""
 
-    Attributes:
-        lines: the moves to each; empty for none.
-        codes: the pieces after them, shape (n, 64).
-    """
-
-    lines: tuple[tuple[chess.Move, ...], ...]
-    codes: Codes
+    lines: tuple[tuple[chess.Move, ...], ...]  # the moves to each; empty for none
+    codes: Codes  # the pieces after them, shape (n, 64)
 
 
 def candidates(board: chess.Board, plies: int = 1) -> Candidates:

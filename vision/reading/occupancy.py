@@ -16,27 +16,22 @@ from vision.arrays import Array, Indices, Mask
 from vision.reading.appearance import BLACK, EMPTY, MEMORY, WHITE
 from vision.reading.solids import Solids
 
-BOUND: Final = 8.0
-"""Neither counts for more than this, in natural logarithms."""
+BOUND: Final = 8.0  # neither counts for more than this, in natural logarithms
 LEAST_SPREAD: Final = 0.02
 """Standard deviation of the share of standing points over an empty square that is allowed for at least: edges of
 neighbours, points that fly. Of a pawn's square a fourth stands up where all of it is seen."""
 LEAST_SHADE: Final = 0.25
 """Standard deviation of a piece's brightness that is allowed for at least, logarithmic: light varies over the board."""
-ENOUGH: Final = 12
-"""Standing points with which a colour is fully believed."""
+ENOUGH: Final = 12  # standing points with which a colour is fully believed
 FEW: Final = 0.25
 """Shares are of at least so many points, in those of an average square: of a square that is hardly seen, a few say
 little."""
-ABOVE: Final = 0.1
-"""Where a larger share of points is above any piece, fingers may be what stands up."""
-HARDLY: Final = 0.2
-"""A piece of whose square less than this is hidden shows its colour …"""
+ABOVE: Final = 0.1  # where a larger share of points is above any piece, fingers may be what stands up
+HARDLY: Final = 0.2  # a piece of whose square less than this is hidden shows its colour …
 MOSTLY: Final = 0.4
 """… and where more than this is hidden it shows a rim past another piece. Depth is fat at edges: where it shows a rim,
 the picture shows what lies behind."""
-LITTLE: Final = 0.1
-"""So little does its colour count then: it tells only where nothing else does."""
+LITTLE: Final = 0.1  # so little does its colour count then: it tells only where nothing else does
 
 
 class DepthOccupancy:
@@ -79,15 +74,13 @@ class DepthOccupancy:
 def _share(solids: Solids) -> Array:
     """Of the points over each square those that stand up."""
     least = max(FEW * float(solids.seen.mean()), 1.0)
-    share: Array = solids.standing / np.maximum(solids.seen - solids.above, least)
-    return share
+    return np.asarray(solids.standing / np.maximum(solids.seen - solids.above, least))
 
 
 def _shown(solids: Solids) -> Array:
     """How much the colour of what stands on each square counts, 0 to 1."""
     hidden = solids.other.mean(axis=1)
-    shown: Array = np.clip((MOSTLY - hidden) / (MOSTLY - HARDLY), LITTLE, 1.0)
-    return shown
+    return np.asarray(np.clip((MOSTLY - hidden) / (MOSTLY - HARDLY), LITTLE, 1.0))
 
 
 def _reached(solids: Solids) -> Mask:
@@ -122,8 +115,7 @@ class _Two:
             return np.zeros(len(values))
         variance = np.maximum(self._scatter / self._count.sum(), least**2)
         off = ((values[:, None, :] - self._mean) ** 2 / variance).mean(axis=2)
-        odds: Array = np.clip(0.5 * (off[:, 0] - off[:, 1]), -BOUND, BOUND)
-        return odds
+        return np.asarray(np.clip(0.5 * (off[:, 0] - off[:, 1]), -BOUND, BOUND))
 
     @property
     def known(self) -> bool:
@@ -136,5 +128,4 @@ class _Two:
         """
         spread = np.sqrt(np.maximum(self._scatter / self._count[0], least**2))
         above = np.maximum((values - self._mean[0]) / spread, 0.0)
-        surprise: Array = np.minimum(0.5 * (above**2).mean(axis=1), 2.0 * BOUND)
-        return surprise
+        return np.asarray(np.minimum(0.5 * (above**2).mean(axis=1), 2.0 * BOUND))

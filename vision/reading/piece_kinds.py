@@ -16,8 +16,7 @@ from vision.reading.outcome import ReadingOutcome
 CHOICES: Final = (chess.QUEEN, chess.ROOK, chess.BISHOP, chess.KNIGHT)
 SPREAD: Final = 0.0015
 """Standard deviation of a height as seen [m]; what a D435 errs by over a piece's head at 0.6 m."""
-CLEAR: Final = 3.0
-"""A kind is known where every other is so many standard deviations less likely."""
+CLEAR: Final = 3.0  # a kind is known where every other is so many standard deviations less likely
 
 
 class KindClassifier:

@@ -22,8 +22,7 @@ from vision.reading.solids import Solids, solids_of
 
 SQUARE_PX: Final = 24
 """Side of a square in the plan [px]: about as many as a camera of 640×480 shows. More tell no more."""
-MARGIN: Final = 1
-"""Squares around the board that the plan shows as well: pieces lean over its edge."""
+MARGIN: Final = 1  # squares around the board that the plan shows as well: pieces lean over its edge
 PLAN_PX: Final = (8 + 2 * MARGIN) * SQUARE_PX
 USUAL_FOCAL: Final = 1.0
 """Focal length of an unknown camera in widths of its picture: 53° wide, between webcams (60°–78°) and telephones'
@@ -34,19 +33,12 @@ FOCAL_RANGE: Final = (0.5, 3.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RectifiedView:
-    """One look at the board.
+    """One look at the board."""
 
-    Attributes:
-        plan: RGB, shape (PLAN_PX, PLAN_PX, 3); the row of the 8th rank is above, the a-file left.
-        camera: the pinhole in the plan frame, shape (3,) [squares]; approximate where the camera is unknown.
-        solids: what stands up from the board, by depth. None: the camera has no depth.
-        stamp: of exposure [s].
-    """
-
-    plan: Picture
-    camera: Array
-    solids: Solids | None = None
-    stamp: float = 0.0
+    plan: Picture  # RGB, shape (PLAN_PX, PLAN_PX, 3); the row of the 8th rank is above, the a-file left
+    camera: Array  # the pinhole in the plan frame, shape (3,) [squares]; approximate where the camera is unknown
+    solids: Solids | None = None  # what stands up from the board, by depth. None: the camera has no depth.
+    stamp: float = 0.0  # of exposure [s]
 
 
 def sight_of_picture(colour: Picture, corners: ArrayLike, stamp: float = 0.0) -> RectifiedView:

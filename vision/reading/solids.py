@@ -18,27 +18,20 @@ from vision.board.view import BoardView
 from vision.loops import colour_sums, lay_out, tops
 from vision.reading.visibility import hidden_by, room_of
 
-DARKEST: Final = 0.08
-"""Added to brightness (0 to 1) before its logarithm: below it there is more noise than picture."""
+DARKEST: Final = 0.08  # added to brightness (0 to 1) before its logarithm: below it there is more noise than picture
 LOGARITHM: Final[Field] = np.log(np.arange(256) / 255.0 + DARKEST).astype(np.float32)
 """By the level of a pixel, 0 to 255."""
 TALL: Final = 0.012
 """What is higher than this is no board [m]: a pawn is 34 mm high, the depth of a D435 errs by 1 to 2 mm at 0.6 m."""
-CEILING: Final = 0.08
-"""What is higher than this is no piece, but a hand or the arm [m]."""
+CEILING: Final = 0.08  # what is higher than this is no piece, but a hand or the arm [m]
 HOVERING: Final = 0.12
 """What is higher than this touches nothing on the board, nor does what it belongs to [m]: fingers that hold a piece
 have parts between this and the ceiling, and an arm that rests over the board has none."""
-REACH: Final = 0.45
-"""Points count for a square up to so far from its centre, along both axes [sides of a square]."""
-HIGHEST: Final = 0.9
-"""Of the points of a piece, this share is below what counts as its top: single points fly."""
-OFF_BOARD: Final = 65
-"""Label of what stands beside the board or hangs over it; squares are 1 to 64."""
-FAT: Final = 5
-"""Depth is fat at edges, by 2 px on each side: there the colour is that of what lies behind [px]."""
-CORE: Final = 12
-"""Points without such edges by which a colour is told; where there are fewer, all count."""
+REACH: Final = 0.45  # points count for a square up to so far from its centre, along both axes [sides of a square]
+HIGHEST: Final = 0.9  # of the points of a piece, this share is below what counts as its top: single points fly
+OFF_BOARD: Final = 65  # label of what stands beside the board or hangs over it; squares are 1 to 64
+FAT: Final = 5  # depth is fat at edges, by 2 px on each side: there the colour is that of what lies behind [px]
+CORE: Final = 12  # points without such edges by which a colour is told; where there are fewer, all count
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,12 +20,9 @@ from hardware.table import PIECE_SHAPES, Kind, piece_profile
 from vision.arrays import Array, Field, Indices, Mask, Picture
 from vision.board.view import BoardView
 
-PLACES: Final = 7
-"""Along each axis of a square, at which a piece is tried."""
-REACH: Final = 0.42
-"""They lie up to so far from the middle [sides of a square]; closer together than a piece's radius."""
-USUAL: Final = 0.15
-"""Standard deviation of how far off the middle people put pieces [sides of a square]."""
+PLACES: Final = 7  # along each axis of a square, at which a piece is tried
+REACH: Final = 0.42  # they lie up to so far from the middle [sides of a square]; closer together than a piece's radius
+USUAL: Final = 0.15  # standard deviation of how far off the middle people put pieces [sides of a square]
 LEVELS: Final = (0.10, 0.15, 0.47, 0.80, 0.91)
 """Heights at which a piece is tried: foot, stem and head, where it is wide [heights of the lowest piece]."""
 ASIDE: Final = (-0.6, 0.0, 0.6)
@@ -34,18 +31,14 @@ blind in a strip that is narrower than a piece: axes alone would lie in it too o
 BEHIND: Final = 0.002
 """What is seen further behind a point than this has been seen through it [m]; a piece is seen before these points, by
 most of its radius and more."""
-ENOUGH: Final = 3
-"""With so many of a place's points seen through, nothing stands there: a ray or two may err."""
-CELLS: Final = 6
-"""Along each axis of a square's middle, in which it is told what hides the square."""
-MIDDLE: Final = 0.8
-"""Share of a square's side that counts as its middle."""
+ENOUGH: Final = 3  # with so many of a place's points seen through, nothing stands there: a ray or two may err
+CELLS: Final = 6  # along each axis of a square's middle, in which it is told what hides the square
+MIDDLE: Final = 0.8  # share of a square's side that counts as its middle
 RADIUS: Final = 0.30
 HEIGHTS: Final = (1.0, 1.2, 1.65)
 """Of a pawn, of knight, bishop and rook, and of queen and king [squares]: tournament sets are 1 (pawn) to 1.7 (king)
 squares high, with feet of 0.6 to 0.8."""
-COUNTED: Final = 12
-"""Along a square, when shares are counted."""
+COUNTED: Final = 12  # along a square, when shares are counted
 
 
 def room_of(depth: Field, view: BoardView) -> Array:
@@ -56,8 +49,7 @@ def room_of(depth: Field, view: BoardView) -> Array:
     pixels, away, usual = _trials(view)
     seen = depth.ravel().take(pixels) > away
     free = np.count_nonzero(seen, axis=0) >= ENOUGH
-    room: Array = np.where(free, 0.0, usual).sum(axis=1)
-    return room
+    return np.asarray(np.where(free, 0.0, usual).sum(axis=1))
 
 
 @lru_cache(maxsize=4)
@@ -99,8 +91,7 @@ def hidden_by(label: Picture, view: BoardView) -> Mask:
     square a1 to h8, more where it shows anything else; shape (height, width).
     """
     seen = label.ravel().take(_cells(view))
-    other: Mask = (seen > 0) & (seen != np.arange(1, 65)[:, None])
-    return other
+    return np.asarray((seen > 0) & (seen != np.arange(1, 65)[:, None]))
 
 
 @lru_cache(maxsize=4)
@@ -111,8 +102,7 @@ def _cells(view: BoardView) -> Indices:
     points[..., :2] = _middles()[:, None] + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     column, row = np.moveaxis(np.rint(view.project(points * view.table.square)), -1, 0).astype(np.intp)
     width, height = view.intrinsics.width, view.intrinsics.height
-    cells: Indices = column.clip(0, width - 1) + width * row.clip(0, height - 1)
-    return cells
+    return np.asarray(column.clip(0, width - 1) + width * row.clip(0, height - 1))
 
 
 def _middles() -> Array:

@@ -15,21 +15,15 @@ from vision.board.view import BoardView
 from vision.pieces.fit import Fit
 from vision.pieces.outline import Shapes, Silhouettes
 
-_HIDDEN: Final = 0.15
-"""Where a pawn would be hidden but for this share, anything may stand."""
-_HALF_HIDDEN: Final = 0.7
-"""Where less than this of it, and of what is around it, would be in sight …"""
-_AROUND: Final = 9
-"""… by half so many pixels [px] …"""
-_PEEPS: Final = 12
-"""… a spot of so many that are nobody's and have colours of a piece may belong to one [px] …"""
+_HIDDEN: Final = 0.15  # where a pawn would be hidden but for this share, anything may stand
+_HALF_HIDDEN: Final = 0.7  # where less than this of it, and of what is around it, would be in sight …
+_AROUND: Final = 9  # … by half so many pixels [px] …
+_PEEPS: Final = 12  # … a spot of so many that are nobody's and have colours of a piece may belong to one [px] …
 _HOT: Final = 1.2
 """… if each has them so clearly (see ``Fit.maps``). Of 3,549 empty squares 16 look so; and all of
 four pieces that stood right behind others, where depth had not seen them."""
-_LOOKS_LIKE_ONE: Final = 0.8
-"""Evidence for a piece, pixel by pixel on average, that no empty square shows."""
-_SIDES: Final = (Colour.WHITE, Colour.BLACK)
-"""In the order of ``Fit.maps``."""
+_LOOKS_LIKE_ONE: Final = 0.8  # evidence for a piece, pixel by pixel on average, that no empty square shows
+_SIDES: Final = (Colour.WHITE, Colour.BLACK)  # in the order of ``Fit.maps``
 
 
 def hiding_places(empty: Sequence[Place], fit: Fit, view: BoardView) -> dict[Place, Colour | None]:

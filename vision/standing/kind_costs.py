@@ -22,17 +22,14 @@ SPREADS: Final[Mapping[Kind, float]] = MappingProxyType({
 })  # fmt: skip
 """Standard deviations of heights of one kind in one picture [m] (measured over 900 pieces in 40 lights: 0.6 to 0.8, but
 1.04 for knights, whose heads look in all directions; and 0.2 more)."""
-_FLUKE: Final = 6.0
-"""Heights further off count no more; standard deviations."""
+_FLUKE: Final = 6.0  # heights further off count no more; standard deviations
 _BREADTHS: Final[Mapping[Kind, float]] = MappingProxyType({
     Kind.PAWN: 0.00245, Kind.ROOK: 0.00415, Kind.KNIGHT: 0.0017, Kind.BISHOP: 0.0018, Kind.QUEEN: 0.0035,
     Kind.KING: 0.0023,
 })  # fmt: skip
 """How broad tops look, see ``Sighting.breadth`` [m] (measured over 935 pieces in 12 lights)."""
-_BREADTH_SPREAD: Final = 0.0006
-"""… and their standard deviation [m]: 0.45 measured, and what another camera may add."""
-_BREADTH_FLUKE: Final = 3.5
-"""Breadths further off count no more; standard deviations."""
+_BREADTH_SPREAD: Final = 0.0006  # … and their standard deviation [m]: 0.45 measured, and what another camera may add
+_BREADTH_FLUKE: Final = 3.5  # breadths further off count no more; standard deviations
 
 
 def kind_cost(kind: Kind, one: Sighting, top: float) -> float:

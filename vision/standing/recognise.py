@@ -32,38 +32,26 @@ from vision.standing.sightings import Sighting, Sightings, rough_sightings, sigh
 
 _BETWEEN: Final = 0.42
 """What stands further from the middle of its square, along either axis, may be meant for the next one [its sides]."""
-_OTHER_SIDE: Final = 20.0
-"""Of evidence for the other side, see ``Sighting.white``."""
-_PAWN_AT_AN_END: Final = 4.0
-"""What it costs that a pawn stands on the first rank or the last."""
-_NO_KING: Final = 10.0
-"""… that there is no king."""
-_PROMOTED: Final = 2.0
-"""… that there is one more of a kind than at the start of a game."""
-_NONE_LEFT: Final = 12.0
-"""… that something is no piece of the set: a ninth pawn."""
-_SURE: Final = 3.5
-"""What is said is so much likelier than anything else, as a logarithm: 30 times."""
-_ALONE: Final = 0.05
-"""Of what colours say, where lightness says nothing."""
+_OTHER_SIDE: Final = 20.0  # of evidence for the other side, see ``Sighting.white``
+_PAWN_AT_AN_END: Final = 4.0  # what it costs that a pawn stands on the first rank or the last
+_NO_KING: Final = 10.0  # … that there is no king
+_PROMOTED: Final = 2.0  # … that there is one more of a kind than at the start of a game
+_NONE_LEFT: Final = 12.0  # … that something is no piece of the set: a ninth pawn
+_SURE: Final = 3.5  # what is said is so much likelier than anything else, as a logarithm: 30 times
+_ALONE: Final = 0.05  # of what colours say, where lightness says nothing
 _BY_OUTLINE: Final = 40.0
 """What a piece costs less the more of its outline agrees with the picture (measured over 540 pieces: 0.03 to 0.12 more
 agrees with the right kind than with the one next to it, with a standard deviation of 0.06)."""
 _BY_INSIDE: Final = 5.0
 """… and the more what is within looks like its side: by 1 or more with the right one than with the other."""
-_HARDLY: Final = 0.6
-"""A piece of whose outline less is in sight may be another one than it looks."""
-_SEEN_THROUGH: Final = 0.5
-"""Of a pawn's silhouette so much shows what is behind: no pawn is there."""
+_HARDLY: Final = 0.6  # a piece of whose outline less is in sight may be another one than it looks
+_SEEN_THROUGH: Final = 0.5  # of a pawn's silhouette so much shows what is behind: no pawn is there
 _IMPOSSIBLE: Final = 1e6
 _LEAST_GAP: Final = 0.4
 """Between the lightness of the sides, as a logarithm; nearer ones say less."""
-_STEEP: Final = 4.0
-"""A quarter of the gap from the middle is as light as can be."""
-_ROUNDS: Final = 3
-"""Of learning how high all looks in this picture."""
-_MOST_OFF: Final = 0.002
-"""All may look so much higher or lower than usual [m]."""
+_STEEP: Final = 4.0  # a quarter of the gap from the middle is as light as can be
+_ROUNDS: Final = 3  # of learning how high all looks in this picture
+_MOST_OFF: Final = 0.002  # all may look so much higher or lower than usual [m]
 
 
 def recognise(frames: Sequence[Frame], view: BoardView, held: Mapping[Look, int]) -> RecognisedSet:

@@ -22,84 +22,56 @@ from vision.pieces.fit import TALL, Fit
 from vision.pieces.poses import off_standing
 from vision.pieces.surface import Surface, heights, raised, surface
 
-_CELL: Final = 0.0015
-"""Side of the cells into which points fall, seen from above [m]."""
-_CEILING: Final = 0.07
-"""Nothing that stands is higher [m]."""
-_LEAST_POINTS: Final = 60
-"""Smaller clusters are noise [px]."""
+_CELL: Final = 0.0015  # side of the cells into which points fall, seen from above [m]
+_CEILING: Final = 0.07  # nothing that stands is higher [m]
+_LEAST_POINTS: Final = 60  # smaller clusters are noise [px]
 _WIDEST: Final = 0.013
 """A cluster that reaches further from its middle, but for single points, is no one piece that stands [m]."""
-_STRAY: Final = 0.92
-"""Of a cluster's points so many are within that, and below its top: single points fly."""
-_HEAD: Final = 0.008
-"""Points so far below the top are above a piece's axis, about [m]."""
-_CROWN: Final = 0.004
-"""Points so far below the top say how broad that is [m]."""
+_STRAY: Final = 0.92  # of a cluster's points so many are within that, and below its top: single points fly
+_HEAD: Final = 0.008  # points so far below the top are above a piece's axis, about [m]
+_CROWN: Final = 0.004  # points so far below the top say how broad that is [m]
 _GRIDS: Final = ((0.002, 3), (0.0007, 2))
 """Searches of the axis: step between places tried [m], and how many on either side."""
-_OFF: Final = 0.0015
-"""Standard deviation of a point from the surface that it is on [m]."""
-_MOST: Final = 9.0
-"""A single point speaks against a place by no more than this; squared standard deviations."""
-_POINTS: Final = 400
-"""Of a piece are enough."""
-_AGREES: Final = 0.7
-"""Share of an outline that agrees with the picture, with which its place is known to a millimetre."""
-_SAME: Final = 0.009
-"""An outline and a sighting, or two sightings, no further apart are one piece's [m]."""
-_OUTLINED: Final = 0.005
-"""… and, without depth's bias, no further [m]."""
-_STRAYS: Final = 0.005
-"""An outline that is so much further from a sighting than the others is something else's [m]."""
+_OFF: Final = 0.0015  # standard deviation of a point from the surface that it is on [m]
+_MOST: Final = 9.0  # a single point speaks against a place by no more than this; squared standard deviations
+_POINTS: Final = 400  # of a piece are enough
+_AGREES: Final = 0.7  # share of an outline that agrees with the picture, with which its place is known to a millimetre
+_SAME: Final = 0.009  # an outline and a sighting, or two sightings, no further apart are one piece's [m]
+_OUTLINED: Final = 0.005  # … and, without depth's bias, no further [m]
+_STRAYS: Final = 0.005  # an outline that is so much further from a sighting than the others is something else's [m]
 _FEW: Final = 8
 _SPREAD_OUT: Final = 0.15
 """With fewer pieces, or those nearer together [m], depth's bias is taken to be the same everywhere."""
-_ALONG: Final = np.linspace(0.35, 0.9, 12)
-"""Where lightness is looked at, in heights."""
-_LEAST_ALONG: Final = 12
-"""Fewer pixels of an axis tell nothing [px]."""
-_HIDES: Final = 0.015
-"""What is so much nearer than a piece would be hides it [m]."""
+_ALONG: Final = np.linspace(0.35, 0.9, 12)  # where lightness is looked at, in heights
+_LEAST_ALONG: Final = 12  # fewer pixels of an axis tell nothing [px]
+_HIDES: Final = 0.015  # what is so much nearer than a piece would be hides it [m]
 
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """Something that stands, or lies.
+    """Something that stands, or lies."""
 
-    Attributes:
-        x: of its axis, board frame [m]; without depth's bias (see ``sightings_of``) to about 2 mm.
-        y: likewise [m].
-        height: of its top [m].
-        upright: as high and as narrow as a piece that stands; else it lies, or leans, or is none.
-        white: evidence that it is White's, less that for Black's, the median of its pixels (natural logarithm).
-            Measured over 2,000 pieces in 60 lights: White's 1.0 to 4.2, Black's -0.4 to -4.7.
-    """
-
-    x: float
-    y: float
-    height: float
-    upright: bool
+    x: float  # of its axis, board frame [m]; without depth's bias (see ``sightings_of``) to about 2 mm
+    y: float  # likewise [m]
+    height: float  # of its top [m]
+    upright: bool  # as high and as narrow as a piece that stands; else it lies, or leans, or is none
     white: float
+    """Evidence that it is White's, less that for Black's, the median of its pixels (natural logarithm). Measured over
+    2,000 pieces in 60 lights: White's 1.0 to 4.2, Black's -0.4 to -4.7."""
     breadth: float = math.nan
     """Of its top, the narrower way: standard deviation of the points up to 4 mm below the highest [m]."""
-    reach: float = 0.0
-    """Nearly all of it is no further from its axis [m]."""
+    reach: float = 0.0  # nearly all of it is no further from its axis [m]
     lightness: float = math.nan
     """CIELAB's, from 0 to 255, the median along its axis; NaN where too little of that is in sight."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sightings:
-    """What a frame shows.
+    """What a frame shows."""
 
-    Attributes:
-        all: that stands or lies there.
-        hidden: places of expected pieces that something else hides, so that nobody can say whether they are there.
-    """
-
-    all: tuple[Sighting, ...]
+    all: tuple[Sighting, ...]  # that stands or lies there
     hidden: frozenset[Place]
+    """Places of expected pieces that something else hides, so that nobody can say whether they are there."""
 
 
 def sightings_of(
@@ -174,8 +146,7 @@ def _axis_pixels(one: Sighting, view: BoardView, part: Surface) -> Whole:
     at = np.unique((middle[:, None] + beside).reshape(-1, 2), axis=0)
     h, w = part.ground.shape
     within = (at >= 0).all(axis=1) & (at < (w, h)).all(axis=1)
-    pixels: Whole = at[within, 1] * w + at[within, 0]
-    return pixels
+    return np.asarray(at[within, 1] * w + at[within, 0])
 
 
 def clusters(points: Field, view: BoardView, beside: tuple[float, float]) -> list[Whole]:
@@ -273,9 +244,8 @@ def hidden_places(frame: Frame, view: BoardView, expected: Mapping[Place, PieceS
             continue
         axis = np.array([(*view.table.xy(place), share * PIECE_SHAPES[piece.kind].height) for share in (0.5, 0.7, 0.9)])
         pixels = np.rint(view.project(axis)).astype(int)
-        far = (axis @ view.camera_from_board[:3, :3].T + view.camera_from_board[:3, 3])[:, 2]
         nearer = 0
-        for (u, v), z in zip(pixels.tolist(), far.tolist(), strict=True):
+        for (u, v), z in zip(pixels.tolist(), view.depth(axis).tolist(), strict=True):
             inside = 0 <= u < view.intrinsics.width and 0 <= v < view.intrinsics.height
             nearer += not inside or float(frame.depth[v, u]) < z - _HIDES
         if nearer > 1:

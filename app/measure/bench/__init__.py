@@ -25,23 +25,11 @@ __all__ = ["BENCHES", "BenchReport", "Row", "UnknownBench", "run_bench"]
 
 Bench = Callable[[bool, Progress], BenchReport]
 
-BENCHES: Mapping[str, Bench] = MappingProxyType(
-    {
-        "law": law_bench,
-        "loop": loop_bench,
-        "finger": finger_bench,
-        "kills": kills_bench,
-        "motion": motion_bench,
-        "sim": sim_bench,
-        "grip": grip_bench,
-        "fallen": fallen_bench,
-        "recovery": recovery_bench,
-        "people": people_bench,
-        "knocks": knocks_bench,
-        "vision": vision_bench,
-        "clock": clock_bench,
-    }
-)
+BENCHES: Mapping[str, Bench] = MappingProxyType({
+    "law": law_bench, "loop": loop_bench, "finger": finger_bench, "kills": kills_bench, "motion": motion_bench,
+    "sim": sim_bench, "grip": grip_bench, "fallen": fallen_bench, "recovery": recovery_bench, "people": people_bench,
+    "knocks": knocks_bench, "vision": vision_bench, "clock": clock_bench,
+})  # fmt: skip
 """By name; each takes ``quick`` and a function that is told what is being done."""
 
 

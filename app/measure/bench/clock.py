@@ -26,20 +26,16 @@ CONTROL = TimeControl.parse("5+0")
 QUICK_CONTROL = TimeControl.parse("0:10+0")
 ARM = 2.0
 """Motion of the arm for each ply [s]; quick, a twentieth."""
-LIMIT_MS = 50.0
-"""Greatest error of a ply, and of the sum by plies [ms]."""
+LIMIT_MS = 50.0  # greatest error of a ply, and of the sum by plies [ms]
 
 
 class Played(NamedTuple):
     """What a game came to."""
 
     clock: ChessClock
-    errors: list[float]
-    """Of each ply: what was charged for the thought, less what the engine took [s]."""
-    total_error: float
-    """Of the sum of all charges, by ply [s]."""
-    flag: str | None
-    """Whose flag fell, and when."""
+    errors: list[float]  # of each ply: what was charged for the thought, less what the engine took [s]
+    total_error: float  # of the sum of all charges, by ply [s]
+    flag: str | None  # whose flag fell, and when
 
 
 def clock_bench(quick: bool, progress: Progress) -> BenchReport:

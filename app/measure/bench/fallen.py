@@ -35,10 +35,8 @@ from vision.pieces.pose_search import MisplacedPiece
 SEED: Final = 11
 TRIALS: Final = {True: 4, False: 60}
 """By ``quick``; every other one a piece knocked over, the others lost from the fingers."""
-STANDING: Final = 14
-"""Pieces in a world."""
-PUSHED: Final = math.radians(40.0)
-"""A knocked piece begins so far from upright, and falls from there [rad]."""
+STANDING: Final = 14  # pieces in a world
+PUSHED: Final = math.radians(40.0)  # a knocked piece begins so far from upright, and falls from there [rad]
 TRIES: Final = 3
 LOOKS: Final = 2 * TRIES + 3
 """Each try is two plans at most, stand up and carry; and some pieces may have to make way."""

@@ -34,12 +34,9 @@ PROFILES: Final = {
     "gentle": (ContactLimits(tool_speed=0.4, downward_speed=0.22), 70.0),
 }
 """Speeds, and the largest force that a finger may feel [N]."""
-RELEASED: Final = 10.0
-"""A finger that feels so much has been met; it must feel less … [N]"""
-WITHIN: Final = 0.3
-"""… so long after it was met [s], and from then on."""
-WATCHED: Final = 0.8
-"""How long a trial goes on after the contact [s]."""
+RELEASED: Final = 10.0  # a finger that feels so much has been met; it must feel less … [N]
+WITHIN: Final = 0.3  # … so long after it was met [s], and from then on
+WATCHED: Final = 0.8  # how long a trial goes on after the contact [s]
 _STIFF: Final = 70.0
 
 
@@ -58,14 +55,10 @@ class Missed(Exception):
 class Felt(NamedTuple):
     """What the finger felt."""
 
-    peak: float
-    """[N]"""
-    freed: float
-    """From the contact until it felt less than 10 N for good [s]."""
-    pressing: float
-    """The largest force later than 0.3 s after the contact [N]."""
-    at_rest: bool
-    """Whether the arm rested at the end."""
+    peak: float  # [N]
+    freed: float  # from the contact until it felt less than 10 N for good [s]
+    pressing: float  # the largest force later than 0.3 s after the contact [N]
+    at_rest: bool  # whether the arm rested at the end
 
 
 def in_the_air(parameters: RobotParameters, random: np.random.Generator) -> FingerTrial:

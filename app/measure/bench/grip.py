@@ -30,15 +30,12 @@ GRASPS: Final = 1000
 QUICK_GRASPS: Final = 60
 OFF: Final = 0.004
 """Pieces stand up to so far off along each axis [m]."""
-STROKE: Final = 0.06
-"""Of the shaking, to and fro along each axis [m]."""
+STROKE: Final = 0.06  # of the shaking, to and fro along each axis [m]
 STROKES: Final = 6
 LIFT: Final = 0.05
 """[m]"""
-UPRIGHT: Final = np.radians(10.0)
-"""A piece that leans by more has fallen [rad]."""
-PLACED: Final = 0.010
-"""A piece that stands further from where it was carried was not carried there [m]."""
+UPRIGHT: Final = np.radians(10.0)  # a piece that leans by more has fallen [rad]
+PLACED: Final = 0.010  # a piece that stands further from where it was carried was not carried there [m]
 SOURCES: Final = tuple(square_place(square) for square in (1, 6, 24, 31, 49, 54))
 """b1, g1, a4, h4, b7, g7: nothing stands beside them."""
 TARGETS: Final = tuple(square_place(square) for square in (19, 20, 28, 35, 36, 27))

@@ -30,8 +30,7 @@ TICKS: Final = 10_000
 SEED: Final = 1
 CLOSURE_LIMIT: Final = 1e-8
 """Newton must leave less than this between the arms' tool points [m]."""
-BATCH = 100
-"""Ticks of one timed loop; its duration divided by this is one value of a part."""
+BATCH = 100  # ticks of one timed loop; its duration divided by this is one value of a part
 FRICTION_SPEED = 0.05
 Part = Callable[[slice], float]
 FIRST_TICK = """
@@ -51,18 +50,12 @@ print(time.perf_counter() - start)
 class Poses(NamedTuple):
     """Recorded ticks as arrays, one row each."""
 
-    angle: FloatArray
-    """y, shape (n, 3) [rad]."""
-    velocity: FloatArray
-    """ẏ, shape (n, 3) [rad/s]."""
-    near: FloatArray
-    """z from which Newton starts, shape (n, 3) [m]."""
-    rods: FloatArray
-    """d_1, d_2, d_3, shape (n, 3, 3)."""
-    elbows: FloatArray
-    """e_1, e_2, e_3, shape (n, 3, 3)."""
-    jacobian: FloatArray
-    """J_c, shape (n, 3, 3) [m/rad]."""
+    angle: FloatArray  # y, shape (n, 3) [rad]
+    velocity: FloatArray  # ẏ, shape (n, 3) [rad/s]
+    near: FloatArray  # z from which Newton starts, shape (n, 3) [m]
+    rods: FloatArray  # d_1, d_2, d_3, shape (n, 3, 3)
+    elbows: FloatArray  # e_1, e_2, e_3, shape (n, 3, 3)
+    jacobian: FloatArray  # J_c, shape (n, 3, 3) [m/rad]
 
 
 def law_bench(quick: bool, progress: Progress) -> BenchReport:
@@ -191,10 +184,8 @@ def _calls(ticks: Sequence[Tick]) -> list[int]:
 class Starts(NamedTuple):
     """Seconds of wall time from the first import to the first torque."""
 
-    first: float
-    """With an empty cache: everything is compiled."""
-    cached: list[float]
-    """Later starts, one by one."""
+    first: float  # with an empty cache: everything is compiled
+    cached: list[float]  # later starts, one by one
 
 
 def measure_starts(cached: int) -> Starts:
@@ -223,8 +214,7 @@ def _idle(state: FloatArray, angle: Vector, velocity: Vector) -> int:
     return 0
 
 
-_nothing = direct(_idle)
-"""The price of a call from Python."""
+_nothing = direct(_idle)  # the price of a call from Python
 
 
 @compiled

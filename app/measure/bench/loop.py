@@ -18,7 +18,7 @@ import chess
 import numpy as np
 
 from app import UserError
-from app.commissioning.processor import ProcessorTime, stolen_share
+from app.commissioning.link_test import ProcessorTime, stolen_share
 from app.measure.bench.beds.bed import straight
 from app.measure.bench.report import BenchReport, Progress, Row, row
 from app.motion import Motion, MotionSettings, Plan
@@ -34,16 +34,12 @@ SEED: Final = 1
 DURATION: Final = 60.0
 QUICK_DURATION: Final = 15.0
 """How long the arm moves [s]."""
-MISSED_LIMIT: Final = 0.1
-"""Ticks without an exchange, with real time [%]."""
-WORK_LIMIT: Final = 200.0
-"""p99 of a tick's whole computation, with real time [µs]."""
-STOLEN: Final = 0.001
-"""Share of the processors' time; no privilege helps against a host that takes more."""
+MISSED_LIMIT: Final = 0.1  # ticks without an exchange, with real time [%]
+WORK_LIMIT: Final = 200.0  # p99 of a tick's whole computation, with real time [µs]
+STOLEN: Final = 0.001  # share of the processors' time; no privilege helps against a host that takes more
 WAY: Final = ((0.12, 0.02, 0.335), (-0.12, -0.05, 0.345), (0.06, -0.10, 0.355), (-0.08, 0.10, 0.33))
 """The arm goes round these tool points, base frame [m]; above every piece."""
-THOUGHT: Final = 0.5
-"""Stockfish is asked anew after this [s]."""
+THOUGHT: Final = 0.5  # Stockfish is asked anew after this [s]
 POSITION: Final = "r1bq1rk1/pp2bppp/2n1pn2/3p4/3P1B2/2PBPN2/PP1N1PPP/R2Q1RK1 w - - 0 9"
 """A middle game with much to think about."""
 HASH_MB: Final = 64

@@ -38,8 +38,7 @@ GRASPS: Final = 300
 QUICK_GRASPS: Final = 10
 TOUCH_FORCE: Final = 10.0
 """On feet of 100 N/mm, with the target's height wrong by up to … [N]"""
-HEIGHT_ERROR: Final = 0.003
-"""… this [m]."""
+HEIGHT_ERROR: Final = 0.003  # … this [m]
 CORNER: Final = square_place(63)
 SLIDE: Final = 1.0
 """Median way that a piece up to 3 mm off along the fingers is pushed before both hold it [mm]."""

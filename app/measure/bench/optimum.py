@@ -16,10 +16,8 @@ from app import UserError
 from app.motion.path import Path
 from app.motion.timing.time_law import Bounds
 
-INTERVALS: Final = 20
-"""In each piece."""
-_GUESS: Final = 0.3
-"""Speed with which the search begins [m/s]."""
+INTERVALS: Final = 20  # in each piece
+_GUESS: Final = 0.3  # speed with which the search begins [m/s]
 
 
 class NoOptimum(Exception):

@@ -26,12 +26,9 @@ from app.play.launch import run_games
 from app.settings.tree import PlayerKind, Settings
 from engine.errors import EngineProblem
 
-SEED: Final = 9001
-"""Of the first game."""
-GAMES: Final = {True: 3, False: 300}
-"""By ``quick``."""
-KNOCKS: Final = {True: 4, False: 500}
-"""By ``quick``."""
+SEED: Final = 9001  # of the first game
+GAMES: Final = {True: 3, False: 300}  # by ``quick``
+KNOCKS: Final = {True: 4, False: 500}  # by ``quick``
 KNOCKS_SEED: Final = 12001
 OPENING: Final = (0, 60)
 """So many random plies are played before."""

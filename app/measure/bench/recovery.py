@@ -35,16 +35,11 @@ from hardware.table import Colour, TableSettings, square_place
 SEED: Final = 31
 LOSSES: Final = {True: 2, False: 100}
 """By ``quick``: grips that were lost."""
-MISHAPS: Final = {True: 1, False: 50}
-"""Pieces that were knocked over or shifted."""
-A_GAME: Final = {True: 6, False: 20}
-"""Plies of a game."""
-EVERY_HOLD: Final = 2
-"""One grip in so many is lost."""
-EVERY_PLY: Final = 4
-"""After one ply in so many a hand does something."""
-SHIFT: Final = (0.006, 0.012)
-"""A shifted piece ends up so far off its middle [m]."""
+MISHAPS: Final = {True: 1, False: 50}  # pieces that were knocked over or shifted
+A_GAME: Final = {True: 6, False: 20}  # plies of a game
+EVERY_HOLD: Final = 2  # one grip in so many is lost
+EVERY_PLY: Final = 4  # after one ply in so many a hand does something
+SHIFT: Final = (0.006, 0.012)  # a shifted piece ends up so far off its middle [m]
 _MOST_HOLDS: Final = 400
 
 
@@ -54,12 +49,9 @@ class RecoveryTally:
 
     losses: int = 0
     mishaps: int = 0
-    unmended: int = 0
-    """Games that could not go on without a person's help."""
-    wrong: int = 0
-    """Plies after which the board was not as recorded."""
-    broken: int = 0
-    """Games whose record is not the beginning of what was to be played."""
+    unmended: int = 0  # games that could not go on without a person's help
+    wrong: int = 0  # plies after which the board was not as recorded
+    broken: int = 0  # games whose record is not the beginning of what was to be played
     games: int = 0
 
 

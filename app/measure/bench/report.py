@@ -17,11 +17,9 @@ from rich.text import Text
 from app.terminal.report_table import judged, rows_table
 from hardware.frozen import Frozen
 
-Progress = Callable[[str], None]
-"""Told what is being done."""
+Progress = Callable[[str], None]  # told what is being done
 
-Tally = defaultdict[str, list[float]]
-"""What a bench saw: values by the names of their rows; begins as ``Tally(list)``."""
+Tally = defaultdict[str, list[float]]  # what a bench saw: values by the names of their rows; begins as ``Tally(list)``
 
 
 class Row(Frozen):

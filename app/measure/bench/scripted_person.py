@@ -31,10 +31,8 @@ from hardware.sim.clients.referee import SimReferee
 from hardware.sim.hand.actions import Action, Knock, Move, Withdraw
 from hardware.table import Colour, Place, TableSettings, square_place
 
-ACTS: Final = 8
-"""Of the person, in a game."""
-BETWEEN: Final = (0.35, 0.65)
-"""A piece that is put half on a square stands so far on the way to the next one [squares]."""
+ACTS: Final = 8  # of the person, in a game
+BETWEEN: Final = (0.35, 0.65)  # a piece that is put half on a square stands so far on the way to the next one [squares]
 
 
 class Act(StrEnum):
@@ -63,17 +61,11 @@ class NoSuchAct(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Mishap:
-    """What went otherwise than it should.
+    """What went otherwise than it should."""
 
-    Attributes:
-        what: wrong, asked, unnoticed, stuck or failed.
-        act: after which.
-        story: what was done and said.
-    """
-
-    what: str
-    act: str
-    story: str
+    what: str  # wrong, asked, unnoticed, stuck or failed
+    act: str  # after which
+    story: str  # what was done and said
 
 
 class ScriptedPerson(UserInterface):

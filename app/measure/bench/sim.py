@@ -36,33 +36,25 @@ QUICK_PLIES: Final = 6
 NODES: Final = 20_000
 COST_LIMIT: Final = 1.0 / 8.0
 """Wall time of a simulated second while ticks run, controller in the loop [s]."""
-OVERHEAD_LIMIT: Final = 2.5
-"""That, over the cost of the same ticks in MuJoCo alone."""
-CLOSURE_LIMIT: Final = 30.0
-"""Of the arm's loops [µm]."""
+OVERHEAD_LIMIT: Final = 2.5  # that, over the cost of the same ticks in MuJoCo alone
+CLOSURE_LIMIT: Final = 30.0  # of the arm's loops [µm]
 
 
 class PlayedGame(NamedTuple):
     """A game as played."""
 
     report: Report
-    wall: float
-    """How long it took [s, wall]."""
-    telemetry: dict[int, str]
-    """What plant and controller told, by tick."""
+    wall: float  # how long it took [s, wall]
+    telemetry: dict[int, str]  # what plant and controller told, by tick
 
 
 class Again(NamedTuple):
     """A game's ticks done again."""
 
-    simulated: float
-    """Plant time [s]."""
-    wall: float
-    """Wall time of MuJoCo alone [s]."""
-    closure: float
-    """Widest gap of a closure [m]."""
-    differs: bool
-    """Whether the last state is another one than the world's."""
+    simulated: float  # plant time [s]
+    wall: float  # wall time of MuJoCo alone [s]
+    closure: float  # widest gap of a closure [m]
+    differs: bool  # whether the last state is another one than the world's
 
 
 def sim_bench(quick: bool, progress: Progress) -> BenchReport:

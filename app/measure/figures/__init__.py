@@ -22,19 +22,10 @@ from app.measure.figures.workspace import workspace
 
 __all__ = ["FIGURES", "Bar", "FigureResult", "FolderUnusable", "UnknownFigure", "make_figure"]
 
-FIGURES: Mapping[str, Callable[[Progress], FigureResult]] = MappingProxyType(
-    {
-        "5": figure_5,
-        "6": figure_6,
-        "7": figure_7,
-        "9": figure_9,
-        "newton": newton,
-        "encoder": encoder,
-        "touch": touch,
-        "workspace": workspace,
-        "separation": separation,
-    }
-)
+FIGURES: Mapping[str, Callable[[Progress], FigureResult]] = MappingProxyType({
+    "5": figure_5, "6": figure_6, "7": figure_7, "9": figure_9, "newton": newton, "encoder": encoder, "touch": touch,
+    "workspace": workspace, "separation": separation,
+})  # fmt: skip
 """By name; numbers are the paper's."""
 
 

@@ -25,27 +25,21 @@ from controller.offline import constrained
 from controller.offline.simulation import ArmMotion, ConstrainedArm, Moment, Trajectory
 from hardware.parameters import RobotParameters, load_parameters
 
-POINT = (0.0, 0.0, 0.4575)
-"""Over the middle of the board, the pads' centre 12.5 mm above it [m]."""
-STIFFNESS, DAMPING = 1.0, 2.0
-"""k_p [1/s²] and k_v [1/s] along z1; the paper's."""
-ASIDE = 70.0
-"""ω of the other directions, as in a game [rad/s]."""
-GAINS = (0.0, 2.0)
-"""k* [1/kg]."""
+POINT = (0.0, 0.0, 0.4575)  # over the middle of the board, the pads' centre 12.5 mm above it [m]
+STIFFNESS, DAMPING = 1.0, 2.0  # k_p [1/s²] and k_v [1/s] along z1; the paper's
+ASIDE = 70.0  # ω of the other directions, as in a game [rad/s]
+GAINS = (0.0, 2.0)  # k* [1/kg]
 OMEGA = np.logspace(-2.0, 3.0, 251)
 SWEEP = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 """Frequencies of the sweep [rad/s]."""
 SAMPLED_FROM = 10.0
 EXCURSION = 5e-3
 """The force is chosen for this amplitude of the finger … [m]"""
-LARGEST_FORCE = 1.0
-"""… but is at most this [N]."""
+LARGEST_FORCE = 1.0  # … but is at most this [N]
 PERIODS = 2
 SAMPLES = 64
 """Of a period."""
-DIFFERENCE = 1e-5
-"""Of a central difference [rad, rad/s, m, m/s, N]."""
+DIFFERENCE = 1e-5  # of a central difference [rad, rad/s, m, m/s, N]
 
 ComplexArray = NDArray[np.complex128]
 
@@ -53,12 +47,9 @@ ComplexArray = NDArray[np.complex128]
 class LinearLoop(NamedTuple):
     """ξ̇ = A ξ + B f, finger velocity = C ξ + D f for a force f on the right finger; D is zero."""
 
-    a: FloatArray
-    """Shape (22, 22)."""
-    b: FloatArray
-    """Shape (22,)."""
-    c: FloatArray
-    """Shape (22,)."""
+    a: FloatArray  # shape (22, 22)
+    b: FloatArray  # shape (22,)
+    c: FloatArray  # shape (22,)
 
     def state(self, omega: float) -> ComplexArray:
         """Ξ(jω) / F, shape (22,)."""
@@ -97,8 +88,7 @@ class _Pushed(NamedTuple):
     fingers: Fingers
     amplitude: float
     omega: float
-    states: FloatArray
-    """At time 0."""
+    states: FloatArray  # at time 0
 
     def _forces(self, time: float) -> Pair:
         return self.amplitude * float(np.cos(self.omega * time)), 0.0
@@ -173,13 +163,10 @@ def _harmonic(path: Trajectory, omega: float) -> complex:
 class Curve(NamedTuple):
     """The admittance for one k*, [m/(N s)]."""
 
-    linear: ComplexArray
-    """At ``OMEGA``."""
-    at_sweep: ComplexArray
-    """The linear model at the frequencies of the sweep."""
+    linear: ComplexArray  # at ``OMEGA``
+    at_sweep: ComplexArray  # the linear model at the frequencies of the sweep
     sweep: ComplexArray
-    sampled: ComplexArray
-    """From ``SAMPLED_FROM`` on."""
+    sampled: ComplexArray  # from ``SAMPLED_FROM`` on
     formula_error: float
     """Of the closed form `controller.law.tactile.admittance` of an arm that is one mass, the largest [dB]."""
 

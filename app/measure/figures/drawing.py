@@ -27,11 +27,14 @@ def picture(width: float, height: float) -> Picture:
 
 
 def axes(within: Picture, rows: int = 1, columns: int = 1, sharex: bool = False) -> list[Axes]:
-    """A grid of axes, row by row."""
+    """A grid of axes, row by row: lines in the back, no frame at the top and right."""
     grid = within.subplots(rows, columns, squeeze=False, sharex=sharex)
     found = [axis for line in grid for axis in line]
     for axis in found:
-        _quiet(axis)
+        axis.grid(True, color="#dfe2e6", linewidth=0.6)
+        axis.set_axisbelow(True)
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.tick_params(labelsize=8)
     return found
 
 
@@ -40,14 +43,6 @@ def label(axis: Axes, **properties: Any) -> None:
     axis.set(**properties)
     for text in (axis.xaxis.label, axis.yaxis.label, axis.title):
         text.set_fontsize(9)
-
-
-def _quiet(axis: Axes) -> None:
-    """Grid in the back, no frame at the top and right."""
-    axis.grid(True, color="#dfe2e6", linewidth=0.6)
-    axis.set_axisbelow(True)
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.tick_params(labelsize=8)
 
 
 def board_map(axis: Axes, grid: TableGrid, values: Vector, quantity: str, limits: tuple[float, float] | None = None,
@@ -105,11 +100,7 @@ class TableGrid(NamedTuple):
 
 def table_grid(table: TableSettings, margin: float = 0.0) -> TableGrid:
     """All squares and tray places lie at least a margin [m] within its border."""
-    x, y = np.array([table.xy(place) for place in table.tray_places()]).max(axis=0).tolist()
-    half_x, half_y = max(x, 4.0 * table.square), max(y, 4.0 * table.square)
-    return TableGrid(_line(half_x + margin), _line(half_y + margin), table)
-
-
-def _line(half: float) -> list[float]:
-    steps = int(np.ceil(2.0 * half / SPACING))
-    return [float(v) for v in np.linspace(-half, half, steps + 1)]
+    furthest = np.array([table.xy(place) for place in table.tray_places()]).max(axis=0)
+    halves = (np.maximum(furthest, 4.0 * table.square) + margin).tolist()
+    x, y = (np.linspace(-half, half, int(np.ceil(2.0 * half / SPACING)) + 1).tolist() for half in halves)
+    return TableGrid(x, y, table)

@@ -16,10 +16,8 @@ from controller.model.reach import posture_at, tool_point_at
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 
-PAPER_LIMIT = 5e-6
-"""The paper's bound on the resolution in task space [m]."""
-HEIGHTS = (0.0, 0.10)
-"""Of the tool over the playing surface: the board, and a king carried over kings [m]."""
+PAPER_LIMIT = 5e-6  # the paper's bound on the resolution in task space [m]
+HEIGHTS = (0.0, 0.10)  # of the tool over the playing surface: the board, and a king carried over kings [m]
 _SIGNS = np.array(list(product((-1.0, 1.0), repeat=3))).T
 
 

@@ -20,8 +20,7 @@ LINE: Final = "e4 d5 Nc3 Nf6 Bc4 dxe4"
 SEED: Final = 9
 STIFF: Final = 4800.0
 """k_p of an axis that is as stiff as in the air [1/s²]."""
-IN_AIR: Final = 1.0
-"""Largest error in the air [mm]; the reference moves by up to 0.7 mm in a tick."""
+IN_AIR: Final = 1.0  # largest error in the air [mm]; the reference moves by up to 0.7 mm in a tick
 
 
 def figure_9(progress: Progress) -> FigureResult:

@@ -39,51 +39,36 @@ from hardware.sim.plant.plant import Plant
 from hardware.sim.render.still import StillRenderer
 from hardware.table import TableSettings
 
-HEIGHT: Final = 0.0125
-"""Of the pads' centre over the surface: half the block's height [m]."""
-POINT: Final = (0.0, 0.0, 0.47 - HEIGHT)
-"""Where the tool starts, base frame [m]."""
-DAMPING: Final = 0.1
-"""k_v1 [1/s], the paper's; k_p1 is 0."""
+HEIGHT: Final = 0.0125  # of the pads' centre over the surface: half the block's height [m]
+POINT: Final = (0.0, 0.0, 0.47 - HEIGHT)  # where the tool starts, base frame [m]
+DAMPING: Final = 0.1  # k_v1 [1/s], the paper's; k_p1 is 0
 ASIDE: Final = (70.0, 20.0)
 """ω along z2 and z3, as in a game: soft downwards, as k_p3 times any error of height presses a gripped block to the
 surface or lifts it [rad/s]."""
-START: Final = 0.020
-"""Where each finger starts, from the tool's centre [m]."""
-SETTLING: Final = 0.75
-"""Time after the second contact in which everything comes to rest [s]."""
+START: Final = 0.020  # where each finger starts, from the tool's centre [m]
+SETTLING: Final = 0.75  # time after the second contact in which everything comes to rest [s]
 Z4, SPEED, RIGHT, LEFT = 0, 1, 2, 3
 """Places of z4 [m], ż4 [m/s] and both sensors' outputs [N] among the attachment's states."""
 STATES: Final = 4
 PLACE, PACE, BRISTLE = STATES, STATES + 1, STATES + 2
 """Places of the block's middle [m] and speed [m/s] along z1 and the bristle's deflection [m] among the states."""
-PRESLIDING: Final = 5e-6
-"""Deflection of the bristle at which it slips [m]."""
-PAD_STIFFNESS: Final = 2e4
-"""Of pad and sensor in series, assumed [N/m]."""
-PAD_DAMPING: Final = 40.0
-"""Of the same; the block does not rebound, assumed [N s/m]."""
+PRESLIDING: Final = 5e-6  # deflection of the bristle at which it slips [m]
+PAD_STIFFNESS: Final = 2e4  # of pad and sensor in series, assumed [N/m]
+PAD_DAMPING: Final = 40.0  # of the same; the block does not rebound, assumed [N s/m]
 SHAFT_SPEED: Final = 0.002
 """The sign of the shafts' Coulomb friction is smoothed over this; the law's compensation is softer [rad/s]."""
-SUBSTEPS: Final = 8
-"""Steps of the integrator in a tick."""
+SUBSTEPS: Final = 8  # steps of the integrator in a tick
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A wooden Jenga block, standing on a long narrow side: 15 mm between the fingers, 25 mm high.
+    """A wooden Jenga block, standing on a long narrow side: 15 mm between the fingers, 25 mm high."""
 
-    Attributes:
-        mass: [kg].
-        half_size: across the fingers' pads (z1), along it, and up [m].
-        friction: Coulomb coefficient on the surface, at rest as in motion; wood on wood.
-        offset: of its middle from the gripper's, along z1 [m].
-    """
-
-    mass: float = 0.015
+    mass: float = 0.015  # [kg]
     half_size: tuple[float, float, float] = (0.0075, 0.0375, 0.0125)
-    friction: float = 0.4
-    offset: float = 0.010
+    """Across the fingers' pads (z1), along it, and up [m]."""
+    friction: float = 0.4  # Coulomb coefficient on the surface, at rest as in motion; wood on wood
+    offset: float = 0.010  # of its middle from the gripper's, along z1 [m]
 
     @property
     def holds(self) -> float:
@@ -93,21 +78,13 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Grasp:
-    """One grasp.
+    """One grasp."""
 
-    Attributes:
-        tactile_gain: k* [1/kg].
-        finger_speed: closing speed asked of each finger [m/s].
-        joint_friction: Coulomb friction of each servomotor's shaft [N m].
-        compensated: the law feeds the shafts' friction forward.
-        block: what is grasped.
-    """
-
-    tactile_gain: float
-    finger_speed: float = 0.030
-    joint_friction: float = 0.0
-    compensated: bool = True
-    block: Block = Block()
+    tactile_gain: float  # k* [1/kg]
+    finger_speed: float = 0.030  # closing speed asked of each finger [m/s]
+    joint_friction: float = 0.0  # Coulomb friction of each servomotor's shaft [N m]
+    compensated: bool = True  # the law feeds the shafts' friction forward
+    block: Block = Block()  # what is grasped
 
     @property
     def parameters(self) -> RobotParameters:
@@ -136,27 +113,16 @@ class Grasp:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """A grasp over time, one entry a tick: displacements along z1 [m], forces on the pads [N].
+    """A grasp over time, one entry a tick: displacements along z1 [m], forces on the pads [N]."""
 
-    Attributes:
-        grasp: what was done.
-        time: [s].
-        arm: the tool from its start.
-        right: the right pad, from the tool's start.
-        left: the left pad, from the tool's start.
-        block: the block from its start.
-        forces: on the right and the left pad as the sensors give them, shape (n, 2).
-        poses: MuJoCo's joint positions at start and end, each shape (nq,), for pictures.
-    """
-
-    grasp: Grasp
-    time: FloatArray
-    arm: FloatArray
-    right: FloatArray
-    left: FloatArray
-    block: FloatArray
-    forces: FloatArray
-    poses: tuple[FloatArray, ...] = ()
+    grasp: Grasp  # what was done
+    time: FloatArray  # [s]
+    arm: FloatArray  # the tool from its start
+    right: FloatArray  # the right pad, from the tool's start
+    left: FloatArray  # the left pad, from the tool's start
+    block: FloatArray  # the block from its start
+    forces: FloatArray  # on the right and the left pad as the sensors give them, shape (n, 2)
+    poses: tuple[FloatArray, ...] = ()  # MuJoCo's joint positions at start and end, each shape (nq,), for pictures
 
     @property
     def final(self) -> float:
@@ -193,15 +159,10 @@ def sliding(grasp: Grasp, mass: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class Fingers:
-    """Gripper and sensors.
+    """Gripper and sensors."""
 
-    Attributes:
-        parameters: of the robot.
-        asked: ṙ4, velocity asked of each finger, positive opening [m/s].
-    """
-
-    parameters: RobotParameters
-    asked: float = 0.0
+    parameters: RobotParameters  # of the robot
+    asked: float = 0.0  # ṙ4, velocity asked of each finger, positive opening [m/s]
 
     def rates(self, own: FloatArray, forces: Pair) -> tuple[float, float, float, float]:
         """Time derivatives of the four states under forces on the pads."""

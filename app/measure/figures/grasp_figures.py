@@ -17,17 +17,28 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from pydantic import JsonValue
 
-from app.measure.figures import grasp as soft_grasp
 from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, label, picture
-from app.measure.figures.grasp import Block, Grasp, Run, effective_mass, run_dae, run_mujoco, sliding, views
+from app.measure.figures.grasp import (
+    DAMPING,
+    HEIGHT,
+    PAD_DAMPING,
+    PAD_STIFFNESS,
+    POINT,
+    Block,
+    Grasp,
+    Run,
+    effective_mass,
+    run_dae,
+    run_mujoco,
+    sliding,
+    views,
+)  # fmt: skip
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from controller.law.tactile import grip_force, least_contact_damping
 from controller.model.constants import DeltaModel
 
-GAINS = (0.0, 2.0)
-"""k* [1/kg]."""
-SPEEDS = (0.020, 0.025, 0.030, 0.040, 0.050)
-"""Of each finger [m/s]."""
+GAINS = (0.0, 2.0)  # k* [1/kg]
+SPEEDS = (0.020, 0.025, 0.030, 0.040, 0.050)  # of each finger [m/s]
 CHANGES: tuple[tuple[str, Grasp], ...] = (
     *((f"fingers {1e3 * speed:g} mm/s", Grasp(0.0, finger_speed=speed)) for speed in SPEEDS),
     *((f"wood friction {friction:g}", Grasp(0.0, block=Block(friction=friction))) for friction in (0.3, 0.5)),
@@ -43,10 +54,8 @@ FINER = 16
 """Steps a tick of a second run of each model: what its own steps do to the result."""
 TITLES = {"dae": "constrained dynamics (2)", "mujoco": "MuJoCo"}
 _WOOD = "#b8864e"
-_PAD = (0.003, 0.006)
-"""Thickness and half height of a pad as drawn [m]."""
-_ROWS = slice(40, 440)
-"""Of a rendered picture: block and pads."""
+_PAD = (0.003, 0.006)  # thickness and half height of a pad as drawn [m]
+_ROWS = slice(40, 440)  # of a rendered picture: block and pads
 
 
 Grasps = dict[str, tuple[Run, Run]]
@@ -91,7 +100,7 @@ def _run_numbers(grasps: Grasps) -> dict[str, JsonValue]:
 def figure_6(progress: Progress) -> FigureResult:
     """Compute and draw arm, fingers and block over time, and what decides it."""
     grasps = both_grasps(progress)
-    mass = effective_mass(DeltaModel(Grasp(0.0).parameters), soft_grasp.POINT)
+    mass = effective_mass(DeltaModel(Grasp(0.0).parameters), POINT)
     cases = study(mass, progress)
     title = "Soft grasp of a wooden block, 10 mm off the middle"
     progress("simulating the grasp with smaller steps")
@@ -110,10 +119,8 @@ def _numbers(grasps: Grasps, mass: float, cases: list[Case]) -> Mapping[str, Jso
         "finger_speed_mm_s": 1e3 * grasp.finger_speed,
         "grip_force_expected_N": grip_force(grasp.parameters.gripper, -grasp.finger_speed),
         "contact_damping_against_hum_N_s_m": {
-            "needed": least_contact_damping(
-                grasp.parameters, mass, soft_grasp.DAMPING, GAINS[1], 2.0 * soft_grasp.PAD_STIFFNESS
-            ),
-            "of both pads": 2.0 * soft_grasp.PAD_DAMPING,
+            "needed": least_contact_damping(grasp.parameters, mass, DAMPING, GAINS[1], 2.0 * PAD_STIFFNESS),
+            "of both pads": 2.0 * PAD_DAMPING,
         },
         **_run_numbers(grasps),
         "closed_form_mm": {
@@ -256,7 +263,7 @@ def _schematic(axis: Axes, run: Run) -> None:
     axis.add_patch(Rectangle((-24.0, -7.0), 56.0, 7.0, fc=GREY, ec="none"))
     thickness, half_height = (1e3 * v for v in _PAD)
     for face, outward in ((run.right[-1], 0.0), (run.left[-1], -thickness)):
-        corner = (1e3 * face + outward, 1e3 * soft_grasp.HEIGHT - half_height)
+        corner = (1e3 * face + outward, 1e3 * HEIGHT - half_height)
         axis.add_patch(Rectangle(corner, thickness, 2 * half_height + 16.0, fc="#e8e6df", ec=DARK, lw=0.8))
     axis.set(xlim=(-24.0, 32.0), ylim=(-7.0, 36.0), aspect="equal", yticks=[])
     axis.tick_params(labelsize=8)

@@ -21,6 +21,7 @@ from app.pieces.inventory import Inventory, Ply, Stage
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.players.given_line import parse_line
+from hardware.contact_limits import ContactLimits
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, TableSettings
 
@@ -44,7 +45,7 @@ def move_figure(move: str, fen: str | None, progress: Progress) -> FigureResult:
     plans, bars, numbers = {}, dict[str, Bar](), dict[str, JsonValue]()
     for profile in (Profile.DEFAULT, Profile.MINIMUM_JERK):
         progress(f"planning {board.san(chosen)}, {profile.value}")
-        plans[profile] = _, plan, _ = _plan(board, chosen, profile)
+        plans[profile] = _, plan, _ = plan_ply(board, chosen, PROFILES[profile], contact_limits(profile), 0.008)
         name = profile.value.replace("-", "_")
         for quantity, worst in _shares(plan, PROFILES[profile]).items():
             bars[f"{name}_{quantity}"] = Bar(worst, "of the bound", high=1.0 + TOLERANCE)
@@ -55,23 +56,26 @@ def move_figure(move: str, fen: str | None, progress: Progress) -> FigureResult:
     return FigureResult(title, bars, numbers, {"": _over_time(plans, title), "-path": _in_space(ply, plan, inventory)})
 
 
-def _plan(board: chess.Board, move: chess.Move, profile: Profile) -> tuple[Ply, Plan, Inventory]:
-    table = TableSettings(limits=contact_limits(profile))
+def plan_ply(
+    board: chess.Board, move: chess.Move, settings: MotionSettings, limits: ContactLimits, finger: float
+) -> tuple[Ply, Plan, Inventory]:
+    """A ply from home, planned with the fingers open so far [m]; and what stands on board and trays before it."""
+    table = TableSettings(limits=limits)
     inventory = Inventory.of(start_layout(board, table), table)
-    ply, settings = transfers(board, move, inventory), PROFILES[profile]
-    planner = Planner.of(settings, load_parameters(), table, np.array(settings.home), 0.008)
+    ply = transfers(board, move, inventory)
+    planner = Planner.of(settings, load_parameters(), table, np.array(settings.home), finger)
     return ply, planner.ply(ply.san, ply.transfers, inventory), inventory
 
 
-def until_touch(plan: Plan) -> list[NDArray[Any]]:
-    """Samples of all motions, each that ends by a touch up to where the board should be."""
+def until_guard(plan: Plan, *, grips: bool = True) -> list[NDArray[Any]]:
+    """Samples of all motions, each that ends by a touch up to where the board should be, and by a grip to its time."""
     found = []
     for index, motion in enumerate(plan.motions):
         samples = motion.samples
         if motion.touches:
             after = plan.motions[index + 1].samples["position"][0, 2]
             samples = samples[: np.flatnonzero(samples["position"][:, 2] < after)[-1] + 1]
-        if motion.grips:
+        if motion.grips and grips:
             samples = samples[: max(1, round(motion.expected / load_parameters().drive.tick))]
         found.append(samples)
     return found
@@ -79,8 +83,7 @@ def until_touch(plan: Plan) -> list[NDArray[Any]]:
 
 def _jerk(samples: NDArray[Any]) -> Vector:
     tick = load_parameters().drive.tick
-    jerk: Vector = np.diff(samples["acceleration"], axis=0, prepend=samples["acceleration"][:1]) / tick
-    return jerk
+    return np.diff(samples["acceleration"], axis=0, prepend=samples["acceleration"][:1]) / tick
 
 
 def _shares(plan: Plan, settings: MotionSettings) -> dict[str, float]:
@@ -98,7 +101,7 @@ def _over_time(plans: dict[Profile, tuple[Ply, Plan, Inventory]], title: str) ->
     panels = axes(sheet, 5, 2, sharex=True)
     sheet.suptitle(title, fontsize=11)
     for column, (profile, (_, plan, _)) in enumerate(plans.items()):
-        parts = until_touch(plan)
+        parts = until_guard(plan)
         samples = np.concatenate(parts)
         time = load_parameters().drive.tick * np.arange(float(len(samples)))
         rows = panels[column::2]
@@ -150,7 +153,7 @@ def _in_space(ply: Ply, plan: Plan, inventory: Inventory) -> Picture:
             ring = 1e3 * (x + radius * np.cos(around)), 1e3 * (y + radius * np.sin(around))
             axis.plot(*ring, np.full(24, 1e3 * height), color=colour, lw=0.7)
         axis.plot([1e3 * x] * 2, [1e3 * y] * 2, [0.0, 1e3 * shape.height], color=colour, lw=0.7)
-    for motion, part in zip(plan.motions, until_touch(plan), strict=True):
+    for motion, part in zip(plan.motions, until_guard(plan), strict=True):
         way = 1e3 * table.board_from_base(part["position"])
         colours = {Stage.APPROACH: WITHOUT, Stage.CARRY: WITH}
         axis.plot(*way.T, color=colours.get(motion.stage or Stage.RETURN, DARK), lw=2.0)

@@ -9,28 +9,23 @@ import numpy as np
 from pydantic import JsonValue
 
 from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, label, picture
+from app.measure.figures.move import plan_ply, until_guard
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
-from app.motion import MotionSettings, Planner
+from app.motion import MotionSettings
 from app.motion.timing.reference import Vector
-from app.pieces.inventory import Inventory
-from app.pieces.layout import start_layout
-from app.pieces.manipulation import transfers
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import TOLERANCE, newton_step
 from controller.model.reach import posture_at
 from hardware.contact_limits import ContactLimits
 from hardware.parameters import load_parameters
-from hardware.table import TableSettings
 
 POSITION = "7r/8/8/8/8/8/8/Q1K4k w - - 0 1"
 MOVE = "a1h8"
 """The longest way over the board, and a capture, so that a tray is visited too."""
 SPEED, ACCELERATION, JERK = 1.5, 25.0, 1000.0
 """Of the fast profile [m/s, m/s², m/s³]; beyond it the drives exceed their rated torque."""
-DECIMALS = 1e-8
-"""What the paper iterates to, 8 decimals; here of |h| [m]."""
-MOVING = 0.05
-"""A tool faster than this moves [m/s]."""
+DECIMALS = 1e-8  # what the paper iterates to, 8 decimals; here of |h| [m]
+MOVING = 0.05  # a tool faster than this moves [m/s]
 ENOUGH = 6
 
 
@@ -39,28 +34,16 @@ class Steps(NamedTuple):
 
     residual: Vector
     """|h| that the last tick's solution leaves at this tick's angles, then after each step, shape (n, 6) [m]."""
-    to_decimals: Vector
-    """Steps until |h| <= 1e-8 m, shape (n,)."""
-    to_tolerance: Vector
-    """Steps until |h| <= 1e-10 m, what the law asks for, shape (n,)."""
+    to_decimals: Vector  # steps until |h| <= 1e-8 m, shape (n,)
+    to_tolerance: Vector  # steps until |h| <= 1e-10 m, what the law asks for, shape (n,)
 
 
-def fast_way(model: DeltaModel) -> Vector:
+def fast_way() -> Vector:
     """The tool's way in a fast ply, shape (n, 3), one row a tick, base frame [m]."""
-    table = TableSettings(limits=ContactLimits(tool_speed=SPEED))
     settings = MotionSettings(speed=SPEED, acceleration=ACCELERATION, jerk=JERK)
-    board = chess.Board(POSITION)
-    inventory = Inventory.of(start_layout(board, table), table)
-    ply = transfers(board, chess.Move.from_uci(MOVE), inventory)
-    planner = Planner.of(settings, model.parameters, table, np.array(settings.home), 0.01)
-    plan = planner.ply(ply.san, ply.transfers, inventory)
-    ways: list[Vector] = []
-    for index, motion in enumerate(plan.motions):
-        way = motion.samples["position"]
-        if motion.touches:  # the board is where it should be
-            way = way[: np.flatnonzero(way[:, 2] < plan.motions[index + 1].samples["position"][0, 2])[-1] + 1]
-        ways.append(way)
-    return np.concatenate(ways)
+    board, move = chess.Board(POSITION), chess.Move.from_uci(MOVE)
+    _, plan, _ = plan_ply(board, move, settings, ContactLimits(tool_speed=SPEED), 0.01)
+    return np.concatenate([samples["position"] for samples in until_guard(plan, grips=False)])
 
 
 def counted(model: DeltaModel, way: Vector) -> Vector:
@@ -87,7 +70,7 @@ def newton(progress: Progress) -> FigureResult:
     progress("planning a fast move and iterating along it")
     model = DeltaModel(load_parameters())
     tick = model.parameters.drive.tick
-    way = fast_way(model)
+    way = fast_way()
     angles = counted(model, way)
     steps = newton_along(model, angles, posture_at(model, way[0]).x)
     speed = np.linalg.norm(np.gradient(way, tick, axis=0), axis=1)

@@ -17,8 +17,7 @@ from app import UserError
 Picture = Figure
 
 
-Progress = Callable[[str], None]
-"""Told what is being done."""
+Progress = Callable[[str], None]  # told what is being done
 
 
 class Bar(NamedTuple):
@@ -44,12 +43,9 @@ class FigureResult(NamedTuple):
     """A figure as computed."""
 
     title: str
-    bars: Mapping[str, Bar]
-    """By name; what the figure must show."""
-    numbers: Mapping[str, JsonValue]
-    """Everything else worth keeping, with units in the names."""
-    pictures: Mapping[str, Picture]
-    """By suffix of the file's name; the main one has none."""
+    bars: Mapping[str, Bar]  # by name; what the figure must show
+    numbers: Mapping[str, JsonValue]  # everything else worth keeping, with units in the names
+    pictures: Mapping[str, Picture]  # by suffix of the file's name; the main one has none
 
     @property
     def holds(self) -> bool:

@@ -16,8 +16,7 @@ from hardware.contact_limits import CONTACT_PROFILES, ContactLimits
 from hardware.sim.render.d435 import GLANCE, LEFT_IMAGER, colour_intrinsics, depth_intrinsics
 from hardware.table import TableSettings
 
-HEIGHTS: Final = (0.04, 0.09, 0.14)
-"""Of the tool over the board [m]: low with a piece, over others, and at home."""
+HEIGHTS: Final = (0.04, 0.09, 0.14)  # of the tool over the board [m]: low with a piece, over others, and at home
 INTERVAL: Final = 1.0 / 30.0
 LEAST: Final = 0.3
 """Of the table, in the middle height: where less than this is fast, the camera hangs wrong."""

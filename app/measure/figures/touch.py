@@ -10,8 +10,7 @@ from app.measure.bench.beds.touchdown import FELT, WOOD, Pressed, Touchdown, set
 from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, label, picture
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 
-ERRORS: Final = 0.001 * np.linspace(-3.0, 3.0, 7)
-"""How much higher the target is than believed [m]."""
+ERRORS: Final = 0.001 * np.linspace(-3.0, 3.0, 7)  # how much higher the target is than believed [m]
 FEET: Final = {"felt": FELT, "bare wood": WOOD}
 WAYS: Final = {
     "guard and schedule": (True, True, WITH),

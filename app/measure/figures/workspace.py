@@ -24,18 +24,15 @@ from controller.model.workspace import (
 from hardware.parameters import load_parameters
 from hardware.table import PIECE_SHAPES, TableSettings
 
-MARGIN = 0.04
-"""What is drawn around squares and trays [m]."""
+MARGIN = 0.04  # what is drawn around squares and trays [m]
 
 
 class Maps(NamedTuple):
     """Quantities over a grid at one height, each of shape (rows, columns); NaN out of reach."""
 
     condition: Vector
-    margin: Vector
-    """Rated torque less the torque that holds the arm [N m]."""
-    acceleration: Vector
-    """[m/s²]"""
+    margin: Vector  # rated torque less the torque that holds the arm [N m]
+    acceleration: Vector  # [m/s²]
 
 
 def maps(model: DeltaModel, grid: TableGrid, height: float) -> Maps:

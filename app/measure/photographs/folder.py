@@ -12,13 +12,13 @@ from typing import Final
 import chess
 
 from app import UserError
-from app.measure.photographs.follow import CornerSource, follow
+from app.measure.photographs.follow import CornerSource, VisionReport, follow
 from app.measure.photographs.labels import Labels, load_labels
-from app.measure.photographs.pictures import VIDEOS, Array, Picture, picture_files, read_picture, read_video
-from app.measure.photographs.report import VisionReport
+from app.measure.photographs.pictures import VIDEOS, Picture, picture_files, read_picture, read_video
 from app.records import EVENTS_FILE, FRAMES, read_events
 from app.records.events import StartEvent
 from app.records.history import counted_plies
+from vision.arrays import Array
 from vision.board.anchor import Anchor
 from vision.board.find import find_board
 from vision.board.orientation import orient

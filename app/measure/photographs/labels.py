@@ -13,10 +13,10 @@ from typing import Annotated, Final, Literal
 
 import chess
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from app import UserError
+from vision.arrays import Array
 from vision.board.view import CORNER_NAMES
 
 FILE_NAME: Final = "labels.json"
@@ -47,7 +47,7 @@ class Corners(_Read):
     h8: Point
     a8: Point
 
-    def pixels(self) -> NDArray[np.float64]:
+    def pixels(self) -> Array:
         """In the order of ``vision.board.view.CORNER_NAMES``, shape (4, 2)."""
         return np.array([getattr(self, name) for name in CORNER_NAMES])
 
@@ -57,8 +57,7 @@ class FrameLabel(_Read):
 
     file: str
     moves_since_previous: tuple[str, ...] = ()
-    fen: Fen | None = None
-    """The position after them."""
+    fen: Fen | None = None  # the position after them
     corners_px: Corners | None = None
 
 

@@ -18,9 +18,6 @@ PICTURES: Final = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", "
 VIDEOS: Final = frozenset({".avi", ".mp4", ".webm", ".mkv", ".mov", ".m4v"})
 
 
-Array = NDArray[np.float64]
-
-
 class Picture(NamedTuple):
     """One picture: its name, RGB pixels (h, w, 3), and in a video its time [s]."""
 

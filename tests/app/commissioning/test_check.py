@@ -12,9 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli import app
-from app.commissioning.check_cameras import check_camera
 from app.commissioning.check_drives import check_bus
 from app.commissioning.check_report import CheckReport, CheckState, Finding
+from app.commissioning.check_rig import check_camera
 from hardware.interfaces import BusLost, Command, DriveStatus, Frame, HardwareError, Intrinsics, Measurement
 from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model

@@ -32,8 +32,7 @@ from hardware.sim.plant.imperfections import Flaws
 from hardware.sim.plant.plant import Plant
 from hardware.table import TableSettings
 
-LEAD: Final = 8
-"""Ticks between an announcement and the first sample, as on any lockstep bus."""
+LEAD: Final = 8  # ticks between an announcement and the first sample, as on any lockstep bus
 _BOOT_TICKS: Final = 400
 
 

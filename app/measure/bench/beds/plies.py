@@ -38,10 +38,8 @@ MOST_OPENING: Final = 60
 class Disorder(NamedTuple):
     """What is not as the controller believes."""
 
-    offset: tuple[float, float] = (0.0, 0.0)
-    """Pieces stand up to so far off along x and y [m]."""
-    mass_error: float = 0.0
-    """Masses of the arm are believed wrong by up to this share."""
+    offset: tuple[float, float] = (0.0, 0.0)  # pieces stand up to so far off along x and y [m]
+    mass_error: float = 0.0  # masses of the arm are believed wrong by up to this share
 
 
 class Done(NamedTuple):
@@ -49,20 +47,14 @@ class Done(NamedTuple):
 
     ply: Ply
     plan: Plan
-    planning: float
-    """Time that planning took [s, wall]."""
-    duration: float
-    """From the first tick to the last [s]."""
-    torques: Vector
-    """Of each tick, (n, 3) [N m]."""
+    planning: float  # time that planning took [s, wall]
+    duration: float  # from the first tick to the last [s]
+    torques: Vector  # of each tick, (n, 3) [N m]
     released: dict[str, float]
     """How far each piece stands from its place's centre, by name [m]; only of those not moved before."""
-    tool: list[float]
-    """How far the tool was from the plan when each piece touched the board, seen from above [m]."""
-    disturbed: float
-    """How far the farthest of the other pieces was moved [m]."""
-    peak_contact: float
-    """The largest contact force [N]."""
+    tool: list[float]  # how far the tool was from the plan when each piece touched the board, seen from above [m]
+    disturbed: float  # how far the farthest of the other pieces was moved [m]
+    peak_contact: float  # the largest contact force [N]
 
 
 class GameBed(Bed):
@@ -135,8 +127,7 @@ class GameBed(Bed):
         return pushed
 
 
-ALONG_THE_FINGERS: Final = Disorder(offset=(0.003, 0.0))
-"""Pieces stand off along the fingers' axis."""
+ALONG_THE_FINGERS: Final = Disorder(offset=(0.003, 0.0))  # pieces stand off along the fingers' axis
 
 
 def stand_off(

@@ -29,23 +29,14 @@ LINE = "e4 d5 exd5 Qxd5 Nc3 Qxg2 Bxg2"
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """What the supervisor asked of the law in one tick, and what it got.
+    """What the supervisor asked of the law in one tick, and what it got."""
 
-    Attributes:
-        angle: y [rad].
-        velocity: ẏ [rad/s].
-        reference: shape (16,), None where only the state was estimated.
-        tactile: forces on the right and left pad [N].
-        torque: what the supervisor then commanded [N m].
-        found: shape (7,): tool point [m], its velocity [m/s] and the number of Newton steps.
-    """
-
-    angle: Triple
-    velocity: Triple
-    reference: FloatArray | None
-    tactile: tuple[float, float]
-    torque: Triple
-    found: FloatArray
+    angle: Triple  # y [rad]
+    velocity: Triple  # ẏ [rad/s]
+    reference: FloatArray | None  # shape (16,), None where only the state was estimated
+    tactile: tuple[float, float]  # forces on the right and left pad [N]
+    torque: Triple  # what the supervisor then commanded [N m]
+    found: FloatArray  # shape (7,): tool point [m], its velocity [m/s] and the number of Newton steps
 
 
 @dataclass(frozen=True, slots=True)

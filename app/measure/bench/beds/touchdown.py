@@ -26,14 +26,10 @@ _LASTING: Final = 0.01
 class Touchdown(NamedTuple):
     """One trial."""
 
-    error: float
-    """The target square is so much higher than believed [m]."""
-    stiffness: float = FELT
-    """Of the piece's foot on the board [N/m]."""
-    guard: bool = True
-    """The touch guard ends the way down."""
-    schedule: bool = True
-    """z₃ is soft near the board, else as stiff as in the air."""
+    error: float  # the target square is so much higher than believed [m]
+    stiffness: float = FELT  # of the piece's foot on the board [N/m]
+    guard: bool = True  # the touch guard ends the way down
+    schedule: bool = True  # z₃ is soft near the board, else as stiff as in the air
     kind: Kind = Kind.KING
     target: Place = TARGET
 

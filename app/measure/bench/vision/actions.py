@@ -25,8 +25,7 @@ from vision.reading.outcome import ReadingOutcome
 _T = TypeVar("_T")
 Poses = dict[str, PlacedPiece]
 
-ACTIONS: Final = {True: 15, False: 510}
-"""By ``quick``."""
+ACTIONS: Final = {True: 15, False: 510}  # by ``quick``
 LINES: Final = (
     "e4 e5 Nf3 Nc6 Bc4 Bc5",
     "d4 d5 Nc3 Nf6 Bg5 e6 Qd3 Be7",

@@ -15,7 +15,6 @@ from typing import Final
 import chess
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from app.commissioning.calibrate import calibrate_rig, corners_near
 from app.commissioning.marker_survey import Setup
@@ -32,16 +31,13 @@ from hardware.sim.process.scene_control import SceneControl
 from hardware.sim.process.table_studio import PlacedPiece, TableStudio, true_camera
 from hardware.sim.render.appearance import ExposureSettings, LightSettings, MountSettings, SceneState
 from hardware.table import PieceSpec, TableSettings, square_place
+from vision.arrays import Array
 from vision.board.view import BoardView
 from vision.pieces.centres import piece_centres
 
-Array = NDArray[np.float64]
-OFF: Final = 0.2
-"""Pieces stand up to so far off, in squares."""
-SHIFT: Final = 0.030
-"""The camera hangs up to so far off [m] …"""
-TURN: Final = math.radians(4.0)
-"""… and turned by up to so much [rad]."""
+OFF: Final = 0.2  # pieces stand up to so far off, in squares
+SHIFT: Final = 0.030  # the camera hangs up to so far off [m] …
+TURN: Final = math.radians(4.0)  # … and turned by up to so much [rad]
 POSE_SHIFT, POSE_TURN = 1.5e-4, 2e-4
 """The board's pose is known to within this, standard deviations along each axis [m, rad]: about twice what calibrations
 leave that ``calibration_rows`` measures."""

@@ -35,10 +35,8 @@ from vision.reading.observer import Observation, Observer
 from vision.reading.outcome import LOOKS, ReadingOutcome
 from vision.reading.rectified_view import RectifiedView, sight_of_frame
 
-PLIES: Final = {True: 16, False: 2000}
-"""By ``quick``."""
-A_GAME: Final = 80
-"""Plies of a game at most: then light, camera and set-up are drawn anew."""
+PLIES: Final = {True: 16, False: 2000}  # by ``quick``
+A_GAME: Final = 80  # plies of a game at most: then light, camera and set-up are drawn anew
 TROUBLED: Final = {True: 6, False: 300}
 TROUBLED_FIRST: Final = 1000
 """Seed of the first game in trouble."""

@@ -49,14 +49,11 @@ LOOKS: Final = Randomisation(
     camera_shift=0.001, camera_turn=0.002,
 )  # fmt: skip
 """What differs from world to world; the camera's mount by what a calibration leaves."""
-INTERVAL: Final = 1.0 / 30.0
-"""From frame to frame [s]."""
-TIMEOUT: Final = 240.0
-"""For anything that is waited for [s, wall]."""
+INTERVAL: Final = 1.0 / 30.0  # from frame to frame [s]
+TIMEOUT: Final = 240.0  # for anything that is waited for [s, wall]
 _EVERY: Final = 0.006
 """Plant time between two questions to the referee [s]: each takes the world as long as several ticks."""
-_GLANCE: Final = 0.001
-"""How often it is seen whether so much has passed [s, wall]."""
+_GLANCE: Final = 0.001  # how often it is seen whether so much has passed [s, wall]
 _T = TypeVar("_T")
 
 

@@ -44,39 +44,30 @@ FORCE_LIMIT: Final = 280.0
 """On a hand that comes into the arm's way and is free to give way, ISO/TS 15066: twice what a clamped one bears [N]."""
 CONTROLLED_STOP: Final = 0.12
 """A controlled stop takes no longer [s]; an arm that a hand reaches meanwhile gives way and rests later."""
-TOUCH: Final = 0.5
-"""A hand that feels more is touched [N]."""
-FALSE_STOPS_LIMIT: Final = 1.0
-"""In 500 plies."""
-A_WORLD: Final = 20
-"""So many entries, or plies, are made in one world."""
-HAND_SPEEDS: Final = (0.4, 1.6)
-"""[m/s]"""
+TOUCH: Final = 0.5  # a hand that feels more is touched [N]
+FALSE_STOPS_LIMIT: Final = 1.0  # in 500 plies
+A_WORLD: Final = 20  # so many entries, or plies, are made in one world
+HAND_SPEEDS: Final = (0.4, 1.6)  # [m/s]
 TOUCH_SPEED_LIMIT: Final = CONTACT_PROFILES["default"].tool_speed + 0.05
 """Of the tool where it touches a hand: the default profile's, and what tracking adds [m/s]."""
-QUIET_LIMIT: Final = 1.1
-"""A quiet ply from home to home with nobody near, mean [s]."""
-SLOWED_LIMIT: Final = 0.01
-"""Share of frames that admit no speed though nobody is there."""
+QUIET_LIMIT: Final = 1.1  # a quiet ply from home to home with nobody near, mean [s]
+SLOWED_LIMIT: Final = 0.01  # share of frames that admit no speed though nobody is there
 
 
 @dataclass(slots=True)
 class HandFigures:
     """What was seen: durations in plant time [s], and counts."""
 
-    rest: list[float] = field(default_factory=list)
-    """Of hands that the arm did not touch, until it was at rest."""
+    rest: list[float] = field(default_factory=list)  # of hands that the arm did not touch, until it was at rest
     yielded: list[float] = field(default_factory=list)
     """Of hands that reached the arm before it was at rest, until it left off its motion and gave way: after that it is
     the hand that moves it."""
-    force: list[float] = field(default_factory=list)
-    """Of the robot on those hands [N]."""
+    force: list[float] = field(default_factory=list)  # of the robot on those hands [N]
     touch_speed: list[float] = field(default_factory=list)
     """Of the tool where a hand was touched, whoever gave way [m/s]."""
     top_speed: list[float] = field(default_factory=list)
     """Of the tool within the half second before a hand crossed the edge, the most [m/s]."""
-    quiet: list[float] = field(default_factory=list)
-    """Plies of one transfer, from home to home, with nobody near."""
+    quiet: list[float] = field(default_factory=list)  # plies of one transfer, from home to home, with nobody near
     frames: int = 0
     unadmitted: int = 0
     missed: int = 0

@@ -21,16 +21,15 @@ from app import UserError
 from app.measure.bench.report import Progress, Row, row
 from app.measure.photographs import CornersFrom, follow_folder
 from app.measure.photographs.labels import FILE_NAME, load_labels
-from app.measure.photographs.pictures import Array, read_picture, read_video
+from app.measure.photographs.pictures import read_picture, read_video
+from vision.arrays import Array
 from vision.board.find import find_board
 from vision.board.grid import CORNERS
 from vision.board.lattice import fit_homography, project
 from vision.board.view import CORNER_NAMES, BoardNotFound
 
-TOLERANCE: Final = 0.15
-"""A corner further from where it was labelled is wrong [sides of a square]."""
-LEAST_FOUND: Final = 0.9
-"""Share of pictures in which the board must be found."""
+TOLERANCE: Final = 0.15  # a corner further from where it was labelled is wrong [sides of a square]
+LEAST_FOUND: Final = 0.9  # share of pictures in which the board must be found
 POLYGON_ORIGIN: Final = 0.5
 """Polygons drawn in LabelMe (``corners_unordered``) count from the outer corner of the first pixel, as its canvas draws
 the picture from (0, 0) on and a click may lie anywhere within a pixel; everything else here, like OpenCV, counts from
@@ -38,10 +37,8 @@ that pixel's centre [px]."""
 ASTRAY: Final = 0.5
 """A corner this far off belongs to another row of squares, whatever the labels' precision [sides of a square]."""
 
-VARIABLE: Final = "TOUCHMOVE_PHOTOS"
-"""Names the folder with labelled photographs where the command line does not."""
-LEAST: Final = {CornersFrom.LABELS: 0.95, CornersFrom.FIND: 0.90}
-"""Share of plies that must be read without asking."""
+VARIABLE: Final = "TOUCHMOVE_PHOTOS"  # names the folder with labelled photographs where the command line does not
+LEAST: Final = {CornersFrom.LABELS: 0.95, CornersFrom.FIND: 0.90}  # share of plies that must be read without asking
 
 
 def photo_folder(given: Path | None) -> Path | None:
@@ -61,14 +58,10 @@ def sequences(photos: Path) -> Iterator[Path]:
 class Photograph(NamedTuple):
     """A labelled picture."""
 
-    name: str
-    """Folder and file."""
-    colour: NDArray[np.uint8]
-    """RGB, shape (h, w, 3)."""
-    corners: Array
-    """Outer corners counter-clockwise, from a1 on where ``oriented``, shape (4, 2) [px]."""
-    oriented: bool
-    """Whether the label tells a1."""
+    name: str  # folder and file
+    colour: NDArray[np.uint8]  # RGB, shape (h, w, 3)
+    corners: Array  # outer corners counter-clockwise, from a1 on where ``oriented``, shape (4, 2) [px]
+    oriented: bool  # whether the label tells a1
 
 
 def photographs(photos: Path) -> Iterator[Photograph]:

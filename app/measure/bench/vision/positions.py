@@ -24,12 +24,9 @@ from vision.reading.outcome import LOOKS
 from vision.standing.recognise import recognise
 from vision.standing.recognised_set import RecognisedSet
 
-POSITIONS: Final = {True: 6, False: 200}
-"""By ``quick``."""
-FIRST: Final = 20_000
-"""Seed of the first."""
-LATEST: Final = 160
-"""Plies played before."""
+POSITIONS: Final = {True: 6, False: 200}  # by ``quick``
+FIRST: Final = 20_000  # seed of the first
+LATEST: Final = 160  # plies played before
 
 
 def position_rows(quick: bool, progress: Progress) -> dict[str, Row]:

@@ -34,16 +34,11 @@ from vision.reading.outcome import ReadingOutcome
 SEED: Final = 31
 MOVES: Final = {True: 1, False: 40}
 """By ``quick``."""
-A_WORLD: Final = 8
-"""So many moves are made in one world."""
-KNOWN: Final = "hand gone to move known"
-"""From leaving board and trays …"""
-OFF_BOARD: Final = "hand off the board to move known"
-"""… and from leaving the board, perhaps for a tray [s]."""
-KNOWN_LIMIT: Final = 0.6
-"""From the hand's leaving the board until the move is known [s]."""
-LOOKS: Final = 5
-"""So many settled frames are looked at before the move counts as not read."""
+A_WORLD: Final = 8  # so many moves are made in one world
+KNOWN: Final = "hand gone to move known"  # from leaving board and trays …
+OFF_BOARD: Final = "hand off the board to move known"  # … and from leaving the board, perhaps for a tray [s]
+KNOWN_LIMIT: Final = 0.6  # from the hand's leaving the board until the move is known [s]
+LOOKS: Final = 5  # so many settled frames are looked at before the move counts as not read
 
 
 def turn_rows(quick: bool, progress: Progress) -> dict[str, Row]:

@@ -17,7 +17,7 @@ import pytest
 
 import app.measure.bench.loop as loop_bench
 from app import UserError
-from app.commissioning.processor import ProcessorTime, stolen_share
+from app.commissioning.link_test import ProcessorTime, stolen_share
 from app.measure.bench import run_bench
 from app.measure.bench.loop import WAY, loop_rows, sweep, sweep_motion, thinking
 from app.motion import MotionSettings

@@ -33,7 +33,7 @@ def test_newton_takes_one_or_two_steps_on_a_fast_move() -> None:
 
 def test_the_counted_steps_are_those_of_the_papers_own_system() -> None:
     """(7) with ∂h/∂x of six rows and columns, in NumPy."""
-    way = fast_way(MODEL)[100:140]
+    way = fast_way()[100:140]
     angles = counted(MODEL, way)
     start = posture_at(MODEL, way[0]).x
     steps = newton_along(MODEL, angles, start)
