@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
-from playwright.sync_api import Browser, ConsoleMessage, Page, WebSocketRoute, expect, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Page, expect, sync_playwright
 
 CHROMIUM = Path("/usr/bin/chromium")
 ARGUMENTS = (
@@ -18,6 +19,18 @@ PATIENCE = 20_000.0
 """Of what is expected on a page [ms, wall]; a machine may be busy."""
 SIZES = {"phone": (360, 740), "flat": (740, 360), "tablet": (834, 1112), "desk": (1440, 900), "tv": (1920, 1080)}
 Scheme = Literal["light", "dark"]
+_SOCKETS = """
+window.cut = false;
+window.sockets = [];
+const Real = window.WebSocket;
+window.WebSocket = class extends Real {
+  constructor(address) {
+    super(window.cut ? `${address}-that-is-not-there` : address);
+    window.sockets.push(this);
+  }
+};
+"""
+"""Sockets that a test can cut in the browser."""
 
 
 @contextmanager
@@ -35,7 +48,10 @@ def chromium() -> Iterator[Browser]:
 class Visitor:
     """Somebody with a browser of their own at the page: a page, and what its console said that was wrong."""
 
-    def __init__(self, browser: Browser, address: str, size: str = "desk", scheme: Scheme = "light") -> None:
+    def __init__(
+        self, browser: Browser, address: str, size: str = "desk", scheme: Scheme = "light",
+        scripts: tuple[str, ...] = (),
+    ) -> None:  # fmt: skip
         width, height = SIZES[size]
         touch = size in ("phone", "flat")
         self.context = browser.new_context(
@@ -44,32 +60,25 @@ class Visitor:
         self.context.set_default_timeout(PATIENCE)
         # the views of the robot have tests of their own, and describing it takes a process
         self.context.add_init_script("localStorage.setItem('touchmove.panel', 'null')")
+        for script in scripts:
+            self.context.add_init_script(script)
         self.page: Page = self.context.new_page()
+        self.requests: list[str] = []
+        self.page.on("request", lambda request: self.requests.append(request.url))
         self.wrong: list[str] = []
-        self._sockets: list[WebSocketRoute] = []
-        self._cut = False
-        self.context.route_web_socket("**/live", self._connected)
+        self.context.add_init_script(_SOCKETS)
         self.page.on("console", self._console)
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
         self.page.goto(address)
         expect(self.page.locator("#near .name")).not_to_be_empty()
 
-    def _connected(self, socket: WebSocketRoute) -> None:
-        if self._cut:
-            socket.close()
-        else:
-            self._sockets.append(socket)
-            socket.connect_to_server()
-
     def cut(self) -> None:
         """The connection is lost, and no other one is had."""
-        self._cut = True
-        while self._sockets:
-            self._sockets.pop().close()
+        self.page.evaluate("cut = true; for (const socket of sockets) socket.close()")
 
     def mend(self) -> None:
         """A connection can be had again."""
-        self._cut = False
+        self.page.evaluate("cut = false")
 
     def _console(self, message: ConsoleMessage) -> None:
         # a connection that is lost is said to whoever looks, and logged by the browser besides
@@ -99,6 +108,13 @@ class Visitor:
     def cell(self, label: str) -> None:
         """Expect a cell of the grid with a label."""
         expect(self.page.get_by_role("gridcell", name=label, exact=True)).to_have_count(1)
+
+    def until(self, condition: str) -> None:
+        """Wait until an expression is true on the page, which admits no text that is evaluated there by itself."""
+        deadline = time.monotonic() + PATIENCE / 1000.0
+        while not self.page.evaluate(condition):
+            assert time.monotonic() < deadline, f"{condition} did not become true"
+            self.page.wait_for_timeout(20.0)
 
     def close(self) -> None:
         """Leave."""

@@ -4,6 +4,7 @@ import {byId, button, icon, make} from '../dom.js';
 import {confirm} from '../dialogs/dialog.js';
 import {openEditor} from '../dialogs/editor.js';
 import {openNewGame} from '../dialogs/newgame.js';
+import {isOver} from '../game/position.js';
 import {mountHand} from './hand.js';
 import {WORDS} from './words.js';
 
@@ -94,7 +95,7 @@ export function mountActions(store, board) {
     const holds = store.holds();
     const plays = session !== null && session.person !== null;
     const paused = prompt !== null && prompt.answers.length === 1 && prompt.answers[0] === 'go';
-    const over = game !== null && game.result !== '*';
+    const over = isOver(game);
     for (const [word, made] of buttons) made.disabled = !holds || (over && !['new', 'setup', 'quit', 'keep'].includes(word));
     for (const word of ['takeback', 'draw', 'resign', 'side', 'new', 'setup', 'keep']) buttons.get(word).hidden = !plays;
     buttons.get('hint').hidden = !plays || game?.assists === false;

@@ -3,6 +3,7 @@
 import {byId, button, capital, icon, make} from '../dom.js';
 import {openGames} from '../dialogs/games.js';
 import {openNewGame} from '../dialogs/newgame.js';
+import {isOver, outcome} from '../game/position.js';
 import {WORDS, answerLabel, suggested} from './words.js';
 
 const BARE = 10;  // 'done?', 'go on?' [characters]
@@ -58,9 +59,8 @@ export function mountAsk(store, board) {
         answers: holds ? prompt.answers : [],
       };
     }
-    if (game !== null && game.result !== '*' && prompt === null) {
-      const detail = `${game.result.replaceAll('1/2', '½')} · ${game.reason ?? ''}`;
-      return {mood: 'over', title: 'The game is over', detail, again: holds && session.person !== null};
+    if (isOver(game) && prompt === null) {
+      return {mood: 'over', title: 'The game is over', detail: outcome(game), again: holds && session.person !== null};
     }
     if (prompt !== null) {
       const pending = board.pending();
