@@ -15,7 +15,7 @@ from hardware.interfaces import CameraClosed, HardwareError
 _T = TypeVar("_T")
 
 
-class ReaderThread(Generic[_T]):
+class DeviceReader(Generic[_T]):
     """A thread, by its name, and the newest of what it reads, until it is told to end, at the latest at the program's
     end.
 
