@@ -39,9 +39,7 @@ _HINTS = {
 
 
 def exit_phrase(code: int, last_words: str) -> str:
-    """Say how a process ended, by its exit code, or minus the signal, and the last line that it wrote to stderr, if
-    any.
-    """
+    """Say how a process ended: by its exit code, or minus the signal, and the last line on its stderr, if any."""
     details = [text for text in (_HINTS.get(code), f"last words: {last_words!r}" if last_words else None) if text]
     return f"it died with exit code {code}" + (f" ({'; '.join(details)})" if details else "")
 

@@ -118,9 +118,7 @@ class ServoBus(Protocol):
         """Length of one tick [s]."""
 
     def exchange(self, command: Command) -> Measurement:
-        """Hand over a command and block until the next tick's measurement; raises ``BusLost`` if the plant no longer
-        answers.
-        """
+        """Hand over a command, block until the next tick's measurement; raises ``BusLost`` if the plant is silent."""
 
     def close(self) -> None:
         """Give the drives up; they brake by themselves."""

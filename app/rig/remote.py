@@ -55,9 +55,7 @@ class RemoteClock:
 
 
 class RemoteRig:
-    """Devices behind a controller that runs already, whose ``client`` whoever has to stop the arm may use. A context
-    manager.
-    """
+    """Devices behind a controller that runs already; its ``client`` serves who has to stop it. A context manager."""
 
     client: ControllerClient
     controller: tuple[str, int, Path]

@@ -28,9 +28,7 @@ _WAIT: Final = 0.1
 
 
 class Db3Recorder:
-    """Writes the frames of any camera into a ``.db3`` file; raises ``HardwareError`` if it exists, or cannot be
-    written.
-    """
+    """Writes frames of any camera into a ``.db3`` file; raises ``HardwareError`` if it exists, or cannot be written."""
 
     def __init__(self, path: Path) -> None:
         if path.suffix != ".db3":

@@ -46,9 +46,7 @@ class _Line(FrozenFinite):
 
 
 class FolderRecorder:
-    """Writes frames into a folder, made if it is not there; raises ``HardwareError`` if it holds a recording or cannot
-    be written.
-    """
+    """Writes frames into a folder, made if need be; raises ``HardwareError`` if it holds some or cannot be written."""
 
     def __init__(self, folder: Path) -> None:
         if (folder / FRAMES_FILE).exists():

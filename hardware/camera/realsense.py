@@ -187,9 +187,7 @@ def exposure_time(picture: Any, arrived: float) -> float:
 
 
 def apply_options(sensors: list[Any], wanted: RealSenseSettings) -> None:
-    """Set exposure, gain and emitter on the sensors that have them; raises ``HardwareError`` if a setting is out of a
-    sensor's range.
-    """
+    """Set exposure, gain and emitter where sensors have them; raises ``HardwareError`` if one is out of range."""
     for sensor in sensors:
         if sensor.supports(rs.option.emitter_enabled):
             _set(sensor, rs.option.emitter_enabled, 1.0 if wanted.emitter else 0.0)

@@ -66,9 +66,7 @@ NO_LOOSE_PIECES: Final = LoosePieces()
 
 
 def standing_near(crowd: Iterable[Obstacle], lying: Iterable[Lying], table: TableSettings) -> Crowd:
-    """What is in the way: pieces that stand, each where it stands, and others that lie, which count as rows of low
-    discs.
-    """
+    """What is in the way: pieces that stand, where they do, and others that lie, which count as rows of low discs."""
     stands = Crowd.of(crowd, table)
     rows, pieces = [stands.table], list(stands.pieces)
     for piece in lying:

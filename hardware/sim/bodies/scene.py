@@ -150,9 +150,7 @@ def _add_surroundings(spec: mujoco.MjSpec, table: TableSettings, offset: BoardOf
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:
-    """Lamps as ``LightSettings`` has them by default; the renderer sets them as they are
-    (``hardware.sim.render.lamps``).
-    """
+    """Lamps as ``LightSettings`` has them by default; the renderer sets them as they are (``render.lamps``)."""
     for lamp in lamps(LightSettings()):
         spec.worldbody.add_light(**asdict(lamp), ambient=[0.0, 0.0, 0.0])
     set_ambient(spec.visual.headlight, LightSettings())

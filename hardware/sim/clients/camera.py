@@ -128,9 +128,7 @@ def depth_stream(description: dict[str, Any]) -> DepthStream:
 
 
 def connect_camera(run_dir: Path, camera: str) -> tuple[socket.socket, dict[str, Any]]:
-    """Connect as a camera's client: the socket and the world's answer; raises ``HardwareError`` if no world answers, or
-    it has no such camera.
-    """
+    """The socket of a camera's client and the world's answer; ``HardwareError`` if there is none, or no such camera."""
     link, answer = wire.connect(run_dir, "camera")
     views = answer["views"]
     if camera not in views:

@@ -127,9 +127,7 @@ class LiveState:
 
 
 def load_live_state(path: Path) -> Snapshot | None:
-    """Read what a world kept that was killed; None where there is no such file. Raises ``HardwareError`` if no slot of
-    the file is whole.
-    """
+    """What a world kept that was killed; None: no such file. Raises ``HardwareError`` if no slot of it is whole."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:

@@ -95,8 +95,6 @@ def advance(
 
 
 def constants_of(encoder_bits: int, tick: float, bandwidth: float) -> Array:
-    """Encoder counts for each rad, rad/s for each count in a tick [s], and share in a tick of the lag of a bandwidth
-    [rad/s].
-    """
+    """Encoder counts for each rad, rad/s for each count in a tick [s], share in a tick of a bandwidth's lag [rad/s]."""
     counts = 2.0**encoder_bits / (2.0 * math.pi)
     return np.array([counts, 1.0 / (counts * tick), 1.0 - math.exp(-bandwidth * tick)])

@@ -39,9 +39,7 @@ class Journal:
 
 
 class Replay:
-    """The journal in a run directory, done again on another plant; raises ``HardwareError`` if a world left none, or
-    half of one.
-    """
+    """The journal in a run directory, done again on another plant; ``HardwareError``: there is none, or half of one."""
 
     def __init__(self, run_dir: Path) -> None:
         path = run_dir / JOURNAL_FILE

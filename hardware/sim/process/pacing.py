@@ -32,9 +32,7 @@ class Pacer:
 
 
 class SpeedMeter:
-    """How fast plant time runs against the wall, counted only while it runs: ``ticks``, and the ``wall`` time they took
-    [s].
-    """
+    """How fast plant time runs against the wall, while it runs: ``ticks``, and the ``wall`` time they took [s]."""
 
     def __init__(self) -> None:
         self.ticks = 0

@@ -105,8 +105,9 @@ class World:
         self._ending = False
 
     def run(self) -> None:
-        """Serve until the controller says goodbye or none comes, or SIGTERM; then rest and leave a snapshot. Raises
-        ``HardwareError`` if the cameras have no OpenGL.
+        """Serve until the controller says goodbye or none comes, or SIGTERM; then rest and leave a snapshot.
+
+        Raises ``HardwareError`` if the cameras have no OpenGL.
         """
         signal.signal(signal.SIGTERM, self._end)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the app decides when a world ends

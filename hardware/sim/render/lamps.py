@@ -48,9 +48,7 @@ def set_lamps(model: mujoco.MjModel, light: LightSettings) -> None:
 
 
 def set_ambient(headlight: Any, light: LightSettings) -> None:
-    """Light from everywhere. MuJoCo's headlight, which nothing shades, gives this and nothing else: the camera bears no
-    lamp.
-    """
+    """Light from everywhere: all that MuJoCo's headlight, which nothing shades, gives; the camera bears no lamp."""
     headlight.ambient = [light.ambient] * 3
     headlight.diffuse = headlight.specular = [0.0, 0.0, 0.0]
 
