@@ -18,7 +18,7 @@ from hardware.sim.clients import wire
 from hardware.sim.render.renderer import HEIGHT, WIDTH, frame_path, load_pictures
 
 
-class SimClock(wire.Client):
+class SimClock(wire.WorldClient):
     """``Clock`` on plant time. Threads may share it: while one sleeps, the others wait."""
 
     def __init__(self, run_dir: Path) -> None:

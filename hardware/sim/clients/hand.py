@@ -13,7 +13,7 @@ class HandRefused(HardwareError):
     """The person cannot do what was asked; the message says why."""
 
 
-class SimHand(wire.Client):
+class SimHand(wire.WorldClient):
     """The hand of a world, which withdraws once this is closed.
 
     Raises ``HardwareError`` if no world answers in the run directory, or it has no hand.

@@ -11,7 +11,7 @@ from hardware.referee import PiecePose, RunSpeed, Truth
 from hardware.sim.clients import wire
 
 
-class SimReferee(wire.Client):
+class SimReferee(wire.WorldClient):
     """``Referee``: asks the world for the truth."""
 
     def __init__(self, run_dir: Path) -> None:

@@ -30,7 +30,7 @@ class SceneControlService(Service):
         visitor.tell({"tick": self._plant.tick, "looks": self.looks.model_dump()})
 
 
-class SceneControl(wire.Client):
+class SceneControl(wire.WorldClient):
     """The client: changes light, exposure and the camera's mount while a world runs."""
 
     def __init__(self, run_dir: Path) -> None:
