@@ -4,8 +4,6 @@ Any of the moves that a short full-strength search holds nearly as good as the b
 is one of its own: MultiPV, a cleared hash and full strength then never mix with the settings of a player.
 """
 
-from __future__ import annotations
-
 import random
 
 import chess
