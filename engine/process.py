@@ -5,8 +5,6 @@ thread lives exactly as long as the process, because Linux delivers the parent d
 forked ends, not when the whole parent does.
 """
 
-from __future__ import annotations
-
 import asyncio
 import ctypes
 import logging

@@ -3,8 +3,6 @@
 Units are SI. Arms are numbered 1 to 3 as in the paper; triples are in that order.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntFlag, StrEnum
 from typing import Final, NamedTuple, Protocol

@@ -4,8 +4,6 @@ A way goes up, over and down again: vertical where fingers or piece are beside o
 with corners as wide as that leaves room for. Fingers move while the arm travels.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 The controller stays when the game ends: it holds the arm, and after a while puts it on its brakes by itself.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

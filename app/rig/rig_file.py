@@ -18,8 +18,6 @@ runs the game may read the same file, or copies of it. Its paths count from the 
     kind = "realsense"
 """
 
-from __future__ import annotations
-
 from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Annotated, Any, Final, Self

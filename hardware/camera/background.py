@@ -3,8 +3,6 @@
 Threads that read devices end before the program does: a library must not call into an interpreter that is gone.
 """
 
-from __future__ import annotations
-
 import atexit
 import threading
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Frames in librealsense's own recordings (``.db3``), written by its recorder and read by its playback."""
 
-from __future__ import annotations
-
 import gc
 import queue
 import threading

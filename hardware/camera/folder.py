@@ -4,8 +4,6 @@
 8-bit PNG, depth a 16-bit one.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import Final

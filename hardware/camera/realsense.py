@@ -1,7 +1,5 @@
 """A RealSense camera: found by its serial number, read in a thread of its own, found again after it was unplugged."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

@@ -4,8 +4,6 @@ Simulated and recorded pictures take the way of a real camera's through it. Fram
 librealsense's syncer loses pairs whose stamps do not come at a steady rate.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

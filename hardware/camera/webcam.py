@@ -1,7 +1,5 @@
 """A plain webcam through OpenCV: colour alone, no depth."""
 
-from __future__ import annotations
-
 import math
 import time
 from pathlib import Path

@@ -3,8 +3,6 @@
 Which way a piece lies is known in plan alone: it rests on the rim of its foot and on its head.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ a pawn's foot on felt. One that lies is pushed through its centre of mass. Where
 camera can tell: nothing relies on it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace

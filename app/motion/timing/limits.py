@@ -7,8 +7,6 @@ With u̇² = b(u) and r(u) the point of the path,
 so bounds on speed and acceleration are linear in b.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

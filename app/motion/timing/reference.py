@@ -1,7 +1,5 @@
 """Timed references: a path and its time law sampled at the tick, and what stands or glides straight on."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

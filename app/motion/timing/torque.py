@@ -1,7 +1,5 @@
 """What torques a motion asks of the servomotors, by the inverse dynamics of the model."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Final
 

@@ -1,7 +1,5 @@
 """What runs inside the processes that a rig starts, and inside ``touchmove controller``."""
 
-from __future__ import annotations
-
 import contextlib
 import subprocess
 import sys

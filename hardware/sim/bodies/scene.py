@@ -1,7 +1,5 @@
 """Board, trays, boxes, pieces, light and camera as MuJoCo bodies; and the compiled model of the whole world."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace

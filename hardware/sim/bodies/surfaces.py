@@ -5,8 +5,6 @@ a step of 0.88 ms cannot resolve it: two free pieces that knock against each oth
 after some ms here. Their impulses are right; their forces, which nobody feels, are not.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Final, NamedTuple

@@ -1,7 +1,5 @@
 """Camera and clock of the simulated rig, as the app sees them."""
 
-from __future__ import annotations
-
 import json
 import math
 import socket

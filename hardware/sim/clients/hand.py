@@ -1,7 +1,5 @@
 """The simulated person as the app sees them: somebody who can be asked to do something at the board."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from hardware.interfaces import HardwareError

@@ -1,7 +1,5 @@
 """The referee of a simulated world: the only door to its ground truth."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

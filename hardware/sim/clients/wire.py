@@ -4,8 +4,6 @@ The socket keeps message borders (SEQPACKET). A client's first message is JSON w
 packed structs, all others JSON.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -4,8 +4,6 @@ A world that ends in order leaves a snapshot; one that is killed leaves this. Th
 in turn, each with a check sum, so that whatever moment the world is killed in, one of them is whole.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

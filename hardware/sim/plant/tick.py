@@ -4,8 +4,6 @@ Called from Python one after the other, reading and filtering takes as long as t
 called by its address, on the very model and data that Python sees.
 """
 
-from __future__ import annotations
-
 import ctypes
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Every command that a world's drives were given, tick by tick: a run can be done again without a controller."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 from typing import Final

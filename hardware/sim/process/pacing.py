@@ -1,7 +1,5 @@
 """Plant time against wall time: when ticks are due in pace real, and how fast they ran."""
 
-from __future__ import annotations
-
 import time
 
 CATCH_UP = 0.020

@@ -4,8 +4,6 @@ A range is half a width: ``board_shift = 0.002`` puts the board up to 2 mm off, 
 the parameters state. All zero, but for pieces that people put down: the world as believed.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Final

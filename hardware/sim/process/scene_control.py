@@ -1,7 +1,5 @@
 """What people around the table do to how it looks: they move the lamp, change the exposure, knock the camera."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -9,8 +9,6 @@ Each answer is the measurement at the present tick; then the plant advances unde
 controller computes from the measurement of tick k thus acts from tick k + 1 on, as on the paper's motion board.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import signal

@@ -1,7 +1,5 @@
 """What the world does for controllers, clocks and the referee; the cameras' service has a module of its own."""
 
-from __future__ import annotations
-
 import sys
 import time
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """The renderer's process: draws the world at given joint positions into a file, until its socket closes."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

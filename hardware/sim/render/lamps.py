@@ -1,7 +1,5 @@
 """The light over the table as MuJoCo has it: lamps, each a spot that shines on the middle of the board."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

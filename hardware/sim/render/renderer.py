@@ -4,8 +4,6 @@ The world sends joint positions over an inherited socket; pictures go into a fil
 camera's client maps, and a short answer says which.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import socket
