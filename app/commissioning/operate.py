@@ -32,13 +32,9 @@ ACTIONS: Final = (STATUS, *_ORDERS)
 
 
 def operate(action: str, rig: str) -> Telemetry:
-    """Carry an action out, and return what the controller says after it.
+    """Carry one of ``ACTIONS`` out on the controller of a rig file, and return what it says after that.
 
     ``status`` only listens. All others need the lease, so that a game is not interfered with.
-
-    Args:
-        action: one of ``ACTIONS``.
-        rig: path of a rig file.
 
     Raises:
         UserError: no such action or rig, or the controller does not answer, is in use, or did not obey.

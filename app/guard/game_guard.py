@@ -32,17 +32,13 @@ FIRST_FRAME_AGE: Final = 60.0  # of a frame that is asked for its camera alone [
 class GameGuard:
     """Watches for hands from when it is known where the board is. A context manager.
 
-    Until then nothing but the controller's own protection looks after people: a caller that knows beforehand where
-    the board is, by calibration, says so at once.
+    Until then nothing but the controller's own protection looks after people: a caller that knows beforehand where the
+    board is, by calibration, says so at once.
 
-    Args:
-        frames: begins to read the board's camera.
-        holder: the controller's client.
-        arm: the robot, where the table is below it, and the history that hears the telemetry of its controller.
-        progress: told when a hand comes and goes.
-        patience: so long a camera that has fallen silent may take to come back [s, wall].
-        seen_from: where the board is in the frames, given where it is in the camera's pictures.
-        interval: from frame to frame [s].
+    ``frames`` begins to read the board's camera, in intervals [s]; ``seen_from`` says where the board is in them, given
+    where it is in the camera's pictures. ``arm``: the robot, where the table is below it, and the history that hears
+    the telemetry of its controller. ``progress`` is told when a hand comes and goes. A camera that has fallen silent
+    has ``patience`` to come back [s, wall].
     """
 
     def __init__(
@@ -205,13 +201,9 @@ class GameGuard:
 class Guarding:
     """How a session is guarded, before its rig is open.
 
-    Args:
-        parameters: of the robot.
-        table: where it is below the robot.
-        view: where the board should be in the pictures of a camera; None: nobody knows.
-        depth_factor: by which the camera's depth is to be multiplied.
-        interval: from frame to frame of a simulated camera [s].
-        progress: told when a hand comes and goes.
+    ``view``: where the board should be in the pictures of a camera; None: nobody knows. ``depth_factor``: by which the
+    camera's depth is to be multiplied; ``interval``: from frame to frame of a simulated camera [s]; ``progress`` is
+    told when a hand comes and goes.
     """
 
     def __init__(

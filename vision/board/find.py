@@ -85,16 +85,11 @@ class _Candidate:
 
 
 def find_board(colour: Picture, *, near: ArrayLike | None = None) -> FoundBoard:
-    """Find the board in a picture.
+    """Find the board in a picture, RGB (h, w, 3): it lies within but for a part of its border, and shows at least a
+    quarter of its crossings.
 
-    Args:
-        colour: RGB, shape (h, w, 3).
-        near: corners a1, h1, h8, a8 as they were before, shape (4, 2) [px]: it is looked for around there first, and
-            a1 is the corner closest to where it was. Without it, a1 is told from pieces in the start position.
-
-    Returns:
-        The board. It lies within the picture but for a part of its border, and shows at least a quarter of its
-        crossings.
+    With ``near``, corners a1, h1, h8, a8 as they were before, (4, 2) [px], it is looked for around there first, and a1
+    is the corner closest to where it was. Without, a1 is told from pieces in the start position.
 
     Raises:
         BoardNotFound: there is none for certain; says what was missing.

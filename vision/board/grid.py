@@ -72,14 +72,10 @@ class GridFit:
 def fit_grid(
     places: Array, points: Array, size: tuple[int, int], scatter: float = 0.02, weights: Array | None = None
 ) -> GridFit:
-    """Grid through crossings, of which some may be no crossings of this board.
+    """Grid through crossings, of which some may be no crossings of this board, in a picture of a width and height [px].
 
-    Args:
-        places: shape (n, 2), at least four.
-        points: where they were found, shape (n, 2) [px].
-        size: width and height of the picture [px].
-        scatter: how far good ones are expected off [sides of a square].
-        weights: of each along columns and along rows, shape (n, 2), 1 if None.
+    ``places`` (n, 2), at least four, were found at ``points`` (n, 2) [px]; good ones are expected off by a ``scatter``
+    [sides of a square]; ``weights`` are along columns and along rows, (n, 2), 1 if None.
     """
     weight = np.ones(places.shape) if weights is None else weights
     centre = places.mean(axis=0)

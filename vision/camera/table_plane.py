@@ -49,16 +49,10 @@ def nominal_view(pose: CameraPose, table: TableSettings) -> BoardView:
 
 
 def find_plane(frame: Frame, pose: CameraPose, table: TableSettings, factor: float = 1.0) -> Plane | None:
-    """The board's plane from depth.
+    """The board's plane from depth; None where the camera has none, or hardly any of the board's pixels has.
 
-    Args:
-        frame: of the calibrated camera, the arm out of the way; pieces may stand on the board.
-        pose: of that camera.
-        table: where the board should lie, within some centimetres.
-        factor: by which depth has to be multiplied (``vision.camera.calibration.depth_factor``).
-
-    Returns:
-        None where the camera has no depth, or hardly any of the board's pixels has.
+    The frame is of the calibrated camera, the arm out of the way; pieces may stand on the board, which lies within some
+    centimetres of where ``table`` has it. ``factor``: by which depth has to be multiplied, see ``depth_factor``.
     """
     if frame.depth is None:
         return None
@@ -85,13 +79,8 @@ def find_plane(frame: Frame, pose: CameraPose, table: TableSettings, factor: flo
 def board_place(
     pose: CameraPose, table: TableSettings, corners: Array | None = None, plane: Plane | None = None
 ) -> BoardPlace | None:
-    """Place of the board from what is known of it.
-
-    Args:
-        pose: of the camera.
-        table: size of the squares, and where the board should lie.
-        corners: outer corners of the playing area a1, h1, h8, a8 in the picture, (4, 2) [px].
-        plane: from depth.
+    """Place of the board from what is known of it: its outer corners a1, h1, h8, a8 in the picture, (4, 2) [px], and
+    its plane from depth.
 
     Returns:
         With corners: all of it. With a plane alone: centre and turn as the settings have them, at the plane's height.

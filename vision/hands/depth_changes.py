@@ -68,13 +68,11 @@ class Heights:
         self._still: tuple[Field, Mask] | None = None
 
     def look(self, depth: Field, hidden: Mask | None, known: Capsules | None = None) -> Relief:
-        """Take a picture in.
+        """Take in a small picture of distances along the view, 0 where there is none [m].
 
-        Args:
-            depth: small picture of distances along the view, 0 where there is none [m].
-            hidden: small mask of where something known, such as the arm, is before the table.
-            known: where that is in space; what ``hidden`` covers is seen nevertheless if it is outside of all of these.
-                None: nothing is seen there.
+        ``hidden``: small mask of where something known, such as the arm, is before the table; ``known``: where that is
+        in space. What ``hidden`` covers is seen nevertheless if it is outside of all of these; None: nothing is seen
+        there.
         """
         space = self._space
         found = stand_out(

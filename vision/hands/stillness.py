@@ -95,11 +95,7 @@ class _StillnessTrack:
 
 
 class Watch:
-    """Watches one board by one camera. Not thread-safe.
-
-    Args:
-        settings: how.
-    """
+    """Watches one board by one camera. Not thread-safe."""
 
     def __init__(self, settings: WatchSettings | None = None) -> None:
         self._settings = settings or WatchSettings()
@@ -107,12 +103,10 @@ class Watch:
         self._senses: _Senses | None = None
 
     def update(self, frame: Frame | DepthFrame, view: BoardView, hidden: Mask | Hidden | None = None) -> Seen:
-        """Take a frame in.
+        """Take in a frame by the camera of the view, later than the ones before; another view than the last begins
+        anew.
 
-        Args:
-            frame: by the camera of the view, later than the ones before.
-            view: where the board is; another one than the last begins anew.
-            hidden: where the arm, or anything else that is known, is before the table; a mask is (height, width).
+        ``hidden``: where the arm, or anything else that is known, is before the table; a mask is (height, width).
 
         Raises:
             ValueError: the frame is by another camera, older than the last, or the mask has another size.
@@ -133,11 +127,8 @@ class Watch:
 
 
 class ColourWatch:
-    """Watches by a camera of which nothing is known but where the board's corners are. Not thread-safe.
-
-    Args:
-        corners: outer corners of the playing area a1, h1, h8, a8, shape (4, 2) [px].
-        settings: how.
+    """Watches by a camera of which nothing is known but where the board's outer corners a1, h1, h8, a8 are, (4, 2)
+    [px]. Not thread-safe.
     """
 
     def __init__(self, corners: ArrayLike, settings: WatchSettings | None = None) -> None:
@@ -172,11 +163,9 @@ class SettledView:
 
 
 class VideoGate:
-    """Gates a video, frame by frame. Not thread-safe.
+    """Gates a video, frame by frame, in which the outer corners a1, h1, h8, a8 are (4, 2) [px]. Not thread-safe.
 
-    Args:
-        corners: outer corners of the playing area a1, h1, h8, a8 in its frames, shape (4, 2) [px].
-        settings: of the watch; by default with a shorter stable time than a game at a camera has.
+    By default the watch has a shorter stable time than that of a game at a camera.
 
     Attributes:
         seen: what the last frame showed; None before the first one.

@@ -44,14 +44,8 @@ _AGREES: Final = 1.5
 
 
 class Fit:
-    """One frame's fit.
-
-    Args:
-        frame: by the camera of the view.
-        view: of the board.
-        expected: pieces by square, or place of a tray.
-        use_depth: False: by colour alone.
-        around: the window holds so much beside the board, along x and along y [m].
+    """One frame's fit of pieces that are expected on squares, or places of trays, in a window that holds so much beside
+    the board, along x and along y [m]. ``use_depth`` False: by colour alone.
 
     Attributes:
         part: window of the picture.

@@ -77,14 +77,11 @@ class MisplacedPiece:
 
 
 class PoseSearch:
-    """Explains what one frame shows beside the pieces that stand as expected.
+    """Explains what one frame shows beside the pieces that stand as expected, to which ``fit`` and the pixels ``taken``
+    of its window belong.
 
-    Args:
-        fit: of those pieces.
-        view: of the board.
-        taken: pixels of the fit's window that are theirs.
-        around: so far beyond the board pieces are looked for, along x and along y [m].
-        points: that pixels show, board frame (h, w, 3) [m]; None without depth.
+    Pieces are looked for so far ``around`` the board, along x and along y [m]. ``points``: that pixels show, board
+    frame (h, w, 3) [m]; None without depth.
     """
 
     def __init__(

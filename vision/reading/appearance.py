@@ -28,11 +28,7 @@ _LIGHT_SQUARES: Final = np.array([(square % 8 + square // 8) % 2 == 1 for square
 
 
 class Appearance:
-    """Learns looks of squares, and tells states by them.
-
-    Args:
-        size: number of entries of a description.
-    """
+    """Learns looks of squares, given as descriptions of ``size`` numbers, and tells states by them."""
 
     def __init__(self, size: int) -> None:
         self._shades = (_Normal(size), _Normal(size))

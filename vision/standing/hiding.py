@@ -28,12 +28,7 @@ _SIDES: Final = (Colour.WHITE, Colour.BLACK)  # in the order of ``Fit.maps``
 
 def hiding_places(empty: Sequence[Place], fit: Fit, view: BoardView) -> dict[Place, Colour | None]:
     """Those of some squares that look empty where a pawn might stand all the same, and of which side: it looks so past
-    what hides it; None: nothing of it would be seen.
-
-    Args:
-        empty: squares.
-        fit: of all pieces that are seen.
-        view: of the board.
+    what hides it; None: nothing of it would be seen. ``fit`` is of all pieces that are seen.
     """
     found = dict[Place, Colour | None]()
     pawns = pawns_at(empty, view, fit)

@@ -57,10 +57,8 @@ _MOST_OFF: Final = 0.002  # all may look so much higher or lower than usual [m]
 def recognise(frames: Sequence[Frame], view: BoardView, held: Mapping[Look, int]) -> RecognisedSet:
     """Find out what stands on the board and in the trays.
 
-    Args:
-        frames: one after the other, of the same, with depth and without a hand or an arm before the board.
-        view: of the board, in all of them.
-        held: how many there are of each in the set.
+    The frames are taken one after the other, with depth and without a hand or an arm before the board. ``held``: how
+    many there are of each in the set.
 
     Raises:
         ValueError: a frame has no depth, or is by another camera, or the board is not in the picture.

@@ -77,14 +77,10 @@ class Sightings:
 def sightings_of(
     frame: Frame, view: BoardView, expected: Mapping[Place, PieceSpec], beside: tuple[float, float]
 ) -> Sightings:
-    """All that stands or lies on the board, or up to so far beside it, along x and along y [m].
+    """All that stands or lies on the board, or up to so far beside it, along x and along y [m], in a frame with depth.
 
-    Args:
-        frame: by the camera of the view, with depth.
-        view: of the board.
-        expected: what should stand where; most of it does. The colours of both sides are learnt from it, and by how
-            much places by depth are off.
-        beside: as said.
+    Most of what is expected stands there: the colours of both sides are learnt from it, and by how much places by depth
+    are off.
 
     Raises:
         ValueError: the frame is by another camera, or the board is not in the picture.
@@ -150,12 +146,8 @@ def _axis_pixels(one: Sighting, view: BoardView, part: Surface) -> Whole:
 
 
 def clusters(points: Field, view: BoardView, beside: tuple[float, float]) -> list[Whole]:
-    """Indices of pixels, counted row by row, of each thing that rises from the table, on the board or so far beside it.
-
-    Args:
-        points: that pixels show, board frame (h, w, 3) [m].
-        view: of the board.
-        beside: along x and along y [m].
+    """Indices of pixels, counted row by row, of each thing that rises from the table, on the board or so far beside it
+    along x and along y [m]; pixels show points of the board frame (h, w, 3) [m].
     """
     half = 4.0 * view.table.square + np.array(beside)
     within = (np.abs(points[..., :2]) < half).all(axis=-1)  # false where depth is unknown

@@ -69,13 +69,9 @@ class Mishap:
 
 
 class ScriptedPerson(UserInterface):
-    """Plays a game as the seed decides, and remembers what was said.
+    """Plays White from a position on in the world of a run directory, as the seed decides, and remembers what was said.
 
-    Args:
-        run_dir: of the world.
-        seed: of the script.
-        board: where the game begins; the person plays White.
-        often: how likely each act is.
+    ``often``: how likely each act is.
 
     Attributes:
         typed: what they type.

@@ -39,14 +39,9 @@ class UnknownFigure(UserError):
 def make_figure(
     name: str, folder: Path, progress: Progress, move: str = MOVE, fen: str | None = None
 ) -> dict[str, JsonValue]:
-    """Compute a figure of ``FIGURES`` or ``move`` and write ``figure-NAME.png`` and ``figure-NAME.json``.
+    """Compute a figure of ``FIGURES`` or ``move`` and write ``figure-NAME.png`` and ``figure-NAME.json`` to a folder.
 
-    Args:
-        name: of the figure.
-        folder: for the files.
-        progress: told what is being computed.
-        move: drawn by figure ``move``, SAN or UCI.
-        fen: in which position; None: the usual start.
+    Figure ``move`` draws a move (SAN or UCI) in a position; ``fen`` None: the usual start.
 
     Returns:
         What the JSON file holds; ``holds`` says whether all bars do.

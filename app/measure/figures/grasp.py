@@ -141,11 +141,8 @@ class Run:
 
 
 def sliding(grasp: Grasp, mass: float) -> tuple[float, float]:
-    """Final and farthest displacement of the block in closed form [m]: an arm of one mass, no joint friction, no lag.
-
-    Args:
-        grasp: its gain, speed and block count.
-        mass: effective mass of the arm along z1 [kg].
+    """Final and farthest displacement of the block in closed form [m]: by gain, speed and block of a grasp, for an arm
+    of one effective mass along z1 [kg], no joint friction, no lag.
     """
     acceleration = grasp.block.holds * (1.0 / mass + grasp.tactile_gain)
     speed, offset = grasp.finger_speed, grasp.block.offset
@@ -180,12 +177,9 @@ def push(forces: Pair) -> Vector:
 class TactileLaw:
     """(23) with the tactile loop closed over the sensors of an attachment, as a law for a simulation.
 
-    Args:
-        model: the robot that the law thinks it controls.
-        reference: shape (16,), as ``pack_reference`` makes it.
-        settings: of the law.
-        warm: start each forward kinematics from the last one, as the loop does; else in closed form each time, so that
-            the torque is a smooth function of the state, to rounding.
+    ``model`` is the robot that the law thinks it controls, ``reference`` has the shape (16,) of ``pack_reference``.
+    Each forward kinematics starts from the last one, as in the loop; not ``warm``: in closed form each time, so that
+    the torque is a smooth function of the state, to rounding.
     """
 
     def __init__(

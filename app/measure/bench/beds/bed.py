@@ -37,18 +37,9 @@ _BOOT_TICKS: Final = 400
 
 
 class Bed:
-    """A test bed: a controller and its plant, up to where the arm holds.
-
-    Args:
-        plant: arm and what stands around it.
-        table: from which the limits of the protection follow, and by which motions are planned.
-        settings: by which motions are planned.
-        law: estimator and law; by default a new one.
-        listeners: called after every tick.
-
-    Attributes:
-        supervisor: states, protection, law.
-        listeners: called after every tick; may be added to.
+    """A test bed: a controller and its plant, up to where the arm holds. From the table follow the limits of the
+    protection; by it and the settings motions are planned. ``listeners`` are called after every tick, and may be added
+    to.
 
     Raises:
         RuntimeError: the arm does not get so far as to hold.
