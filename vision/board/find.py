@@ -148,7 +148,7 @@ def _find_near(colour: Picture, near: Array, doubts: list[str]) -> _Measured | N
 def _place(picture: Field, lattice: Lattice, doubts: list[str]) -> _Candidate | None:
     """The board of a lattice, if it has one."""
     places = lattice.places.astype(float)
-    grid = fit_grid(places, lattice.points, (picture.shape[1], picture.shape[0])).grid
+    grid = fit_grid(places, lattice.points, (picture.shape[1], picture.shape[0]))
     weights = channel_weights(picture, grid, lattice.bright, places)
     low, high = lattice.places.min(axis=0) - 9, lattice.places.max(axis=0) + 9
     look = look_into(picture, weights)
@@ -171,9 +171,10 @@ def _measure(colour: Picture, grid: Grid, candidate: _Candidate, doubts: list[st
     """Corners from a dark a1 on, in the picture of full size; None if they are too uncertain."""
     factor = working_scale(grid)
     picture = levels(_resize(colour, factor) if factor != 1.0 else colour)
-    look = look_into(_softened(picture), candidate.weights)
+    smooth = cv2.GaussianBlur(picture, (0, 0), 0.8)  # noise of single pixels and of the resizing taken off
+    look = look_into(np.asarray(smooth, dtype=np.float32), candidate.weights)
     fit = refine_grid(look, grid.scaled(factor, (picture.shape[1], picture.shape[0])), candidate.dark)
-    joint = None if fit is None else fit_jointly(look, fit.grid, candidate.dark)
+    joint = None if fit is None else fit_jointly(look, fit, candidate.dark)
     if fit is None or joint is None:
         doubts.append("too few crossings of its lines can be seen")
         return None
@@ -181,7 +182,7 @@ def _measure(colour: Picture, grid: Grid, candidate: _Candidate, doubts: list[st
     if found.error > MOST_ERROR:
         doubts.append(f"its corners are uncertain by {found.error:.2f} squares, at most {MOST_ERROR:.2f} are accepted")
         return None
-    window = judge(compare_sides(look, fit.grid, -candidate.dark, (-1, -1), (9, 9)), 1, 1)
+    window = judge(compare_sides(look, fit, -candidate.dark, (-1, -1), (9, 9)), 1, 1)
     if not _believed(window, doubts):
         return None
     return found if candidate.dark > 0 else replace(found, corners=np.roll(found.corners, -1, axis=0))
@@ -198,8 +199,3 @@ def _resize(colour: Picture, factor: float) -> Picture:
     size = (round(colour.shape[1] * factor), round(colour.shape[0] * factor))
     resized = cv2.resize(colour, size, interpolation=cv2.INTER_AREA if factor < 1.0 else cv2.INTER_CUBIC)
     return np.asarray(resized, dtype=np.uint8)
-
-
-def _softened(picture: Field) -> Field:
-    """Noise of single pixels and of the resizing taken off."""
-    return np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.8), dtype=np.float32)

@@ -48,7 +48,6 @@ class JointFit:
     """Corners of a board in a picture."""
 
     corners: Array  # in the order of ``CORNERS``, shape (4, 2) [px]
-    scatter: float  # of good measurements, one sigma [sides of a square]
     sigma: Array  # of each corner, by the covariance of the fit, shape (4,) [sides of a square]
     halves: Array
     """How far each corner moves when a quarter of the board is left out, jackknife deviation, shape (4,) [sides of a
@@ -166,7 +165,6 @@ def _solve(plane: Grid, rows: _Rows) -> JointFit:
     moved = np.einsum("cik,gk->gci", fields, without - solution)
     return JointFit(
         corners=plane.project(CORNERS + fields @ solution),
-        scatter=scatter,
         sigma=np.sqrt(np.einsum("cik,kl,cil->c", fields, covariance, fields)),
         halves=np.sqrt(0.75 * (moved**2).sum(axis=(0, 2))),
         sides=plane.sides(CORNERS),

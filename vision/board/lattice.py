@@ -164,7 +164,8 @@ def _grow(saddles: Saddles, tree: cKDTree, seed: tuple[int, int, int, int]) -> t
     # right-handed to the eye though v points down: columns to the right, rows upwards
     members = dict(zip(((0, 0), (1, 0), (1, 1), (0, 1)), seed, strict=True))
     homography = _fit(members, saddles)
-    sign = _parity(homography, members, saddles)
+    indices = list(members.values())
+    sign = 1 if _turns(homography, np.array(list(members), float), saddles.bright[indices]).sum() > 0.0 else -1
     for _ in range(3 * SPAN):
         grown = _extend(members, homography, sign, saddles, tree)
         if len(grown) < 4 or grown == members:
@@ -188,11 +189,6 @@ def _turns(homography: Array, places: Array, bright: Array) -> Array:
     heading = np.arctan2(diagonal[:, 1], diagonal[:, 0])
     parity = 1.0 - 2.0 * (places.sum(axis=1) % 2)
     return np.asarray(parity * np.cos(2.0 * (bright - heading)))
-
-
-def _parity(homography: Array, members: dict[tuple[int, int], int], saddles: Saddles) -> int:
-    places = np.array(list(members), dtype=float)
-    return 1 if _turns(homography, places, saddles.bright[list(members.values())]).sum() > 0.0 else -1
 
 
 def _extend(

@@ -97,9 +97,9 @@ def board_place(
     seen = BoardView.from_corners(pose.intrinsics, corners, table)
     if plane is None:
         base_from_board = pose.base_from_camera @ seen.camera_from_board
-        centre, x_axis = base_from_board[:3, 3], base_from_board[:3, 0]
+        (x, y, z), x_axis = base_from_board[:3, 3].tolist(), base_from_board[:3, 0]
         tilt = math.acos(min(1.0, abs(float(base_from_board[2, 2]))))
-        return BoardPlace(_triple(centre), math.atan2(-x_axis[1], x_axis[0]), tilt, False)
+        return BoardPlace((x, y, z), math.atan2(-x_axis[1], x_axis[0]), tilt, False)
     on_plane = _meet(pose, np.asarray(corners, dtype=float), plane, table)
     flat = playing_area(table)[:, :2]
     # the square's turn and centre that fit best: a rigid motion in the plane, seen from above
@@ -111,11 +111,6 @@ def board_place(
     x0, y0, _ = table.centre_in_base
     height = plane.height + plane.slope[0] * (x - x0) + plane.slope[1] * (y - y0)
     return BoardPlace((x, y, height), yaw, math.atan(math.hypot(*plane.slope)), True)
-
-
-def _triple(point: Array) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in point)
-    return x, y, z
 
 
 def _points_on_board(depth: Field, pose: CameraPose, table: TableSettings) -> Array:

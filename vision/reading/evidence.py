@@ -115,7 +115,8 @@ class Evidence:
         Shapes (n, 64, 3), (n, 64), (n, 64).
         """
         if self.measured is None:
-            differs = self._covered(np.where(codes != before, _taller(codes, before), 0)) > COVERED
+            taller = np.where(HIGH[np.abs(codes)] >= HIGH[np.abs(before)], codes, before)
+            differs = self._covered(np.where(codes != before, taller, 0)) > COVERED
             once = self.hidden(before)
         else:
             differs = np.broadcast_to(self._passed(self.measured), codes.shape)
@@ -160,11 +161,6 @@ class Evidence:
         """Share of each square's middle that pieces on the other squares cover: shape (..., 64)."""
         high, layers = HIGH[np.abs(codes)], np.broadcast_to(self.cover, (HIGH.max() + 1, 64, 64))
         return np.asarray(sum((high == k).astype(float) @ layer for k, layer in enumerate(layers)) - (high >= 0))
-
-
-def _taller(one: Codes, other: Codes) -> Codes:
-    """Of two pieces on each square, the higher one."""
-    return np.where(HIGH[np.abs(one)] >= HIGH[np.abs(other)], one, other)
 
 
 def codes_of(board: chess.BaseBoard) -> Codes:

@@ -210,8 +210,7 @@ def _usual(seen: Sequence[tuple[Sighting, Place]]) -> float:
     """By how much all looks higher than it does to most cameras [m]."""
     off = 0.0
     for _round in range(_ROUNDS):
-        kinds = [_likeliest(one, off) for one, _ in seen]
-        away = [one.height - TOPS[kind] for (one, _), kind in zip(seen, kinds, strict=True)]
+        away = [one.height - TOPS[_likeliest(one, off)] for one, _ in seen]
         off = float(np.clip(np.median(away), -_MOST_OFF, _MOST_OFF)) if away else 0.0
     return off
 
@@ -244,24 +243,19 @@ def _sorted_out(given: Sequence[RecognisedPiece], seen: Sightings, fit: Fit, vie
         elif one.place.on_board and off > _BETWEEN:
             between.add(one.place)
         pieces.setdefault(one.place, one)
-    standing = {one.at for one in given}
+    standing, squares = {one.at for one in given}, list(map(square_place, range(64)))
     for other in seen.all:
-        if (other.x, other.y) not in standing:
-            lying |= {_nearest(other, view), *(place for place in _touched(other, view) if place not in pieces)}
+        if (other.x, other.y) not in standing:  # of squares that it touches it may be the piece, or more than one
+            reach = other.reach + _BETWEEN * view.table.square
+            touched = (place for place in squares if math.dist((other.x, other.y), view.table.xy(place)) < reach)
+            lying |= {_nearest(other, view), *(place for place in touched if place not in pieces)}
     # without a piece nothing hides another one, and nobody knows what they look like
-    empty = [place for place in map(square_place, range(64)) if pieces and place not in pieces and place not in lying]
+    empty = [place for place in squares if pieces and place not in pieces and place not in lying]
     beside = [place for place in view.table.tray_places() if place not in pieces and place not in lying]
     return RecognisedSet(
         tuple(pieces.values()), frozenset(lying), frozenset(between), frozenset(hiding_places(empty, fit, view)),
         frozenset(_free(beside, fit, view)),
     )  # fmt: skip
-
-
-def _touched(one: Sighting, view: BoardView) -> Iterator[Place]:
-    """Squares of whose pieces what is seen there may be one, or more than one."""
-    for place in map(square_place, range(64)):
-        if math.dist((one.x, one.y), view.table.xy(place)) < one.reach + _BETWEEN * view.table.square:
-            yield place
 
 
 def _free(places: Sequence[Place], fit: Fit, view: BoardView) -> Iterator[Place]:

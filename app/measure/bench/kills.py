@@ -130,10 +130,6 @@ def _heard(seen: list[Telemetry], first: int, goes_on: Callable[[], bool]) -> It
         time.sleep(_GLANCE)
 
 
-def _before(deadline: float) -> Callable[[], bool]:
-    return lambda: time.monotonic() < deadline
-
-
 class _KilledGame:
     """One game with its victims; a context manager that leaves nothing running."""
 
@@ -265,8 +261,8 @@ class _KilledGame:
             return self._see_brakes(referee, before)
 
     def _see_rest(self, seen: list[Telemetry]) -> None:
-        killed = seen[-1]
-        for now in _heard(seen, len(seen), _before(time.monotonic() + TIMEOUT)):
+        killed, deadline = seen[-1], time.monotonic() + TIMEOUT
+        for now in _heard(seen, len(seen), lambda: time.monotonic() < deadline):
             self._figures["outside"].append(float(self._is_outside(now)))
             if now.state is State.HOLD and math.hypot(*now.velocity) < RESTING:
                 self._figures["app_rest"].append((now.tick - killed.tick) * self._tick)

@@ -198,7 +198,8 @@ def _note_stop(scene: HandScene, figures: HandFigures, follower: Follower, stopp
         # a hand that came when the motion was over, on a busy machine, counts for nothing and comes again
         figures.missed += crossed < until(scene.at_rest_since, "an arm at rest")
         return
-    before = [math.hypot(*one.velocity) for one in list(scene.telemetry) if _soon(scene, one.tick, crossed)]
+    tick, told = scene.parameters.drive.tick, list(scene.telemetry)
+    before = [math.hypot(*one.velocity) for one in told if 0.0 <= crossed - one.tick * tick < 0.5]
     figures.top_speed.append(max(before, default=0.0))
     touched = [when for when, force in list(follower.touches) if force > TOUCH]
     figures.touch_speed += [scene.tool_speed(when) for when in touched[:1]]
@@ -210,10 +211,6 @@ def _note_stop(scene: HandScene, figures: HandFigures, follower: Follower, stopp
         figures.force.append(force)
     else:
         figures.rest.append(max(0.0, rested - crossed))
-
-
-def _soon(scene: HandScene, tick: int, when: float) -> bool:
-    return 0.0 <= when - tick * scene.parameters.drive.tick < 0.5
 
 
 def _play(scene: HandScene, plies: int, rng: random.Random, figures: HandFigures, progress: Progress) -> None:
