@@ -153,13 +153,11 @@ class GameGuard:
         return self._guard is not None and self._guard.leaving
 
     def wait_for_sight(self) -> bool:
-        """Wait until no hand is over the board, which hides what stands there; admits no motion.
+        """Wait until no hand is over the board, which hides what stands there, as far as anybody sees; admits no
+        motion.
 
         Not for ever: what looks like a hand may be a board that was moved, and is to be found anew. A camera that gives
         no frames hinders nobody from asking it for one.
-
-        Returns:
-            Whether no hand is there, as far as anybody sees.
         """
         with suppress(Blind):
             return self._guard is None or self._guard.sight(SIGHT_PATIENCE)
@@ -224,10 +222,8 @@ class Guarding:
         self._history.take(telemetry)
 
     def open(self, rig: Rig) -> GameGuard | None:
-        """The guard of an open rig; it watches already where it is known where the board is.
-
-        Returns:
-            None where there is no camera.
+        """The guard of an open rig, None where there is no camera; it watches already if it is known where the board
+        is.
 
         Raises:
             RigFailed: it cannot be read.

@@ -195,12 +195,10 @@ class HandGuard:
             return self._gone_at
 
     def clear(self) -> Seen:
-        """Wait until no hand is over the board and the board is settled, then admit motions again.
+        """Wait until no hand is over the board and the board is settled, then admit motions again: what a frame shows
+        that was exposed after this call began.
 
         The turn's interlock: called before every motion over the board, at rest. Plant time runs meanwhile.
-
-        Returns:
-            What a frame shows that was exposed after this call began.
 
         Raises:
             Blind: there are no frames any more.

@@ -40,12 +40,10 @@ class Lattice:
 
 
 def fit_homography(places: Array, points: Array, weights: Array | None = None) -> Array:
-    """Homography with the least algebraic error, in coordinates of unit size (Hartley).
+    """Homography (3, 3) with the least algebraic error, in coordinates of unit size (Hartley); its last entry is 1
+    unless it vanishes.
 
     It takes places (n, 2), at least four and no three of four on one line, to points (n, 2), with weights (n,).
-
-    Returns:
-        Shape (3, 3), the last entry 1 unless it vanishes.
     """
     source, target = _to_unit(places), _to_unit(points)
     p, q = (each @ unit[:2, :2].T + unit[:2, 2] for each, unit in ((places, source), (points, target)))

@@ -98,14 +98,11 @@ def solve_pose(intrinsics: Intrinsics, points: Array, pixels: Array) -> CameraPo
 
 
 def depth_factor(pose: CameraPose, points: Array, measured: Array) -> tuple[float, float]:
-    """By what a camera's depth has to be multiplied, from depth measured at the marker.
+    """By what a camera's depth has to be multiplied, and how much single measurements scatter about it (standard
+    deviation, as a share); (1, 0) where depth was measured nowhere.
 
     The marker was at points of the base frame (n, 3) [m]; depth measured there, (n,) [m], is 0 or NaN where there is
     none.
-
-    Returns:
-        Factor, and how much single measurements scatter about it (standard deviation, as a share); (1, 0) where depth
-        was measured nowhere.
     """
     true = points @ pose.camera_from_base[2, :3] + pose.camera_from_base[2, 3]
     there = pose.used & np.isfinite(measured) & (measured > 0.0)

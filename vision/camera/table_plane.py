@@ -79,12 +79,9 @@ def find_plane(frame: Frame, pose: CameraPose, table: TableSettings, factor: flo
 def board_place(
     pose: CameraPose, table: TableSettings, corners: Array | None = None, plane: Plane | None = None
 ) -> BoardPlace | None:
-    """Place of the board from what is known of it: its outer corners a1, h1, h8, a8 in the picture, (4, 2) [px], and
-    its plane from depth.
+    """Place of the board by its outer corners a1, h1, h8, a8 in the picture, (4, 2) [px], and its plane from depth.
 
-    Returns:
-        With corners: all of it. With a plane alone: centre and turn as the settings have them, at the plane's height.
-        None with neither.
+    With a plane alone centre and turn are as the settings have them, at the plane's height. None with neither.
 
     Raises:
         BoardNotFound: the corners fit no board.

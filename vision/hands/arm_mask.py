@@ -99,10 +99,7 @@ def draw_mask(view: BoardView, capsules: Capsules, margin: float = 0.0, grow: in
 
 def clip(ends: Array, radii: Array) -> tuple[Array, Array, Indices]:
     """The parts of axes (n, 2, 3), camera frame [m], that are far enough before the camera for all of their capsule to
-    have a picture.
-
-    Returns:
-        Ends (m, 2, 3), radii (m,), and which of the capsules these are (m,).
+    have a picture: ends (m, 2, 3), radii (m,), and which of the capsules these are (m,).
     """
     limit = radii + NEAREST
     depth = ends[..., 2]

@@ -130,9 +130,7 @@ class Differences:
 
 
 def gain_between(now: Picture, before: Picture, where: Mask) -> float:
-    """By how much one picture is brighter than another as a whole, over the pixels that count: the median of the ratio,
-    1 where none can be told.
-    """
+    """By how much one picture is brighter than another over the pixels that count: the median ratio, 1 if unclear."""
     few = where[::_SPARSE, ::_SPARSE]
     a = now[::_SPARSE, ::_SPARSE, 1][few].astype(np.float32)
     b = before[::_SPARSE, ::_SPARSE, 1][few].astype(np.float32)

@@ -177,10 +177,8 @@ class VideoGate:
         self._told = False
 
     def update(self, colour: Picture, stamp: float) -> SettledView | None:
-        """Take a frame in, RGB (h, w, 3), all of one size, with a stamp later than those before [s].
-
-        Returns:
-            The frame if the board is settled from here on; None otherwise, and while it stays settled.
+        """Take a frame in, RGB (h, w, 3), all of one size, with a stamp later than those before [s]; give it back if
+        the board is settled from here on.
 
         Raises:
             ValueError: frames come in another order or size, or the corners are no board.

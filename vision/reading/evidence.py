@@ -77,9 +77,7 @@ class Evidence:
         return np.asarray(looks + np.where(as_before, kept[:, None], did[:, None]))
 
     def altered(self, before: Codes) -> tuple[int, ...]:
-        """Squares with a piece of the colour that was there, which look changed though nothing hides them: perhaps
-        another piece. The most changed first.
-        """
+        """Squares whose piece looks changed though nothing hides it: perhaps another of its side. Most changed first."""
         changed = (self.read(before) == states_of(before)) & (before != 0) & (self.changed > ALTERED)
         if self.measured is not None:
             changed &= ~self._passed(self.measured)
@@ -87,10 +85,8 @@ class Evidence:
         return tuple(int(square) for square in squares[np.argsort(-self.changed[squares], kind="stable")])
 
     def scores(self, codes: Codes, before: Codes) -> Array:
-        """How well positions (n, 64) explain the look after the last known one (64,), square by square.
-
-        Returns:
-            Shape (n, 64), natural logarithms, at most 0.
+        """How well positions (n, 64) explain the look after the last known one (64,), square by square: natural
+        logarithms (n, 64), at most 0.
         """
         looks, did, kept = self._terms(codes, before)
         return np.take_along_axis(looks, states_of(codes)[..., None], axis=2)[..., 0] + np.where(
@@ -99,10 +95,7 @@ class Evidence:
 
     def doubt(self, codes: Codes, before: Codes) -> Array:
         """By how much other states explain each square better than a position (64,) does, everything else being as it
-        says.
-
-        Returns:
-            Shape (64, 3), natural logarithms; minus infinity for the position's own states.
+        says: natural logarithms (64, 3), minus infinity for the position's own states.
         """
         states = states_of(codes)
         doubt: Array = self._each(codes, before) - self.scores(codes[None], before)[0][:, None]

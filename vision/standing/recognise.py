@@ -196,9 +196,7 @@ def _matched(
 
 
 def _rarity(look: Look, before: int) -> float:
-    """What it costs that so many pieces that look alike are on a board, and another one: there is a king of either
-    side, and hardly ever a promoted piece.
-    """
+    """What it costs that one more is on a board besides so many alike: kings are there, promoted pieces hardly ever."""
     kind = look[1]
     if kind is Kind.KING:
         return -_NO_KING

@@ -195,9 +195,7 @@ def _axis(points: Field, kind: Kind, x: float, y: float) -> tuple[float, float]:
 
 
 def _unbiased(found: list[Sighting], fit: Fit) -> list[Sighting]:
-    """Depth puts pieces some millimetres aside, more so far from the middle: by as much as those of known outline,
-    and those stand where that is.
-    """
+    """Depth puts pieces some millimetres aside, by as much as those of known outline; these stand where that is."""
     sure = fit.places[np.flatnonzero(fit.agreement() > _AGREES)]
     pairs = np.array([
         ((one.x, one.y), place)

@@ -63,12 +63,9 @@ def grip_bench(quick: bool, progress: Progress) -> BenchReport:
 
 
 def shake(number: int) -> float:
-    """Grasp a king, lift it, carry it at full speed to the middle, and shake it along each axis.
+    """How far a king slips, from rest to rest [m], that is lifted, carried at full speed and shaken along each axis.
 
     The number decides on which square, how far off and how turned the king stands.
-
-    Returns:
-        How far it has slipped in the fingers, from rest before to rest afterwards [m].
 
     Raises:
         RuntimeError: a motion did not end as it had to.
