@@ -34,7 +34,7 @@ class Appearance:
         self._shades = (_Normal(size), _Normal(size))
 
     def learn(self, descriptions: list[Array], states: States) -> None:
-        """Take in a position of known states (64,), by descriptions of one sight, (64, n) each: in place and shifted."""
+        """Take in a position of known states (64,) by descriptions of one sight, (64, n) each: in place and shifted."""
         for shade, of_shade in enumerate((~_LIGHT_SQUARES, _LIGHT_SQUARES)):
             self._shades[shade].fade()
             for one in descriptions:

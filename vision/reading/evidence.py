@@ -77,7 +77,7 @@ class Evidence:
         return np.asarray(looks + np.where(as_before, kept[:, None], did[:, None]))
 
     def altered(self, before: Codes) -> tuple[int, ...]:
-        """Squares whose piece looks changed though nothing hides it: perhaps another of its side. Most changed first."""
+        """Squares whose piece looks changed though nothing hides it: perhaps another of its side; the most first."""
         changed = (self.read(before) == states_of(before)) & (before != 0) & (self.changed > ALTERED)
         if self.measured is not None:
             changed &= ~self._passed(self.measured)
