@@ -68,7 +68,7 @@ def arm_capsules(parameters: RobotParameters, table: TableSettings, pose: ArmPos
     for start, end, radius in tool_parts:
         ends.append((start, end))
         radii.append(radius)
-    return Capsules.of(table.board_from_base(np.array(ends)), radii)
+    return Capsules(table.board_from_base(np.array(ends)), np.array(radii))
 
 
 def _flange(parameters: RobotParameters, tool: Array) -> list[tuple[Array, Array, float]]:

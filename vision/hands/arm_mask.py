@@ -13,7 +13,6 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike
 
 from vision.arrays import Array, Indices, Mask
 from vision.board.view import BoardView
@@ -50,11 +49,6 @@ class Capsules:
         for name, array in (("ends", ends), ("radii", radii)):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-
-    @classmethod
-    def of(cls, ends: ArrayLike, radii: ArrayLike) -> Capsules:
-        """From anything that NumPy takes for arrays; see the class."""
-        return cls(np.asarray(ends, dtype=float), np.asarray(radii, dtype=float))
 
     def grown(self, margin: float) -> Capsules:
         """The same with every radius larger [m]."""

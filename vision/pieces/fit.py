@@ -13,7 +13,7 @@ from hardware.table import PIECE_SHAPES, Colour, PieceSpec, Place
 from vision.arrays import Array, Field, Mask, Whole
 from vision.board.view import BoardView
 from vision.pieces.colours import MOST, colour_bins, evidence, looked_up, shares
-from vision.pieces.edges import Edges, along, edges_on_lines, line_samples, slopes
+from vision.pieces.edges import ACROSS, Edges, along, edges_on_lines, slopes
 from vision.pieces.outline import CONTOUR_POINTS, Shapes, Silhouettes, labels
 from vision.pieces.surface import GROUNDS, Surface, heights, surface
 
@@ -113,8 +113,6 @@ class Fit:
         """As the pieces are believed to stand now."""
         return self._shapes.at(self.places)
 
-    # ------------------------------------------------------------------------------------------------- colours
-
     def _learn(self, seen: Silhouettes, margin: int, inner: int) -> None:
         """Colours of the two sides and of the ground, from the outlines as they are believed to lie.
 
@@ -135,8 +133,6 @@ class Fit:
         light, dark = shares(bins[core & white]), shares(bins[core & ~white])
         tables = evidence(light, dark, grounds), evidence(dark, light, grounds)
         self.maps = looked_up(tables[0], ground, bins), looked_up(tables[1], ground, bins)
-
-    # -------------------------------------------------------------------------------------------------- search
 
     def _search(self, seen: Silhouettes, step: float, count: int) -> None:
         """Move each piece to the best of places in a grid around where it is believed to be."""
@@ -191,8 +187,6 @@ class Fit:
             found[mine] = maps[side].ravel().take(flat[mine])
         return found * counted
 
-    # -------------------------------------------------------------------------------------------------- refine
-
     def _refine(self, rounds: int) -> None:
         """Least squares over lines across the outlines."""
         smooth = [np.asarray(cv2.GaussianBlur(one, (0, 0), 0.6), dtype=np.float32) for one in self.maps]
@@ -204,17 +198,16 @@ class Fit:
 
     def _find_edges(self, seen: Silhouettes, smooth: list[Field]) -> Edges:
         """Where on a line across the outline evidence falls the most."""
-        reach = line_samples()
-        at = seen.contour[:, :, None].astype(np.float32) + reach[:, None] * seen.normal[:, :, None].astype(np.float32)
+        at = seen.contour[:, :, None].astype(np.float32) + ACROSS[:, None] * seen.normal[:, :, None].astype(np.float32)
         value = np.empty(at.shape[:3], dtype=np.float32)
         for side, mine in enumerate((self._white, ~self._white)):
-            lines = at[mine].reshape(-1, len(reach), 2)
+            lines = at[mine].reshape(-1, len(ACROSS), 2)
             if len(lines):
                 read = cv2.remap(smooth[side], lines, None, cv2.INTER_LINEAR)  # type: ignore[call-overload]
                 value[mine] = np.asarray(read).reshape(value[mine].shape)
         _, counted = self._flat(np.rint(at).astype(np.int32))
         value *= counted
-        return edges_on_lines(value, counted, reach)
+        return edges_on_lines(value, counted)
 
     def _step(self, seen: Silhouettes) -> None:
         """One weighted Gauss-Newton step of all pieces."""
@@ -232,8 +225,6 @@ class Fit:
         self.places = self.places + move / np.maximum(1.0, np.linalg.norm(move, axis=1, keepdims=True) / _LONGEST)
         variance = (weight * residual**2).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-3)
         self.spread = np.sqrt(0.5 * np.trace(np.linalg.inv(normal), axis1=1, axis2=2) * variance)
-
-    # ------------------------------------------------------------------------------------------------ judgement
 
     def support(self) -> Array:
         """Evidence over each silhouette, from -1, surely not the piece, to 1; 0 where nothing is in sight, (n,)."""

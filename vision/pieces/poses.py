@@ -41,7 +41,7 @@ class Pose:
 
 @lru_cache(maxsize=16)
 def _profile(kind: Kind) -> Array:
-    """Radius and height of the outline from the underside's rim to the axis, (n, 2) [m]; a rook's dips in the middle."""
+    """Radius and height of the outline from the underside's rim to the axis, (n, 2) [m]; a rook's dips there."""
     profile, shape = np.array(piece_profile(kind)), PIECE_SHAPES[kind]
     if kind is Kind.KNIGHT:
         head = _KNIGHT * shape.stem_radius

@@ -43,9 +43,7 @@ from hardware.sim.clients.wire import world_pid
 from hardware.table import TableSettings
 
 SEED: Final = 1
-KILLS: Final = 50
-"""Of each victim."""
-QUICK_KILLS: Final = 3
+KILLS: Final = {True: 3, False: 50}  # of each victim, by ``quick``
 VICTIMS: Final = ("app", "controller")
 EVERYTHING: Final = "everything"
 """Program, controller and world at once, as when a computer loses its power …"""
@@ -67,7 +65,7 @@ _GLANCE = 0.0005
 
 def kills_bench(quick: bool, progress: Progress) -> BenchReport:
     """Measure in pace fast; ``quick``: 3 kills of each and 1 of all, instead of 50 and 10; see ``measure_kills``."""
-    return measure_kills(QUICK_KILLS if quick else KILLS, "fast", progress)
+    return measure_kills(KILLS[quick], "fast", progress)
 
 
 def measure_kills(number: int, pace: str, progress: Progress) -> BenchReport:
@@ -97,10 +95,7 @@ def _rows(figures: Tally) -> dict[str, Row]:
     return {
         **{name: row(figures[name], "s", REST_LIMIT, "max") for name in ("app_rest", "controller_rest")},
         "jump": row(figures["jump"], "mm", JUMP_LIMIT, "max"),
-        "dropped": row(figures["dropped"], "", 0.0, "max"),
-        "outside": row(figures["outside"], "", 0.0, "max"),
-        "wrong": row(figures["wrong"], "", 0.0, "max"),
-        "misrecorded": row(figures["misrecorded"], "", 0.0, "max"),
+        **{name: row(figures[name], "", 0.0, "max") for name in ("dropped", "outside", "wrong", "misrecorded")},
         "resumed": row(figures["resumed"], "s"),
     }
 

@@ -117,15 +117,8 @@ class HandScene:
             moved = True
         return None
 
-    def rested(self, since: float) -> float | None:
-        """When the arm came to rest, if it has moved after a plant time and moves no more [s]; None: it still moves."""
-        return self._ended(since, (State.TRACK, State.STOPPING))
-
-    def left_off(self, since: float) -> float | None:
-        """When the arm left off its motion, by a stop or by giving way [s]; None: it follows it still."""
-        return self._ended(since, (State.TRACK,))
-
-    def _ended(self, since: float, states: tuple[State, ...]) -> float | None:
+    def ended(self, since: float, *states: State) -> float | None:
+        """When the arm left the last of some states that it has been in after a plant time [s]; None: it is in one."""
         tick = self.parameters.drive.tick
         told = [one for one in list(self.telemetry) if one.tick * tick >= since]
         within = [k for k, one in enumerate(told) if one.state in states]
