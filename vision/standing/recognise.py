@@ -26,9 +26,8 @@ from vision.board.view import BoardView
 from vision.pieces.fallen import around_board
 from vision.pieces.fit import TALL, Fit
 from vision.standing.hiding import hiding_places, pawns_at, pixels_of
-from vision.standing.kind_costs import TOPS, kind_cost
 from vision.standing.recognised_set import RecognisedPiece, RecognisedSet
-from vision.standing.sightings import Sighting, Sightings, rough_sightings, sightings_of, together
+from vision.standing.sightings import TOPS, Sighting, Sightings, kind_cost, rough_sightings, sightings_of, together
 
 _BETWEEN: Final = 0.42
 """What stands further from the middle of its square, along either axis, may be meant for the next one [its sides]."""
