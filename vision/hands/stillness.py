@@ -166,13 +166,10 @@ class VideoGate:
     """Gates a video, frame by frame, in which the outer corners a1, h1, h8, a8 are (4, 2) [px]. Not thread-safe.
 
     By default the watch has a shorter stable time than that of a game at a camera.
-
-    Attributes:
-        seen: what the last frame showed; None before the first one.
     """
 
     def __init__(self, corners: ArrayLike, settings: WatchSettings | None = None) -> None:
-        self.seen: Seen | None = None
+        self.seen: Seen | None = None  # what the last frame showed; None before the first one
         self._watch = ColourWatch(corners, settings or WatchSettings(stable_time=STABLE_TIME))
         self._told = False
 

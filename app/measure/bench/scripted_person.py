@@ -72,22 +72,16 @@ class ScriptedPerson(UserInterface):
     """Plays White from a position on in the world of a run directory, as the seed decides, and remembers what was said.
 
     ``often``: how likely each act is.
-
-    Attributes:
-        typed: what they type.
-        mishaps: what went otherwise than it should.
-        acts: what they did, and how often.
-        flawed: numbers of the acts after which something did, from 1; 0 is before the first.
     """
 
     def __init__(self, run_dir: Path, seed: int, board: chess.Board, often: Mapping[Act, float] = OFTEN) -> None:
         self._often = often
         self._run_dir, self._rng = run_dir, np.random.default_rng([seed, 11])
         self._board, self._table = board, TableSettings()
-        self.typed = TypedLines(None, company=lambda: True)
-        self.mishaps: list[Mishap] = []
-        self.acts = Counter[Act]()
-        self.flawed: set[int] = set()
+        self.typed = TypedLines(None, company=lambda: True)  # what they type
+        self.mishaps: list[Mishap] = []  # what went otherwise than it should
+        self.acts = Counter[Act]()  # what they did, and how often
+        self.flawed: set[int] = set()  # numbers of the acts after which something did, from 1; 0 is before the first
         self._said: list[str] = []
         self._prompted = ""
         self._moved: list[str] = []

@@ -166,20 +166,14 @@ def positions(seed: int) -> Iterator[chess.Board]:
 
 
 class Games:
-    """Plies of random games under the same circumstances, carried out until so many transfers are done.
-
-    Attributes:
-        done: in order; each world's follow each other.
-        failures: sentences about plies that were not carried out.
-        worlds: how many plies each world did.
-    """
+    """Plies of random games under the same circumstances, carried out until so many transfers are done."""
 
     def __init__(
         self, transfers_wanted: int, settings: MotionSettings, table: TableSettings, disorder: Disorder, seed: int
     ) -> None:
-        self.done: list[Done] = []
-        self.failures: list[str] = []
-        self.worlds: list[int] = []
+        self.done: list[Done] = []  # in order; each world's follow each other
+        self.failures: list[str] = []  # sentences about plies that were not carried out
+        self.worlds: list[int] = []  # how many plies each world did
         rng, made = random.Random(seed), 0
         for number, board in enumerate(positions(seed)):
             if made >= transfers_wanted:
