@@ -34,8 +34,7 @@ with lines drawn between the squares."""
 NEAR_SIDE: Final = 32.0  # side of a square in the picture that is searched for a board near a known place [px]
 NEAR_MARGIN: Final = 2.0  # how far around the known place is searched [sides of a square]
 MOST_SADDLES: Final = 500  # of one picture; a board has 49
-LEAST_CROSSINGS, ENOUGH_CROSSINGS = 10, 30
-"""A lattice below the first is chance; beyond the second no other is looked for."""
+LEAST_CROSSINGS, ENOUGH_CROSSINGS = 10, 30  # a lattice below the first is chance; beyond the second no other is sought
 MOST_SEEDS: Final = 150  # beginnings of lattices that are tried in a picture
 MOST_LATTICES: Final = 4  # how many are judged in a picture, the largest first
 SURE_ERROR: Final = 0.15  # corners that are less certain than this are given with a doubt [sides of a square]
@@ -46,13 +45,10 @@ MOST_ERROR: Final = 0.3  # and those less certain than this not at all [sides of
 class FoundBoard:
     """A board in a picture."""
 
-    corners: Array
-    """Outer corners of the playing area a1, h1, h8, a8, counter-clockwise seen from above, shape (4, 2) [px]."""
+    corners: Array  # of the playing area, outer: a1, h1, h8, a8, counter-clockwise seen from above, (4, 2) [px]
     oriented: bool  # False where a1 may be the opposite corner: all that is known then is that a1 is dark
-    error: float
-    """The worst error of a corner that is to be expected, exceeded by one board in twenty [sides of a square]."""
-    doubt: str | None = None
-    """What is wrong and what to do about it, a sentence, where ``error`` is above ``SURE_ERROR``; else None."""
+    error: float  # of the worst corner, to be expected; exceeded by one board in twenty [sides of a square]
+    doubt: str | None = None  # what is wrong and what to do, a sentence, where ``error`` is above ``SURE_ERROR``
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,8 +17,7 @@ from vision.arrays import Array
 from vision.board.lattice import fit_homography, project, steps
 
 LEVEL: Final = 4.0  # how early the bending levels off [1/half diagonal²]
-PRIOR_BENDING: Final = 0.05
-"""What k is about, where the crossings do not tell: cameras without fisheye lenses stay below 0.1."""
+PRIOR_BENDING: Final = 0.05  # what k is about if crossings do not tell: cameras without fisheye lenses stay below 0.1
 CORNERS: Final = np.array([[0.0, 0.0], [8.0, 0.0], [8.0, 8.0], [0.0, 8.0]])
 """Places of the outer corners a1, h1, h8, a8, shape (4, 2)."""
 

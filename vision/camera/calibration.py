@@ -24,8 +24,7 @@ least a third of it in the third [m]."""
 ROBUST: Final = 0.5  # pictures that are further than this from where they should be count less [px]
 OUTLIER: Final = 5.0  # and not at all beyond so many of the usual error …
 LEAST_OUTLIER: Final = 1.0  # … if that is more than this [px]
-LEAST_NOISE: Final = 0.05
-"""No picture of a marker is more exact than this, whatever the residuals of few points say [px]."""
+LEAST_NOISE: Final = 0.05  # no picture of a marker is more exact, whatever the residuals of few points say [px]
 
 
 class CalibrationFailed(Exception):

@@ -25,8 +25,7 @@ OFF_COLOUR: Final = 13.0  # a colour so far off the background's line is another
 NOISE: Final = 4.0  # least standard deviation of a pixel's noise that is reckoned with [grey levels]
 MOVES: Final = 3.5  # a pixel moves where it differs by so many standard deviations of noise
 REACH: Final = 0.15  # what differs, touches the rim, and covers at least so much of the board reaches in [squares] …
-BODY: Final = 0.5
-"""… if it is so large outside of the board: pieces near the edge that lean out of it are smaller [squares];"""
+BODY: Final = 0.5  # … if so much is outside of the board: pieces near the edge lean out of it by less [squares];
 LONE: Final = 1.2  # or if it covers so much of the board, whatever is seen of it outside [squares]
 LARGE: Final = 5.0  # whatever differs and is at least so large is no piece, nor a few of them [squares]
 _SPARSE: Final = 5  # statistics over all of a picture are taken of each so manieth pixel along both axes

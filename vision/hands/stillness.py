@@ -27,8 +27,7 @@ from vision.hands.watched_zone import Space, Zone, shrink
 _T = TypeVar("_T", bound=np.generic)
 
 _NOBODY: Final = frozenset[int]()
-_DARK: Final = 12.0
-"""A board whose lightest parts are darker than this is not seen: a camera that starts, a lamp that is out."""
+_DARK: Final = 12.0  # a board whose lightest parts are darker is not seen: a camera that starts, a lamp that is out
 STABLE_TIME = 0.1  # players of a quick game leave the board alone for hardly longer between two moves [s]
 
 

@@ -17,8 +17,7 @@ from vision.pieces.edges import ACROSS, Edges, along, edges_on_lines, slopes
 from vision.pieces.outline import CONTOUR_POINTS, Shapes, Silhouettes, labels
 from vision.pieces.surface import GROUNDS, Surface, heights, surface
 
-SEARCH: Final = 0.010
-"""A piece is looked for so far around its square's centre, and found further away only by the last bit [m]."""
+SEARCH: Final = 0.010  # so far around its square's centre a piece is looked for; only least squares go further [m]
 _GRIDS: Final = ((0.0025, 4), (0.001, 2))  # searches: step between places tried [m], and how many on either side
 _RING: Final = 2.5  # outside an outline by so much there should be no piece [px]
 _CONTRAST: Final = 12.0  # difference of brightness over a pixel at which an edge is clear [levels of 255]
@@ -29,8 +28,7 @@ _ROUNDS: Final = (3, 3)  # of least squares, before and after colours are learnt
 _ROBUST: Final = 1.2  # edges further than this from where the fitted outline has them count less [px]
 _LONGEST: Final = 0.004  # move of one round [m]
 _FIRM: Final = 1e3  # keeps a piece with no edges where it is [px²/m²]
-TALL, FLAT = 0.012, 0.004
-"""What is higher above the board than the first is no board; what is lower than the second may be [m]."""
+TALL, FLAT = 0.012, 0.004  # what is higher than the first is no board; what is lower than the second may be [m]
 LEAST_SUPPORT: Final = 0.15
 LEAST_AGREEMENT: Final = 0.45
 """A piece that stands where it was found has more than both (measured: at least 0.31 and 0.55; where none stands, at

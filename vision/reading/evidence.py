@@ -22,12 +22,10 @@ Codes = NDArray[np.int8]  # pieces by square: 0 empty, 1 to 6 white pawn to king
 NUDGE: Final = -4.0
 """Nothing that looks changed counts for more than this against the same piece, or none, still being there: people brush
 past pieces, and shadows wander."""
-HARD_TO_SEE: Final = -2.0
-"""Nothing that looks unchanged behind another piece counts for more than this against a change."""
+HARD_TO_SEE: Final = -2.0  # no look that is unchanged behind another piece counts for more against a change
 BESIDE_DEPTH: Final = 0.5
 """What looks count for where depth tells a state: they see what lies behind a piece as well, and depth does not."""
-ALTERED: Final = 4.0
-"""Where the odds of a change are higher than this, another piece may stand there, if nothing else shows it [nat]."""
+ALTERED: Final = 4.0  # above such odds of a change another piece may stand there, if nothing else shows it [nat]
 PASSED: Final = 0.05
 """Where more than this has come to be hidden by measurement, or is hidden no more, a change of looks says nothing."""
 MOSTLY: Final = 0.4  # a square of whose middle more than this is hidden looks like what hides it
@@ -56,8 +54,7 @@ class Evidence:
     cover: Array
     """Share of the squares (columns) that a piece on a square (rows) covers, shape (64, 64); or one of these for each
     of the heights of ``HIGH``, (3, 64, 64)."""
-    solid: Array | None = None
-    """The same as ``states``, by depth; no piece hides another there. None: the camera has no depth."""
+    solid: Array | None = None  # as ``states``, by depth: no piece hides another; None: the camera has none
     measured: Cover | None = None  # what hides squares, by depth, in place of ``cover``
 
     def read(self, before: Codes) -> Indices:

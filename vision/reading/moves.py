@@ -21,8 +21,7 @@ from vision.reading.evidence import Codes, Evidence, codes_of
 from vision.reading.outcome import ReadingOutcome
 
 Line = tuple[chess.Move, ...]
-MARGIN: Final = 6.0
-"""By which a move must be better explained than any other legal move: e⁶ ≈ 400 times as likely [nat]."""
+MARGIN: Final = 6.0  # by which a move must be better explained than any other legal one: e⁶ ≈ 400 times as likely [nat]
 ELSEWHERE: Final = 4.0
 """By which a square that the move leaves alone must be explained better than by anything else standing there: e⁴ ≈ 50
 times. A move read rightly while a piece is gone elsewhere is no wrong move, and the next look shows that [nat]."""

@@ -41,8 +41,7 @@ _ALONE: Final = 0.05  # of what colours say, where lightness says nothing
 _BY_OUTLINE: Final = 40.0
 """What a piece costs less the more of its outline agrees with the picture (measured over 540 pieces: 0.03 to 0.12 more
 agrees with the right kind than with the one next to it, with a standard deviation of 0.06)."""
-_BY_INSIDE: Final = 5.0
-"""… and the more what is within looks like its side: by 1 or more with the right one than with the other."""
+_BY_INSIDE: Final = 5.0  # … and the more what is within looks like its side: by 1 or more with the right one
 _HARDLY: Final = 0.6  # a piece of whose outline less is in sight may be another one than it looks
 _SEEN_THROUGH: Final = 0.5  # of a pawn's silhouette so much shows what is behind: no pawn is there
 _IMPOSSIBLE: Final = 1e6

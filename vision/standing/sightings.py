@@ -31,8 +31,7 @@ _WIDEST: Final = 0.013
 _STRAY: Final = 0.92  # of a cluster's points so many are within that, and below its top: single points fly
 _HEAD: Final = 0.008  # points so far below the top are above a piece's axis, about [m]
 _CROWN: Final = 0.004  # points so far below the top say how broad that is [m]
-_GRIDS: Final = ((0.002, 3), (0.0007, 2))
-"""Searches of the axis: step between places tried [m], and how many on either side."""
+_GRIDS: Final = ((0.002, 3), (0.0007, 2))  # searches of the axis: step between places [m], how many on either side
 _OFF: Final = 0.0015  # standard deviation of a point from the surface that it is on [m]
 _MOST: Final = 9.0  # a single point speaks against a place by no more than this; squared standard deviations
 _POINTS: Final = 400  # of a piece are enough
@@ -41,8 +40,7 @@ _SAME: Final = 0.009  # an outline and a sighting, or two sightings, no further 
 _OUTLINED: Final = 0.005  # … and, without depth's bias, no further [m]
 _STRAYS: Final = 0.005  # an outline that is so much further from a sighting than the others is something else's [m]
 _FEW: Final = 8
-_SPREAD_OUT: Final = 0.15
-"""With fewer pieces, or those nearer together [m], depth's bias is taken to be the same everywhere."""
+_SPREAD_OUT: Final = 0.15  # with fewer pieces, or those nearer together [m], depth's bias is the same everywhere
 _ALONG: Final = np.linspace(0.35, 0.9, 12)  # where lightness is looked at, in heights
 _LEAST_ALONG: Final = 12  # fewer pixels of an axis tell nothing [px]
 _HIDES: Final = 0.015  # what is so much nearer than a piece would be hides it [m]
@@ -84,8 +82,7 @@ class Sighting:
     breadth: float = math.nan
     """Of its top, the narrower way: standard deviation of the points up to 4 mm below the highest [m]."""
     reach: float = 0.0  # nearly all of it is no further from its axis [m]
-    lightness: float = math.nan
-    """CIELAB's, from 0 to 255, the median along its axis; NaN where too little of that is in sight."""
+    lightness: float = math.nan  # CIELAB's, 0 to 255, median along its axis; NaN where too little of that is seen
 
 
 @dataclass(frozen=True, slots=True)

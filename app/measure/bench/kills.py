@@ -49,11 +49,9 @@ EVERYTHING: Final = "everything"
 """Program, controller and world at once, as when a computer loses its power …"""
 ONE_OF: Final = 5  # … once for so many kills of the program alone, at least once
 PLIES: Final = 8  # of one game, the last of them in peace; as many games as the kills need
-LATEST: Final = 1.6
-"""A victim is killed at a random moment within so much of the arm's motion since it was started [s, plant]."""
+LATEST: Final = 1.6  # a victim is killed within so much of the arm's motion since it was started, at random [s, plant]
 REST_LIMIT: Final = 0.3  # from the kill until the arm rests [s, plant]
-JUMP_LIMIT: Final = 1.0
-"""How far the tool may move while a new controller takes the arm over, sagging from the brakes included [mm]."""
+JUMP_LIMIT: Final = 1.0  # of the tool while a new controller takes the arm over, sagging from the brakes included [mm]
 JOINTS_RESTING: Final = 0.02  # an arm whose joints are all slower than this rests [rad/s]
 BRAKED_AFTER: Final = 200
 """So long after the controller's death an arm that rests does so on its brakes [ticks]; the watchdog waits for 50."""

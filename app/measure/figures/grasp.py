@@ -47,16 +47,14 @@ ASIDE: Final = (70.0, 20.0)
 surface or lifts it [rad/s]."""
 START: Final = 0.020  # where each finger starts, from the tool's centre [m]
 SETTLING: Final = 0.75  # time after the second contact in which everything comes to rest [s]
-Z4, SPEED, RIGHT, LEFT = 0, 1, 2, 3
-"""Places of z4 [m], ż4 [m/s] and both sensors' outputs [N] among the attachment's states."""
+Z4, SPEED, RIGHT, LEFT = 0, 1, 2, 3  # places of z4 [m], ż4 [m/s], both sensors' outputs [N] in the attachment's states
 STATES: Final = 4
 PLACE, PACE, BRISTLE = STATES, STATES + 1, STATES + 2
 """Places of the block's middle [m] and speed [m/s] along z1 and the bristle's deflection [m] among the states."""
 PRESLIDING: Final = 5e-6  # deflection of the bristle at which it slips [m]
 PAD_STIFFNESS: Final = 2e4  # of pad and sensor in series, assumed [N/m]
 PAD_DAMPING: Final = 40.0  # of the same; the block does not rebound, assumed [N s/m]
-SHAFT_SPEED: Final = 0.002
-"""The sign of the shafts' Coulomb friction is smoothed over this; the law's compensation is softer [rad/s]."""
+SHAFT_SPEED: Final = 0.002  # smooths the sign of the shafts' Coulomb friction; the law's compensation is softer [rad/s]
 SUBSTEPS: Final = 8  # steps of the integrator in a tick
 
 
@@ -65,8 +63,7 @@ class Block:
     """A wooden Jenga block, standing on a long narrow side: 15 mm between the fingers, 25 mm high."""
 
     mass: float = 0.015  # [kg]
-    half_size: tuple[float, float, float] = (0.0075, 0.0375, 0.0125)
-    """Across the fingers' pads (z1), along it, and up [m]."""
+    half_size: tuple[float, float, float] = (0.0075, 0.0375, 0.0125)  # across the fingers' pads (z1), along, and up [m]
     friction: float = 0.4  # Coulomb coefficient on the surface, at rest as in motion; wood on wood
     offset: float = 0.010  # of its middle from the gripper's, along z1 [m]
 

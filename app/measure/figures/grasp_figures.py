@@ -45,8 +45,7 @@ _PAD = (0.003, 0.006)  # thickness and half height of a pad as drawn [m]
 _ROWS = slice(40, 440)  # of a rendered picture: block and pads
 
 
-Grasps = dict[str, tuple[Run, Run]]
-"""The grasp of the paper without and with feedback, by the model: ``dae`` and ``mujoco``."""
+Grasps = dict[str, tuple[Run, Run]]  # the paper's grasp without and with feedback, by model: ``dae``, ``mujoco``
 
 
 def both_grasps(progress: Progress) -> Grasps:

@@ -25,8 +25,7 @@ from vision.board.orientation import orient
 from vision.board.view import BoardNotFound
 from vision.hands.stillness import VideoGate
 
-LOOKED_THROUGH: Final = 200
-"""Frames at the beginning of a video in which the board is looked for: hands may be over it at first."""
+LOOKED_THROUGH: Final = 200  # first frames of a video in which the board is looked for: hands may be over it at first
 _PLY: Final = re.compile(r"ply-(\d+)")
 EVERY: Final = 5
 """One in so many of them is tried."""

@@ -23,8 +23,7 @@ from vision.reading.observer import Observation, Observer
 from vision.reading.outcome import ReadingOutcome
 from vision.reading.rectified_view import sight_of_picture
 
-PLIES: Final = 2
-"""A settled view may be a move and its answer away from the one before: the other player answered at once."""
+PLIES: Final = 2  # a settled view may be two plies after the one before: the other player answered at once
 
 Line = tuple[chess.Move, ...]
 CornerSource = Callable[[Picture], Array]

@@ -51,8 +51,7 @@ LOOKS: Final = Randomisation(
 """What differs from world to world; the camera's mount by what a calibration leaves."""
 INTERVAL: Final = 1.0 / 30.0  # from frame to frame [s]
 TIMEOUT: Final = 240.0  # for anything that is waited for [s, wall]
-_EVERY: Final = 0.006
-"""Plant time between two questions to the referee [s]: each takes the world as long as several ticks."""
+_EVERY: Final = 0.006  # plant time between questions to the referee [s]: each takes the world as long as several ticks
 _GLANCE: Final = 0.001  # how often it is seen whether so much has passed [s, wall]
 _T = TypeVar("_T")
 
