@@ -15,12 +15,10 @@ from app.measure.figures.game import figure_9
 from app.measure.figures.grasp_figures import figure_6, figure_7
 from app.measure.figures.move import MOVE, move_figure
 from app.measure.figures.newton import newton
-from app.measure.figures.result import Bar, FigureResult, FolderUnusable, Progress, save
+from app.measure.figures.result import FigureResult, Progress, save
 from app.measure.figures.separation import separation
 from app.measure.figures.touch import touch
 from app.measure.figures.workspace import workspace
-
-__all__ = ["FIGURES", "Bar", "FigureResult", "FolderUnusable", "UnknownFigure", "make_figure"]
 
 FIGURES: Mapping[str, Callable[[Progress], FigureResult]] = MappingProxyType({
     "5": figure_5, "6": figure_6, "7": figure_7, "9": figure_9, "newton": newton, "encoder": encoder, "touch": touch,

@@ -25,8 +25,9 @@ from app.pieces.manipulation import transfers
 from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Triple
-from hardware.parameters import RobotParameters, load_parameters
+from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.process.randomisation import weighed
 from hardware.table import PieceSpec, TableSettings
 
 PLIES_A_WORLD: Final = 6
@@ -67,7 +68,7 @@ class GameBed(Bed):
         self.board = board
         self.inventory = Inventory.of(start_layout(board, table), table)
         standing = stand_off(tuple(self.inventory), table, disorder, rng)
-        law = TaskSpaceController(DeltaModel(believed(load_parameters(), disorder, rng)))
+        law = TaskSpaceController(DeltaModel(weighed(disorder.mass_error, load_parameters(), rng)))
         super().__init__(plant_of(standing, table, settings, looks=True), table, settings, law)
         self.moved: set[str] = set()
         self._torques: list[Triple] = []
@@ -140,16 +141,6 @@ def stand_off(
         dx, dy = rng.uniform(-1.0, 1.0, 2) * disorder.offset
         standing.append(StandingPiece(spec, x + float(dx), y + float(dy), float(rng.uniform(-np.pi, np.pi))))
     return tuple(standing)
-
-
-def believed(parameters: RobotParameters, disorder: Disorder, rng: np.random.Generator) -> RobotParameters:
-    """Parameters with every mass wrong by its own share."""
-    inertia = parameters.inertia
-    masses = ("proximal_mass", "distal_pair_mass", "flange_mass", "gripper_body_mass", "finger_mass")
-    wrong = {
-        name: getattr(inertia, name) * float(1.0 + disorder.mass_error * rng.uniform(-1.0, 1.0)) for name in masses
-    }
-    return parameters.model_copy(update={"inertia": inertia.model_copy(update=wrong)})
 
 
 def positions(seed: int) -> Iterator[chess.Board]:
