@@ -225,7 +225,9 @@ class _Senses:
         moving = self._moves(colours, relief)
         # a hand over a tray, where it ends what it has to do, leaves the board as it is
         over_board = area > 0.0 if relief is None else relief.before
-        free = not (over_board or (small is not None and self._dark(small)))
+        free = not over_board and (
+            small is None or float(np.percentile(small[::4, ::4][self._zone.board[::4, ::4]], 90)) >= _DARK
+        )
         # a frame that differs in nothing from the one before shows what that one showed: it has been so since then
         since = before if self._track.free else stamp
         self._judge_rest(free and not moving, since, nobody=not (area > 0.0 or self._track.hand))
@@ -252,9 +254,6 @@ class _Senses:
         """Each ``step``-th pixel along both axes, as many as the small picture has."""
         step, (height, width) = self._zone.step, self._zone.board.shape
         return pixels[: step * height : step, : step * width : step]
-
-    def _dark(self, small: Picture) -> bool:
-        return float(np.percentile(small[::4, ::4][self._zone.board[::4, ::4]], 90)) < _DARK
 
     def _judge_hand(self, shown: bool) -> None:
         track = self._track

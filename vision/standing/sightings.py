@@ -269,9 +269,6 @@ def kind_cost(kind: Kind, one: Sighting, top: float) -> float:
     """
     spread = SPREADS[kind]
     off = min(abs(one.height - top) / spread, _FLUKE)
-    return 0.5 * off**2 + _by_breadth(kind, one) + math.log(spread / SPREADS[Kind.ROOK])
-
-
-def _by_breadth(kind: Kind, one: Sighting) -> float:
-    off = abs(one.breadth - _BREADTHS[kind]) / _BREADTH_SPREAD
-    return 0.0 if math.isnan(off) else 0.5 * min(off, _BREADTH_FLUKE) ** 2
+    broad = abs(one.breadth - _BREADTHS[kind]) / _BREADTH_SPREAD
+    by_breadth = 0.0 if math.isnan(broad) else 0.5 * min(broad, _BREADTH_FLUKE) ** 2
+    return 0.5 * off**2 + by_breadth + math.log(spread / SPREADS[Kind.ROOK])

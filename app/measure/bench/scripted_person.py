@@ -78,6 +78,7 @@ class ScriptedPerson(UserInterface):
         self._often = often
         self._run_dir, self._rng = run_dir, np.random.default_rng([seed, 11])
         self._board, self._table = board, TableSettings()
+        self._specs = {piece.name: piece for piece in start_layout(chess.Board(), self._table)}
         self.typed = TypedLines(None, company=lambda: True)  # what they type
         self.mishaps: list[Mishap] = []  # what went otherwise than it should
         self.acts = Counter[Act]()  # what they did, and how often
@@ -295,17 +296,15 @@ class ScriptedPerson(UserInterface):
         """What stands where, as a person sees it."""
         spots = {place: self._table.xy(place)
                  for place in (*map(square_place, range(64)), *self._table.tray_places())}  # fmt: skip
-        specs = {piece.name: piece for piece in start_layout(chess.Board(), self._table)}
-        found = [replace(specs[pose.name], place=_nearest((pose.x, pose.y), spots)) for pose in self._poses()]
+        found = [replace(self._specs[pose.name], place=_nearest((pose.x, pose.y), spots)) for pose in self._poses()]
         return Inventory.of(found, self._table)
 
     def _amiss(self) -> str | None:
         """What does not stand on the board as the game has it."""
-        specs = {piece.name: piece for piece in start_layout(chess.Board(), self._table)}
         left = {square: (KINDS[piece.piece_type], piece.color) for square, piece in self._board.piece_map().items()}
         half = 4.0 * self._table.square
         for pose in self._poses():
-            spec = specs[pose.name]
+            spec = self._specs[pose.name]
             if max(abs(pose.x), abs(pose.y)) > half:
                 continue
             square = chess.square(int((pose.x + half) / self._table.square), int((pose.y + half) / self._table.square))
