@@ -42,15 +42,10 @@ class GameGuard:
     """
 
     def __init__(
-        self,
-        frames: Callable[[], GuardFrames],
-        holder: Holder,
-        arm: tuple[RobotParameters, TableSettings, ArmHistory],
-        progress: Callable[[str], None] | None = None,
-        patience: float = 15.0,
-        seen_from: Callable[[BoardView], BoardView] = lambda view: view,
-        interval: float = 1.0 / 30.0,
-    ) -> None:
+        self, frames: Callable[[], GuardFrames], holder: Holder, arm: tuple[RobotParameters, TableSettings, ArmHistory],
+        progress: Callable[[str], None] | None = None, patience: float = 15.0,
+        seen_from: Callable[[BoardView], BoardView] = lambda view: view, interval: float = 1.0 / 30.0,
+    ) -> None:  # fmt: skip
         self._patience, self._seen_from, self._interval = patience, seen_from, interval
         self._frames, self._holder, self._arm, self._progress = frames, holder, arm, progress
         self._guard: HandGuard | None = None
@@ -205,14 +200,9 @@ class Guarding:
     """
 
     def __init__(
-        self,
-        parameters: RobotParameters,
-        table: TableSettings,
-        view: Callable[[Intrinsics], BoardView | None],
-        depth_factor: float,
-        interval: float,
-        progress: Callable[[str], None],
-    ) -> None:
+        self, parameters: RobotParameters, table: TableSettings, view: Callable[[Intrinsics], BoardView | None],
+        depth_factor: float, interval: float, progress: Callable[[str], None],
+    ) -> None:  # fmt: skip
         self._parameters, self._table, self._view, self._factor = parameters, table, view, depth_factor
         self._interval, self._progress = interval, progress
         self._history = ArmHistory(parameters.drive.tick)

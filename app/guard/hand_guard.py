@@ -94,18 +94,10 @@ class HandGuard:
     """
 
     def __init__(
-        self,
-        frames: GuardFrames,
-        view: BoardView,
-        masks: ArmMasks,
-        holder: Holder,
-        watch: Watch | None = None,
-        separation: Separation | None = None,
-        progress: Callable[[str], None] | None = None,
-        listener: Listener | None = None,
-        *,
-        holding: bool = False,
-    ) -> None:
+        self, frames: GuardFrames, view: BoardView, masks: ArmMasks, holder: Holder, watch: Watch | None = None,
+        separation: Separation | None = None, progress: Callable[[str], None] | None = None,
+        listener: Listener | None = None, *, holding: bool = False,
+    ) -> None:  # fmt: skip
         self.stops: list[GuardStop] = []  # each time the arm was asked to hold
         self._frames, self._view, self._masks, self._holder = frames, view, masks, holder
         self._watch, self._separation = watch or Watch(), separation

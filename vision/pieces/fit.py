@@ -57,14 +57,9 @@ class Fit:
     """
 
     def __init__(
-        self,
-        frame: Frame,
-        view: BoardView,
-        expected: Mapping[Place, PieceSpec],
-        *,
-        use_depth: bool,
+        self, frame: Frame, view: BoardView, expected: Mapping[Place, PieceSpec], *, use_depth: bool,
         around: tuple[float, float] = (0.0, 0.0),
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.part: Surface = surface(view, around)
         self.stands = list(expected)
         pieces = list(expected.values())

@@ -64,13 +64,9 @@ class Examination:
 
 
 def examine_board(
-    frame: Frame,
-    view: BoardView,
-    expected: Mapping[int, PieceSpec],
-    before: Mapping[int, float] = MappingProxyType({}),
-    *,
-    tolerance: float = TOLERANCE,
-) -> Examination:
+    frame: Frame, view: BoardView, expected: Mapping[int, PieceSpec],
+    before: Mapping[int, float] = MappingProxyType({}), *, tolerance: float = TOLERANCE,
+) -> Examination:  # fmt: skip
     """Compare the board, without a hand or an arm over it, with what should stand on its squares.
 
     ``before``: likeness of pieces that have stood there in a look before, by this view and without a fault;

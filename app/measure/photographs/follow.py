@@ -203,12 +203,9 @@ class _FollowedGame:
 
 
 def follow(
-    pictures: Iterable[Picture],
-    labels: Labels | None,
-    corners: CornerSource,
-    progress: Callable[[str], None],
+    pictures: Iterable[Picture], labels: Labels | None, corners: CornerSource, progress: Callable[[str], None],
     start: chess.Board,
-) -> VisionReport:
+) -> VisionReport:  # fmt: skip
     """Follow a game in settled views from the position ``start``.
 
     The first picture is taken to show that; it is how the set is learnt. A wrong

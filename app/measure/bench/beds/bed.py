@@ -46,13 +46,9 @@ class Bed:
     """
 
     def __init__(
-        self,
-        plant: Plant,
-        table: TableSettings,
-        settings: MotionSettings | None = None,
-        law: TaskSpaceController | None = None,
-        listeners: Sequence[Callable[[Supervisor], None]] = (),
-    ) -> None:
+        self, plant: Plant, table: TableSettings, settings: MotionSettings | None = None,
+        law: TaskSpaceController | None = None, listeners: Sequence[Callable[[Supervisor], None]] = (),
+    ) -> None:  # fmt: skip
         self.plant, self.table, self.settings = plant, table, settings or MotionSettings()
         self.parameters = plant.parameters
         law = law or TaskSpaceController(DeltaModel(self.parameters))
@@ -141,13 +137,9 @@ def straight(start: Vector, end: Vector, bounds: Bounds, frequency: float, tick:
 
 
 def plant_of(
-    standing: tuple[StandingPiece, ...],
-    table: TableSettings,
-    settings: MotionSettings,
-    flaws: Flaws | None = None,
-    *,
+    standing: tuple[StandingPiece, ...], table: TableSettings, settings: MotionSettings, flaws: Flaws | None = None, *,
     looks: bool = False,
-) -> Plant:
+) -> Plant:  # fmt: skip
     """The plant of a test bed with these pieces on its table and the arm at home; flaws as of ``Plant``.
 
     With ``looks`` as in a game, whose motion differs in its last digits from that of a bare world.
