@@ -32,13 +32,9 @@ ACTIONS: Final = (STATUS, *_ORDERS)
 
 
 def operate(action: str, rig: str) -> Telemetry:
-    """Carry an action out, and return what the controller says after it.
+    """Carry one of ``ACTIONS`` out on the controller of a rig file, and return what it says after that.
 
     ``status`` only listens. All others need the lease, so that a game is not interfered with.
-
-    Args:
-        action: one of ``ACTIONS``.
-        rig: path of a rig file.
 
     Raises:
         UserError: no such action or rig, or the controller does not answer, is in use, or did not obey.
@@ -67,7 +63,7 @@ def status_table(telemetry: Telemetry) -> Table:
     table.add_row("state", f"{telemetry.state.name}{' (on its brakes)' if telemetry.state in BRAKED else ''}")
     table.add_row("cause", telemetry.explain_cause())
     table.add_row("flags", (telemetry.flags.name or "none").replace("|", ", ").lower())
-    table.add_row("tool, base frame", _millimetres(telemetry.position))
+    table.add_row("tool, base frame", ", ".join(f"{value * 1e3:.2f}" for value in telemetry.position) + " mm")
     table.add_row("fingers", f"{telemetry.finger_position * 1e3:.1f} mm from the middle")
     table.add_row("pads feel", f"{telemetry.tactile[0]:.2f} N right, {telemetry.tactile[1]:.2f} N left")
     table.add_row("torques", ", ".join(f"{torque:.2f}" for torque in telemetry.torque) + " N m")
@@ -87,7 +83,3 @@ def _named(value: object) -> object:
     if isinstance(value, IntFlag):
         return [flag.name for flag in type(value) if flag and flag in value]
     return value.name if isinstance(value, IntEnum) else value
-
-
-def _millimetres(point: tuple[float, float, float]) -> str:
-    return ", ".join(f"{value * 1e3:.2f}" for value in point) + " mm"
