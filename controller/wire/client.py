@@ -123,6 +123,12 @@ class ControllerClient:
         return self._connected.telemetry
 
     @property
+    def latched(self) -> bool:
+        """Whether somebody pressed STOP and it was not released since, by the newest telemetry, however old."""
+        telemetry = self._connected.last_telemetry
+        return telemetry is not None and telemetry.latched
+
+    @property
     def lockstep(self) -> bool:
         """Whether plant time waits for the controller; known once connected."""
         return self._welcome.lockstep

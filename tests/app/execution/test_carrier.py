@@ -15,6 +15,7 @@ from app.execution.carrier import Carrier
 from app.execution.interruption import BoardTouched
 from app.execution.recovery_plans import Blocked
 from app.execution.state import Clearance, Devices, Job
+from app.game.person import UnattendedAttendant
 from app.motion import Motion, MotionSettings, Plan
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
@@ -35,7 +36,7 @@ HOME = np.array(MOTION.home)
 class Arm:
     """Follows on paper what it is told to."""
 
-    lead_ticks = 8
+    lead_ticks, stopped = 8, False
 
     def __init__(self, at: Any = HOME) -> None:
         self.at, self.done = np.array(at), list[str]()
@@ -70,7 +71,8 @@ def carrier_of(arm: Arm, guard: Guard | None, folder: Path) -> tuple[Carrier, Ga
     clock: Any = SimpleNamespace(now=lambda: 0.0)
     record = GameRecord.begin(folder / "game", GameSetup("a", "b", 1, "fast"), chess.Board(), STANDS, 0.0)
     devices: Any = Devices(arm, clock, None, None, guard)  # type: ignore[arg-type]
-    return Carrier(devices, record, UserInterface(), MOTION, PARAMETERS), record
+    attendant = UnattendedAttendant(None, UserInterface())
+    return Carrier(devices, record, UserInterface(), MOTION, PARAMETERS, attendant), record
 
 
 BISHOP = STANDS.at(Place.parse("c1"))

@@ -115,4 +115,4 @@ def test_causes_after_which_the_controller_admits_no_motion_are_known_here() -> 
 
 def test_an_arm_has_few_verbs(rig: Rig) -> None:
     verbs = {name for name in dir(rig.arm) if not name.startswith("_") and callable(getattr(rig.arm, name))}
-    assert verbs == {"state", "settle", "resume", "execute"}
+    assert verbs == {"state", "settle", "resume", "release", "execute"}
