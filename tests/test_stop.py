@@ -11,6 +11,7 @@ import sys
 import numpy as np
 import pytest
 
+from app.execution.permission import WENT_ON
 from app.records import read_events
 from controller.protocol import Flag
 from controller.protocol.causes import Cause
@@ -78,7 +79,7 @@ def test_a_program_that_hangs_cannot_keep_the_arm_from_stopping(demo, pace):
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     assert (report["plies"], report["physical_ok"], report["failures"]) == (4, True, [])
-    assert [(one["kind"], one["mended_by"]) for one in report["troubles"]] == [("stopped", "person")]
+    assert [(one["kind"], one["sentence"]) for one in report["troubles"]] == [("stopped", WENT_ON)]
     plies = [event.san for event in read_events(run.folder / "events.jsonl") if event.event == "ply"]
     assert plies == LINE.split()
     assert not run.helpers()

@@ -7,14 +7,15 @@ from typing import Final
 from app.execution.interruption import BoardTouched
 from app.execution.state import Attendant, Clearance, Devices
 from app.records import GameRecord
-from app.records.events import RepairedBy
+from app.records.events import STOPPED
 from app.rig.arm import ArmGaveWay, ArmHeld, ArmPaused, ArmStopped
 from app.terminal.interface import UserInterface
 
 MOST_YIELDS: Final = 3
 """Within one job the arm gives way; what is in its way more often is no hand that passes."""
-STOPPED: Final = "stopped"
-"""What sort of trouble STOP is, in the record."""
+WENT_ON: Final = "somebody pressed STOP; the arm went on when it was told to"
+STAYED: Final = "somebody pressed STOP, and nobody told the arm to go on"
+"""What the record says of a STOP."""
 
 
 class Permission:
@@ -60,17 +61,17 @@ class Permission:
         Raises:
             UserError: nobody does; it rests.
         """
-        by: RepairedBy | None = None
+        sentence = STAYED
         try:
             self._attendant.wait_for_go(str(stopped))
-            by = "person"
+            sentence = WENT_ON
         finally:
-            self._note(stopped, by)
+            self._note(sentence)
         self._devices.arm.release()
 
     def go_on(self) -> None:
         """Somebody has said so without being asked: after a STOP the arm may move again."""
-        self._note(ArmStopped(), "person")
+        self._note(WENT_ON)
         self._devices.arm.release()
 
     def admit_again(self, pushed: ArmGaveWay, times: int) -> None:
@@ -94,5 +95,5 @@ class Permission:
         if isinstance(pause, ArmHeld) and (self._devices.guard is None or not self._devices.guard.holding):
             raise pause
 
-    def _note(self, stopped: ArmStopped, by: RepairedBy | None) -> None:
-        self._record.trouble(STOPPED, (), str(stopped), by, self._devices.clock.now())
+    def _note(self, sentence: str) -> None:
+        self._record.trouble(STOPPED, (), sentence, None, self._devices.clock.now())

@@ -13,6 +13,7 @@ import pytest
 
 from app.execution.carrier import Carrier
 from app.execution.interruption import BoardTouched
+from app.execution.permission import WENT_ON
 from app.execution.recovery_plans import Blocked
 from app.execution.state import Attendant, Clearance, Devices, Job
 from app.game.person import UnattendedAttendant
@@ -166,7 +167,7 @@ def test_what_somebody_stops_besides_carrying_ends_at_home_once_they_say_go(
     assert arm.done == ["home"]
     assert np.allclose(arm.at, HOME, atol=1e-9)
     assert going.asked == presses
-    assert [(one.kind, one.mended_by) for one in troubles] == [("stopped", "person")] * presses
+    assert [(one.kind, one.sentence) for one in troubles] == [("stopped", WENT_ON)] * presses
     assert carrier.untouched
     assert not carrier.midway
 

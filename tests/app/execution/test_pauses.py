@@ -14,7 +14,7 @@ import pytest
 
 from app import UserError
 from app.execution.carrier import MOST_PAUSES, Carrier
-from app.execution.permission import MOST_YIELDS
+from app.execution.permission import MOST_YIELDS, STAYED, WENT_ON
 from app.execution.state import Attendant
 from app.execution.table import Table
 from app.game import Devices, Game, Position
@@ -198,7 +198,7 @@ def test_a_ply_is_finished_from_where_somebody_stopped_the_arm_once_they_say_go(
     assert [ply.san for ply in plies] == ["e4", "d5", "exd5"]
     assert plies[0].resumed
     troubles = [event for event in events if isinstance(event, TroubleEvent)]
-    assert [(one.kind, one.squares, one.mended_by) for one in troubles] == [("stopped", (), "person")] * asked
+    assert [(one.kind, one.squares, one.sentence) for one in troubles] == [("stopped", (), WENT_ON)] * asked
     steps = [event for event in events if isinstance(event, StepEvent) and event.ply == 1]
     stopped = next(i for i, step in enumerate(steps) if step.stage is stage)
     assert steps[stopped + 1].stage is again
@@ -217,7 +217,7 @@ def test_where_nobody_is_there_a_stop_ends_the_game_with_its_next_step_and_the_a
     assert arm.stopped
     assert arm.state().felt > 0.5, "the piece is in its fingers yet"
     (trouble,) = (one for one in read_events(tmp_path / "game" / "events.jsonl") if isinstance(one, TroubleEvent))
-    assert (trouble.kind, trouble.mended_by) == ("stopped", None)
+    assert (trouble.kind, trouble.sentence) == ("stopped", STAYED)
 
 
 def test_a_stop_while_nothing_moves_is_asked_about_before_anything_begins(tmp_path: Path) -> None:

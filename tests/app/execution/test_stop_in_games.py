@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from app.execution.carrier import Carrier
+from app.execution.permission import WENT_ON
 from app.execution.state import Devices, Position
 from app.execution.table import Table
 from app.game import Game
@@ -108,7 +109,7 @@ def test_fifty_stops_in_a_game_cost_time_and_nothing_else(tmp_path: Path) -> Non
     assert not any(ply.failures for ply in plies)
     np.testing.assert_allclose(state.reference, MOTION.home, atol=1e-6)
     troubles = [event for event in events if isinstance(event, TroubleEvent)]
-    assert [(one.kind, one.mended_by) for one in troubles] == [("stopped", "person")] * len(troubles)
+    assert [(one.kind, one.sentence) for one in troubles] == [("stopped", WENT_ON)] * len(troubles)
     placed = max(error for ply in plies for error in (ply.placement_mm or {}).values())
     moving = sum(speed > 0.05 for speed, _ in presser.moments)
     holding = sum(felt > 0.5 for _, felt in presser.moments)

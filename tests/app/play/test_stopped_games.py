@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import chess
 import pytest
 
+from app.execution.permission import STAYED, WENT_ON
 from app.game.person import GameLeft, NeedsGo, PersonAttendant, UnattendedAttendant
 from app.motion.plan import Motion, Plan
 from app.pieces.inventory import Stage
@@ -112,9 +113,10 @@ def play(folder: Path, script: Script | None, ui: UserInterface, **changes: Any)
     return run_games(settings, ui, script)
 
 
-def troubles(folder: Path) -> list[tuple[str, str | None]]:
+def troubles(folder: Path) -> list[tuple[str, str]]:
     events = read_events(folder / EVENTS_FILE)
-    return [(event.kind, event.mended_by) for event in events if isinstance(event, TroubleEvent)]
+    assert all(event.mended_by is None for event in events if isinstance(event, TroubleEvent))
+    return [(event.kind, event.sentence) for event in events if isinstance(event, TroubleEvent)]
 
 
 SENTENCE = "somebody pressed STOP: say 'go' when the arm may move again"
@@ -139,7 +141,7 @@ def test_at_a_persons_turn_the_prompt_tells_of_a_stop_and_go_lifts_it(tmp_path: 
     ]
     assert (SENTENCE, "go on? > go") in zip(ui.heard_of, ui.heard_of[1:], strict=False), "the arm was to move then"
     assert (done.report.result, done.report.plies) == ("0-1", 4)
-    assert troubles(tmp_path / "game") == [("stopped", "person")] * 2
+    assert troubles(tmp_path / "game") == [("stopped", WENT_ON)] * 2
 
 
 @pytest.mark.parametrize("stage", [Stage.APPROACH, Stage.GRASP, Stage.CARRY, Stage.RELEASE])
@@ -159,7 +161,7 @@ def test_the_ply_under_way_is_finished_once_the_person_says_go(
     history = read_history(tmp_path / "game" / EVENTS_FILE, TABLE)
     history.inventory.check_against(history.board)
     assert history.plies[1].resumed
-    assert troubles(tmp_path / "game") == [("stopped", "person")]
+    assert troubles(tmp_path / "game") == [("stopped", WENT_ON)]
 
 
 def test_quit_at_a_stop_leaves_a_game_that_is_gone_on_with(tmp_path: Path, arms: list[StoppableArm]) -> None:
@@ -169,7 +171,7 @@ def test_quit_at_a_stop_leaves_a_game_that_is_gone_on_with(tmp_path: Path, arms:
     assert (left.report.result, left.report.plies) == ("*", 1)
     assert arms[0].stopped
     assert arms[0].state().felt > 0.5, "the arm rests with the piece in its fingers"
-    assert troubles(tmp_path / "game") == [("stopped", None)]
+    assert troubles(tmp_path / "game") == [("stopped", STAYED)]
     done = resume_games(tmp_path / "game", Told(), Script("resign"))
     assert (done.report.result, done.report.plies) == ("0-1", 2)
 
@@ -232,7 +234,7 @@ def test_where_nobody_is_there_the_game_ends_and_resume_is_the_go(tmp_path: Path
     assert arms[1].released == 1
     assert again.holds
     assert [ply.san for ply in read_history(folder / EVENTS_FILE, TABLE).plies] == ["e4", "d5", "exd5"]
-    assert troubles(folder) == [("stopped", None), ("stopped", "person")]
+    assert troubles(folder) == [("stopped", STAYED), ("stopped", WENT_ON)]
 
 
 def test_a_game_against_a_person_that_is_resumed_after_a_stop_asks_for_go(
@@ -261,7 +263,7 @@ def test_a_stop_while_the_pieces_are_set_up_is_gone_on_from(tmp_path: Path, arms
         "e4", lambda: setattr(arms[0], "stop_at", once(Stage.CARRY, transfer=1)), "new", "go", "quit"
     )  # fmt: skip
     done = play(tmp_path / "game", script, Told(), white__player="human")
-    assert troubles(tmp_path / "game" / "set-up-2") == [("stopped", "person")]
+    assert troubles(tmp_path / "game" / "set-up-2") == [("stopped", WENT_ON)]
     assert done.folder == tmp_path / "game" / "game-2"
     steps = [event for event in read_events(tmp_path / "game" / "set-up-2" / EVENTS_FILE)
              if isinstance(event, StepEvent | PlyEvent)]  # fmt: skip
