@@ -24,17 +24,20 @@ _ORDERS: Final[dict[str, Callable[[ControllerClient], None]]] = {
     "hold": ControllerClient.hold,
     "resume": ControllerClient.resume,
     "stop": ControllerClient.stop,
+    "release": ControllerClient.release,
     "clear-fault": ControllerClient.clear_fault,
     "shutdown": ControllerClient.shutdown,
 }
 STATUS: Final = "status"
-ACTIONS: Final = (STATUS, *_ORDERS)
+PRESS_STOP: Final = "press-stop"
+ACTIONS: Final = (STATUS, PRESS_STOP, *_ORDERS)
 
 
 def operate(action: str, rig: str) -> Telemetry:
     """Carry one of ``ACTIONS`` out on the controller of a rig file, and return what it says after that.
 
-    ``status`` only listens. All others need the lease, so that a game is not interfered with.
+    ``status`` only listens, and so does ``press-stop``, which stops the arm whoever moves it. All others need the
+    lease, so that a game is not interfered with.
 
     Raises:
         UserError: no such action or rig, or the controller does not answer, is in use, or did not obey.
@@ -46,9 +49,9 @@ def operate(action: str, rig: str) -> Telemetry:
     file = load_rig(Path(rig))
     try:
         address = file.address()
-        if action == STATUS:
+        if action in (STATUS, PRESS_STOP):
             with TelemetryWatch(*address) as watch:
-                return watch.telemetry
+                return watch.telemetry if action == STATUS else watch.stop()
         with ControllerClient(*address, name=f"touchmove controller {action}") as client:
             telemetry = client.telemetry
             _ORDERS[action](client)
