@@ -11,10 +11,11 @@ from typing import Final
 from app.pieces.inventory import MoveKind
 from app.records.events import RepairedBy, own_clock, unsaid
 from app.records.files import write_atomically
+from app.records.rounds import match_folder, rounds_of
 from app.report.figures_of_plies import CHARTS, EVALUATION, KINDS, Chart, DataTable, folded, ply_name, seconds
 from app.report.markup import Html, joined, tag
 from app.report.pictures import photographs
-from app.report.source import ReportSource, match_folder, read_source, rounds_of
+from app.report.source import ReportSource, read_source
 from app.report.squares import board_of_placements
 from app.report.story import Incident, incidents, seen
 from app.report.style import POLICY, STYLE

@@ -26,7 +26,7 @@ from app.report.markup import Html, tag
 from app.report.pictures import MOST, MOST_OF_TROUBLE, evenly
 from app.report.source import read_source
 from hardware.parameters import RobotParameters, load_parameters
-from tests.app.report.conftest import EVERY_KIND, LINE_OF_EVERY_KIND, PlayedGame
+from tests.app.played_game import EVERY_KIND, LINE_OF_EVERY_KIND, PlayedGame
 
 VOID = {"meta", "img", "br", "hr", "col"}
 SHUFFLE = "Nf3 Nf6 Ng1 Ng8 "
