@@ -303,7 +303,6 @@ LOAD_LATE = {
     "app.cli": "the help must be quick",
     "app.execution": "planning and seeing take seconds to load, and are not needed before something moves",
     "app.motion": "the same",
-    "app.page.recorded": "a page is there before a second is over: what only some records need comes later",
     "app.play": "opens devices, films and looks, where it does",
     "app.records.telemetry": "the robot in 3-D is shown once it moves, and its kinematics take seconds to load",
     "app.rig.simulation.processes": "each process loads only what it needs",

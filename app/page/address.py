@@ -23,19 +23,14 @@ class PageRefused(UserError):
 
 @dataclass(frozen=True, slots=True)
 class Entrance:
-    """A socket that listens, what the page is called, and who may come in.
-
-    Attributes:
-        socket: it listens.
-        names: of the page.
-        sign_in: None: everybody on this computer.
-        address: for a browser on this computer.
-    """
+    """A socket that listens, what the page is called, and who may come in."""
 
     socket: socket.socket
     names: Names
     sign_in: SignIn | None
+    """None: everybody on this computer."""
     address: str
+    """For a browser on this computer."""
 
 
 def open_entrance(settings: PageSection) -> Entrance:

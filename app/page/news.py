@@ -11,7 +11,6 @@ from pydantic import Field, TypeAdapter
 
 from app.terminal.shown import RigKind, View
 from hardware.frozen import FrozenFinite
-from hardware.table import TableSettings
 
 Side = Literal["white", "black"]
 Program = Literal["play", "demo", "replay", "setup", "resume"]
@@ -39,10 +38,6 @@ class SessionNews(FrozenFinite):
     """There is a camera."""
     controller: tuple[str, int, str] | None = None
     """Host, UDP port and key file of the controller; None: there is none, or not yet."""
-    table: TableSettings = TableSettings()
-    """Board, trays and boxes, where they were found."""
-    robot: str | None = None
-    """File of the robot's parameters; None: the usual robot."""
 
 
 class RoundNews(FrozenFinite):

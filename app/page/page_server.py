@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import os
 import threading
 import webbrowser
@@ -14,13 +13,14 @@ from typing import Final
 import uvicorn
 
 from app.page.address import Entrance, open_entrance
+from app.page.live.controls import GRACE
 from app.page.live.hub import Hub
 from app.page.live.people import People
 from app.page.live.state import PageState
+from app.page.live.telemetry import TelemetryFeed
 from app.page.news import AnyNews, AnySaid, EndNews, PictureNews, SessionNews
 from app.page.recorded.catalogue import Catalogue
 from app.page.recorded.shower import RecordShower
-from app.page.recorded.tables import table_of_record
 from app.page.web.connections import HttpConnection, WebSocketConnection
 from app.page.web.pictures import Pictures
 from app.page.web.server import Site, site_app
@@ -54,11 +54,13 @@ class PageServer:
         self.catalogue = Catalogue(records)
         self.hub = Hub()
         self.state = PageState(self.hub, self.catalogue.id_of)
-        self.people = People(self.hub, tell)
+        self.people = People(self.hub, tell, lambda: self.state.session_id)
+        self.telemetry = TelemetryFeed(self.hub, self.people)
         self.pictures = Pictures(self.state.pictures, self.people)
         self._entrance = entrance
-        shower = RecordShower(table_of_record)
-        site = Site(self.people, self.pictures, self.catalogue, shower, entrance.sign_in)
+        site = Site(
+            self.people, self.state, self.pictures, self.catalogue, RecordShower(), entrance.sign_in
+        )  # fmt: skip
         self._server = uvicorn.Server(
             uvicorn.Config(
                 site_app(site, entrance.names), http=HttpConnection, ws=WebSocketConnection, lifespan="off",
@@ -72,7 +74,7 @@ class PageServer:
     async def serve(self, ready: Callable[[], None]) -> None:
         """Serve until ``end``, or SIGTERM or SIGINT; ``ready`` is told once the page can be reached."""
         serving = asyncio.create_task(self._server.serve([self._entrance.socket]))
-        following = asyncio.create_task(self._follow())
+        background = [asyncio.create_task(self._follow()), asyncio.create_task(self.telemetry.run())]
         while not self._server.started and not serving.done():
             await asyncio.sleep(0.005)
         if self._server.started:
@@ -80,12 +82,20 @@ class PageServer:
         try:
             await serving
         finally:
-            following.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await following
+            self.telemetry.close()
+            for task in background:
+                task.cancel()
+            ends = await asyncio.gather(*background, return_exceptions=True)
+        for end in ends:
+            if isinstance(end, Exception):
+                raise end
 
-    async def controller_silent(self) -> None:
-        """Wait until the controller, if there is one, says nothing any more."""
+    async def wait_for_rest(self) -> None:
+        """Wait while somebody here could still stop the arm."""
+        lonely = 0.0
+        while not self.telemetry.at_rest and lonely < GRACE:
+            await asyncio.sleep(FOLLOW)
+            lonely = 0.0 if self.hub.watchers else lonely + FOLLOW
 
     async def end(self) -> None:
         """Let browsers take the last news, and stop serving."""
@@ -100,6 +110,7 @@ class PageServer:
             self.pictures.came(news.view)
         elif isinstance(news, SessionNews):
             self.catalogue.add(Path(news.folder))
+            self.telemetry.listen(news.controller, news.tick)
         elif isinstance(news, EndNews):
             self.people.ended = True
 
@@ -117,13 +128,13 @@ async def show_records(settings: PageSection, folder: Path, ready: Callable[[str
     Raises:
         UserError: there are none, or the page cannot be opened.
     """
-    folder = folder.absolute()
+    folder = folder.resolve()
     places = Catalogue(folder).places()
     if not places:
         raise RecordError(f"there is no recorded game in {folder}: name the folder of one, or of many")
     entrance = open_entrance(settings)
     page = PageServer(entrance, folder)
-    page.state.show_record(next((place.id for place in places.values() if place.folder == folder), None))
+    page.state.show_record(next((place for place in places.values() if place.folder == folder), None))
     await page.serve(lambda: ready(settings.address or entrance.address))
 
 

@@ -60,7 +60,7 @@ async def _hear(feed: Feed, page: PageServer) -> None:
     if page.state.ended is None:
         page.state.end(GONE)
         page.people.ended = True
-        await page.controller_silent()
+        await page.wait_for_rest()
     await page.end()
 
 

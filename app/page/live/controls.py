@@ -19,19 +19,16 @@ class ControlsRefused(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Controls:
-    """Who watches, and who holds the controls; watchers are numbers.
-
-    Attributes:
-        watchers: who is there.
-        holder: who holds the controls, there or gone for a moment; None: nobody.
-        asking: who there wants them; None: nobody.
-        left: when the holder left [s]; None: they are there, or nobody holds the controls.
-    """
+    """Who watches, and who holds the controls; watchers are numbers."""
 
     watchers: frozenset[int] = field(default_factory=frozenset)
+    """Who is there."""
     holder: int | None = None
+    """Who holds the controls, there or gone for a moment; None: nobody."""
     asking: int | None = None
+    """Who there wants them; None: nobody."""
     left: float | None = None
+    """When the holder left [s]; None: they are there, or nobody holds the controls."""
 
     def joined(self, who: int, now: float) -> Controls:
         """Somebody comes, or comes again under their number."""

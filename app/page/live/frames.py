@@ -24,6 +24,8 @@ class HelloFrame(FrozenFinite):
 
     type: Literal["hello"]
     token: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{16,64}$")]
+    held: Annotated[str | None, Field(max_length=400)] = None
+    """``session.id`` of the game whose controls it held when its connection was lost; null: it held none."""
 
 
 class LineFrame(FrozenFinite):

@@ -36,16 +36,12 @@ class Section:
 
 
 class Watcher:
-    """A browser that is connected.
-
-    Attributes:
-        number: it is known by.
-        watches: what it looks at: some of telemetry, camera, film.
-    """
+    """A browser that is connected, known by a number."""
 
     def __init__(self, number: int, sections: Mapping[str, Section]) -> None:
         self.number = number
         self.watches: frozenset[str] = frozenset()
+        """What it looks at: some of telemetry, camera, film."""
         self._sections = sections
         self._changed: set[str] = set(SECTIONS)
         self._telemetry: str | None = None

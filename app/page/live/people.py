@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
-from app.page.live.controls import Controls, ControlsRefused
+from app.page.live.controls import GRACE, Controls, ControlsRefused
 from app.page.live.frames import AnyFrame, ControlsFrame, HelloFrame, LineFrame, StopFrame, WatchFrame
 from app.page.live.hub import Hub, Watcher
 from app.page.news import AnySaid, LineSaid, PicturesWanted, Present
@@ -41,16 +41,17 @@ class Streams:
 class People:
     """Lets browsers in, does what they send as far as they may, and tells the game what it has to know.
 
-    Attributes:
-        hub: that tells them the state.
+    Args:
+        hub: tells them the state.
         tell: says something to the game.
-        stop: stops the arm; None: there is no controller.
-        controls: who holds them.
     """
 
     hub: Hub
     tell: Tell
+    session: Callable[[], str | None] = lambda: None
+    """Of the game that is played: its name."""
     stop: Stop | None = None
+    """Stops the arm; None: no controller answers."""
     controls: Controls = field(default_factory=Controls)
     now: Callable[[], float] = time.monotonic
     streams: Streams = field(default_factory=Streams)
@@ -58,11 +59,15 @@ class People:
     """Nobody hears lines any more."""
     _numbers: dict[str, int] = field(default_factory=dict)
     _last: int = 0
+    _began: float = 0.0
+    _held: set[int] = field(default_factory=set)
+    """Who held the controls on the page before this one, as their browsers say."""
     _timer: asyncio.TimerHandle | None = None
     _present: bool = False
     _wanted: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
+        self._began = self.now()
         self.show()
 
     def joined(self, hello: HelloFrame) -> Watcher:
@@ -82,8 +87,15 @@ class People:
             if len(self._numbers) > KNOWN:
                 del self._numbers[next(iter(self._numbers))]
         watcher = self.hub.join(number)
-        self._set(self.controls.joined(number, self.now()))
+        self._set(self._before_restart(number, hello, self.controls.joined(number, self.now())))
         return watcher
+
+    def _before_restart(self, number: int, hello: HelloFrame, controls: Controls) -> Controls:
+        """A page that was started again knows nobody: who held the controls of this game before has them again."""
+        if hello.held is None or hello.held != self.session() or self.now() - self._began > GRACE:
+            return controls
+        self._held.add(number)
+        return controls if controls.holder in self._held else replace(controls, holder=number, left=None)
 
     def left(self, watcher: Watcher) -> None:
         """A browser has gone."""

@@ -26,11 +26,12 @@ from app.page.news import (
     SayNews,
     SessionNews,
 )
+from app.page.recorded.catalogue import RecordPlace
 from app.page.recorded.follower import RecordFollower
 from app.page.recorded.game_fold import RoundShown
 from app.records.files import RecordError
 from app.terminal.shown import View
-from hardware.table import Colour, TableSettings
+from hardware.table import Colour
 
 KEPT: Final = 200
 """Of what was said and done last."""
@@ -38,16 +39,12 @@ KEPT: Final = 200
 
 @dataclass(frozen=True, slots=True)
 class ShownPicture:
-    """A picture of a view.
-
-    Attributes:
-        number: rises with each picture of the view.
-        stamp: plant time of its exposure [s].
-        jpeg: it.
-    """
+    """A picture of a view."""
 
     number: int
+    """Rises with each picture of the view."""
     stamp: float
+    """Plant time of its exposure [s]."""
     jpeg: bytes
 
 
@@ -66,6 +63,7 @@ class PageState:
         self.ended: str | None = None
         self._live = True
         self._shows: str | None = None
+        self._shown_folder: Path | None = None
         self.pictures: dict[View, ShownPicture] = {}
         self._round: RoundNews | None = None
         self._result: ResultNews | None = None
@@ -80,14 +78,14 @@ class PageState:
         self._put_session()
 
     @property
-    def table(self) -> TableSettings:
-        """That is played on."""
-        return TableSettings() if self.session is None else self.session.table
+    def session_id(self) -> str | None:
+        """What the session is called; None: there is none."""
+        return None if self.session is None else self._record_id(Path(self.session.folder))
 
     @property
     def folder(self) -> Path | None:
-        """Of the session's records."""
-        return None if self.session is None else Path(self.session.folder)
+        """Of the record that is shown; None: there is none."""
+        return self._shown_folder if self._round is None else Path(self._round.folder)
 
     def take(self, news: AnyNews, jpeg: bytes = b"") -> None:
         """Something new from the game; a picture with its JPEG."""
@@ -141,9 +139,11 @@ class PageState:
         self._hub.put("prompt", None)
         self._write("say", sentence)
 
-    def show_record(self, record: str | None) -> None:
+    def show_record(self, place: RecordPlace | None) -> None:
         """Nothing is played: a record is shown, or None: whichever somebody chooses."""
-        self._live, self._shows = False, record
+        self._live = False
+        if place is not None:
+            self._shows, self._shown_folder = place.id, place.folder
         self._put_session()
 
     def follow(self) -> None:
@@ -164,7 +164,7 @@ class PageState:
         if self._round is None:
             return
         folder = Path(self._round.folder)
-        self._record, self._failed = RecordFollower(folder, self.table), None
+        self._record, self._failed = RecordFollower(folder), None
         self._hub.put("game", None)
         self.follow()
 
@@ -181,8 +181,8 @@ class PageState:
     def _put_session(self) -> None:
         news = self.session
         shown = {"live": self._live and self.ended is None, "ended": self.ended, "shows": self._shows}
-        known = {} if news is None else news.model_dump(exclude={"news", "folder", "controller", "table", "robot"})
-        self._hub.put("session", {**known, **shown})
+        known = {} if news is None else news.model_dump(exclude={"news", "folder", "controller"})
+        self._hub.put("session", {"id": self.session_id, **known, **shown})
 
     def _put_clock(self, news: ClockNews) -> None:
         since = self._now() if news.at is None else news.at

@@ -19,19 +19,16 @@ MOST: Final = 500
 
 @dataclass(frozen=True, slots=True)
 class RecordPlace:
-    """A record: how the page's addresses name it, and where it lies.
-
-    Attributes:
-        id: one part of an address, for any name of a folder.
-        folder: with its events.
-        number: of the game in its match, from 1.
-        sets_up: no game, but what was set up for one.
-    """
+    """A record: how the page's addresses name it, and where it lies."""
 
     id: str
+    """One part of an address, for any name of a folder."""
     folder: Path
+    """With its events."""
     number: int
+    """Of the game in its match, from 1."""
     sets_up: bool
+    """No game, but what was set up for one."""
 
 
 class Catalogue:

@@ -7,7 +7,17 @@ from pathlib import Path
 from app.page.recorded.game_fold import GameFold, RecordContradicts
 from app.records.events import AnyEvent, StartEvent, read_event
 from app.records.files import EVENTS_FILE, RecordError
+from app.records.robot import kept_robot
 from hardware.table import TableSettings
+
+
+def table_of(folder: Path) -> TableSettings:
+    """The table that the game of a record is played on; the usual one as long as the record does not say it."""
+    try:
+        robot = kept_robot(folder)
+    except RecordError:  # of another version: its positions can be shown all the same
+        robot = None
+    return TableSettings() if robot is None else robot.table
 
 
 class RecordFollower:
@@ -15,15 +25,13 @@ class RecordFollower:
 
     Args:
         folder: of the record; it may be made later.
-        table: that the game is played on.
-
-    Attributes:
-        game: as it stands; None: it has not begun.
     """
 
-    def __init__(self, folder: Path, table: TableSettings) -> None:
-        self._path, self._table = folder / EVENTS_FILE, table
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._path, self._table = folder / EVENTS_FILE, TableSettings()
         self.game: GameFold | None = None
+        """As it stands; None: it has not begun."""
         self._offset = self._lines = 0
 
     def follow(self) -> tuple[AnyEvent, ...]:
@@ -54,6 +62,8 @@ class RecordFollower:
             event = read_event(self._path, self._lines, line)
             self._take(event)
             events.append(event)
+        if self.game is not None and (table := table_of(self.folder)) != self._table:
+            self._table = self.game.table = table
         return tuple(events)
 
     def _take(self, event: AnyEvent) -> None:

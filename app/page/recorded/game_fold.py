@@ -27,19 +27,16 @@ class RecordContradicts(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class RoundShown:
-    """What is known of a game beside its events.
-
-    Attributes:
-        id: of its record, in the page's addresses.
-        number: of the game in its match, from 1.
-        sets_up: no game, but pieces that are set up for one.
-        person: side of the person at the board as the game began; None: nobody plays by hand.
-    """
+    """What is known of a game beside its events."""
 
     id: str
+    """Of its record, in the page's addresses."""
     number: int = 1
+    """Of the game in its match, from 1."""
     sets_up: bool = False
+    """No game, but pieces that are set up for one."""
     person: Colour | None = None
+    """Side of the person at the board as the game began; None: nobody plays by hand."""
 
 
 class GameFold:
@@ -51,7 +48,7 @@ class GameFold:
     """
 
     def __init__(self, start: StartEvent, table: TableSettings) -> None:
-        self._start, self._table = start, table
+        self._start, self.table = start, table
         self._state = RecordState.after((start,), chess.Board(start.fen, chess960=start.chess960))
         self._names = {Colour.WHITE: start.white, Colour.BLACK: start.black}
         self._person: Colour | None = None
@@ -132,8 +129,13 @@ class GameFold:
         ]  # fmt: skip
         return {"pieces": shown, "held": held}
 
-    def _at(self, place: str) -> list[float]:
-        return [round(along, _DIGITS) for along in self._table.xy(Place.parse(place))]
+    def _at(self, place: str) -> list[float] | None:
+        """Where a place is on the table; None: the table has no such place, as far as the record says."""
+        try:
+            x, y = self.table.xy(Place.parse(place))
+        except ValueError:
+            return None
+        return [round(x, _DIGITS), round(y, _DIGITS)]
 
     def _now(self) -> tuple[Mapping[str, str], str | None]:
         """Where each piece stands, by name, with what has been done of a ply or task under way; which one is held."""
@@ -171,7 +173,7 @@ class GameFold:
         try:
             inventory = Inventory.of(
                 (PieceSpec(p.name, p.kind, p.colour, Place.parse(places[p.name])) for p in self._start.inventory),
-                self._table,
+                self.table,
             )
             return transfers(self.board, self.board.parse_uci(uci), inventory).transfers
         except (ValueError, IllegalPly, InventoryError, NoSpare):

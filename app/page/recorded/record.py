@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from app.page.recorded.catalogue import RecordPlace
+from app.page.recorded.follower import table_of
 from app.page.recorded.game_fold import GameFold, RecordContradicts, RoundShown
 from app.records.events import AnyEvent, FoundEvent, PlyEvent, StartEvent, StepEvent, TaskEvent, TroubleEvent
 from app.records.files import EVENTS_FILE, FILM_FILE, RecordError
 from app.records.telemetry import TELEMETRY_FILE
-from hardware.table import TableSettings
 
 _DIGITS: Final = 4
 """Of times [s]."""
 
 
-def record_shown(place: RecordPlace, events: Sequence[AnyEvent], table: TableSettings) -> dict[str, Any]:
+def record_shown(place: RecordPlace, events: Sequence[AnyEvent]) -> dict[str, Any]:
     """What the page shows of a record; docs/page.md lists the fields.
 
     Raises:
@@ -25,7 +25,7 @@ def record_shown(place: RecordPlace, events: Sequence[AnyEvent], table: TableSet
     path = place.folder / EVENTS_FILE
     if not events or not isinstance(events[0], StartEvent):
         raise RecordError(f"{path} does not begin with the start of a game: name the folder of a recorded game")
-    game = GameFold(events[0], table)
+    game = GameFold(events[0], table_of(place.folder))
     before: dict[str, list[float]] = {}
     moments = list[dict[str, Any]]()
     troubles = list[dict[str, Any]]()

@@ -2,41 +2,45 @@
 
 from __future__ import annotations
 
+import asyncio
 import gzip
 import hashlib
+import sys
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Self
 
 from app.page.live.hub import encoded
-from app.page.recorded.catalogue import RecordPlace
+from app.page.recorded.catalogue import RecordPlace, match_of_record
 from app.page.recorded.record import record_shown
 from app.records.events import read_events
-from app.records.files import EVENTS_FILE
-from hardware.table import TableSettings
+from app.records.files import EVENTS_FILE, RecordError
+from app.records.robot import ROBOT_FILE
+from app.records.telemetry import TELEMETRY_FILE
 
 JSON: Final = "application/json"
+HTML: Final = "text/html; charset=utf-8"
 LARGEST: Final = 1 << 25
-"""What is kept, packed [bytes]."""
+"""Of all that is kept, packed [bytes]."""
 LEVEL: Final = 6
 """Of packing, as gzip counts it."""
+PATIENCE: Final = 120.0
+"""What is not made by then is not made [s, wall]."""
+MAKER: Final = "app.page.recorded.maker"
 
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """An answer.
-
-    Attributes:
-        packed: by gzip.
-        kind: its media type.
-        tag: changes with its content.
-    """
+    """An answer."""
 
     packed: bytes
+    """By gzip."""
     kind: str
+    """Its media type."""
     tag: str
+    """Changes with its content."""
 
     @classmethod
     def of(cls, content: bytes, kind: str) -> Self:
@@ -45,21 +49,14 @@ class Made:
         return cls(gzip.compress(content, LEVEL, mtime=0), kind, f'"{tag}"')
 
 
-Key = tuple[str, Path, tuple[int, int]]
-
-
 class RecordShower:
-    """Makes answers about records; its methods take long and are called one at a time.
+    """Makes answers about records, one after the other; what was made of the same files before is there already."""
 
-    Args:
-        table: of a record that lies in a folder.
-    """
+    def __init__(self) -> None:
+        self._kept: OrderedDict[tuple[object, ...], Made] = OrderedDict()
+        self._making = asyncio.Lock()
 
-    def __init__(self, table: Callable[[Path], TableSettings]) -> None:
-        self._table = table
-        self._kept: OrderedDict[Key, Made] = OrderedDict()
-
-    def record(self, place: RecordPlace) -> Made:
+    async def record(self, place: RecordPlace) -> Made:
         """``record.json``.
 
         Raises:
@@ -67,19 +64,85 @@ class RecordShower:
         """
 
         def make() -> bytes:
-            events = read_events(place.folder / EVENTS_FILE)
-            return encoded(record_shown(place, events, self._table(place.folder))).encode()
+            return encoded(record_shown(place, read_events(place.folder / EVENTS_FILE))).encode()
 
-        return self._made("record", place.folder / EVENTS_FILE, JSON, make)
+        files = (place.folder / EVENTS_FILE, place.folder / ROBOT_FILE)
+        return await self._made(("record",), files, JSON, lambda: asyncio.to_thread(make))
 
-    def _made(self, what: str, file: Path, kind: str, make: Callable[[], bytes]) -> Made:
-        """Made of a file, unless it was made of the same one before."""
+    async def robot(self, folder: Path | None, tick: float) -> Made:
+        """``robot.json`` of the record in a folder; None: of the usual robot. With ticks of so long [s].
+
+        Raises:
+            RecordError: what the record says of it cannot be read.
+        """
+        files = () if folder is None else (folder / ROBOT_FILE,)
+        name = "" if folder is None else str(folder)
+        return await self._made(("robot", tick), files, JSON, lambda: _run("robot", name, str(tick)))
+
+    async def telemetry(self, place: RecordPlace, since: float, until: float) -> Made:
+        """``telemetry.json`` of a span of plant time [s].
+
+        Raises:
+            RecordError: there is none, or it cannot be read.
+        """
+        match = match_of_record(place.folder)
+        files = (place.folder / EVENTS_FILE, *sorted(match.glob(f"{Path(TELEMETRY_FILE).stem}*.mcap")))
+        wanted = ("telemetry", str(place.folder), str(since), str(until))
+        return await self._made(wanted, files, JSON, lambda: _run(*wanted))
+
+    async def report(self, place: RecordPlace) -> Made:
+        """``report.html``.
+
+        Raises:
+            RecordError: the record cannot be read.
+        """
+        files = (place.folder / EVENTS_FILE, place.folder / ROBOT_FILE)
+        return await self._made(("report",), files, HTML, lambda: _run("report", str(place.folder)))
+
+    async def _made(
+        self, what: tuple[object, ...], files: tuple[Path, ...], kind: str, make: Callable[[], Awaitable[bytes]]
+    ) -> Made:
+        """Made of files, unless it was made of the same ones before."""
+        async with self._making:
+            key = (*what, *((file, _version(file)) for file in files))
+            if (kept := self._kept.get(key)) is not None:
+                self._kept.move_to_end(key)
+                return kept
+            content = await make()
+            made = self._kept[key] = await asyncio.to_thread(Made.of, content, kind)
+            while len(self._kept) > 1 and sum(len(one.packed) for one in self._kept.values()) > LARGEST:
+                self._kept.popitem(last=False)
+            return made
+
+
+def _version(file: Path) -> tuple[int, int] | None:
+    try:
         status = file.stat()
-        key = what, file, (status.st_mtime_ns, status.st_size)
-        if (kept := self._kept.get(key)) is not None:
-            self._kept.move_to_end(key)
-            return kept
-        made = self._kept[key] = Made.of(make(), kind)
-        while len(self._kept) > 1 and sum(len(one.packed) for one in self._kept.values()) > LARGEST:
-            self._kept.popitem(last=False)
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size
+
+
+async def _run(*wanted: str) -> bytes:
+    """Have something made by a process of its own, which does not outlive the wish.
+
+    Raises:
+        RecordError: it cannot be made; the message is the sentence that the process said.
+    """
+    maker = await asyncio.create_subprocess_exec(
+        sys.executable, "-P", "-m", MAKER, *wanted, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+    )  # fmt: skip
+    try:
+        made, said = await asyncio.wait_for(maker.communicate(), PATIENCE)
+    except TimeoutError as error:
+        raise RecordError(f"the {wanted[0]} was not made within {PATIENCE:g} s: is the record very long?") from error
+    finally:
+        if maker.returncode is None:
+            maker.kill()
+            await maker.wait()
+    if maker.returncode == 0:
         return made
+    if maker.returncode == 2:
+        raise RecordError(said.decode(errors="replace").strip())
+    raise RuntimeError(f"{MAKER} {' '.join(wanted)} ended with {maker.returncode}: {said.decode(errors='replace')}")

@@ -35,15 +35,12 @@ OPEN_PATHS: Final = frozenset({"/login", "/static/login.css"})
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """What the page is called, as browsers say it in Host and Origin.
-
-    Attributes:
-        hosts: with port, where it is not the scheme's own.
-        origins: scheme and host.
-    """
+    """What the page is called, as browsers say it in Host and Origin."""
 
     hosts: frozenset[str]
+    """With port, where it is not the scheme's own."""
     origins: frozenset[str]
+    """Scheme and host."""
 
     @classmethod
     def of(cls, host: str, port: int, address: str | None = None) -> Names:

@@ -6,7 +6,7 @@ import asyncio
 import gzip
 import html
 import math
-from collections.abc import Callable
+from collections.abc import Awaitable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, cast
@@ -24,16 +24,17 @@ from starlette.websockets import WebSocket
 from app import UserError
 from app.page.live.hub import encoded
 from app.page.live.people import People
-from app.page.live.state import VIEWS
+from app.page.live.state import VIEWS, PageState
 from app.page.recorded.catalogue import Catalogue, RecordPlace
 from app.page.recorded.shower import JSON, Made, RecordShower
 from app.page.web.live_socket import Allowance, serve_watcher
 from app.page.web.pictures import STREAM_TYPE, Pictures
-from app.page.web.security import Gatekeeper, Names
+from app.page.web.security import SEALED, Gatekeeper, Names
 from app.page.web.sign_in import SignIn
 from app.records.files import FILM_FILE
 from app.records.game import FRAMES
 from app.terminal.shown import View
+from hardware.parameters import load_parameters
 
 STATIC: Final = Path(__file__).parents[1] / "static"
 LARGEST_FORM: Final = 2048
@@ -41,25 +42,21 @@ LARGEST_FORM: Final = 2048
 TRIES: Final = 10.0
 """So often in a row somebody may sign in with a wrong password, whoever it is; then one try in ``AGAIN`` seconds."""
 AGAIN: Final = 3.0
+FOREVER: Final = 1e9
+"""No game is longer [s, plant]."""
 
 
 @dataclass(slots=True)
 class Site:
-    """What the routes show.
-
-    Attributes:
-        people: at the page.
-        pictures: of camera and film.
-        catalogue: of recorded games.
-        shower: makes what is shown of one.
-        sign_in: None: there is no password.
-    """
+    """What the routes show."""
 
     people: People
+    state: PageState
     pictures: Pictures
     catalogue: Catalogue
     shower: RecordShower
     sign_in: SignIn | None
+    """None: there is no password."""
 
 
 def site_app(site: Site, names: Names) -> ASGIApp:
@@ -72,7 +69,6 @@ class _Routes:
         self._site = site
         self._tries = Allowance(1.0 / AGAIN, TRIES)
         self._one_try = asyncio.Lock()
-        self._making = asyncio.Lock()
 
     def app(self) -> Starlette:
         return Starlette(
@@ -83,8 +79,12 @@ class _Routes:
                 Mount("/static", StaticFiles(directory=STATIC)),
                 Route("/picture/{view}.jpg", self._picture),
                 Route("/stream/{view}", self._stream),
+                Route("/robot.json", self._robot),
                 Route("/games", self._games),
                 Route("/games/{id}/record.json", self._record),
+                Route("/games/{id}/robot.json", self._robot_of_record),
+                Route("/games/{id}/telemetry.json", self._telemetry),
+                Route("/games/{id}/report.html", self._report),
                 Route("/games/{id}/film", self._film),
                 Route("/games/{id}/frames/{name}", self._frame),
                 WebSocketRoute("/live", self._live),
@@ -118,8 +118,27 @@ class _Routes:
         games = await asyncio.to_thread(self._site.catalogue.games)
         return _answer(request, Made.of(encoded(games).encode(), JSON))
 
+    async def _robot(self, request: Request) -> Response:
+        state = self._site.state
+        tick = load_parameters().drive.tick if state.session is None else state.session.tick
+        return await _made(request, self._site.shower.robot(state.folder, tick))
+
+    async def _robot_of_record(self, request: Request) -> Response:
+        place = await self._place(request)
+        return await _made(request, self._site.shower.robot(place.folder, load_parameters().drive.tick))
+
     async def _record(self, request: Request) -> Response:
-        return await self._made(request, self._site.shower.record, await self._place(request))
+        return await _made(request, self._site.shower.record(await self._place(request)))
+
+    async def _telemetry(self, request: Request) -> Response:
+        place = await self._place(request)
+        since, until = _seconds(request, "from", 0.0), _seconds(request, "to", FOREVER)
+        return await _made(request, self._site.shower.telemetry(place, since, until))
+
+    async def _report(self, request: Request) -> Response:
+        answer = await _made(request, self._site.shower.report(await self._place(request)))
+        answer.headers["Content-Security-Policy"] = SEALED
+        return answer
 
     async def _film(self, request: Request) -> Response:
         return _file((await self._place(request)).folder / FILM_FILE, "video/webm")
@@ -136,14 +155,6 @@ class _Routes:
         if place is None:
             raise HTTPException(404, "there is no such recorded game: GET /games lists them")
         return place
-
-    async def _made(self, request: Request, make: Callable[[RecordPlace], Made], place: RecordPlace) -> Response:
-        try:
-            async with self._making:  # one at a time: what is long is not made twice
-                made = await asyncio.to_thread(make, place)
-        except UserError as error:
-            raise HTTPException(409, str(error)) from error
-        return _answer(request, made)
 
     # ---- who may come in
 
@@ -188,6 +199,24 @@ def _file(path: Path, kind: str) -> Response:
     if not path.is_file():
         raise HTTPException(404, "this game has none")
     return FileResponse(path, media_type=kind)
+
+
+async def _made(request: Request, making: Awaitable[Made]) -> Response:
+    try:
+        return _answer(request, await making)
+    except UserError as error:
+        raise HTTPException(409, str(error)) from error
+
+
+def _seconds(request: Request, name: str, otherwise: float) -> float:
+    """A plant time of the address's question [s]."""
+    try:
+        value = float(request.query_params.get(name, otherwise))
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value <= FOREVER:
+        raise HTTPException(400, f"'{name}' is a plant time in seconds, such as 12.5")
+    return value
 
 
 def _answer(request: Request, made: Made) -> Response:
