@@ -77,6 +77,7 @@ def robot_scene(parameters: RobotParameters, table: TableSettings, home: Triple,
                 "most": limits.tracking_most,
             },
             "torque": parameters.drive.peak_torque,
+            "finger": parameters.gripper.max_force,
             "tick": tick,
         },
     }

@@ -10,6 +10,7 @@ from pathlib import Path
 import av
 
 from app.records import RecordError, recording
+from app.records.film import BEGINS
 from app.terminal.shown import FilmSource
 
 TIME_BASE = Fraction(1, 1000)
@@ -58,6 +59,7 @@ class Film:
                 if first is None:
                     first = tick
                     stream.height, stream.width = picture.shape[:2]
+                    container.metadata[BEGINS] = f"{tick * self._tick:.5f}"
                 seconds = (tick - first) * self._tick
                 if seconds > self._longest:
                     break

@@ -10,6 +10,7 @@ from app.page.recorded.follower import table_of
 from app.page.recorded.game_fold import GameFold, RecordContradicts, RoundShown
 from app.records.events import AnyEvent, FoundEvent, PlyEvent, StartEvent, StepEvent, TaskEvent, TroubleEvent
 from app.records.files import EVENTS_FILE, FILM_FILE, RecordError
+from app.records.film import film_begins
 from app.records.telemetry import TELEMETRY_FILE
 
 _DIGITS: Final = 4
@@ -54,7 +55,7 @@ def record_shown(place: RecordPlace, events: Sequence[AnyEvent]) -> dict[str, An
         "span": [round(events[0].plant_time, _DIGITS), round(events[-1].plant_time, _DIGITS)],
         "moments": moments, "troubles": troubles,
         "film": (place.folder / FILM_FILE).is_file(), "telemetry": (place.folder / TELEMETRY_FILE).is_file(),
-        "first_frame": _first_frame(place),
+        "film_begins": film_begins(place.folder / FILM_FILE), "first_frame": _first_frame(place),
     }  # fmt: skip
 
 

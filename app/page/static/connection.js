@@ -82,7 +82,7 @@ export function connect(store) {
       }
       store.receive(changes);
     } else if (frame.type === 'telemetry') {
-      store.set('telemetry', frame);
+      store.receive({telemetry: frame});
     } else if (frame.type === 'refused') {
       store.set('refused', frame.text);
     }

@@ -1,5 +1,6 @@
 // The arm live in three dimensions: where telemetry says that it is, among the pieces where the game believes them.
 
+import {robotAddress} from './panels/addresses.js';
 import {announce, make, say, silence, toggle, useStyles} from './panels/dom.js';
 import {onTheme} from './panels/theme.js';
 import {watchWhileSeen} from './panels/watch.js';
@@ -11,6 +12,7 @@ import {View} from './robot/view.js';
 const FRAME = 1000 / 30; // [ms] no picture comes sooner after another
 const NAMES = {front: 'Front', top: 'Top', person: 'Person’s eye'};
 const panels = new WeakMap();
+let number = 0; // of panels made, for identifiers that occur once
 
 /** Shows the robot in an element; returns what takes it out again. */
 export function mount(element, store) {
@@ -38,6 +40,7 @@ class Panel {
     this.blend = new Blend();
     this.ends = [];
     this.stopped = false;
+    const keysId = `tm-scene-keys-${(number += 1)}`;
     this.canvas = make('canvas', {class: 'tm-scene-canvas'});
     this.stage = make(
       'div',
@@ -47,7 +50,7 @@ class Panel {
         role: 'application',
         'aria-label': 'The arm over the board, in three dimensions',
         'aria-roledescription': 'view',
-        'aria-describedby': 'tm-scene-keys',
+        'aria-describedby': keysId,
       },
       this.canvas,
     );
@@ -64,20 +67,20 @@ class Panel {
       toggle('Force', true, (on) => this.change(() => this.showForce(on))),
     );
     this.root = make(
-      'section',
-      {class: 'tm-panel tm-robot', 'aria-label': 'Robot'},
+      'div',
+      {class: 'tm-panel tm-robot'},
       this.stage,
       this.tools,
       this.sentence,
       this.live,
-      make('p', {class: 'tm-hidden', id: 'tm-scene-keys'}, keys),
+      make('p', {class: 'tm-hidden', id: keysId}, keys),
     );
   }
 
   async start() {
     this.element.append(this.root);
     try {
-      const answer = await fetch('/robot.json');
+      const answer = await fetch(robotAddress(this.store));
       if (!answer.ok) throw new Error(`the server answered ${answer.status}`);
       this.description = await answer.json();
     } catch (error) {
@@ -152,7 +155,8 @@ class Panel {
   }
 
   follow(frame) {
-    if (!frame?.angles) return;
+    // what is not finite comes as null: then the arm stays where it was
+    if (!frame?.angles || [...frame.angles, ...frame.tool].includes(null)) return;
     this.blend.take(frame, performance.now(), frame.exact === true);
     this.wake(true);
     this.tell();

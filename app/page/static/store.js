@@ -10,7 +10,7 @@
  */
 
 /** Sections that the viewer of a recorded game sets in the server's place. */
-const SHOWN_OF_RECORDS = ['game', 'clock', 'prompt', 'phase', 'path', 'look'];
+const SHOWN_OF_RECORDS = ['game', 'clock', 'prompt', 'phase', 'path', 'look', 'pictures', 'telemetry'];
 
 /** @typedef {ReturnType<typeof createStore>} Store */
 

@@ -32,7 +32,8 @@ from app.page.web.pictures import STREAM_TYPE, Pictures
 from app.page.web.security import SEALED, Gatekeeper, Names
 from app.page.web.sign_in import SignIn
 from app.records.files import FILM_FILE
-from app.records.game import FRAMES
+from app.records.game import FRAMES, PGN_FILE
+from app.records.telemetry import TELEMETRY_FILE
 from app.terminal.shown import View
 from hardware.parameters import load_parameters
 
@@ -86,6 +87,8 @@ class _Routes:
                 Route("/games/{id}/telemetry.json", self._telemetry),
                 Route("/games/{id}/report.html", self._report),
                 Route("/games/{id}/film", self._film),
+                Route("/games/{id}/game.pgn", self._pgn),
+                Route("/games/{id}/telemetry.mcap", self._mcap),
                 Route("/games/{id}/frames/{name}", self._frame),
                 WebSocketRoute("/live", self._live),
             ],
@@ -142,6 +145,12 @@ class _Routes:
 
     async def _film(self, request: Request) -> Response:
         return _file((await self._place(request)).folder / FILM_FILE, "video/webm")
+
+    async def _pgn(self, request: Request) -> Response:
+        return _download((await self._place(request)).folder / PGN_FILE, "application/x-chess-pgn")
+
+    async def _mcap(self, request: Request) -> Response:
+        return _download((await self._place(request)).folder / TELEMETRY_FILE, "application/octet-stream")
 
     async def _frame(self, request: Request) -> Response:
         frames = (await self._place(request)).folder / FRAMES
@@ -217,6 +226,18 @@ def _seconds(request: Request, name: str, otherwise: float) -> float:
     if not 0.0 <= value <= FOREVER:
         raise HTTPException(400, f"'{name}' is a plant time in seconds, such as 12.5")
     return value
+
+
+def _download(path: Path, kind: str) -> Response:
+    """A file that is kept under its own name and that of its game, or 404."""
+    answer = _file(path, kind)
+    answer.headers["Content-Disposition"] = f'attachment; filename="{_plain(path.parent.name)}-{path.name}"'
+    return answer
+
+
+def _plain(name: str) -> str:
+    """A folder's name as a part of a file's: what could mean something in a header is left out."""
+    return "".join(letter if letter.isascii() and (letter.isalnum() or letter in "-_.") else "_" for letter in name)
 
 
 def _answer(request: Request, made: Made) -> Response:

@@ -1,16 +1,8 @@
-// Elements, made without markup in strings: nothing that comes over the wire is ever parsed as HTML.
+// What all panels share: buttons that stay pressed, their style sheet, and sentences for screen readers.
 
-/** An element with attributes (`class`, `aria-…`; `on…` functions become listeners) and children (nodes or texts). */
-export function make(tag, attributes = {}, ...children) {
-  const element = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (name.startsWith('on')) element.addEventListener(name.slice(2), value);
-    else if (typeof value === 'boolean') element.toggleAttribute(name, value);
-    else if (value !== null && value !== undefined) element.setAttribute(name, value);
-  }
-  element.append(...children);
-  return element;
-}
+import {make} from '../dom.js';
+
+export {icon, make} from '../dom.js';
 
 /** A button that stays pressed; `changed(pressed)` is called when it is. */
 export function toggle(label, pressed, changed) {
@@ -23,12 +15,11 @@ export function toggle(label, pressed, changed) {
   return button;
 }
 
-/** Loads the panels' style sheet once: the page's Content-Security-Policy admits no inline style. */
-export function useStyles() {
-  const href = new URL('../panels.css', import.meta.url).href;
-  if ([...document.styleSheets].some((sheet) => sheet.href === href)) return;
-  if (document.querySelector('link[data-touchmove-panels]')) return;
-  document.head.append(make('link', {rel: 'stylesheet', href, 'data-touchmove-panels': ''}));
+/** Loads a style sheet of the page once: its Content-Security-Policy admits no inline style. */
+export function useStyles(address = './css/panels.css') {
+  const href = new URL(`../${address}`, import.meta.url).href;
+  if ([...document.querySelectorAll('link[rel="stylesheet"]')].some((link) => link.href === href)) return;
+  document.head.append(make('link', {rel: 'stylesheet', href}));
 }
 
 /** Sets a text only where it changed, so that screen readers and layout are left alone. */

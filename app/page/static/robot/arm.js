@@ -22,7 +22,10 @@ export class Arm {
     this.tool = new Group();
     this.fingers = {right: new Group(), left: new Group()};
     this.legs = [0, 1, 2].map(() => this.#leg(description.links, materials));
-    for (const solid of description.base) this.group.add(solidMesh(solid, materials));
+    // what hangs above the board has a look of its own, since it is seen through from above
+    this.above = materials.metal.clone();
+    this.above.transparent = true;
+    for (const solid of description.base) this.group.add(solidMesh(solid, {[solid.finish]: this.above}));
     for (const solid of description.tool) this.tool.add(solidMesh(solid, materials));
     for (const [side, finger] of Object.entries(this.fingers)) {
       for (const solid of description.fingers[side]) finger.add(solidMesh(solid, materials));
@@ -56,6 +59,14 @@ export class Arm {
       balls: [0, 1, 2, 3].map(() => ball(1.45 * rod)),
       elbow: ball(1.15 * links.proximal.radius),
     };
+  }
+
+  /** Lets a camera that looks down from above see the board through the base. */
+  seeThrough(camera) {
+    const {x, y, z} = camera.position;
+    const aside = Math.atan2(Math.hypot(x, z), y); // from straight above [rad]
+    this.above.opacity = Math.min(1, Math.max(0.12, (aside - 0.35) / 0.35));
+    this.above.depthWrite = this.above.opacity === 1;
   }
 
   /** Moves all parts: servomotor angles [rad], tool point [m], a pad's front edge from the tool point [m]. */

@@ -1,16 +1,11 @@
 // What surfaces look like, and the light they stand in.
 
 import {
-  BackSide,
   CanvasTexture,
   Color,
-  Mesh,
-  MeshBasicMaterial,
-  MeshStandardMaterial,
-  PMREMGenerator,
-  PlaneGeometry,
-  Scene,
-  SphereGeometry,
+  CubeTexture,
+  MeshPhongMaterial,
+  MixOperation,
   SRGBColorSpace,
 } from '../vendor/three/three.module.js';
 
@@ -18,50 +13,76 @@ import {
 export const WOOD = {white: new Color('#e3c496').toArray(), black: new Color('#3a2419').toArray()};
 export const FELT = new Color('#1c3d27').toArray();
 
+// colour; share of the room that is reflected; highlight and how sharp it is
 const FINISHES = {
-  metal: {color: '#5b626b', metalness: 0.35, roughness: 0.45},
-  aluminium: {color: '#c6ccd3', metalness: 0.6, roughness: 0.32},
-  carbon: {color: '#1b1d20', metalness: 0.25, roughness: 0.38},
-  plastic: {color: '#25282d', metalness: 0.0, roughness: 0.55},
-  pad: {color: '#f0f0ea', metalness: 0.0, roughness: 0.6},
-  joint: {color: '#8b9198', metalness: 0.7, roughness: 0.28},
-  place: {color: '#5a3a24', metalness: 0.0, roughness: 0.8},
-  rim: {color: '#4a2f1c', metalness: 0.0, roughness: 0.5},
-  box: {color: '#85613f', metalness: 0.0, roughness: 0.6},
-  lining: {color: '#33455c', metalness: 0.0, roughness: 0.95},
+  metal: ['#59606a', 0.16, '#555555', 40],
+  aluminium: ['#b9c0c8', 0.34, '#777777', 60],
+  carbon: ['#1d1f23', 0.1, '#666666', 50],
+  plastic: ['#25282d', 0.03, '#333333', 20],
+  pad: ['#f0f0ea', 0, '#222222', 10],
+  joint: ['#8b9198', 0.42, '#999999', 80],
+  place: ['#6b472e', 0, '#000000', 1],
+  rim: ['#553722', 0.03, '#222222', 20],
+  box: ['#85613f', 0, '#222222', 10],
+  lining: ['#33455c', 0, '#000000', 1],
 };
 
-/** One material for each finish, shared by all that has it; and `piece`, whose colours stand at the corners. */
+/**
+ * One material for each finish, shared by all that has it; and `piece`, whose colours stand at the corners. Phong's model
+ * with a room of six small pictures: physically based materials would filter that room first, which takes a computer
+ * without a graphics card half a minute.
+ */
 export function makeMaterials() {
+  const room = roomTexture(64);
+  const make = (reflectivity, rest) =>
+    new MeshPhongMaterial({...rest, ...(reflectivity > 0 ? {envMap: room, combine: MixOperation, reflectivity} : {})});
   const materials = {};
-  for (const [name, look] of Object.entries(FINISHES)) materials[name] = new MeshStandardMaterial(look);
-  materials.piece = new MeshStandardMaterial({vertexColors: true, roughness: 0.36, metalness: 0});
+  for (const [name, [color, reflectivity, specular, shininess]] of Object.entries(FINISHES)) {
+    materials[name] = make(reflectivity, {color, specular, shininess});
+  }
+  materials.piece = make(0.045, {vertexColors: true, specular: '#5a5a5a', shininess: 55});
   return materials;
 }
 
-/** A room with a bright ceiling and two windows, for reflections; made once, a few pixels large. */
-export function roomLight(renderer) {
-  const room = new Scene();
-  room.add(new Mesh(new SphereGeometry(5, 16, 12), new MeshBasicMaterial({color: '#8f969e', side: BackSide})));
-  const panel = (width, height, brightness, [x, y, z]) => {
-    const colour = new Color(brightness, brightness, brightness);
-    const mesh = new Mesh(new PlaneGeometry(width, height), new MeshBasicMaterial({color: colour}));
-    mesh.position.set(x, y, z);
-    mesh.lookAt(0, 0, 0);
-    room.add(mesh);
+/** A room with a bright ceiling and two windows, for reflections: six pictures. */
+function roomTexture(size) {
+  const face = (paint) => {
+    const canvas = document.createElement('canvas');
+    canvas.width = canvas.height = size;
+    paint(canvas.getContext('2d'));
+    return canvas;
   };
-  panel(4, 4, 7, [0, 4, 0]);
-  panel(2, 2.5, 5, [-4, 1.2, 2]);
-  panel(2, 2.5, 3, [4, 1.0, 1]);
-  panel(8, 8, 0.12, [0, -3.5, 0]);
-  const generator = new PMREMGenerator(renderer);
-  const light = generator.fromScene(room, 0.05).texture;
-  generator.dispose();
-  room.traverse((one) => {
-    one.geometry?.dispose();
-    one.material?.dispose();
-  });
-  return light;
+  const wall = (window) =>
+    face((pen) => {
+      const fade = pen.createLinearGradient(0, 0, 0, size);
+      fade.addColorStop(0, '#dfe4e9');
+      fade.addColorStop(0.5, '#8b939b');
+      fade.addColorStop(1, '#34383d');
+      pen.fillStyle = fade;
+      pen.fillRect(0, 0, size, size);
+      if (!window) return;
+      pen.fillStyle = '#ffffff';
+      pen.fillRect(0.28 * size, 0.14 * size, 0.44 * size, 0.3 * size);
+    });
+  const flat = (colour, lamp) =>
+    face((pen) => {
+      pen.fillStyle = colour;
+      pen.fillRect(0, 0, size, size);
+      pen.fillStyle = lamp;
+      pen.fillRect(0.2 * size, 0.3 * size, 0.6 * size, 0.4 * size);
+    });
+  const faces = [
+    wall(true),
+    wall(true),
+    flat('#dfe4e9', '#ffffff'),
+    flat('#34383d', '#34383d'),
+    wall(false),
+    wall(true),
+  ];
+  const texture = new CubeTexture(faces);
+  texture.colorSpace = SRGBColorSpace;
+  texture.needsUpdate = true;
+  return texture;
 }
 
 /** A sequence that is the same in every browser: the grain of the wood. */

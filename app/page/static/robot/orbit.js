@@ -13,7 +13,7 @@ const HOME = new Vector3(0, -0.33, 0);
 
 /** Azimuth from the person's side, angle from straight above, distance and the point looked at. World: y up [m]. */
 export const VIEWS = {
-  front: {azimuth: 0.5, polar: 1.13, distance: 1.1, target: [0, -0.268, 0]},
+  front: {azimuth: 0.5, polar: 1.13, distance: 1.03, target: [0, -0.262, 0]},
   top: {azimuth: 0, polar: LOWEST, distance: 0.98, target: [0, -0.47, 0]},
   person: {azimuth: 0, polar: 0.92, distance: 0.78, target: [0, -0.42, 0]},
 };
@@ -73,7 +73,7 @@ export class Orbit {
   place() {
     this.polar = Math.min(HIGHEST, Math.max(LOWEST, this.polar));
     this.distance = Math.min(FARTHEST, Math.max(NEAREST, this.distance));
-    const away = this.distance * Math.max(1, 1.25 / this.camera.aspect);
+    const away = this.distance * Math.max(1, 1.45 / this.camera.aspect);
     const across = away * Math.sin(this.polar);
     this.camera.position.set(
       this.target.x + across * Math.sin(this.azimuth),

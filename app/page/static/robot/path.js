@@ -8,12 +8,12 @@ import {
   Group,
   Mesh,
   MeshBasicMaterial,
-  MeshStandardMaterial,
+  MeshPhongMaterial,
   TubeGeometry,
   Vector3,
 } from '../vendor/three/three.module.js';
 
-const RADIUS = 0.0016; // of the line [m]
+const RADIUS = 0.0022; // of the line [m]
 const CORNERS = 6;
 const PER_NEWTON = 0.012; // length of the arrow [m/N]
 const LEAST = 0.4; // [N] less is not shown
@@ -89,7 +89,7 @@ function shares(points) {
 /** The force on the tool. */
 export class ForceArrow {
   constructor() {
-    const material = new MeshStandardMaterial({color: COLOURS.force, roughness: 0.5});
+    const material = new MeshPhongMaterial({color: COLOURS.force});
     this.shaft = new Mesh(new CylinderGeometry(0.003, 0.003, 1, 12), material);
     this.tip = new Mesh(new ConeGeometry(0.008, 0.02, 16), material);
     this.group = new Group();

@@ -2,17 +2,20 @@
 
 import {Group, Mesh} from '../vendor/three/three.module.js';
 import {FELT, WOOD} from './materials.js';
-import {pieceGeometry} from './shapes.js';
+import {pieceGeometry, pieceShape} from './shapes.js';
+
+const LYING = 0.012; // [m] how high the middle of a piece lies that lies
 
 /** All pieces of a game, in a group that has the board's frame. */
 export class Pieces {
   constructor(description, material) {
     this.kinds = description.kinds;
-    this.places = description.table.places;
+    this.boxes = description.table.boxes;
     this.material = material;
     this.group = new Group();
     this.meshes = new Map(); // by the piece's name
-    this.shapes = new Map(); // geometries by kind and colour
+    this.shapes = new Map(); // by kind
+    this.geometries = new Map(); // by kind and colour
     this.held = null;
   }
 
@@ -22,17 +25,14 @@ export class Pieces {
     for (const piece of pieces) {
       const mesh = this.meshes.get(piece.name) ?? this.#make(piece);
       gone.delete(piece.name);
-      const [x, y] = piece.at ?? this.places[piece.place];
-      const boxed = piece.place.startsWith('B');
-      if (piece.name !== held) {
-        // what was dropped into a box lies there, nobody knows how
-        mesh.rotation.set(
-          boxed ? Math.PI / 2 : 0,
-          0,
-          piece.kind === 'knight' && piece.colour === 'black' ? Math.PI : 0,
-        );
-        mesh.position.set(x, y, boxed ? 0.012 : 0);
-      }
+      mesh.visible = piece.at !== null || piece.name === held; // some are not on the table
+      if (piece.name === held || piece.at === null) continue;
+      const [x, y] = piece.at;
+      const boxed = this.boxes.some(({at, half}) => Math.abs(x - at[0]) <= half[0] && Math.abs(y - at[1]) <= half[1]);
+      // what was dropped into a box lies there, nobody knows how; knights look at each other
+      const facing = piece.kind === 'knight' && piece.colour === 'black' ? Math.PI : 0;
+      mesh.rotation.set(boxed ? Math.PI / 2 : 0, 0, facing);
+      mesh.position.set(x, y, boxed ? LYING : 0);
     }
     for (const name of gone) {
       this.group.remove(this.meshes.get(name));
@@ -51,8 +51,11 @@ export class Pieces {
 
   #make({name, kind, colour}) {
     const key = `${kind} ${colour}`;
-    if (!this.shapes.has(key)) this.shapes.set(key, pieceGeometry(this.kinds[kind], WOOD[colour], FELT));
-    const mesh = new Mesh(this.shapes.get(key), this.material);
+    if (!this.shapes.has(kind)) this.shapes.set(kind, pieceShape(this.kinds[kind]));
+    if (!this.geometries.has(key)) {
+      this.geometries.set(key, pieceGeometry(this.shapes.get(kind), WOOD[colour], FELT));
+    }
+    const mesh = new Mesh(this.geometries.get(key), this.material);
     mesh.castShadow = mesh.receiveShadow = true;
     mesh.userData = {kind, colour};
     this.meshes.set(name, mesh);
@@ -61,6 +64,6 @@ export class Pieces {
   }
 
   dispose() {
-    for (const shape of this.shapes.values()) shape.dispose();
+    for (const shape of this.geometries.values()) shape.dispose();
   }
 }

@@ -29,9 +29,7 @@ function refined(outline, end) {
     if (turns(i) && turns(i + 1)) return;
     const before = turns(i) ? outline[i] : outline[i - 1];
     const after = turns(i + 1) ? outline[i + 1] : outline[i + 2];
-    for (const t of [1 / 3, 2 / 3]) {
-      points.push({point: [0, 1].map((k) => catmull(before[k], point[k], outline[i + 1][k], after[k], t)), ring: -1});
-    }
+    points.push({point: [0, 1].map((k) => catmull(before[k], point[k], outline[i + 1][k], after[k], 0.5)), ring: -1});
   });
   return points;
 }
@@ -103,8 +101,8 @@ function normals(triangles) {
   const faces = triangles.length / 9;
   const normal = new Float32Array(faces * 3);
   const around = new Map();
-  const key = (i) =>
-    `${Math.round(triangles[i] * 1e6)},${Math.round(triangles[i + 1] * 1e6)},${Math.round(triangles[i + 2] * 1e6)}`;
+  // a corner by micrometres in one whole number: far below 2^53, and quicker than a text
+  const key = (i) => [0, 1, 2].reduce((sum, k) => sum * 262144 + Math.round(triangles[i + k] * 1e6) + 131072, 0);
   const area = new Float32Array(faces);
   for (let f = 0; f < faces; f++) {
     const o = f * 9;
@@ -136,27 +134,28 @@ function normals(triangles) {
   return smooth;
 }
 
-/** One kind of piece with its colours (linear, three numbers each) at the corners: one geometry, drawn at once. */
-export function pieceGeometry(kind, wood, felt) {
+/** The shape of one kind of piece, and which of its corners are felt: what both colours share. */
+export function pieceShape(kind) {
   const body = turned(kind);
   const carved = [...(kind.head ? head(kind.head) : []), ...(kind.blocks ?? []).flatMap(block)];
-  const parts = [
-    [body.soft, felt],
-    [body.wood, wood],
-    [carved, wood],
-  ].filter(([triangles]) => triangles.length);
-  const position = new Float32Array(parts.flatMap(([triangles]) => triangles));
+  const parts = [body.soft, body.wood, carved].filter((triangles) => triangles.length > 0);
+  const position = new Float32Array(parts.flat());
   const normal = new Float32Array(position.length);
-  const colour = new Float32Array(position.length);
   let start = 0;
-  for (const [triangles, tint] of parts) {
+  for (const triangles of parts) {
     normal.set(normals(triangles), start);
-    for (let i = 0; i < triangles.length; i++) colour[start + i] = tint[i % 3];
     start += triangles.length;
   }
+  return {position: new BufferAttribute(position, 3), normal: new BufferAttribute(normal, 3), felt: body.soft.length};
+}
+
+/** A piece's geometry in its colours (linear, three numbers each), which stand at the corners: it is drawn at once. */
+export function pieceGeometry({position, normal, felt: below}, wood, felt) {
+  const colour = new Float32Array(position.array.length);
+  for (let i = 0; i < colour.length; i += 1) colour[i] = (i < below ? felt : wood)[i % 3];
   const geometry = new BufferGeometry();
-  geometry.setAttribute('position', new BufferAttribute(position, 3));
-  geometry.setAttribute('normal', new BufferAttribute(normal, 3));
+  geometry.setAttribute('position', position);
+  geometry.setAttribute('normal', normal);
   geometry.setAttribute('color', new BufferAttribute(colour, 3));
   geometry.computeBoundingSphere();
   return geometry;

@@ -10,7 +10,7 @@ import {
   Mesh,
   MeshBasicMaterial,
   MeshLambertMaterial,
-  MeshStandardMaterial,
+  MeshPhongMaterial,
   NeutralToneMapping,
   PCFShadowMap,
   PerspectiveCamera,
@@ -20,11 +20,11 @@ import {
   WebGLRenderer,
 } from '../vendor/three/three.module.js';
 import {Arm} from './arm.js';
-import {boardTexture, coordinateTexture, fadeTexture, makeMaterials, roomLight} from './materials.js';
+import {boardTexture, coordinateTexture, fadeTexture, makeMaterials} from './materials.js';
 import {ForceArrow, Path} from './path.js';
 import {Pieces} from './pieces.js';
 
-const FLOOR = {light: '#a4aeb8', dark: '#27292c'};
+const FLOOR = {light: '#bcc6cf', dark: '#27292c'};
 
 /** What there is to see; `render` draws it. Throws where the browser has no WebGL. */
 export class View {
@@ -63,14 +63,16 @@ export class View {
   }
 
   #light() {
-    this.scene.environment = roomLight(this.renderer);
-    this.scene.environmentIntensity = 0.5;
-    this.scene.add(new HemisphereLight('#ffffff', '#b8a890', 0.5));
-    const sun = new DirectionalLight('#fff4e4', 2.4);
+    this.sky = new HemisphereLight('#ffffff', '#a89a86', 1.35);
+    const fill = new DirectionalLight('#dfe9ff', 0.5);
+    fill.position.set(0.9, 0.5, -0.5);
+    this.scene.add(this.sky, fill);
+    const sun = new DirectionalLight('#fff2e0', 2.3);
     sun.position.set(-0.55, 1.1, 0.6);
     sun.target.position.set(0, -0.47, 0);
     sun.castShadow = true;
-    sun.shadow.mapSize.set(1536, 1536);
+    const size = drawnBySoftware(this.renderer) ? 1024 : 2048;
+    sun.shadow.mapSize.set(size, size);
     Object.assign(sun.shadow.camera, {left: -0.62, right: 0.62, top: 0.62, bottom: -0.62, near: 0.4, far: 2.6});
     sun.shadow.normalBias = 0.0012;
     sun.shadow.bias = -0.0004;
@@ -90,7 +92,7 @@ export class View {
     this.floor = new MeshLambertMaterial({color: FLOOR.light, transparent: true, alphaMap: fadeTexture(256, 0.42)});
     add(new CircleGeometry(1.05, 64), this.floor, -0.006);
     add(new BoxGeometry(2 * x, 2 * y, 0.006), this.materials.rim, -0.0032);
-    const wood = new MeshStandardMaterial({map: boardTexture(1024), roughness: 0.42});
+    const wood = new MeshPhongMaterial({map: boardTexture(1024), specular: '#333333', shininess: 35});
     add(new PlaneGeometry(8 * table.square, 8 * table.square), wood, 0);
     const letters = new MeshBasicMaterial({map: coordinateTexture(table.half, table.square, 1024), transparent: true});
     add(new PlaneGeometry(2 * x, 2 * y), letters, 0.0001, false);
@@ -121,7 +123,7 @@ export class View {
   /** Light or dark surroundings. */
   theme(dark) {
     this.floor.color.set(dark ? FLOOR.dark : FLOOR.light);
-    this.scene.environmentIntensity = dark ? 0.42 : 0.5;
+    this.sky.intensity = dark ? 1.15 : 1.55;
   }
 
   /** Moves arm, held piece, force and the executed part of the path. */
@@ -147,6 +149,7 @@ export class View {
 
   /** Draws. Shadows are drawn anew only if what throws them has moved. */
   render(moved) {
+    this.arm.seeThrough(this.camera);
     this.renderer.shadowMap.needsUpdate = moved || this.renders === 0;
     this.renderer.render(this.scene, this.camera);
     this.renders += 1;
@@ -155,8 +158,14 @@ export class View {
   dispose() {
     this.scene.traverse((one) => one.geometry?.dispose());
     this.pieces.dispose();
-    this.scene.environment.dispose();
     this.renderer.dispose();
     this.renderer.forceContextLoss();
   }
+}
+
+/** Whether there is no graphics card behind it: then shadows are coarser. */
+function drawnBySoftware(renderer) {
+  const gl = renderer.getContext();
+  const names = gl.getExtension('WEBGL_debug_renderer_info');
+  return names !== null && /swiftshader|llvmpipe|software/i.test(gl.getParameter(names.UNMASKED_RENDERER_WEBGL));
 }

@@ -23,7 +23,7 @@ export function describe(frame, game, view, description, figures = true) {
   const held = inFingers(game);
   const what = held ? `holds ${held}` : 'holds nothing';
   const where = `The tool is ${over(at, description.table.square)}`;
-  const doing = frame.word ? `; the arm ${/^(is|has|holds)/.test(frame.word) ? '' : 'is '}${frame.word}` : '';
+  const doing = frame.word ? `; the arm ${frame.word.startsWith('on ') ? 'is ' : ''}${frame.word}` : '';
   if (!figures) return `${where} and ${what}.`;
   const force = Math.hypot(...frame.force);
   const push = force > FACING ? `, ${force.toFixed(1)} N on the tool` : '';
