@@ -1,7 +1,5 @@
 """What engines answer; and the best moves of a position by an engine that names only one at a time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple

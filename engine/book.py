@@ -3,8 +3,6 @@
 Format: http://hgm.nubati.net/book_format.html, read by python-chess.
 """
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 from typing import Final, Self

@@ -1,7 +1,5 @@
 """How long a search may take: when it is stopped, and when an engine that does not answer is given up."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Final
 

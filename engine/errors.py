@@ -9,8 +9,6 @@ EngineProblem
 Within the room, ``Misbehaved`` is one failure of one process, before anything was tried against it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import groupby
 

@@ -4,13 +4,12 @@ Any of the moves that a short full-strength search holds nearly as good as the b
 is one of its own: MultiPV, a cleared hash and full strength then never mix with the settings of a player.
 """
 
-from __future__ import annotations
-
 import random
 
 import chess
 
 from engine.errors import EngineRefused
+from engine.policy import MATE
 from engine.stockfish import Candidate, Engine, EngineSettings
 
 LINES = 6
@@ -21,8 +20,6 @@ TABLE_MB = 16
 """Of every opening engine [MiB], so that a player's settings do not change the opening of a seed."""
 WINDOW = 30
 """A move is sound when it loses at most this much against the best [centipawns]."""
-MATE = 100_000
-"""Score of a mate [centipawns], so that a forced mate is only ever exchanged for another one."""
 
 
 def opening_engine(settings: EngineSettings) -> Engine:
@@ -57,6 +54,6 @@ def varied_opening(engine: Engine, board: chess.Board, plies: int, rng: random.R
 
 
 def sound_moves(candidates: tuple[Candidate, ...]) -> tuple[chess.Move, ...]:
-    """Those of the candidates (best first) that lie within the window of the best."""
+    """Those of the candidates (best first) within the window of the best; a mate is only exchanged for another one."""
     worth = [candidate.score.relative.score(mate_score=MATE) for candidate in candidates]
     return tuple(c.move for c, value in zip(candidates, worth, strict=True) if value >= max(worth) - WINDOW)

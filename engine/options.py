@@ -1,7 +1,5 @@
 """UCI options: what is to be set, each checked against what the engine says of itself."""
 
-from __future__ import annotations
-
 import difflib
 
 import chess.engine

@@ -5,8 +5,6 @@ mate, a beginner should learn to give it, and a score may come from an engine th
 person who thinks. An engine that is asked for a draw ought to be able to say yes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import chess

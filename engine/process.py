@@ -5,8 +5,6 @@ thread lives exactly as long as the process, because Linux delivers the parent d
 forked ends, not when the whole parent does.
 """
 
-from __future__ import annotations
-
 import asyncio
 import ctypes
 import logging
@@ -39,9 +37,7 @@ _HINTS = {
 
 
 def exit_phrase(code: int, last_words: str) -> str:
-    """Say how a process ended, by its exit code, or minus the signal, and the last line that it wrote to stderr, if
-    any.
-    """
+    """Say how a process ended: by its exit code, or minus the signal, and the last line on its stderr, if any."""
     details = [text for text in (_HINTS.get(code), f"last words: {last_words!r}" if last_words else None) if text]
     return f"it died with exit code {code}" + (f" ({'; '.join(details)})" if details else "")
 

@@ -9,8 +9,6 @@
 * A bound on what it may write.
 """
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import math

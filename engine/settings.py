@@ -1,7 +1,5 @@
 """How one engine plays, as far as it can be said before the engine is known."""
 
-from __future__ import annotations
-
 from typing import Final, Self
 
 import chess.engine

@@ -5,8 +5,6 @@ that failed several times, ``EngineFailed`` says so. Even then it may be asked a
 go on.
 """
 
-from __future__ import annotations
-
 import shutil
 import threading
 import time

@@ -1,7 +1,5 @@
 """How fast the tool may move where it can meet a person, by how the arm moves."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final

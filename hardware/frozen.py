@@ -1,7 +1,5 @@
 """Base classes of settings and reports that do not change: strict about names, so that a misspelt one is refused."""
 
-from __future__ import annotations
-
 from pydantic import BaseModel, ConfigDict
 
 

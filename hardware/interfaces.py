@@ -3,8 +3,6 @@
 Units are SI. Arms are numbered 1 to 3 as in the paper; triples are in that order.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntFlag, StrEnum
 from typing import Final, NamedTuple, Protocol
@@ -118,9 +116,7 @@ class ServoBus(Protocol):
         """Length of one tick [s]."""
 
     def exchange(self, command: Command) -> Measurement:
-        """Hand over a command and block until the next tick's measurement; raises ``BusLost`` if the plant no longer
-        answers.
-        """
+        """Hand over a command, block until the next tick's measurement; raises ``BusLost`` if the plant is silent."""
 
     def close(self) -> None:
         """Give the drives up; they brake by themselves."""

@@ -3,8 +3,6 @@
 The controller's process uses it, and the simulated world's where it has to be as punctual as a motion board.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import gc

@@ -3,8 +3,6 @@
 A lab has no referee. Nothing that chooses a move, a grasp or a motion may import this.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

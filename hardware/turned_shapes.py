@@ -4,8 +4,6 @@ is carved: a rook's battlements, a queen's coronet, a king's cross, a knight's h
 Nothing above the foot is wider than the stem that the gripper holds.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import cache

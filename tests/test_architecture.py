@@ -304,6 +304,7 @@ LOAD_LATE = {
     "app.execution": "planning and seeing take seconds to load, and are not needed before something moves",
     "app.motion": "the same",
     "app.play": "opens devices, films and looks, where it does",
+    "app.records.telemetry": "the robot in 3-D is shown once it moves, and its kinematics take seconds to load",
     "app.rig.simulation.processes": "each process loads only what it needs",
 }
 """The only packages and modules that import inside functions, and what is loaded late there."""

@@ -78,10 +78,8 @@ def lay_out(depth: Field, rows: Field, columns: Field, start: Field, reach: floa
     )
 )  # fmt: skip
 def colour_sums(picture: Picture, level: Field, square: Any, where: Mask) -> tuple[Array, Any]:
-    """Sums over those pixels of each square that count; ``level`` is what is added for each value of a pixel, (256,).
-
-    Returns:
-        Sums (65, 3), and how many pixels they are of, (65,).
+    """Sums (65, 3) over those pixels of each square that count, and how many they are, (65,); ``level`` is what is
+    added for each value of a pixel, (256,).
     """
     sums, count = np.zeros((65, 3)), np.zeros(65, dtype=np.int64)
     for i in range(square.shape[0]):
@@ -96,10 +94,8 @@ def colour_sums(picture: Picture, level: Field, square: Any, where: Mask) -> tup
 
 @_loop(types.float64[::1](_SQUARES, types.boolean[:, ::1], types.float32[:, ::1], types.int64[::1], types.float64))
 def tops(square: Any, where: Mask, value: Field, count: Any, share: float) -> Array:
-    """The value below which a share of those pixels of each square are that count; ``count`` of them in each, (64,).
-
-    Returns:
-        Shape (64,); 0 where none count.
+    """The value below which a share of those pixels of each square are that count, (64,), 0 where none do; ``count`` of
+    them in each, (64,).
     """
     begin = np.zeros(65, dtype=np.int64)
     begin[1:] = np.cumsum(count)
@@ -120,10 +116,8 @@ def tops(square: Any, where: Mask, value: Field, count: Any, share: float) -> Ar
 
 @_loop(types.Tuple((types.float32[:, :, ::1], types.float32[:, ::1]))(types.float32[:, :, ::1]))
 def slopes_of(level: Field) -> tuple[Field, Field]:
-    """Gradients of three fields (h, w, 3) by Sobel's filter, mirrored at the border.
-
-    Returns:
-        Along columns, then along rows, shape (h, w, 6) [1/px]; and the length over all three, shape (h, w).
+    """Gradients of three fields (h, w, 3) by Sobel's filter, mirrored at the border: along columns, then along rows,
+    (h, w, 6) [1/px]; and their length over all three, (h, w).
     """
     height, width = level.shape[:2]
     slopes, size = np.empty((height, width, 6), dtype=np.float32), np.empty((height, width), dtype=np.float32)
@@ -155,13 +149,10 @@ def changes(
     level: Field, old_level: Field, slopes: Field, old_slopes: Field, size: Field, old_size: Field,
     margin: int, side: int, edge: int,
 ) -> Array:  # fmt: skip
-    """How much two plans differ in the middle of each square: levels (h, w, 3), slopes (h, w, 6) and their sizes
-    (h, w).
+    """How much two plans differ in the middle of each square, by levels (h, w, 3), slopes (h, w, 6) and their sizes (h,
+    w): means of |Δlevel| over all colours, of the length of Δslopes, and of both sizes' sum; shape (64, 3), a1 first.
 
     There is a margin around the board; an edge is left out at each side of a square; all [px].
-
-    Returns:
-        Means of |Δlevel| over all colours, of the length of Δslopes, and of both sizes' sum; shape (64, 3), a1 first.
     """
     means = np.zeros((64, 3))
     area = (side - 2 * edge) ** 2
@@ -208,16 +199,14 @@ def stand_out(
     depth: Field, ray: Field, position: Field, hidden: Mask, usual: Field, limits: Field, half: Field, ends: Array,
     radii: Array,
 ) -> Picture:  # fmt: skip
-    """Pixels of a depth picture that show what is higher than it should be.
+    """Pixels of a depth picture that show what is higher than it should be: 2 where something tall is, 1 where
+    something low is, else 0; shape (h, w).
 
     ``usual`` are the heights of the settled board, (h, w) [m], infinite where they are not known. A tall thing is
     higher than the first of ``limits`` and lower than the second; a low one is higher than the third and by more than
     the fourth higher than usual, (4,) [m]. ``half`` are half sizes of what is watched along x and y, (2,) [m]. What
     ``hidden`` covers is seen nevertheless if it is outside of all capsules, given by ``ends`` (n, 2, 3) and ``radii``
     (n,) [m]; with none it is not.
-
-    Returns:
-        2 where something tall is, 1 where something low is, else 0; shape (h, w).
     """
     height, width = depth.shape
     found = np.zeros((height, width), dtype=np.uint8)
@@ -249,14 +238,12 @@ def measure_parts(
     labels: Whole, count: int, found: Picture, depth: Field, ray: Field, position: Field,
     pixel: float, inner: Field, border: int,
 ) -> tuple[Array, Array, Mask]:  # fmt: skip
-    """How large connected parts of a depth picture are.
+    """Areas of connected parts of a depth picture, and of what is tall in them [m²]; which come in from outside: each
+    (count,).
 
     ``labels`` are those of the parts, 0 beside them, ``count`` their number, ``found`` as of `stand_out`, ``pixel`` the
     area that a pixel covers at depth 1. What is further out than ``inner`` along x and y, (2,) [m], or as near to the
     picture's edge as ``border`` [px], comes in from outside.
-
-    Returns:
-        Areas of the parts, and of what is tall in them [m²]; and which come in from outside. Shape (count,) each.
     """
     height, width = labels.shape
     areas, high, enters = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.bool_)
@@ -286,11 +273,8 @@ def measure_parts(
 def squares_under(
     labels: Whole, chosen: Mask, depth: Field, ray: Field, position: Field, side: float, low: float
 ) -> NDArray[np.int64]:
-    """Over which squares, of a side [m], those parts of a depth picture (labels as of `measure_parts`) are that are
-    chosen.
-
-    Returns:
-        Pixels over each square, and those of them lower than ``low``: shape (2, 64).
+    """Pixels of chosen parts of a depth picture (labels as of `measure_parts`) over each square, of a side [m], and
+    those of them lower than ``low`` [m]: shape (2, 64).
     """
     counts, four = np.zeros((2, 64), dtype=np.int64), np.float32(4.0)
     for i in range(labels.shape[0]):

@@ -14,7 +14,8 @@ _Rig = Annotated[str, typer.Option(help="sim, which is started for it, or the TO
 
 def controller(
     action: Annotated[
-        str, typer.Argument(help="run, status, enable, hold, resume, stop, clear-fault or shutdown.")
+        str,
+        typer.Argument(help="run, status, press-stop, enable, hold, resume, stop, release, clear-fault or shutdown."),
     ] = "run",
     rig: Annotated[str, typer.Option(help="sim, or the TOML file of a lab's rig.")] = "sim",
     run_dir: Annotated[Path | None, typer.Option("--run-dir", hidden=True)] = None,

@@ -119,14 +119,9 @@ class Found:
 def calibrate_rig(
     rig: Rig, setup: Setup, progress: Progress, made: datetime, find_corners: FindCorners | None = None
 ) -> Found:
-    """Calibrate the camera of a rig whose arm holds.
+    """Calibrate the camera of a rig whose arm holds; ``made``: the time, for the file.
 
-    Args:
-        rig: whose.
-        setup: what is known of it.
-        progress: told what is being done.
-        made: the time, for the file.
-        find_corners: finds the outer corners of the playing area in a frame; None: only the board's height is found.
+    ``find_corners`` finds the outer corners of the playing area in a frame; None: only the board's height is found.
 
     Raises:
         CalibrationFailed: it cannot be told well enough.
@@ -192,12 +187,10 @@ def _require_good(found: Calibration) -> None:
 
 
 def run_calibrate(name: str, out: Path | None, progress: Progress) -> CalibrateReport:
-    """Calibrate the camera of a rig, and write the file.
+    """Calibrate the camera of a rig, ``sim``, which is started for it, or a rig file, whose controller runs; write the
+    file.
 
-    Args:
-        name: ``sim``, which is started for it, or a rig file, whose controller runs.
-        out: file to write; None: the rig file's ``calibration``, or ``games/calibration.json`` of a simulation.
-        progress: told what is being done.
+    ``out`` None: the rig file's ``calibration``, or ``games/calibration.json`` of a simulation.
 
     Raises:
         UserError: there is no such rig, or a device failed.

@@ -54,11 +54,6 @@ def check_drives(
 ) -> list[Finding]:
     """Listen to the drives on their brakes, then see whether they notice silence.
 
-    Args:
-        open_bus: opens them.
-        parameters: robot.
-        table: at which it stands.
-
     Raises:
         HardwareError: they cannot be opened.
     """

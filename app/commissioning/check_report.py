@@ -60,14 +60,7 @@ _HOLDS: Final = {CheckState.GOOD: True, CheckState.WRONG: False, CheckState.LEFT
 
 
 class Judge:
-    """Writes findings of one device.
-
-    Args:
-        device: its name.
-
-    Attributes:
-        findings: so far.
-    """
+    """Writes findings of one device."""
 
     def __init__(self, device: str) -> None:
         self.device = device

@@ -56,11 +56,7 @@ class WallClock:
 
 
 def check_rig(name: str, progress: Callable[[str], None]) -> CheckReport:
-    """Try each device of a rig.
-
-    Args:
-        name: ``sim``, which is started for it, or a rig file.
-        progress: told what is being tried.
+    """Try each device of a rig, ``sim``, which is started for it, or a rig file.
 
     Raises:
         UserError: there is no such rig, or something in its file is wrong.

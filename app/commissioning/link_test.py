@@ -101,12 +101,8 @@ class LinkReport(Frozen):
 
 
 def link_test(rig: str, duration: float, progress: Callable[[str], None]) -> LinkReport:
-    """Measure.
-
-    Args:
-        rig: ``sim``, which is started for the test in pace real; or a rig file, whose controller runs already.
-        duration: of the measurement [s, wall].
-        progress: told what is being done.
+    """Measure for so long [s, wall] on a rig: ``sim``, which is started for the test in pace real; or a rig file, whose
+    controller runs already.
 
     Raises:
         UserError: there is no such rig, or it did not start or answer.
@@ -146,13 +142,10 @@ def _checks_of(rig: RigFile, duration: float, progress: Callable[[str], None]) -
 
 
 def link_checks(figures: ProbeFigures, stolen: float, buffer: int, *, local: bool) -> dict[str, LinkCheck]:
-    """Checks of the network, of the controller's clock and of the PC.
+    """Checks of the network, by figures of a probe, of the controller's clock and of the PC.
 
-    Args:
-        figures: of a probe.
-        stolen: share of the processor's time that a host stole, 0 to 1.
-        buffer: granted to a receiving socket [bytes].
-        local: the controller runs on this PC, so that no network is to blame.
+    ``stolen``: share of the processor's time that a host stole, 0 to 1; ``buffer``: granted to a receiving socket
+    [bytes]; ``local``: the controller runs on this PC, so that no network is to blame.
     """
     median, p99 = np.percentile(figures.round_trips or (0.0, PATIENCE), (50.0, 99.0)) * 1e3
     disorder = (figures.overtaken + figures.repeated) / max(1, figures.telemetry)

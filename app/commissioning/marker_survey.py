@@ -122,13 +122,8 @@ def show(rig: Rig, setup: Setup, progress: Progress) -> list[MarkerObservation]:
         sightings.append(MarkerObservation(position + np.array(marker.centre), seen, _depth(frame, seen)))
         if seen is None:
             progress(f"point {number} of {len(points)}: the marker is not in sight")
-    go_home(rig, setup)
-    return sightings
-
-
-def go_home(rig: Rig, setup: Setup) -> None:
-    """Bring the arm home, which leaves it at rest there."""
     _go(rig, setup, np.array(setup.motion.home), "home")
+    return sightings
 
 
 def _go(rig: Rig, setup: Setup, point: Array, label: str) -> None:

@@ -24,21 +24,20 @@ _ORDERS: Final[dict[str, Callable[[ControllerClient], None]]] = {
     "hold": ControllerClient.hold,
     "resume": ControllerClient.resume,
     "stop": ControllerClient.stop,
+    "release": ControllerClient.release,
     "clear-fault": ControllerClient.clear_fault,
     "shutdown": ControllerClient.shutdown,
 }
 STATUS: Final = "status"
-ACTIONS: Final = (STATUS, *_ORDERS)
+PRESS_STOP: Final = "press-stop"
+ACTIONS: Final = (STATUS, PRESS_STOP, *_ORDERS)
 
 
 def operate(action: str, rig: str) -> Telemetry:
-    """Carry an action out, and return what the controller says after it.
+    """Carry one of ``ACTIONS`` out on the controller of a rig file, and return what it says after that.
 
-    ``status`` only listens. All others need the lease, so that a game is not interfered with.
-
-    Args:
-        action: one of ``ACTIONS``.
-        rig: path of a rig file.
+    ``status`` only listens, and so does ``press-stop``, which stops the arm whoever moves it. All others need the
+    lease, so that a game is not interfered with.
 
     Raises:
         UserError: no such action or rig, or the controller does not answer, is in use, or did not obey.
@@ -50,9 +49,9 @@ def operate(action: str, rig: str) -> Telemetry:
     file = load_rig(Path(rig))
     try:
         address = file.address()
-        if action == STATUS:
+        if action in (STATUS, PRESS_STOP):
             with TelemetryWatch(*address) as watch:
-                return watch.telemetry
+                return watch.telemetry if action == STATUS else watch.stop()
         with ControllerClient(*address, name=f"touchmove controller {action}") as client:
             telemetry = client.telemetry
             _ORDERS[action](client)
@@ -67,7 +66,7 @@ def status_table(telemetry: Telemetry) -> Table:
     table.add_row("state", f"{telemetry.state.name}{' (on its brakes)' if telemetry.state in BRAKED else ''}")
     table.add_row("cause", telemetry.explain_cause())
     table.add_row("flags", (telemetry.flags.name or "none").replace("|", ", ").lower())
-    table.add_row("tool, base frame", _millimetres(telemetry.position))
+    table.add_row("tool, base frame", ", ".join(f"{value * 1e3:.2f}" for value in telemetry.position) + " mm")
     table.add_row("fingers", f"{telemetry.finger_position * 1e3:.1f} mm from the middle")
     table.add_row("pads feel", f"{telemetry.tactile[0]:.2f} N right, {telemetry.tactile[1]:.2f} N left")
     table.add_row("torques", ", ".join(f"{torque:.2f}" for torque in telemetry.torque) + " N m")
@@ -87,7 +86,3 @@ def _named(value: object) -> object:
     if isinstance(value, IntFlag):
         return [flag.name for flag in type(value) if flag and flag in value]
     return value.name if isinstance(value, IntEnum) else value
-
-
-def _millimetres(point: tuple[float, float, float]) -> str:
-    return ", ".join(f"{value * 1e3:.2f}" for value in point) + " mm"

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from app import UserError
-from app.execution.interruption import BoardTouched, CarryFailed, Loss, PieceLost, Progress, progress_of
-from app.execution.state import Clearance, Devices, Job
+from app.execution.interruption import CarryFailed, Loss, PieceLost, Progress, progress_of
+from app.execution.permission import Permission
+from app.execution.state import Attendant, Clearance, Devices, Job
 from app.pieces.inventory import Inventory, Stage, Transfer
 from app.pieces.order import Point
 from app.records import GameRecord, PlyOutcome
@@ -19,6 +20,7 @@ from app.rig.arm import (
     ArmGaveWay,
     ArmHeld,
     ArmPaused,
+    ArmStopped,
     GraspFailed,
     NothingTouched,
     Outcome,
@@ -37,8 +39,6 @@ if TYPE_CHECKING:
 
 MOST_PAUSES = 20
 """Within one job; a computer that is late so often will not get better by itself."""
-MOST_YIELDS = 3
-"""Within one job the arm gives way; what is in its way more often is no hand that passes."""
 GIVES = 0.0005
 """Fingers around a piece may be closed by so much more than its stem says [m]."""
 _MEETS = (Stage.GRASP, Stage.APPROACH)
@@ -93,6 +93,14 @@ class Begun:
 class Carrier:
     """Uses the arm.
 
+    Args:
+        devices: of the rig.
+        record: of the game.
+        ui: shown what the arm does.
+        motion: how it moves.
+        parameters: of the robot.
+        attendant: says 'go' after a STOP.
+
     Where pieces lie or stand elsewhere, its methods are told which, as ``misplaced``; what should stand where, as
     ``stands``; and up to which hand the board was looked at, as ``seen``.
     """
@@ -104,10 +112,14 @@ class Carrier:
         ui: UserInterface,
         motion: MotionSettings,
         parameters: RobotParameters,
+        attendant: Attendant,
     ) -> None:
         self._devices, self._record, self._ui = devices, record, ui
         self._motion, self._parameters = motion, parameters
         record.robot(parameters)
+        self.permission = Permission(devices, record, ui, attendant)
+        self.midway = False
+        """Something was begun and left before the arm was home: there may be a piece in its fingers."""
         self._step: Begun | None = None
         self._listeners: list[Callable[[str], None]] = []
 
@@ -127,7 +139,7 @@ class Carrier:
 
         Every part is recorded before it begins. Where the arm had to stop because samples came too late, it goes on
         from where it is; a busy computer may cost time, but no game. Nor does a hand over the board: the arm holds
-        until it is gone.
+        until it is gone; nor STOP: it rests until somebody says 'go'.
 
         Args:
             job: what to carry.
@@ -150,19 +162,22 @@ class Carrier:
                     step = self._step
                     progress = progress_of(job.transfers, step.transfer, step.stage, state, inventory.table)
                     self._ui.phase(_explain(job, progress))
-                self._interlock(seen if self._step is None else None)
+                self.permission.await_clear(seen if self._step is None else None)
                 planned, done = self._rest(job, state, inventory, progress)
+                self.midway = False
                 return Carried(planned, done, resumed)
             except (GraspFailed, NothingTouched, PieceLost, PieceSlipped) as failure:
                 raise self._failed(job, inventory, failure) from failure
+            except ArmStopped as stopped:
+                self.permission.await_go(stopped)
             except ArmGaveWay as pushed:
                 yields += 1
-                self._admit_again(pushed, yields)
+                self.permission.admit_again(pushed, yields)
                 # a piece that is higher than was thought, or one in the way that nobody knows of: the camera tells
                 if self._step is not None and self._step.stage in _MEETS[:yields]:
                     raise self._failed(job, inventory, pushed) from pushed
             except ArmHeld as held:
-                self._require_own_hold(held)
+                self.permission.require_own_hold(held)
                 self._ui.phase(f"waiting for the board to be clear: {held}")
             except ArmPaused as pause:
                 pauses += 1
@@ -189,7 +204,7 @@ class Carrier:
         plan = plan_stand_up(self._planner(stands), one, misplaced, stands)
         self._step = None
         try:
-            self._interlock(seen)
+            self.permission.await_clear(seen)
             return self._devices.arm.execute(plan).duration
         except (ArmPaused, GraspFailed, NothingTouched, TouchedElsewhere) as stop:
             self._ui.phase(str(stop))
@@ -211,7 +226,7 @@ class Carrier:
 
         nudge, plan = plan_pushing(self._planner(stands), blocked, misplaced, stands)
         self._step = None
-        self._interlock(seen)
+        self.permission.await_clear(seen)
         return PlannedPush(nudge.name, plan)
 
     def stir_for(self, spot: Point, heap: Leaning, stands: Inventory, seen: Clearance | None) -> PlannedPush:
@@ -221,7 +236,7 @@ class Carrier:
         fallen = {piece.name for piece in stands if piece.place in heap.fallen}
         plan = plan_stirring(self._planner(stands), spot, fallen, heap.misplaced, stands)
         self._step = None
-        self._interlock(seen)
+        self.permission.await_clear(seen)
         return PlannedPush("heap", plan)
 
     def push_aside(self, push: PlannedPush, stands: Inventory) -> None:
@@ -305,7 +320,7 @@ class Carrier:
         """Record what the arm begins, so that another program can finish it."""
         if motion.transfer is None or motion.stage is None:
             return
-        self._step = Begun(done + motion.transfer, motion.stage)
+        self._step, self.midway = Begun(done + motion.transfer, motion.stage), True
         self._record.step(job.uci, self._step.transfer, self._step.stage, self._devices.clock.now(), durable=durable)
         if job.uci is not None and self._step == Begun(len(job.transfers) - 1, Stage.RELEASE):
             for listener in self._listeners:
@@ -324,57 +339,32 @@ class Carrier:
         empty = closed_position(transfer.kind, self._parameters.pads) - GIVES  # fingers that hold nothing close further
         felt = state.felt >= FELT or (touching and state.finger > empty)
         self._go_home(inventory, transfer.kind if missed or felt else None, touching=touching)
+        self.midway = False
         return CarryFailed(
             Loss.NOT_GRIPPED if missed else Loss.LOST, transfer, index, _after(inventory, job, index), str(failure)
         )
 
     def _go_home(self, inventory: Inventory, release: Kind | None, *, touching: bool = False) -> None:
         """Straight up and home, whatever holds it up on the way; the fingers open first from what they are around."""
-        yields = 0
-        for _ in range(MOST_PAUSES):
+        pauses = yields = 0
+        while pauses < MOST_PAUSES:
             state = self._devices.arm.settle()
             held_up = touching or state.reference[2] - state.position[2] > HELD_UP
             plan = self._planner(inventory, state).home(release, held_up_at=state.position if held_up else None)
             try:
-                self._interlock()
+                self.permission.await_clear()
                 self._devices.arm.execute(plan)
                 return
+            except ArmStopped as stopped:
+                self.permission.await_go(stopped)
             except ArmGaveWay as pushed:
                 yields += 1
-                self._admit_again(pushed, yields)
+                self.permission.admit_again(pushed, yields)
             except ArmPaused as pause:
-                self._require_own_hold(pause)
+                pauses += 1
+                self.permission.require_own_hold(pause)
                 self._ui.phase(f"going on after a pause: {pause}")
         raise UserError("the arm could not go home: this computer is late again and again; see 'touchmove link-test'")
-
-    def _admit_again(self, pushed: ArmGaveWay, times: int) -> None:
-        """An arm that gave way goes on, once nobody is there who is seen, unless it does so again and again.
-
-        Raises:
-            ArmGaveWay: it does.
-        """
-        if times > MOST_YIELDS:
-            raise pushed
-        self._ui.phase(f"the arm gave way: {pushed}")
-        self._interlock()
-        self._devices.arm.resume()
-
-    def _require_own_hold(self, pause: ArmPaused) -> None:
-        """An arm that somebody else, or its protection, lets admit no motion waits for a person to look after it.
-
-        Raises:
-            ArmHeld: it is so.
-        """
-        if isinstance(pause, ArmHeld) and (self._devices.guard is None or not self._devices.guard.holding):
-            raise pause
-
-    def _interlock(self, seen: Clearance | None = None) -> None:
-        """No motion over the board while a hand is there; nor, where it matters, after one that has come since."""
-        if self._devices.guard is not None:
-            self._devices.guard.clear()
-        if seen is not None and not seen.holds(self._devices.guard):
-            self._ui.phase("a hand was over the board: looking again")
-            raise BoardTouched
 
 
 def _after(inventory: Inventory, job: Job, done: int) -> Inventory:

@@ -12,8 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
+import chess
+
 from app import UserError
 from app.pieces.inventory import Inventory, Stage, Transfer
+from app.records.history import Unfinished
 from app.rig.arm import FELT, ArmAtRest
 from hardware.table import TableSettings
 
@@ -59,6 +62,19 @@ class BoardTouched(Exception):
     """A hand was over the board after it was looked at, and before the arm began anything: what was planned may be no
     longer so. The arm is where it was, and may move.
     """
+
+
+def goal_of(board: chess.Board, unfinished: Unfinished) -> chess.Board:
+    """The position that was to be reached from one by what was begun and not finished."""
+    goal = board.copy()
+    if unfinished.uci is not None:
+        goal.push_uci(unfinished.uci)
+    elif unfinished.task is not None:
+        for _ in range(unfinished.task.taken_back):
+            goal.pop()
+        if unfinished.task.fen is not None:
+            goal = chess.Board(unfinished.task.fen, chess960=goal.chess960)
+    return goal
 
 
 @dataclass(frozen=True, slots=True)

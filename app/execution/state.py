@@ -156,6 +156,17 @@ class Asker(Protocol):
         """
 
 
+class Attendant(Protocol):
+    """Who is asked whether an arm that somebody has stopped may move again."""
+
+    def wait_for_go(self, sentence: str) -> None:
+        """Return once they say so; ``sentence`` says what has happened, and to say 'go'.
+
+        Raises:
+            UserError: nobody is there, or they leave instead.
+        """
+
+
 @dataclass(frozen=True, slots=True)
 class RecoveryResult:
     """What a recovery came to.

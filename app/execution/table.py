@@ -15,7 +15,7 @@ import chess.engine
 
 from app import UserError
 from app.execution.carrier import Begun, Carrier
-from app.execution.interruption import BoardTouched, CarryFailed
+from app.execution.interruption import BoardTouched, CarryFailed, goal_of
 from app.execution.state import FRAME_AGE, NO_REMARK, AwaitedReply, Devices, Job, JobDone, Position, Remark, changed
 from app.pieces.inventory import Inventory, Ply
 from app.pieces.judging import Verdict, judge
@@ -52,6 +52,7 @@ class Table:
     Attributes:
         board: the position, with its moves.
         inventory: what stands where.
+        permission: of the arm to move.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class Table:
         self.replied = False
         """The person at the board has made the next move already, while nobody looked."""
         self._devices, self._carrier, self._recovery = devices, carrier, recovery
+        self.permission = carrier.permission
         self._record, self._ui = record, ui
 
     @property
@@ -227,6 +229,14 @@ class Table:
             self.observer.confirm(self.board)
         return well
 
+    def finish(self) -> bool:
+        """The arm does a job to its end that it was stopped in and nobody goes on with; False as of ``arm_ply``."""
+        if not self._carrier.midway:
+            return True
+        self._ui.say("first the arm finishes what it has begun")
+        self._unfinished, self.inventory = self._record.unfinished, self._record.stands(self.inventory)
+        return self._finish()
+
     def _left_with(self, position: chess.Board) -> AwaitedReply | None:
         """The reply to a position that was reached before anybody looked again."""
         return AwaitedReply(position) if position.turn in self._unwatched else None
@@ -247,7 +257,7 @@ class Table:
             return self._do_ply(ply, begun, NO_REMARK)
         assert unfinished.task is not None
         job = Job(unfinished.task.label, tuple(transfer_of(one) for one in unfinished.task.transfers))
-        return self._do_task(job, begun, self._goal(unfinished))
+        return self._do_task(job, begun, goal_of(self.board, unfinished))
 
     # jobs
 
@@ -278,7 +288,7 @@ class Table:
     def _finish_repair(self, unfinished: Unfinished, begun: Begun | None) -> bool:
         """First the repair that was under way, then what it was for."""
         assert unfinished.repair is not None
-        goal = self._goal(unfinished)
+        goal = goal_of(self.board, unfinished)
         # one that was not begun is thought over: what it was planned around, or refused for, only a look can tell
         repair = unfinished.repair if begun is not None or self._recovery is None else ()
         wanted = self.inventory.after_all(repair)
@@ -300,18 +310,6 @@ class Table:
         kind, mover = move_kind(self.board, move), colour_of(self.board.turn)
         ply = Ply(self.board.san(move), self.board.uci(move), kind, mover, (*repair, *rest))
         return self._conclude_ply(ply, carried.inventory, outcome, answered=carried.answered)
-
-    def _goal(self, unfinished: Unfinished) -> chess.Board:
-        """The position that was to be reached."""
-        goal = self.board.copy()
-        if unfinished.uci is not None:
-            goal.push_uci(unfinished.uci)
-        elif unfinished.task is not None:
-            for _ in range(unfinished.task.taken_back):
-                goal.pop()
-            if unfinished.task.fen is not None:
-                goal = chess.Board(unfinished.task.fen, chess960=goal.chess960)
-        return goal
 
     def _carry(self, job: Job, wanted: Inventory, begun: Begun | None, reply: AwaitedReply | None) -> JobDone:
         """Do a job, and mend what came of it, until the board shows what it should, or a person's answer to it."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 import chess
 
 from app import UserError
-from app.execution.state import WRONG, GameEnd, Remark
+from app.execution.state import LEFT, WRONG, GameEnd, Remark
 from app.execution.table import Table
 from app.game.clock import side_name
 from app.game.human_turn import HumanTurn
@@ -61,8 +62,10 @@ class Game:
         try:
             return self._play(plies)
         except GameLeft as left:
-            assert self._human is not None, "only a person leaves"
-            return self._human.left(left.word, left.wish)
+            return leave(self._table, left, self._left)
+
+    def _left(self, left: GameLeft) -> GameEnd:
+        return LEFT if self._human is None else self._human.left(left.word, left.wish)
 
     def _play(self, plies: int) -> GameEnd:
         board = self._table.board
@@ -158,6 +161,20 @@ class Game:
             self._players.ponder(board, self._timing.limit(not board.turn))
         else:
             self._players.begin(board, self._timing.limit(board.turn))
+
+
+def leave(table: Table, left: GameLeft, end: Callable[[GameLeft], GameEnd]) -> GameEnd:
+    """How it ends at a table for a person who has left; ``end`` says so of what they said.
+
+    Where they go on otherwise, after a STOP, the arm first finishes what it was stopped in, once they say 'go': nothing
+    else begins with a piece in its fingers.
+    """
+    while (how := end(left)) is not LEFT:
+        try:
+            return how if table.finish() else WRONG
+        except GameLeft as again:
+            left = again
+    return how
 
 
 def require_empty_fingers(felt: float) -> None:

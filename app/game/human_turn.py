@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Final
 import chess
 
 from app import UserError
-from app.execution.state import KEPT, LEFT, WRONG, GameEnd, Remark
+from app.execution.state import KEPT, WRONG, GameEnd, Remark
 from app.execution.table import Table
 from app.game.clock import side_name
-from app.game.person import GameLeft, HandNotice, NeedsHand, ask
+from app.game.person import GameLeft, HandNotice, NeedsGo, NeedsHand, PersonAttendant, ask, end_of
 from app.game.timing import Timing
 from app.pieces.manipulation import transfers
 from app.players.commands import Command, CommandError, MoveHand, NewGame, PlayMove, Word, help_text, parse_command
 from app.players.person import Human, PersonGone
 from app.players.players import Players
 from app.records import RecordError
-from app.rig.arm import ArmPaused
+from app.rig.arm import ArmPaused, ArmStopped
 from app.settings.time_control import clock_text
 from app.terminal.interface import UserInterface
 from engine.errors import EngineProblem
@@ -61,7 +61,7 @@ class HumanTurn:
         self._colour = human.colour
         # a simulated hand is only there when it was told to be, and is looked after then
         self._notice = HandNotice(table.guard if human.hands is None else None)
-        self._told = ""
+        self._told, self._stopped = "", False
         self._unsaid: tuple[Reading, float, float] | None = None
         """What was seen when a hand had gone, when that was, and since when it has not been told [s, wall]."""
 
@@ -90,6 +90,8 @@ class HumanTurn:
         while len(self._table.board.move_stack) == done and self.plays(self._table.board.turn):
             line, unseen, command, other = None, self._table.replied, other, None
             if not unseen and command is None:
+                if self._table.permission.stopped is not self._stopped:  # somebody has pressed STOP while nothing moved
+                    self._prompt()
                 self._notice.wake(True)
                 line = self._human.lines.next(POLL)
                 self._notice.wake(False)
@@ -100,7 +102,7 @@ class HumanTurn:
                     end = self._obey(command or parse_command(line or "", self._table.board))
                 else:
                     end = self._glance()
-            except (PersonGone, RecordError, ArmPaused, NeedsHand, GameLeft):
+            except (PersonGone, RecordError, ArmPaused, NeedsHand, NeedsGo, GameLeft):
                 raise
             except _Interjected as instead:
                 other, end = instead.command, None
@@ -130,26 +132,19 @@ class HumanTurn:
         self._told = sentence
 
     def wait(self, sentence: str) -> None:
-        """Until the person says 'go'.
-
-        Raises:
-            GameLeft: they leave instead.
-        """
-        self._ui.say(sentence)
-        ask(self._human, self._ui, "go on?", (Word.GO.value,), lambda _: False)
+        """Until the person says 'go'; ``GameLeft`` is raised where they leave instead."""
+        PersonAttendant(self._human.lines, self._ui, require=self._human.require).wait_for_go(sentence)
 
     def left(self, word: Word, wish: NewGame | None = None) -> GameEnd:
         """How the game has ended for a person who said quit, resign, new or keep."""
-        if word is Word.KEEP:
-            return KEPT
-        if word is Word.RESIGN:
-            return GameEnd("0-1" if self._colour else "1-0", f"{side_name(self._colour)} resigns", True)
-        return LEFT if word is Word.QUIT else _another(wish)
+        return end_of(word, wish, self._colour)
 
     def _prompt(self) -> None:
         left = self._timing.left()
         clocks = "" if left is None else f" ({clock_text(left[chess.WHITE])} - {clock_text(left[chess.BLACK])})"
-        self._ui.prompt(f"{side_name(self._colour)} to move{clocks}: your move", turn=True)
+        self._stopped = self._table.permission.stopped
+        stopped = f"; {ArmStopped()}" if self._stopped else ""
+        self._ui.prompt(f"{side_name(self._colour)} to move{clocks}: your move{stopped}", turn=True)
 
     def _obey(self, command: Command) -> GameEnd | None:
         self._unsaid, self._told = None, ""
@@ -168,7 +163,7 @@ class HumanTurn:
             Word.HELP: lambda: self._ui.say(help_text()),
             Word.DRAW: self._draw,
             Word.PAUSE: self._pause,
-            Word.GO: lambda: self._ui.say("nothing waits: it is your move"),
+            Word.GO: self._go,
             Word.SIDE: self._change_sides,
             Word.RESIGN: lambda: self.left(Word.RESIGN),
             Word.NEW: lambda: self.left(Word.NEW),
@@ -189,6 +184,12 @@ class HumanTurn:
         self._answer("go on?", (Word.GO.value,))
         self._timing.start(self._colour)
         return None
+
+    def _go(self) -> None:
+        stopped = self._table.permission.stopped
+        if stopped:
+            self._table.permission.go_on()
+        self._ui.say("the arm may move again" if stopped else "nothing waits: it is your move")
 
     def _change_sides(self) -> None:
         self._timing.pause()
@@ -393,7 +394,3 @@ class HumanTurn:
                 return False
 
         return ask(self._human, self._ui, question, valid, other, squares=squares)
-
-
-def _another(wish: NewGame | None) -> GameEnd:
-    return GameEnd("*", "given up for a new game", complete=True, again=True, wish=wish)

@@ -8,10 +8,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Protocol
+
+import chess
 
 from app import UserError
-from app.execution.state import Told
+from app.execution.state import KEPT, LEFT, GameEnd, Told
+from app.game.clock import side_name
 from app.pieces.inventory import Inventory, Ply
 from app.players.commands import (
     CommandError,
@@ -25,7 +29,7 @@ from app.players.commands import (
     said_of_square,
     word_of,
 )
-from app.players.person import Hands, Human
+from app.players.person import Hands, Human, Lines, PersonGone
 from app.rig.arm import Arm
 from app.terminal.interface import UserInterface
 from engine.errors import EngineProblem
@@ -49,6 +53,15 @@ class NeedsHand(UserError):
         super().__init__(f"{sentence}: put it right by hand, then go on with 'touchmove resume'")
 
 
+class NeedsGo(UserError):
+    """The arm was stopped, and nobody is there to say that it may move again."""
+
+    def __init__(self, sentence: str) -> None:
+        super().__init__(
+            f"{sentence}; nobody is there who could: see to it that it may, then go on with 'touchmove resume'"
+        )
+
+
 class GameLeft(UserError):
     """The person leaves the game, or gives it up, where they were asked something else.
 
@@ -65,8 +78,31 @@ class GameLeft(UserError):
 LEAVES: Final = (Word.QUIT, Word.RESIGN, Word.NEW, Word.KEEP)
 
 
+def end_of(word: Word, wish: NewGame | None, colour: chess.Color) -> GameEnd:
+    """How a game has ended for a person of a colour who said quit, resign, new or keep."""
+    if word is Word.KEEP:
+        return KEPT
+    if word is Word.RESIGN:
+        return GameEnd("0-1" if colour else "1-0", f"{side_name(colour)} resigns", True)
+    if word is Word.QUIT:
+        return LEFT
+    return GameEnd("*", "given up for a new game", complete=True, again=True, wish=wish)
+
+
+class Respondent(Protocol):
+    """Who is asked something: a person who plays, or somebody else who can say something."""
+
+    @property
+    def lines(self) -> Lines:
+        """What they say."""
+
+    @property
+    def require(self) -> Callable[[NewGame], None]:
+        """As of ``Human``."""
+
+
 def ask(
-    human: Human, ui: UserInterface, question: str, valid: Collection[str], other: Callable[[str], bool],
+    human: Respondent, ui: UserInterface, question: str, valid: Collection[str], other: Callable[[str], bool],
     how: str | None = None, leaves: Collection[Word] = LEAVES, *, offers: Collection[str] | None = None,
     squares: Collection[str] = (),
 ) -> str:  # fmt: skip
@@ -111,7 +147,7 @@ def ask(
         ui.prompt(question, words if offers is None else offers, squares)
 
 
-def _wish(human: Human, ui: UserInterface, line: str) -> NewGame | None:
+def _wish(human: Respondent, ui: UserInterface, line: str) -> NewGame | None:
     """What another game shall be like, where a line says that; None: it does not, or there can be no such game."""
     first, *rest = line.split()
     if first.lower() != Word.NEW or not rest:
@@ -228,6 +264,59 @@ class PersonAsker:
             hands.do(command, stands)
         except HardwareError as error:
             self._ui.say(str(error))
+
+
+@dataclass(frozen=True, slots=True)
+class PersonAttendant:
+    """``Attendant`` who is there.
+
+    Attributes:
+        lines: what they say.
+        ui: shows them what is asked.
+        leaves: words by which they leave instead.
+        require: as of ``Human``.
+    """
+
+    lines: Lines
+    ui: UserInterface
+    leaves: tuple[Word, ...] = LEAVES
+    require: Callable[[NewGame], None] = lambda _: None
+
+    def wait_for_go(self, sentence: str) -> None:
+        """See ``Attendant.wait_for_go``.
+
+        Raises:
+            GameLeft: they leave instead.
+            PersonGone: nobody says anything any more.
+        """
+        self.ui.say(sentence)
+        ask(self, self.ui, "go on?", (Word.GO.value,), lambda _: False, leaves=self.leaves)
+
+
+class UnattendedAttendant:
+    """``Attendant`` where nobody plays: whoever watches and can say something is asked; else nobody can be.
+
+    Args:
+        lines: what they say; None: nobody can say anything.
+        ui: shows them what is asked.
+    """
+
+    def __init__(self, lines: Lines | None, ui: UserInterface) -> None:
+        self._lines, self._ui = lines, ui
+
+    def wait_for_go(self, sentence: str) -> None:
+        """See ``Attendant.wait_for_go``.
+
+        Raises:
+            NeedsGo: nobody is there, or they have gone.
+            GameLeft: they end it; it can be gone on with.
+        """
+        if self._lines is None or not self._lines.accompanied:
+            raise NeedsGo(sentence)
+        try:
+            PersonAttendant(self._lines, self._ui, (Word.QUIT,)).wait_for_go(sentence)
+        except PersonGone as gone:
+            raise NeedsGo(sentence) from gone
 
 
 def hand_command(line: str) -> MoveHand | None:

@@ -68,7 +68,7 @@ def arm_capsules(parameters: RobotParameters, table: TableSettings, pose: ArmPos
     for start, end, radius in tool_parts:
         ends.append((start, end))
         radii.append(radius)
-    return Capsules.of(table.board_from_base(np.array(ends)), radii)
+    return Capsules(table.board_from_base(np.array(ends)), np.array(radii))
 
 
 def _flange(parameters: RobotParameters, tool: Array) -> list[tuple[Array, Array, float]]:
@@ -114,11 +114,8 @@ def _marker(parameters: RobotParameters, tool: Array) -> list[tuple[Array, Array
 
 
 class ArmHistory:
-    """Where the arm was a moment ago, from its telemetry: frames arrive later than they were exposed.
-
-    Args:
-        tick: length of one [s].
-        kept: how long poses are kept [s].
+    """Where the arm was a moment ago, from its telemetry: frames arrive later than they were exposed. ``tick`` is the
+    length of one, poses are ``kept`` for so long [s].
     """
 
     def __init__(self, tick: float, kept: float = 1.0) -> None:

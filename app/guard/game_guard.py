@@ -32,29 +32,20 @@ FIRST_FRAME_AGE: Final = 60.0  # of a frame that is asked for its camera alone [
 class GameGuard:
     """Watches for hands from when it is known where the board is. A context manager.
 
-    Until then nothing but the controller's own protection looks after people: a caller that knows beforehand where
-    the board is, by calibration, says so at once.
+    Until then nothing but the controller's own protection looks after people: a caller that knows beforehand where the
+    board is, by calibration, says so at once.
 
-    Args:
-        frames: begins to read the board's camera.
-        holder: the controller's client.
-        arm: the robot, where the table is below it, and the history that hears the telemetry of its controller.
-        progress: told when a hand comes and goes.
-        patience: so long a camera that has fallen silent may take to come back [s, wall].
-        seen_from: where the board is in the frames, given where it is in the camera's pictures.
-        interval: from frame to frame [s].
+    ``frames`` begins to read the board's camera, in intervals [s]; ``seen_from`` says where the board is in them, given
+    where it is in the camera's pictures. ``arm``: the robot, where the table is below it, and the history that hears
+    the telemetry of its controller. ``progress`` is told when a hand comes and goes. A camera that has fallen silent
+    has ``patience`` to come back [s, wall].
     """
 
     def __init__(
-        self,
-        frames: Callable[[], GuardFrames],
-        holder: Holder,
-        arm: tuple[RobotParameters, TableSettings, ArmHistory],
-        progress: Callable[[str], None] | None = None,
-        patience: float = 15.0,
-        seen_from: Callable[[BoardView], BoardView] = lambda view: view,
-        interval: float = 1.0 / 30.0,
-    ) -> None:
+        self, frames: Callable[[], GuardFrames], holder: Holder, arm: tuple[RobotParameters, TableSettings, ArmHistory],
+        progress: Callable[[str], None] | None = None, patience: float = 15.0,
+        seen_from: Callable[[BoardView], BoardView] = lambda view: view, interval: float = 1.0 / 30.0,
+    ) -> None:  # fmt: skip
         self._patience, self._seen_from, self._interval = patience, seen_from, interval
         self._frames, self._holder, self._arm, self._progress = frames, holder, arm, progress
         self._guard: HandGuard | None = None
@@ -157,13 +148,11 @@ class GameGuard:
         return self._guard is not None and self._guard.leaving
 
     def wait_for_sight(self) -> bool:
-        """Wait until no hand is over the board, which hides what stands there; admits no motion.
+        """Wait until no hand is over the board, which hides what stands there, as far as anybody sees; admits no
+        motion.
 
         Not for ever: what looks like a hand may be a board that was moved, and is to be found anew. A camera that gives
         no frames hinders nobody from asking it for one.
-
-        Returns:
-            Whether no hand is there, as far as anybody sees.
         """
         with suppress(Blind):
             return self._guard is None or self._guard.sight(SIGHT_PATIENCE)
@@ -205,24 +194,15 @@ class GameGuard:
 class Guarding:
     """How a session is guarded, before its rig is open.
 
-    Args:
-        parameters: of the robot.
-        table: where it is below the robot.
-        view: where the board should be in the pictures of a camera; None: nobody knows.
-        depth_factor: by which the camera's depth is to be multiplied.
-        interval: from frame to frame of a simulated camera [s].
-        progress: told when a hand comes and goes.
+    ``view``: where the board should be in the pictures of a camera; None: nobody knows. ``depth_factor``: by which the
+    camera's depth is to be multiplied; ``interval``: from frame to frame of a simulated camera [s]; ``progress`` is
+    told when a hand comes and goes.
     """
 
     def __init__(
-        self,
-        parameters: RobotParameters,
-        table: TableSettings,
-        view: Callable[[Intrinsics], BoardView | None],
-        depth_factor: float,
-        interval: float,
-        progress: Callable[[str], None],
-    ) -> None:
+        self, parameters: RobotParameters, table: TableSettings, view: Callable[[Intrinsics], BoardView | None],
+        depth_factor: float, interval: float, progress: Callable[[str], None],
+    ) -> None:  # fmt: skip
         self._parameters, self._table, self._view, self._factor = parameters, table, view, depth_factor
         self._interval, self._progress = interval, progress
         self._history = ArmHistory(parameters.drive.tick)
@@ -232,10 +212,8 @@ class Guarding:
         self._history.take(telemetry)
 
     def open(self, rig: Rig) -> GameGuard | None:
-        """The guard of an open rig; it watches already where it is known where the board is.
-
-        Returns:
-            None where there is no camera.
+        """The guard of an open rig, None where there is no camera; it watches already if it is known where the board
+        is.
 
         Raises:
             RigFailed: it cannot be read.

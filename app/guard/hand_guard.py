@@ -67,14 +67,7 @@ class _Request:
 
 
 class ArmMasks:
-    """Where the arm is before the table in a frame.
-
-    Args:
-        view: of the camera.
-        parameters: of the robot.
-        table: where the board is below the robot.
-        history: where the arm was.
-    """
+    """Where the arm of a robot, above a table, is before that in a frame of a view, by the history of where it was."""
 
     def __init__(self, view: BoardView, parameters: RobotParameters, table: TableSettings, history: ArmHistory) -> None:
         self._view, self._parameters, self._table, self._history = view, parameters, table, history
@@ -94,31 +87,17 @@ class ArmMasks:
 class HandGuard:
     """Watches in a thread of its own from ``start`` to ``close``. A context manager.
 
-    Args:
-        frames: of the board's camera.
-        view: where the board is in them.
-        masks: where the arm is in them.
-        holder: asked to hold.
-        watch: what it sees with; None: a new one of the usual settings.
-        separation: admits speed to the arm, where nobody is near; None: nobody does.
-        progress: told when a hand comes and goes.
-        listener: called with each frame and what was seen in it, in the guard's thread.
-        holding: whether a guard before this one has asked to hold, and that is in force.
+    ``frames`` are of the board's camera, ``view`` and ``masks`` say where board and arm are in them. ``holder`` is
+    asked to hold; ``separation`` admits speed to the arm where nobody is near (None: nobody does). ``progress`` is told
+    when a hand comes and goes; ``listener`` is called with each frame and what was seen in it, in the guard's thread.
+    ``holding``: a guard before this one has asked to hold, and that is in force.
     """
 
     def __init__(
-        self,
-        frames: GuardFrames,
-        view: BoardView,
-        masks: ArmMasks,
-        holder: Holder,
-        watch: Watch | None = None,
-        separation: Separation | None = None,
-        progress: Callable[[str], None] | None = None,
-        listener: Listener | None = None,
-        *,
-        holding: bool = False,
-    ) -> None:
+        self, frames: GuardFrames, view: BoardView, masks: ArmMasks, holder: Holder, watch: Watch | None = None,
+        separation: Separation | None = None, progress: Callable[[str], None] | None = None,
+        listener: Listener | None = None, *, holding: bool = False,
+    ) -> None:  # fmt: skip
         self.stops: list[GuardStop] = []  # each time the arm was asked to hold
         self._frames, self._view, self._masks, self._holder = frames, view, masks, holder
         self._watch, self._separation = watch or Watch(), separation
@@ -208,12 +187,10 @@ class HandGuard:
             return self._gone_at
 
     def clear(self) -> Seen:
-        """Wait until no hand is over the board and the board is settled, then admit motions again.
+        """Wait until no hand is over the board and the board is settled, then admit motions again: what a frame shows
+        that was exposed after this call began.
 
         The turn's interlock: called before every motion over the board, at rest. Plant time runs meanwhile.
-
-        Returns:
-            What a frame shows that was exposed after this call began.
 
         Raises:
             Blind: there are no frames any more.
@@ -225,11 +202,9 @@ class HandGuard:
     def settled(self, after: float | None = None) -> tuple[Frame, Seen]:
         """Wait likewise, but admit no motion: for a person's turn, whose move is then looked for in the frame.
 
-        Args:
-            after: the stamp of a frame that was not clear enough: any later one will do [s].
-
         Returns:
-            A frame that was exposed after this call began, or later than ``after``, and what was seen in it.
+            A frame that was exposed after this call began, or any with a later stamp than ``after``, that of one that
+            was not clear enough [s]; and what was seen in it.
 
         Raises:
             Blind: there are no frames any more.
@@ -239,13 +214,8 @@ class HandGuard:
         return frame, seen
 
     def sight(self, patience: float) -> bool:
-        """Wait until no hand is over the board, settled or not; admits no motion.
-
-        Args:
-            patience: not for longer than this [s, wall].
-
-        Returns:
-            Whether none is there.
+        """Wait until no hand is over the board, settled or not, but not longer than a patience [s, wall]; admits no
+        motion. Whether none is there.
 
         Raises:
             Blind: there are no frames any more.

@@ -37,11 +37,7 @@ A hand that nevertheless comes from there alone is covered up to 0.55 m/s; a cam
 def reach(age: float, interval: float, fast: float, slow: float) -> float:
     """How far from the tool a hand must be in a frame for the tool to be fast until the next one and slow after [m].
 
-    Args:
-        age: of the frame when it is judged [s].
-        interval: from frame to frame [s].
-        fast: speed of the tool [m/s].
-        slow: its speed near people [m/s].
+    ``age``: of the frame when it is judged; ``interval``: from frame to frame [s]; ``slow``: near people [m/s].
     """
     slowing = (fast - slow) / CHANGE
     way = 0.5 * (fast + slow) * slowing  # of the tool, meanwhile
@@ -67,11 +63,8 @@ def borders(view: BoardView, aside: float, overhead: float = OVERHEAD) -> Array:
 
 
 def nearest_beyond(points: Array, table: TableSettings) -> float:
-    """How near what stands beyond board and trays comes to them, seen from above [m]; infinite where nothing does.
-
-    Args:
-        points: of it, board frame, (n, 3) [m].
-        table: board and trays.
+    """How near points (n, 3) beyond board and trays, board frame, come to these, seen from above [m]; infinite without
+    any.
     """
     if not len(points):
         return math.inf
@@ -80,14 +73,10 @@ def nearest_beyond(points: Array, table: TableSettings) -> float:
 
 
 class Separation:
-    """Admits speed to an arm, frame by frame.
+    """Admits speed to the arm of a holder, frame by frame, in intervals [s].
 
-    Args:
-        view: of the frames.
-        holder: of the arm.
-        interval: from frame to frame [s].
-        latency: of a frame, from exposure to its being judged; one that is older admits nothing [s].
-        limits: of the tool's speed, where nobody is near and where somebody may be.
+    A frame that is older than ``latency`` [s] when it is judged admits nothing. ``limits``: of the tool's speed, where
+    nobody is near and where somebody may be.
 
     Attributes:
         reach: of a hand, until the tool is slow [m].

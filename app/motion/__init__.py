@@ -7,8 +7,6 @@ samples it and asks whether the drives can, ``gains`` says how firmly. Each moti
 Names are loaded when they are first asked for, as what plans takes seconds to load.
 """
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:

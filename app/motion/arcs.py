@@ -97,9 +97,7 @@ class Arc(NamedTuple):
 
 
 class Waypoints(NamedTuple):
-    """Corners in the base frame, (n, 3) [m]; how far before each inner one the path leaves it, (n - 2,) [m]; bounds of
-    each line.
-    """
+    """Corners, base frame (n, 3); how far before each inner one the path leaves it, (n - 2,) [m]; lines' bounds."""
 
     points: Vector
     tangents: Vector

@@ -4,8 +4,6 @@ Pieces of a path are rows of 14 numbers: tangent and normal at the flat end, sha
 flat end, and the line of the polygon; see `app.motion.path.Path`.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Gains scheduled by the distance to the board: soft where contacts happen, stiff in the air."""
 
-from __future__ import annotations
-
 from enum import Enum
 
 import numpy as np

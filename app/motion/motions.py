@@ -1,7 +1,5 @@
 """Motions: from routes, inside the workspace, timed, and no quicker than the drives can follow; and from samples."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Final

@@ -119,9 +119,7 @@ def _highest_needs(
     share: FloatArray, start: tuple[float, float], end: tuple[float, float], pieces: FloatArray, boxes: FloatArray,
     half_x: float, half_y: float, below: float, foot: float, hangs: float, beside: float, clearance: float,
 ) -> FloatArray:  # fmt: skip
-    """See `needed_heights`; ``foot`` is the radius of the carried piece's foot, negative if there is none, and
-    ``hangs`` how far below the tool it is [m].
-    """
+    """See `needed_heights`; ``foot``: the carried piece's radius, negative: none; it ``hangs`` below the tool [m]."""
     needed = np.zeros(share.size)
     for i in range(share.size):
         x, y = start[0] + share[i] * (end[0] - start[0]), start[1] + share[i] * (end[1] - start[1])

@@ -4,8 +4,6 @@ A corner is a pair of equal clothoids in the plane of its two lines: curvature g
 middle of the corner and falls again, so it is continuous everywhere, and the tool's acceleration can be.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

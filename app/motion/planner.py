@@ -4,8 +4,6 @@ A way goes up, over and down again: vertical where fingers or piece are beside o
 with corners as wide as that leaves room for. Fingers move while the arm travels.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -148,9 +146,7 @@ def _height(cell: Workcell, transfer: Transfer, place: Place) -> float:
 
 
 def _opening(cell: Workcell, transfer: Transfer, place: Place, point: tuple[float, float], others: Crowd) -> float:
-    """As wide as is useful and as neighbours and boxes leave room for, at a point (x, y) of a place [m]; raises
-    ``PlanRefused`` if not even the least opening fits.
-    """
+    """As wide as is useful and as neighbours and boxes leave room for [m]; ``PlanRefused`` if that is too little."""
     grip, pads = cell.settings.grip, cell.parameters.pads
     x, y = point
     tip = _height(cell, transfer, place) - pads.half_height
@@ -187,9 +183,7 @@ def _beside(cell: Workcell, kind: Kind) -> float:
 
 
 def _grip_time(cell: Workcell, transfer: Transfer, finger: float) -> float:
-    """From the start of closing to the guard: the way, then the force, which grows with the gripper's and the tactile
-    sensor's time constants [s].
-    """
+    """From closing to the guard: the way, then the force, by the time constants of gripper and tactile sensor [s]."""
     gripper = cell.parameters.gripper
     rise = gripper.reflected_mass / gripper.velocity_gain + 1.0 / cell.parameters.tactile.bandwidth
     return (finger - closed_position(transfer.kind, cell.parameters.pads)) / cell.settings.grip.closing_speed + rise

@@ -1,7 +1,5 @@
 """How fast, how stiff and how gently the arm moves."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Final, Self

@@ -19,7 +19,7 @@ from app.execution.state import KEPT, LEFT, WRONG
 from app.execution.table import Table
 from app.game import Devices, Game, GameEnd, Position
 from app.game.clock import ChessClock
-from app.game.game import require_empty_fingers
+from app.game.game import leave, require_empty_fingers
 from app.game.person import GameLeft, SettledHands
 from app.game.timing import Timing, clock_of
 from app.pieces.inventory import Inventory
@@ -238,9 +238,13 @@ def _set_up(table: Table, goal: chess.Board) -> GameEnd:
             return WRONG
         return SET_UP if table.set_up(goal) else WRONG
     except GameLeft as left:
-        if left.wish is not None:
-            return GameEnd("*", "left for another game", complete=True, again=True, wish=left.wish)
-        return KEPT if left.word is Word.KEEP else LEFT
+        return leave(table, left, _set_up_left)
+
+
+def _set_up_left(left: GameLeft) -> GameEnd:
+    if left.wish is not None:
+        return GameEnd("*", "left for another game", complete=True, again=True, wish=left.wish)
+    return KEPT if left.word is Word.KEEP else LEFT
 
 
 def match_of(folder: Path) -> Path:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from app.execution.carrier import Carrier
-from app.execution.state import Devices, Position
+from app.execution.state import Attendant, Devices, Position
 from app.execution.table import Table
-from app.game.person import PersonAsker, UnattendedAsker
-from app.players.person import Human
+from app.game.person import PersonAsker, PersonAttendant, UnattendedAsker, UnattendedAttendant
+from app.players.person import Human, Lines
 from app.records import GameRecord
 from app.terminal.interface import UserInterface
 from hardware.interfaces import Intrinsics
@@ -32,12 +32,14 @@ class TableSetup:
         parameters: of the robot.
         looks: whether the camera follows the game.
         view: where the board should be in the pictures of a camera, by calibration; None: nobody knows.
+        lines: what whoever watches says where nobody plays, such as 'go' after a STOP; None: nobody says anything.
     """
 
     motion: MotionSettings
     parameters: RobotParameters
     looks: bool
     view: Callable[[Intrinsics], BoardView | None]
+    lines: Lines | None = None
 
     def table(
         self, devices: Devices, record: GameRecord, position: Position, ui: UserInterface, human: Human | None
@@ -52,7 +54,12 @@ class TableSetup:
             human: who can be asked to put something right; None: nobody.
 
         """
-        carrier = Carrier(devices, record, ui, self.motion, self.parameters)
+        attendant: Attendant = UnattendedAttendant(self.lines, ui)
+        if human is not None:
+            attendant = PersonAttendant(human.lines, ui, require=human.require)
+        carrier = Carrier(devices, record, ui, self.motion, self.parameters, attendant)
+        if position.begun and human is None and carrier.permission.stopped:
+            carrier.permission.go_on()  # whoever has said 'touchmove resume' has said so
         recovery = None
         if self.looks and devices.camera is not None:
             from app.execution.recovery import Recovery  # loads what sees: not where nobody looks

@@ -50,7 +50,7 @@ MEANINGS: Mapping[Word, str] = MappingProxyType(
         Word.HINT: "what the engine would play for you",
         Word.FIX: "the arm puts the board right after an illegal or half-made move",
         Word.PAUSE: "stop the clocks",
-        Word.GO: "go on after a pause",
+        Word.GO: "go on after a pause, or after STOP",
         Word.DRAW: "offer a draw, or claim one",
         Word.RESIGN: "give the game up",
         Word.SIDE: "change sides: the engine plays for you, and you for it",

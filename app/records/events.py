@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import chess
 import chess.engine
@@ -149,6 +149,10 @@ class FoundEvent(_Stamped):
     inventory: dict[str, str]
     """Where each piece that stands elsewhere than recorded stands, by name."""
     reason: str
+
+
+STOPPED: Final = "stopped"
+"""The kind of trouble that is none of the board's: somebody pressed STOP."""
 
 
 class TroubleEvent(_Stamped):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,12 +38,12 @@ from app.records.events import (
     transfer_records,
 )
 from app.records.files import EVENTS_FILE, LineLog, recording, write_atomically
-from app.records.history import History, RecordState
+from app.records.history import History, RecordState, Unfinished
 from app.records.pgn import PgnFile, PgnMove
 from app.records.report import Report, summarise
 from app.records.robot import RobotRecord, keep_robot
 from hardware.parameters import RobotParameters
-from hardware.table import Colour, TableSettings
+from hardware.table import Colour, Place, TableSettings
 
 if TYPE_CHECKING:
     import numpy as np
@@ -224,6 +225,16 @@ class GameRecord:
         """Record something that went wrong at the board, and who has put it right."""
         squares = tuple(squares)
         self._add(TroubleEvent, plant_time, kind=kind, squares=squares, sentence=sentence, mended_by=mended_by)
+
+    @property
+    def unfinished(self) -> Unfinished | None:
+        """What the arm has begun and not finished."""
+        return self._state.unfinished
+
+    def stands(self, pieces: Inventory) -> Inventory:
+        """What stands where by what is recorded; ``pieces`` are the game's, wherever they stand."""
+        places = self._state.places
+        return Inventory.of((replace(p, place=Place.parse(places[p.name])) for p in pieces), pieces.table)
 
     def picture(self, number: int, colour: NDArray[np.uint8]) -> str:
         """Keep what the board looks like after so many plies, RGB (h, w, 3), as JPEG; its name, for the ply's event."""

@@ -1,8 +1,9 @@
 """The telemetry of a game as MCAP, which Foxglove and PlotJuggler open: ``telemetry.mcap``.
 
-Two channels with JSON schemas: ``/controller/telemetry``, every telemetry that came, fields, units and numbers as in
-the layout TELEMETRY; and ``/controller/log``, a sentence for each change of state or cause and each refusal. The log
-time is plant time, from zero, the publish time is wall time. A number that is not finite is null.
+Channels with JSON schemas: ``/controller/telemetry``, every telemetry that came, fields, units and numbers as in the
+layout TELEMETRY; ``/controller/log``, a sentence for each change of state or cause and each refusal; and the robot, its
+table and the camera's pictures in Foxglove's own schemas (``foxglove.scene``). The log time is plant time, from zero,
+the publish time is wall time. A number that is not finite is null.
 """
 
 from __future__ import annotations
@@ -14,22 +15,26 @@ import queue
 import struct
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from enum import IntEnum
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple, Self
+from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple, Self
 
 from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
+from app import UserError
 from app.records.files import RecordError, recording
 from controller.protocol.causes import Cause
 from controller.protocol.layout import TELEMETRY, Field, Flag, Result
 from controller.protocol.messages import Telemetry
 from controller.protocol.states import State
 from hardware.interfaces import DriveStatus
+
+if TYPE_CHECKING:
+    from app.records.foxglove.scene import SceneMessage, SceneRecorder
 
 TELEMETRY_FILE = "telemetry.mcap"
 TOPIC = "/controller/telemetry"
@@ -73,6 +78,10 @@ class TelemetryRecorder:
         self._last: Telemetry | None = None
         self._sequence = 0
         self._ended = False
+        self._scene: SceneRecorder | None = None
+        self._shows = True
+        """The robot in 3-D; until something of it cannot be shown."""
+        self._channels: dict[str, int] = {}
         with recording(path):
             self._file: IO[bytes] = path.open("xb")
         self._thread = threading.Thread(target=self._run, name="telemetry record", daemon=True)
@@ -143,6 +152,10 @@ class TelemetryRecorder:
                 writer.flush()
                 due = time.monotonic() + _FLUSH
         self._ended = True
+        if self._last is not None:
+            stamp, wall = self._stamp(), time.time_ns()
+            for level, sentence in self._show(writer, lambda scene: scene.finish(), wall):
+                writer.add_message(log, stamp, _log_entry(level, sentence, stamp), wall, self._sequence)
         if self._lost:
             writer.add_metadata("touchmove", {"lost": str(self._lost)})
         writer.finish()
@@ -157,11 +170,47 @@ class TelemetryRecorder:
     def _add(self, writer: Any, channel: int, log: int, arrival: _Arrival) -> None:
         telemetry, wall = arrival
         self._sequence += 1
-        stamp = round(telemetry.tick * self._period * 1e9)
-        writer.add_message(channel, stamp, encode_telemetry(telemetry), wall, self._sequence)
         before, self._last = self._last, telemetry
-        for level, sentence in _news(before, telemetry):
+        stamp = self._stamp()
+        writer.add_message(channel, stamp, encode_telemetry(telemetry), wall, self._sequence)
+        for level, sentence in (
+            *_news(before, telemetry),
+            *self._show(writer, lambda scene: scene.take(telemetry, stamp), wall),
+        ):
             writer.add_message(log, stamp, _log_entry(level, sentence, stamp), wall, self._sequence)
+
+    def _stamp(self) -> int:
+        """Plant time of the last telemetry [ns]."""
+        return 0 if self._last is None else round(self._last.tick * self._period * 1e9)
+
+    def _show(
+        self, writer: Any, make: Callable[[SceneRecorder], Iterator[SceneMessage]], wall: int
+    ) -> Iterator[tuple[int, str]]:
+        """The robot in 3-D; from the first thing on that cannot be shown, nothing more of it, and the log says why."""
+        if not self._shows:
+            return
+        try:
+            messages = tuple(make(self._scene_recorder()))
+        except (UserError, OSError, ValueError, LookupError, RuntimeError) as error:
+            self._shows = False
+            yield _WARNING, f"robot and pieces are not shown in 3-D from here on: {error}"
+            return
+        for message in messages:
+            channel = self._channel(writer, message)
+            writer.add_message(channel, message.stamp, message.data, wall, self._sequence)
+
+    def _scene_recorder(self) -> SceneRecorder:
+        if self._scene is None:
+            from app.records.foxglove.scene import SceneRecorder  # loads the kinematics: not before something moves
+
+            self._scene = SceneRecorder(self._path.parent)
+        return self._scene
+
+    def _channel(self, writer: Any, message: SceneMessage) -> int:
+        if message.topic not in self._channels:
+            name = message.schema["title"]
+            self._channels[message.topic] = _register(writer, message.topic, name, message.schema)
+        return self._channels[message.topic]
 
 
 def telemetry_schema() -> dict[str, Any]:

@@ -11,19 +11,19 @@ from typing import Final
 from app.pieces.inventory import MoveKind
 from app.records.events import RepairedBy, own_clock, unsaid
 from app.records.files import write_atomically
+from app.records.frames import frame_file
+from app.records.rounds import match_folder, rounds_of
 from app.report.figures_of_plies import CHARTS, EVALUATION, KINDS, Chart, DataTable, folded, ply_name, seconds
 from app.report.markup import Html, joined, tag
 from app.report.pictures import photographs
-from app.report.source import ReportSource, match_folder, read_source, rounds_of
+from app.report.source import ReportSource, read_source
 from app.report.squares import board_of_placements
 from app.report.story import Incident, incidents, seen
 from app.report.style import POLICY, STYLE
 
 REPORT_PAGE: Final = "report.html"
 _WRONG: Final = ("seen", "asked", "found", "failed", "dropped", "broke off")
-_VERDICT: Final = {
-    True: "right after every ply", False: "wrong after a ply", None: "nobody could judge it",
-}  # fmt: skip
+_VERDICT: Final = {True: "right every time", False: "wrong after a ply or task", None: "judged by nobody"}
 
 
 def write_report_pages(folder: Path, told: Callable[[str], None] = unsaid) -> tuple[Path, ...]:
@@ -145,7 +145,7 @@ def _story(source: ReportSource, happened: Sequence[Incident]) -> Html:
         )  # fmt: skip
         counted = ", ".join(f"{mended[who]} {what}" for who, what in became if mended[who])
         parts.append(tag("p", f"{_count(len(troubles), 'thing')} went wrong at the board: {counted}."))
-    elif not happened:
+    elif not any(one.sort.startswith(_WRONG) for one in happened):
         parts.append(tag("p", "Nothing went wrong, and nothing had to be put right."))
     if happened:
         parts.append(tag("ol", *map(_incident, happened), class_="incidents"))
@@ -170,7 +170,7 @@ def _charts(source: ReportSource) -> Html:
     if not any(chart.heading == EVALUATION for chart in charts):
         notes.append("No player said what it thought of the position.")
     if not charts:
-        notes.insert(0, "The record holds no ply of the arm, so there is nothing to draw.")
+        notes = ["The record holds no ply of the arm, so there is nothing to draw."]
     shown = tag("div", *map(_figure, charts), class_="charts") if charts else Html("")
     return joined([shown, *(tag("p", note, class_="soft") for note in notes if note)])
 
@@ -184,7 +184,7 @@ def _figure(chart: Chart) -> Html:
 def _vision(source: ReportSource) -> Html:
     said = seen(source)
     if not said:
-        looked = any(ply.frame for ply in source.plies)
+        looked = frame_file(source.folder, 0, None) is not None or any(ply.frame for ply in source.plies)
         return tag("p", "The camera found nothing wrong." if looked else "No camera looked at this game.")
     sorts = Counter(one.sort for one in said)
     asked = sum(count for sort, count in sorts.items() if sort.startswith("asked"))

@@ -13,9 +13,10 @@ import numpy as np
 
 from app.records import PlyEvent, RecordError
 from app.records.events import FoundEvent, TroubleEvent
+from app.records.frames import frame_file
 from app.report.figures_of_plies import ply_name
 from app.report.markup import Html, tag
-from app.report.source import ReportSource, picture_of
+from app.report.source import ReportSource
 
 MOST: Final = 24
 """Pictures chosen evenly; those of plies with trouble come besides."""
@@ -49,7 +50,7 @@ def photographs(source: ReportSource) -> tuple[BoardPhoto, ...]:
     """The start, the end, and pictures spread evenly between; and those of plies with trouble."""
     there: dict[int, tuple[Path, PlyEvent | None]] = {}
     for ply, event in ((0, None), *((one.ply, one) for one in source.plies)):
-        path = picture_of(source, ply, None if event is None else event.frame)
+        path = frame_file(source.folder, ply, None if event is None else event.frame)
         if path is not None:
             there[ply] = path, event
     troubled = troubled_plies(source) & set(there)

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
 
 from app.records import (
     EVENTS_FILE,
-    FRAMES,
     ROBOT_FILE,
     PlyEvent,
     RecordError,
@@ -25,33 +22,27 @@ from app.records import (
 )
 from app.records.events import AnyEvent, EndEvent, StepEvent, unsaid
 from app.records.history import counted_plies
+from app.records.rounds import match_folder, rounds_of
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
 from controller.protection.limits import Limits, default_limits
 from controller.protocol.layout import Flag
 from controller.protocol.messages import Telemetry
 
-_ROUND: Final = re.compile(r"(game|set-up)-(\d+)")
-"""Folders of the rounds of a match, beside the first one's files."""
-_PICTURE: Final = re.compile(re.escape(FRAMES) + r"/ply-(\d+)\.jpg")
-
 
 @dataclass(frozen=True, slots=True)
 class LoopOfPly:
-    """What the telemetry says of the time in which a ply was done.
-
-    Attributes:
-        ply: its number.
-        lateness: largest delay of a tick [s].
-        work: longest computation of a tick [s].
-        tracking: largest distance of the tool from its reference while a motion ran [m].
-        force: largest force on the tool as torques and motion tell [N].
-    """
+    """What the telemetry says of the time in which a ply was done."""
 
     ply: int
+    """Its number."""
     lateness: float
+    """Largest delay of a tick [s]."""
     work: float
+    """Longest computation of a tick [s]."""
     tracking: float
+    """Largest distance of the tool from its reference while a motion ran [m]."""
     force: float
+    """Largest force on the tool as torques and motion tell [N]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,31 +56,28 @@ class LoopOfGame:
 
 @dataclass(frozen=True, slots=True)
 class ReportSource:
-    """One record.
-
-    Attributes:
-        folder: of it.
-        events: all of them.
-        start: the first.
-        plies: those that count.
-        report: what its numbers come to.
-        robot: what it was played on; None: the record does not say.
-        limits: of that robot; None: likewise.
-        loop: what the telemetry says.
-        rounds: folders of all rounds of its match that have a record, in their order.
-        said: what was left out of a file that was cut off.
-    """
+    """One record."""
 
     folder: Path
+    """Of it."""
     events: tuple[AnyEvent, ...]
+    """All of them."""
     start: StartEvent
+    """The first."""
     plies: tuple[PlyEvent, ...]
+    """Those that count."""
     report: Report
+    """What its numbers come to."""
     robot: RobotRecord | None
+    """What it was played on; None: the record does not say."""
     limits: Limits | None
+    """Of that robot; None: likewise."""
     loop: LoopOfGame
+    """What the telemetry says."""
     rounds: tuple[Path, ...]
+    """Folders of all rounds of its match that have a record, in their order."""
     said: tuple[str, ...] = field(default=())
+    """What was left out of a file that was cut off."""
 
     @property
     def end(self) -> EndEvent | None:
@@ -134,29 +122,6 @@ def _limits_of(robot: RobotRecord, folder: Path) -> Limits:
         raise RecordError(f"{folder / ROBOT_FILE} contradicts itself: {error}") from error
 
 
-def match_folder(folder: Path) -> Path:
-    """The folder of the match that a round belongs to: its own, or the one above."""
-    folder = folder.resolve()
-    return folder.parent if _ROUND.fullmatch(folder.name) and (folder.parent / EVENTS_FILE).is_file() else folder
-
-
-def rounds_of(match: Path) -> tuple[Path, ...]:
-    """Folders of the rounds of a match that have a record: the first game's, then set-ups and games by their number."""
-    found = [(1, 1, match)] if (match / EVENTS_FILE).is_file() else []
-    for inner in sorted(match.iterdir()) if match.is_dir() else ():
-        name = _ROUND.fullmatch(inner.name)
-        if name is not None and (inner / EVENTS_FILE).is_file():
-            found.append((int(name[2]), int(name[1] == "game"), inner))
-    return tuple(folder for _, _, folder in sorted(found))
-
-
-def picture_of(source: ReportSource, ply: int, frame: str | None) -> Path | None:
-    """The picture that an event names, if it is one of the record's own and there; of the start by its number."""
-    name = frame or f"{FRAMES}/ply-{ply:03d}.jpg"
-    path = source.folder / name
-    return path if _PICTURE.fullmatch(name) and path.is_file() else None
-
-
 def _loop(match: Path, events: Sequence[AnyEvent], plies: Sequence[PlyEvent]) -> LoopOfGame:
     files = sorted(match.glob(f"{Path(TELEMETRY_FILE).stem}*.mcap"))
     if not files:
@@ -197,7 +162,7 @@ def _by_ply(spans: Sequence[tuple[float, float, int]], told: Iterable[tuple[floa
         if at < len(ordered) and ordered[at][0] <= stamp:
             number = ordered[at][2]
             found[number] = _worst(found.get(number, LoopOfPly(number, 0.0, 0.0, 0.0, 0.0)), one)
-    missing = "" if found else "The telemetry holds nothing of the time in which the arm moved."
+    missing = "" if found else "The telemetry holds nothing of the time in which the arm made plies."
     return LoopOfGame(tuple(found[number] for number in sorted(found)), lockstep, missing)
 
 

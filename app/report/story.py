@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from app.records.events import (
+    STOPPED,
     AnyEvent,
     FoundEvent,
     PlyEvent,
@@ -55,6 +56,8 @@ def seen(source: ReportSource) -> tuple[Incident, ...]:
 def _of(event: AnyEvent) -> Iterable[Incident]:
     ply, at = event.ply, event.plant_time
     match event:
+        case TroubleEvent() if event.kind == STOPPED:
+            yield Incident(ply, at, STOPPED, _sentence(event.sentence))
         case TroubleEvent():
             sort = "asked" if event.kind in UNSURE and event.mended_by is None else "seen"
             yield Incident(

@@ -11,7 +11,7 @@ import numpy as np
 
 from app import UserError
 from app.pieces.inventory import Stage
-from controller.protocol.causes import Cause
+from controller.protocol.causes import Cause, explain
 from controller.protocol.states import State
 from controller.wire.client import ControllerClient, MotionOutcome
 from controller.wire.errors import MotionRefused, MotionStopped
@@ -118,10 +118,21 @@ class ArmGaveWay(ArmPaused):
     """Somebody pushed the arm, or something was in its way, and it gave way; ``Arm.resume`` lets it move again."""
 
 
+class ArmStopped(ArmPaused):
+    """Somebody pressed STOP; ``Arm.release`` lets it move again, once a person has said so."""
+
+    def __init__(self) -> None:
+        super().__init__(explain(Cause.STOP_PRESSED))
+
+
 class Arm(Protocol):
     """Executes plans."""
 
     lead_ticks: int
+
+    @property
+    def stopped(self) -> bool:
+        """Whether somebody pressed STOP, so that it does not move until ``release``; as far as is known at once."""
 
     def state(self) -> ArmAtRest:
         """The arm at rest; on a simulated rig in pace fast, once plant time stands."""
@@ -136,6 +147,9 @@ class Arm(Protocol):
             ArmGaveWay: it does not come to rest.
         """
 
+    def release(self) -> None:
+        """Let an arm that was stopped by STOP move again. One that was pressed again meanwhile stays stopped."""
+
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
         """Do a whole plan; ``begin`` is told each motion before it is announced.
 
@@ -143,6 +157,7 @@ class Arm(Protocol):
             ArmPaused: samples came too late and the arm stopped by itself; it may go on from where it is.
             ArmHeld: it was told to hold; it may go on once that is taken back.
             ArmGaveWay: something was in its way, or had pushed it before; it may go on after ``resume``.
+            ArmStopped: somebody pressed STOP; it may go on after ``release``.
         """
 
 
@@ -154,6 +169,11 @@ class ControllerArm:
         self._client = client
         self._progress = progress
         self.lead_ticks = 8 if client.lockstep else 30
+
+    @property
+    def stopped(self) -> bool:
+        """See ``Arm.stopped``."""
+        return self._client.latched
 
     def state(self) -> ArmAtRest:
         """See ``Arm.state``."""
@@ -183,6 +203,10 @@ class ControllerArm:
             time.sleep(self._client.period)
         self._client.resume()
 
+    def release(self) -> None:
+        """See ``Arm.release``."""
+        self._client.release()
+
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
         """Stream the motions one after the other.
 
@@ -194,6 +218,7 @@ class ControllerArm:
             ArmPaused: samples came too late.
             ArmHeld: a hand is over the board.
             ArmGaveWay: something was in its way, or had pushed it before.
+            ArmStopped: somebody pressed STOP.
             ControllerError: refused, stopped or lost; the arm rests.
         """
         first_tick, end_tick, torque, force = None, 0, 0.0, 0.0
@@ -227,6 +252,8 @@ class ControllerArm:
         try:
             return self._client.execute(motion.samples, followed=followed)
         except (MotionRefused, MotionStopped) as error:
+            if error.cause is Cause.STOP_PRESSED:
+                raise ArmStopped from error
             if error.cause in _LATE:
                 raise ArmPaused(str(error)) from error
             if error.cause is Cause.GRIP_LOST:

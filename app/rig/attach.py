@@ -1,7 +1,5 @@
 """Taking an arm over: from the lease to an arm that holds and admits motions."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

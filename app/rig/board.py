@@ -45,6 +45,8 @@ class BoardArm:
     """
 
     lead_ticks = 0
+    stopped = False
+    """Nobody listens to an arm of paper, and it is where it goes at once: there is nothing to stop."""
 
     def __init__(self, home: ArrayLike, parameters: RobotParameters, clock: BoardClock) -> None:
         """At rest at a tool point, base frame (3,) [m], fingers open; the clock goes on by what each plan takes."""
@@ -62,6 +64,9 @@ class BoardArm:
 
     def resume(self) -> None:
         """See ``Arm.resume``: nobody pushes an arm of paper."""
+
+    def release(self) -> None:
+        """See ``Arm.release``: nobody has stopped it."""
 
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
         """See ``Arm.execute``; nothing is late and nothing is held. Torques and forces are unknown: zero."""

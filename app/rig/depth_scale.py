@@ -1,7 +1,5 @@
 """Depth as the calibration corrects it: frames whose distances are multiplied by a factor."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import TypeVar
 

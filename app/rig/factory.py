@@ -1,7 +1,5 @@
 """The factory of rigs, and the only place where simulated and real differ for whoever plays on them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 The controller stays when the game ends: it holds the arm, and after a while puts it on its brakes by itself.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable
@@ -55,9 +53,7 @@ class RemoteClock:
 
 
 class RemoteRig:
-    """Devices behind a controller that runs already, whose ``client`` whoever has to stop the arm may use. A context
-    manager.
-    """
+    """Devices behind a controller that runs already; its ``client`` serves who has to stop it. A context manager."""
 
     client: ControllerClient
     controller: tuple[str, int, Path]

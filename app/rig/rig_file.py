@@ -18,8 +18,6 @@ runs the game may read the same file, or copies of it. Its paths count from the 
     kind = "realsense"
 """
 
-from __future__ import annotations
-
 from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
@@ -176,9 +174,7 @@ def _counted_from(folder: Path, content: dict[str, Any]) -> dict[str, Any]:
 
 
 def load_randomisation(path: Path) -> Randomisation:
-    """Read a TOML file with how a simulated world differs from what the game believes of it; raises ``ConfigError`` if
-    it cannot be read, or something in it is wrong.
-    """
+    """Read how a simulated world differs from what the game believes; raises ``ConfigError`` if the file is wrong."""
     return load_toml(path, Randomisation, "randomisation", "give a TOML file with fields of Randomisation")
 
 

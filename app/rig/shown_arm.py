@@ -18,7 +18,13 @@ class ShownArm:
     def __init__(self, arm: Arm, show: Callable[[PathShown], None]) -> None:
         self._arm, self._show = arm, show
         self.lead_ticks = arm.lead_ticks
-        self.state, self.settle, self.resume = arm.state, arm.settle, arm.resume
+        self.state, self.settle = arm.state, arm.settle
+        self.resume, self.release = arm.resume, arm.release
+
+    @property
+    def stopped(self) -> bool:
+        """See ``Arm.stopped``."""
+        return self._arm.stopped
 
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
         """See ``Arm.execute``."""

@@ -1,7 +1,5 @@
 """Frames of a camera that several read, each once as it comes: for whoever watches."""
 
-from __future__ import annotations
-
 import threading
 import time
 from typing import Final

@@ -40,22 +40,19 @@ FINGER_RADIUS: Final = 0.010
 
 @dataclass(frozen=True, slots=True)
 class ArmJoints:
-    """Where the joints lie in a pose; base frame, arm by arm.
-
-    Attributes:
-        tool: the tool point, between the pads [m].
-        shoulders: on each servomotor's axis, in the plane that its arm moves in [m].
-        elbows: at the end of each proximal link, in the middle between the ends of its two rods [m].
-        wrists: at the flange, likewise [m].
-        axes: unit vectors along the servomotors' axes; the rods of a pair lie ``ROD_HALF_DISTANCE`` along it from their
-            middle, on either side, and so do their ends.
-    """
+    """Where the joints lie in a pose; base frame, arm by arm."""
 
     tool: Triple
+    """The tool point, between the pads [m]."""
     shoulders: tuple[Triple, Triple, Triple]
+    """On each servomotor's axis, in the plane that its arm moves in [m]."""
     elbows: tuple[Triple, Triple, Triple]
+    """At the end of each proximal link, in the middle between the ends of its two rods [m]."""
     wrists: tuple[Triple, Triple, Triple]
+    """At the flange, likewise [m]."""
     axes: tuple[Triple, Triple, Triple]
+    """Unit vectors along the servomotors' axes; the rods of a pair lie ``ROD_HALF_DISTANCE`` along it from their
+    middle, on either side, and so do their ends."""
 
 
 def arm_joints(model: DeltaModel, angle: Triple) -> ArmJoints:

@@ -25,36 +25,30 @@ class Finish(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class RoundBar:
-    """A cylinder, or a cone's frustum, with flat ends.
-
-    Attributes:
-        start: the middle of one end [m].
-        end: the middle of the other [m].
-        radius: at the start [m].
-        finish: of its surface.
-        end_radius: at the end [m]; None: the same.
-    """
+    """A cylinder, or a cone's frustum, with flat ends."""
 
     start: Triple
+    """The middle of one end [m]."""
     end: Triple
+    """The middle of the other [m]."""
     radius: float
+    """At the start [m]."""
     finish: Finish
+    """Of its surface."""
     end_radius: float | None = None
+    """At the end [m]; None: the same."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cuboid:
-    """A block along the axes of the frame it is given in.
-
-    Attributes:
-        centre: of it [m].
-        size: its whole extent along x, y and z [m].
-        finish: of its surface.
-    """
+    """A block along the axes of the frame it is given in."""
 
     centre: Triple
+    """Of it [m]."""
     size: Triple
+    """Its whole extent along x, y and z [m]."""
     finish: Finish
+    """Of its surface."""
 
 
 Solid = RoundBar | Cuboid

@@ -19,8 +19,32 @@ from controller.settings import ControllerSettings
 from hardware.interfaces import Measurement, Triple
 
 NOTHING = Violation(Cause.NONE, 0.0, 0.0)
+PRESSED = Violation(Cause.STOP_PRESSED, 0.0, 0.0)
 _LOOSE_TICKS = 5
 """A piece that swings in the fingers may leave a pad for less: 4.4 ms."""
+
+
+class Latch:
+    """What STOP closes, whoever has pressed it, and the client's RELEASE alone opens.
+
+    Attributes:
+        closed: no motion is admitted.
+        presses: how often STOP was carried out since the start.
+    """
+
+    def __init__(self) -> None:
+        self.closed, self.presses = False, 0
+
+    def press(self) -> None:
+        """STOP; pressing it again counts, and changes nothing else."""
+        self.closed, self.presses = True, self.presses + 1
+
+    def release(self, presses: int) -> None:
+        """Open again, for a client that knows of so many presses: one that came since keeps it closed.
+
+        So a RELEASE that is repeated, or late on its way, lifts no STOP that nobody has looked into.
+        """
+        self.closed = self.closed and presses != self.presses
 
 
 class Ended(NamedTuple):
@@ -44,6 +68,7 @@ class Admission:
         last_motion: highest motion id seen.
         ended: how the last motion ended.
         admitting: no hold is in force.
+        latch: of STOP.
         awaiting: a FOLLOWED motion succeeded and the next one is not announced yet.
         peak_torque: largest torque commanded in the present, else the last motion [N m].
         peak_tactile: largest tactile force in the present, else the last motion [N].
@@ -54,7 +79,7 @@ class Admission:
         self.playback = Playback(limits, period)
         self.last_motion = 0
         self.ended = Ended()
-        self.admitting, self.awaiting = True, False
+        self.admitting, self.awaiting, self.latch = True, False, Latch()
         self.peak_torque = self.peak_tactile = 0.0
         self._settings = settings
         self._guarding, self._loose = False, 0
@@ -73,6 +98,7 @@ class Admission:
         lead = motion.first_tick - tick
         reasons = (
             (retiring, Cause.SHUTDOWN, 0, 0),
+            (self.latch.closed, Cause.STOP_PRESSED, 0, 0),
             (current is not None, Cause.OCCUPIED, current.motion if current else 0, 0),
             (state is not State.HOLD, Cause.NOT_HOLDING, state, 0),
             (not self.admitting, Cause.NOT_ADMITTED, 0, 0),

@@ -32,7 +32,7 @@ from controller.protocol.causes import Cause
 from controller.protocol.layout import CommandCode
 from controller.protocol.messages import Announce
 
-ORDERLY: Final = frozenset({Cause.NONE, Cause.HOLD_COMMAND, Cause.STOP_COMMAND, Cause.SHUTDOWN})
+ORDERLY: Final = frozenset({Cause.NONE, Cause.HOLD_COMMAND, Cause.STOP_COMMAND, Cause.STOP_PRESSED, Cause.SHUTDOWN})
 """Causes that somebody asked for; every other one is written to disk."""
 AFTERMATH: Final = 0.25
 """What a file still holds after a fault [s of plant time]: the longest controlled stop and the closing of the

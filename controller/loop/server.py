@@ -28,7 +28,7 @@ from controller.model.constants import DeltaModel
 from controller.protection.limits import Limits, Violation, check_limits, default_limits
 from controller.protocol.causes import Cause, explain
 from controller.protocol.key import KEY_FILE, KeyFileError, load_key
-from controller.protocol.layout import COMMAND, HEARTBEAT, VERSION, CommandCode, DatagramKind
+from controller.protocol.layout import COMMAND, HEARTBEAT, RELEASE, VERSION, CommandCode, DatagramKind
 from controller.protocol.messages import AdmitSpeed, Announce, Samples, Telemetry, Welcome
 from controller.protocol.states import State
 from controller.settings import CONTROLLER_FILE, ControllerSettings
@@ -219,8 +219,10 @@ class Server:
             self._flight.close(abnormal=not self.supervisor.brakes.finished)
 
     def _live(self, now: float) -> None:
-        """What happens by itself: readiness, loss of the client, the end."""
+        """What happens without the client: a listener's STOP, readiness, loss of the client, the end."""
         supervisor, endpoint = self.supervisor, self._endpoint
+        if endpoint.pressed():
+            supervisor.press_stop()
         if not self._booted:
             self._booted, self._alone_since = self._ready(), now
         if endpoint.expire(now):
@@ -275,6 +277,10 @@ class Server:
                 return False
             self._flight.note(code)
             self.supervisor.obey(code)
+        elif kind == DatagramKind.STOP:
+            self.supervisor.press_stop()
+        elif kind == DatagramKind.RELEASE:
+            self.supervisor.admission.latch.release(*RELEASE.struct.unpack(payload))
         else:
             return False
         return True
@@ -327,6 +333,7 @@ class Server:
         change = (
             supervisor.state,
             supervisor.admission.ended,
+            supervisor.admission.latch.presses,
             supervisor.may_exchange,
             self._endpoint.last_command,
             self._echo,

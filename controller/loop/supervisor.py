@@ -12,7 +12,7 @@ import math
 from controller.law.force_observer import ForceObserver
 from controller.law.tare import Tare
 from controller.law.task_space import TaskSpaceController
-from controller.loop.admission import NOTHING, Admission
+from controller.loop.admission import NOTHING, PRESSED, Admission
 from controller.loop.brakes import BrakeSequence, BrakeStep
 from controller.loop.reference import Reference
 from controller.model.kinematics import Status
@@ -177,20 +177,15 @@ class Supervisor:
     def _stay_compliant(self) -> None:
         """Until the tool rests, but not for too short a time; then hold softly where it is."""
         self._compliant_ticks += 1
-        position, velocity = self.law.state.position.tolist(), self.law.state.velocity.tolist()
+        position, speed = self.law.state.position.tolist(), math.hypot(*self.law.state.velocity.tolist())
         self.reference.comply_at(position)
-        if (
-            self._compliant_ticks > self._settings.compliant_ticks
-            and math.hypot(*velocity) < self._settings.compliant_speed
-        ):
+        if self._compliant_ticks > self._settings.compliant_ticks and speed < self._settings.compliant_speed:
             self._compliant_ticks = 0
             self.reference.rest_softly(position)
             self._enter(Event.PROTECTIVE_STOP_AT_REST if self._protective else Event.AT_REST)
 
     def _watch(self, measurement: Measurement) -> None:
-        """Protection that looks at tool, fingers and motors; while the arm is compliant already, only at the latter
-        two.
-        """
+        """Protection by tool, fingers and motors; while the arm is compliant already, only by the latter two."""
         if not (self._compliant_ticks or self._letting_go) and self._protection.well(
             self.law.memory, self.reference.row, self.force, measurement.tactile, self.torque
         ):
@@ -325,6 +320,13 @@ class Supervisor:
 
     # stops and ends
 
+    def press_stop(self) -> None:
+        """STOP, in any state: come to rest and admit no motion until it is released; why a hold is in force stays."""
+        self.admission.latch.press()
+        if self.state is not State.STOPPING:
+            held = self.state is State.HOLD and not self.admission.admitting
+            self.stop(self.cause if held else PRESSED)
+
     def stop(self, cause: Violation, event: Event = Event.STOP) -> None:
         """Drop the motion and come to rest along the direction of travel.
 
@@ -334,9 +336,7 @@ class Supervisor:
         """
         self._protective = self._protective or event is Event.PROTECTIVE_STOP
         self.admission.awaiting = False
-        if self.state in BRAKED:
-            return
-        if self._compliant_ticks:  # that ends at rest, too, and the cause of it matters more
+        if self.state in BRAKED or self._compliant_ticks:  # that ends at rest, too, and its cause matters more
             return
         self._drop(cause)
         self._enter(event)

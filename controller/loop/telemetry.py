@@ -33,6 +33,7 @@ def report(
         max(0, measured.tick),
         echo,
         command,
+        supervisor.admission.latch.presses,
         supervisor.state,
         _flags(supervisor, lockstep),
         *supervisor.cause[:3],
@@ -77,6 +78,8 @@ def _flags(supervisor: Supervisor, lockstep: bool) -> Flag:
         flags |= Flag.LOCKSTEP
     if supervisor.admission.admitting:
         flags |= Flag.ADMITTING
+    if supervisor.admission.latch.closed:
+        flags |= Flag.LATCHED
     if supervisor.busy:
         flags |= Flag.BUSY
     return Flag(flags)

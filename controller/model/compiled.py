@@ -5,8 +5,6 @@ with the old code of that file after an edit, silently. So the cache directory c
 sources. Rule that follows: compiled code calls only functions of its own file and of this package.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import sys

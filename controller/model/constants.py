@@ -1,7 +1,5 @@
 """The robot's numbers as the compiled functions take them: one flat, frozen array."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import Final

@@ -1,7 +1,5 @@
 """What a motion of the tool asks of the servomotors: the inverse dynamics along many references at once, compiled."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from controller.model.compiled import DEMAND, FROZEN, SCALAR, TABLE, FloatArray, Vector, compiled, compiled_as

@@ -12,8 +12,6 @@ Projected with T = [I; ∂g/∂y] the same energy needs none of the unmeasured a
 l1 e_i ẏ_i and ż, and a uniform rod of mass m with ends at v and w has the energy (m/6) (v² + v·w + w²).
 """
 
-from __future__ import annotations
-
 import math
 
 from controller.model.compiled import FloatArray, Vector, compiled

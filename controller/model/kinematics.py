@@ -11,8 +11,6 @@ d_i, a_i = ∂d_i/∂q2 and n_i = (∂d_i/∂q3) / sin q2 are orthonormal; most 
 All of it is compiled, allocates nothing and returns a `Status` as int; `controller.model.reach` raises instead.
 """
 
-from __future__ import annotations
-
 import math
 from enum import IntEnum
 from typing import Final

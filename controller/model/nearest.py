@@ -1,7 +1,5 @@
 """The nearest tool point at which the robot can work: for the sentences of errors, not for the loop."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

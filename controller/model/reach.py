@@ -4,8 +4,6 @@ An arm reaches a wrist at w (its frame, seen from the shoulder) exactly if 4 l1�
 difference of the two sides is (2 l1 l2 d_i·e_i)², so the same formula tells how far an arm is from being stretched.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -11,8 +11,6 @@ The closed chain needs none of these in the loop. Differentiate |z - elbow_i|² 
 acceleration J̇_c ẏ follows from d_i·z̈ = -l1 ẏ_i² d_i·p_i - |ż - l1 e_i ẏ_i|² / l2, and *a* from the rods' ends alone.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The estimated state of the arm: rows of one preallocated array for compiled functions, names for people."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

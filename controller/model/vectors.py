@@ -1,7 +1,5 @@
 """Vectors of three as tuples, which Numba keeps in registers: nothing is allocated."""
 
-from __future__ import annotations
-
 from controller.model.compiled import FloatArray, Vector, compiled
 from controller.model.constants import ARM_COS, ARM_SIN
 

@@ -1,7 +1,5 @@
 """What the robot can do over a table: reach, condition of J_c, torque that is left over board and trays."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 q = (q_11, q_12, q_13, q_21, …, q_33), shape (9,) [rad]; v = q̇ [rad/s]. `MEASURED` and `UNMEASURED` pick y and x.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

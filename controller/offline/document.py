@@ -3,8 +3,6 @@
 ``python -m controller.offline.document docs/protocol.md docs/flight.md`` brings the pages up to date; tests compare.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Iterable

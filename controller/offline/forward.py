@@ -9,8 +9,6 @@ symmetric, and positive definite at the kinematic singularities of arms and chai
 sin q2 = 0, where the universal joint's angles do not tell the rod's direction.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

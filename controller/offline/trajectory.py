@@ -1,7 +1,5 @@
 """What laws and attachments see of a simulation, and what is left of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property

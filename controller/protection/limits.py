@@ -47,6 +47,7 @@ REACTIONS: dict[Cause, Reaction] = {
     Cause.UNKNOWN_EVENT: Reaction.STOP,
     Cause.PARKED: Reaction.STOP,
     Cause.GRIP_LOST: Reaction.STOP,
+    Cause.STOP_PRESSED: Reaction.STOP,
     Cause.GRIP_FORCE: Reaction.LET_GO,
     Cause.TACTILE_OVERLOAD: Reaction.LET_GO,
     Cause.TRACKING: Reaction.COMPLIANT,

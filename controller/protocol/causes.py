@@ -48,6 +48,7 @@ class Cause(IntEnum):
     UNKNOWN_EVENT = 45
     PARKED = 46
     GRIP_LOST = 47
+    STOP_PRESSED = 48
     # faults
     TRACKING = 60
     MODEL = 61
@@ -118,6 +119,7 @@ _SENTENCES: dict[Cause, str] = {
     " brakes: send enable",
     Cause.GRIP_LOST: "a pad felt {value:.2f} N of what the fingers carried, at least {limit:.2f} N was to be felt:"
     " look where it has gone",
+    Cause.STOP_PRESSED: "somebody pressed STOP: say 'go' when the arm may move again",
     Cause.TRACKING: "the tool was {value:.4f} m from its reference along one axis, at most {limit:.4f} m is accepted:"
     " see what stands in its way, then send resume",
     Cause.MODEL: "the kinematics failed with status {value:.0f} (1 singular, 2 not converged, 3 unreachable):"

@@ -28,7 +28,7 @@ SAMPLES_PER_DATAGRAM = 10
 
 @unique
 class DatagramKind(IntEnum):
-    """What a datagram is; below 64 from the client, above from the controller."""
+    """What a datagram is; below 64 from the client or a listener, above from the controller."""
 
     HELLO = 1
     HEARTBEAT = 2
@@ -37,6 +37,8 @@ class DatagramKind(IntEnum):
     SAMPLES = 5
     WATCH = 6
     ADMIT_SPEED = 7
+    STOP = 8
+    RELEASE = 9
     CHALLENGE = 64
     WELCOME = 65
     BUSY = 66
@@ -102,6 +104,8 @@ class Flag(IntFlag):
     """No hold is in force: motions are admitted in state HOLD."""
     BUSY = 16
     """Motion announced, stopping, booting or shutting down."""
+    LATCHED = 32
+    """Somebody pressed STOP: no motion is admitted until the client's RELEASE."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,6 +215,12 @@ ADMIT_SPEED = Layout(
         ),
     ),
 )
+STOP = Layout(
+    "STOP", (Field("cookie", "Q", "", "cookie by which the listener was admitted; of the client any number"),)
+)
+RELEASE = Layout(
+    "RELEASE", (Field("presses", "Q", "", "as the telemetry says: a STOP that was carried out since stays in force"),)
+)
 ANNOUNCE = Layout(
     "ANNOUNCE",
     (
@@ -252,7 +262,8 @@ TELEMETRY = Layout(
     (
         Field("tick", "Q", "tick", "tick of the last measurement"),
         Field("echo", "I", "", "newest ping received before the last exchange"),
-        Field("command", "Q", "", "sequence of the newest COMMAND or ADMIT_SPEED carried out"),
+        Field("command", "Q", "", "sequence of the client's newest COMMAND, ADMIT_SPEED, STOP or RELEASE carried out"),
+        Field("presses", "Q", "", "how often STOP was carried out since the start, of the client and of listeners"),
         Field("state", "H", "", "state of the controller"),
         Field("flags", "H", "", "flags"),
         Field("cause", "H", "", "why it stopped or faulted last, 0 once a motion is admitted"),
@@ -304,6 +315,8 @@ PAYLOADS: dict[DatagramKind, Layout] = {
     DatagramKind.SAMPLES: SAMPLES,
     DatagramKind.WATCH: WATCH,
     DatagramKind.ADMIT_SPEED: ADMIT_SPEED,
+    DatagramKind.STOP: STOP,
+    DatagramKind.RELEASE: RELEASE,
     DatagramKind.CHALLENGE: CHALLENGE,
     DatagramKind.WELCOME: WELCOME,
     DatagramKind.BUSY: BUSY,

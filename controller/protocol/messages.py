@@ -155,6 +155,7 @@ class Telemetry(NamedTuple):
     tick: int
     echo: int
     command: int
+    presses: int
     state: State
     flags: Flag
     cause: Cause
@@ -225,7 +226,12 @@ class Telemetry(NamedTuple):
     @property
     def admitting(self) -> bool:
         """Whether a motion may be announced now."""
-        return self.state is State.HOLD and bool(self.flags & Flag.ADMITTING)
+        return self.state is State.HOLD and bool(self.flags & Flag.ADMITTING) and not self.latched
+
+    @property
+    def latched(self) -> bool:
+        """Whether somebody pressed STOP, and it was not released since."""
+        return bool(self.flags & Flag.LATCHED)
 
     def explain_cause(self) -> str:
         """Why the controller stopped or faulted last, as one sentence."""

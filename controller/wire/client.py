@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from controller.protocol.causes import Cause
 from controller.protocol.layout import (
     COMMAND,
+    RELEASE,
     SAMPLE,
     SAMPLES_PER_DATAGRAM,
+    STOP,
     CommandCode,
     DatagramKind,
     Flag,
@@ -119,6 +121,12 @@ class ControllerClient:
             ControllerLost: there was none for three seconds.
         """
         return self._connected.telemetry
+
+    @property
+    def latched(self) -> bool:
+        """Whether somebody pressed STOP and it was not released since, by the newest telemetry, however old."""
+        telemetry = self._connected.last_telemetry
+        return telemetry is not None and telemetry.latched
 
     @property
     def lockstep(self) -> bool:
@@ -233,6 +241,22 @@ class ControllerClient:
     def stop(self) -> None:
         """Stop the present motion."""
         self._command(CommandCode.STOP, lambda t: not _moving(t))
+
+    def press_stop(self) -> None:
+        """STOP: come to rest, whatever goes on, and admit no motion until ``release``; `TelemetryWatch.stop` does the
+        same.
+        """
+        self._ask(DatagramKind.STOP, STOP.struct.pack(0), lambda t: t.latched and not _moving(t), "STOP")
+
+    def release(self) -> None:
+        """Admit motions again after a STOP, whoever has pressed it. One that comes meanwhile stays in force."""
+        presses = self.telemetry.presses
+        self._ask(
+            DatagramKind.RELEASE,
+            RELEASE.struct.pack(presses),
+            lambda t: not t.latched or t.presses != presses,
+            "release",
+        )
 
     def clear_fault(self) -> None:
         """Leave the state FAULT; the brakes stay closed until ``enable``."""

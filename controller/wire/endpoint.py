@@ -2,15 +2,18 @@
 
 One client holds the lease, from its HELLO until it has been silent for ``lease`` seconds of wall time. A HELLO needs
 the cookie of a CHALLENGE, so that a recorded one opens nothing. Everything that does not belong is counted and dropped.
-Listeners, `controller.wire.subscribers`, get the telemetry too and have no other effect.
+Listeners, `controller.wire.subscribers`, get the telemetry too, and their STOP counts as the client's; they have no
+other effect.
 
-Strangers may send as fast as they like: the client has a socket of its own that is read first, reading ends by the
-clock, and what is cheap to refuse is refused before its tag is computed.
+Strangers may send as fast as they like: the client has a socket of its own, reading ends by the clock, and what is
+cheap to refuse is refused before its tag is computed. So may the client: a datagram of everybody else is read before
+each of its own, so that a program that has gone mad keeps nobody's STOP away.
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 import secrets
 import select
 import socket
@@ -27,10 +30,13 @@ from controller.wire.subscribers import Subscribers
 Handler = Callable[[int, memoryview], bool]
 """Takes kind and payload of a datagram; false where its content is impossible."""
 
-_CARRIED_OUT: Final = frozenset({int(DatagramKind.COMMAND), int(DatagramKind.ADMIT_SPEED)})
+_CARRIED_OUT: Final = frozenset(
+    map(int, (DatagramKind.COMMAND, DatagramKind.ADMIT_SPEED, DatagramKind.STOP, DatagramKind.RELEASE))
+)
 """Kinds of which telemetry tells when they are carried out."""
 _ORDERS: Final = _CARRIED_OUT | {int(DatagramKind.ANNOUNCE)}
 """Kinds that must not overtake each other."""
+_STOP: Final = int(DatagramKind.STOP)
 _OF_ANYBODY: Final = frozenset({int(DatagramKind.HELLO), int(DatagramKind.WATCH)})
 """Kinds that may come under other sessions than the client's."""
 _CATCHING_UP: Final = 0.1
@@ -51,7 +57,7 @@ class Endpoint:
 
     Attributes:
         dropped: datagrams dropped, by ``Drop``.
-        last_command: sequence of the client's newest COMMAND or ADMIT_SPEED carried out.
+        last_command: sequence of the client's newest datagram carried out, of those of which telemetry tells.
 
     Raises:
         PortInUse: the port is taken or may not be used.
@@ -88,7 +94,7 @@ class Endpoint:
         self._sent = 0
         self._heard = 0.0
         self._doubted: float | None = None
-        self._may_answer = True
+        self._may_answer, self._pressed = True, False
         self._subscribers = Subscribers(self._send_to)
         self.dropped = [0] * len(Drop)
 
@@ -138,11 +144,16 @@ class Endpoint:
             if not self.take(handle):
                 return
 
+    def pressed(self) -> bool:
+        """Whether a listener's STOP has come since this was asked last."""
+        pressed, self._pressed = self._pressed, False
+        return pressed
+
     def sift(self, now: float, until: float) -> None:
         """Read on until a datagram of the client is found, for ``take``; nothing where one was found already.
 
-        The client's socket is read first, at least one datagram of each that has any. One HELLO or WATCH of a stranger
-        is answered at most.
+        One datagram of everybody is read, then the client's socket, then the open one: at least one datagram of each
+        that has any. One HELLO or WATCH of a stranger is answered at most.
 
         Args:
             now: wall time [s].
@@ -153,9 +164,12 @@ class Endpoint:
         # asking first costs a third of the exception that an empty socket would raise
         ready = [end for end, _ in self._poll.poll(0)]
         self._may_answer = True
-        for end in (self._own, self._socket):
-            if end is not None and end.fileno() in ready and self._admitted is None:
-                self._search(end, now, until)
+        turns = [(self._socket, until)]
+        if self._own is not None and self._own.fileno() in ready:
+            turns = [(self._socket, -math.inf), (self._own, until), *turns]
+        for end, latest in turns:
+            if end.fileno() in ready and self._admitted is None:
+                self._search(end, now, latest)
 
     def take(self, handle: Handler) -> bool:
         """Hand over the datagram that was found.
@@ -235,6 +249,8 @@ class Endpoint:
         header = self._envelope.look(data)
         if isinstance(header, Drop):
             return header
+        if header.kind == _STOP and header.session != self._session:
+            return self._press(data, header, address, now)
         of_client = header.kind not in _OF_ANYBODY
         if of_client and (drop := self._stale(header)) is not None:
             return drop
@@ -245,6 +261,17 @@ class Endpoint:
             self._hear(opened, address, now)
             return None
         return (self._greet if opened.kind == DatagramKind.HELLO else self._listen)(opened, address, now)
+
+    def _press(self, data: memoryview, header: Header, address: Address, now: float) -> Drop | None:
+        """A STOP that is not the client's: a listener's counts, and is refused as cheaply as the client's datagrams."""
+        if (drop := self._subscribers.stale(header, address)) is not None:
+            return drop
+        opened = self._envelope.unseal(data, header)
+        if isinstance(opened, Drop):
+            return opened
+        drop = self._subscribers.press(opened, now)
+        self._pressed = self._pressed or drop is None
+        return drop
 
     def _stale(self, header: Header) -> Drop | None:
         """Why what claims to be the client's would be dropped even if its tag were right."""
@@ -279,7 +306,7 @@ class Endpoint:
             own.close()
 
     def _listen(self, opened: Opened, address: Address, now: float) -> Drop | None:
-        """A WATCH: no more than a place among the listeners can come of it, and none under the client's session."""
+        """A WATCH: nothing but a place among the listeners can come of it, and none under the client's session."""
         return Drop.SESSION if opened.session == self._session else self._subscribers.admit(opened, address, now)
 
     def _greet(self, opened: Opened, address: Address, now: float) -> Drop | None:

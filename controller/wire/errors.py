@@ -5,6 +5,7 @@ ControllerError
 ├── ControllerUnavailable   nobody answers, or not in this version of the protocol
 ├── ControllerBusy          another client holds the lease
 ├── ControllerLost          it answered once and does no more
+├── StopUnanswered          nobody says that a listener's STOP was carried out
 ├── CommandFailed           a command has no effect in the controller's present state
 ├── MotionRefused           the motion was not begun
 └── MotionStopped           the motion was begun and not finished
@@ -36,6 +37,16 @@ class ControllerBusy(ControllerError):
 
 class ControllerLost(ControllerError):
     """The controller answered once and does no more."""
+
+
+class StopUnanswered(ControllerError):
+    """A listener pressed STOP, and no telemetry says that it was carried out."""
+
+    def __init__(self, where: str, timeout: float) -> None:
+        super().__init__(
+            f"nobody at {where} has answered STOP within {timeout:g} s: "
+            "stop the arm by its own switch, then see whether the controller runs"
+        )
 
 
 class CommandFailed(ControllerError):

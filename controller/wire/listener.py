@@ -1,7 +1,11 @@
-"""A listener's end of the wire: telemetry without the lease, for displays and recorders. It cannot command anything."""
+"""A listener's end of the wire: telemetry without the lease, for displays and recorders, and the STOP of a display.
+
+It can stop the arm, whatever the program that moves it is doing, and command nothing else.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import secrets
 import socket
 import threading
@@ -9,10 +13,10 @@ import time
 from typing import Self
 
 from controller.protocol.envelope import Drop, Envelope
-from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, WATCH, DatagramKind
+from controller.protocol.layout import CHALLENGE, MAX_DATAGRAM, STOP, WATCH, DatagramKind, Layout
 from controller.protocol.messages import Telemetry
 from controller.wire.address import open_socket
-from controller.wire.errors import ControllerLost, ControllerUnavailable
+from controller.wire.errors import ControllerLost, ControllerUnavailable, StopUnanswered
 from controller.wire.link import HEARTBEAT_INTERVAL, REPEAT, SILENCE, Listener
 
 
@@ -32,6 +36,7 @@ class TelemetryWatch:
         self._envelope = Envelope(key)
         self._telemetry: Telemetry | None = None
         self._news = threading.Condition()
+        self._sending = threading.Lock()
         self._challenged = False
         self._open = False
         self._heard = time.monotonic()
@@ -68,7 +73,7 @@ class TelemetryWatch:
         self.close()
         self._begin()
         self._telemetry, self._challenged = None, False
-        end = open_socket(self._host, self._port, REPEAT)
+        self._socket = end = open_socket(self._host, self._port, REPEAT)
         self._open = True
         self._thread = threading.Thread(target=self._listen, args=(end,), name="telemetry watch", daemon=True)
         self._thread.start()
@@ -77,6 +82,39 @@ class TelemetryWatch:
         if not heard:
             self.close()
             raise ControllerUnavailable(self._explain(timeout))
+
+    def stop(self, timeout: float = 2.0) -> Telemetry:
+        """Press STOP: the arm comes to rest within 0.1 s, and moves no more until the client releases it.
+
+        It is repeated until the telemetry shows that it was carried out. May be called from any thread but the
+        listener's.
+
+        Args:
+            timeout: wall time to wait for that [s].
+
+        Returns:
+            Telemetry of the arm, latched; it may still be coming to rest.
+
+        Raises:
+            ControllerLost: this watch was not connected, or is closed.
+            StopUnanswered: nobody has said that it was carried out; it may have been all the same.
+        """
+        if not self._open:
+            raise ControllerLost(f"there is no connection to {self._where}: call connect first")
+        before, deadline = self._telemetry, time.monotonic() + timeout
+
+        def latched() -> bool:
+            newest = self._telemetry
+            return newest is not None and newest.latched and (before is None or newest.presses != before.presses)
+
+        while True:
+            self._press()
+            with self._news:
+                if self._news.wait_for(latched, min(REPEAT, max(0.0, deadline - time.monotonic()))):
+                    assert self._telemetry is not None
+                    return self._telemetry
+            if time.monotonic() > deadline:
+                raise StopUnanswered(self._where, timeout)
 
     def close(self) -> None:
         """Fall silent; the controller forgets the listener after a second. A second call does nothing."""
@@ -99,8 +137,9 @@ class TelemetryWatch:
 
     def _begin(self) -> None:
         """A new session, of which nobody knows anything."""
-        self._session = secrets.randbits(64) | 1
-        self._sequence = self._newest = self._cookie = 0
+        with self._sending:
+            self._session = secrets.randbits(64) | 1
+            self._sequence = self._newest = self._cookie = 0
         self._admitted = False
         self._alive = time.monotonic()
 
@@ -127,14 +166,20 @@ class TelemetryWatch:
                     self._ask(end)
 
     def _ask(self, end: socket.socket) -> None:
-        self._sequence += 1
-        datagram = self._envelope.seal(
-            DatagramKind.WATCH, self._session, self._sequence, WATCH.struct.pack(self._cookie)
-        )
         try:
-            end.send(datagram)
+            self._send(end, DatagramKind.WATCH, WATCH)
         except OSError:
             time.sleep(REPEAT)  # nobody is there at present; asked again soon
+
+    def _press(self) -> None:
+        with contextlib.suppress(OSError):  # nobody is there at present, or the socket was closed: the deadline tells
+            self._send(self._socket, DatagramKind.STOP, STOP)
+
+    def _send(self, end: socket.socket, kind: DatagramKind, layout: Layout) -> None:
+        """Send a datagram that consists of the cookie."""
+        with self._sending:
+            self._sequence += 1
+            end.send(self._envelope.seal(kind, self._session, self._sequence, layout.struct.pack(self._cookie)))
 
     def _receive(self, data: memoryview) -> bool:
         """Take a datagram in; true where it is a challenge to be answered at once."""

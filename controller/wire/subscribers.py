@@ -1,9 +1,9 @@
-"""Read-only listeners: who gets telemetry without holding the lease.
+"""Listeners: who gets telemetry without holding the lease, and may stop the arm.
 
-A WATCH with the right cookie makes its sender a listener, and nothing else. The cookie belongs to one address, one
-session and one admission: it comes in a CHALLENGE, and every admission makes those before it worthless to others. So a
-recorded WATCH opens nothing, and an address that somebody else gave receives a CHALLENGE as short as the WATCH itself,
-never telemetry.
+A WATCH with the right cookie makes its sender a listener, whose STOP counts, and nothing else. The cookie belongs to
+one address, one session and one admission: it comes in a CHALLENGE, and every admission makes those before it worthless
+to others. So a recorded WATCH or STOP opens nothing, and an address that somebody else gave receives a CHALLENGE as
+short as the WATCH itself, never telemetry.
 
 One CHALLENGE and one copy of the telemetry leave a tick at most, the copies in turn, so that neither a flood nor eight
 listeners cost a tick more than that.
@@ -15,8 +15,8 @@ import hashlib
 import secrets
 from collections.abc import Callable
 
-from controller.protocol.envelope import Drop, Opened, SequenceWindow
-from controller.protocol.layout import CHALLENGE, WATCH, DatagramKind
+from controller.protocol.envelope import Drop, Header, Opened, SequenceWindow
+from controller.protocol.layout import CHALLENGE, STOP, WATCH, DatagramKind
 from controller.wire.sockets import Address
 
 Send = Callable[[Address, DatagramKind, int, bytes], None]
@@ -86,6 +86,26 @@ class Subscribers:
         if drop is None:
             listener.address, listener.cookie = address, cookie
         return drop
+
+    def stale(self, header: Header, address: Address) -> Drop | None:
+        """Why a listener's STOP would be dropped even if its tag were right: whose session it is not, or seen before.
+
+        Args:
+            header: of the datagram; nothing of it is proven.
+            address: where it came from.
+        """
+        listener = self._find(header.session)
+        if listener is None or listener.address != address:
+            return Drop.SESSION
+        return None if listener.window.is_new(header.sequence) else Drop.SEQUENCE
+
+    def press(self, opened: Opened, now: float) -> Drop | None:
+        """Whether a STOP counts that is not stale, its tag checked; why it does not, as ``admit``."""
+        (cookie,) = STOP.struct.unpack(opened.payload)
+        listener = self._find(opened.session)
+        if listener is None or listener.cookie != cookie:
+            return Drop.SESSION
+        return self._hear(listener, opened.sequence, now)
 
     def publish(self, payload: bytes, now: float) -> None:
         """New telemetry for all; what of the one before was not sent yet is not sent any more.

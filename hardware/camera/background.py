@@ -3,8 +3,6 @@
 Threads that read devices end before the program does: a library must not call into an interpreter that is gone.
 """
 
-from __future__ import annotations
-
 import atexit
 import threading
 from collections.abc import Callable
@@ -15,7 +13,7 @@ from hardware.interfaces import CameraClosed, HardwareError
 _T = TypeVar("_T")
 
 
-class ReaderThread(Generic[_T]):
+class DeviceReader(Generic[_T]):
     """A thread, by its name, and the newest of what it reads, until it is told to end, at the latest at the program's
     end.
 

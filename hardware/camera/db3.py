@@ -1,7 +1,5 @@
 """Frames in librealsense's own recordings (``.db3``), written by its recorder and read by its playback."""
 
-from __future__ import annotations
-
 import gc
 import queue
 import threading
@@ -28,9 +26,7 @@ _WAIT: Final = 0.1
 
 
 class Db3Recorder:
-    """Writes the frames of any camera into a ``.db3`` file; raises ``HardwareError`` if it exists, or cannot be
-    written.
-    """
+    """Writes frames of any camera into a ``.db3`` file; raises ``HardwareError`` if it exists, or cannot be written."""
 
     def __init__(self, path: Path) -> None:
         if path.suffix != ".db3":

@@ -1,7 +1,5 @@
 """The factory of a lab's cameras."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from hardware.camera.db3 import Db3Recorder, Db3Recording

@@ -4,8 +4,6 @@
 8-bit PNG, depth a 16-bit one.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import Final
@@ -46,9 +44,7 @@ class _Line(FrozenFinite):
 
 
 class FolderRecorder:
-    """Writes frames into a folder, made if it is not there; raises ``HardwareError`` if it holds a recording or cannot
-    be written.
-    """
+    """Writes frames into a folder, made if need be; raises ``HardwareError`` if it holds some or cannot be written."""
 
     def __init__(self, folder: Path) -> None:
         if (folder / FRAMES_FILE).exists():

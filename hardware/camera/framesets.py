@@ -4,8 +4,6 @@ one and a recording.
 Depth pixels that have none are 0.
 """
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 import numpy as np

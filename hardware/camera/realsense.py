@@ -1,7 +1,5 @@
 """A RealSense camera: found by its serial number, read in a thread of its own, found again after it was unplugged."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time
@@ -10,7 +8,7 @@ from typing import Any, Final
 
 import pyrealsense2 as rs
 
-from hardware.camera.background import ReaderThread
+from hardware.camera.background import DeviceReader
 from hardware.camera.framesets import FrameMaker
 from hardware.camera.settings import RealSenseSettings
 from hardware.interfaces import Clock, Frame, HardwareError, StaleFrame
@@ -55,13 +53,13 @@ class RealSenseCamera:
         self._exposed = -math.inf
         self._made: tuple[_Pair, Frame] | None = None
         self._pipeline = self._start()  # here, so that a wrong setting is told at once
-        self._reading = ReaderThread[_Pair]("realsense", self._run)
+        self._reader = DeviceReader[_Pair]("realsense", self._run)
         silent = f"RealSense {self._serial} sends no pictures: plug it into a USB 3 port, and close other programs "
-        self._reading.start(FIRST_FRAME, HardwareError(f"{silent}that use it"))
+        self._reader.start(FIRST_FRAME, HardwareError(f"{silent}that use it"))
 
     def read(self, max_age: float) -> Frame:
         """See ``Camera.read``. While the camera is unplugged this raises; afterwards it works again."""
-        newest = self._reading.newest()
+        newest = self._reader.newest()
         age = time.time() - newest.exposed
         if age > max_age:
             raise StaleFrame(age, max_age)
@@ -77,7 +75,7 @@ class RealSenseCamera:
 
     def close(self) -> None:
         """See ``Camera.close``."""
-        self._reading.end()
+        self._reader.end()
         self._made = None
 
     # the thread
@@ -85,20 +83,20 @@ class RealSenseCamera:
     def _run(self) -> None:
         """Take framesets until the camera is closed; when they stop coming, look for the camera again."""
         pipeline: Any = self._pipeline
-        while not self._reading.closing.is_set():
+        while not self._reader.closing.is_set():
             if pipeline is None:
                 pipeline = self._restart()
             elif not self._take(pipeline):
                 _stop(pipeline)
                 pipeline = None
-                self._reading.fail(self._lost())
+                self._reader.fail(self._lost())
         if pipeline is not None:
             _stop(pipeline)
 
     def _take(self, pipeline: Any) -> bool:
         """Wait for the next pair and keep it; False: none came."""
         deadline = time.monotonic() + SILENCE
-        while time.monotonic() < deadline and not self._reading.closing.is_set():
+        while time.monotonic() < deadline and not self._reader.closing.is_set():
             try:
                 there, frameset = pipeline.try_wait_for_frames(100)
             except RuntimeError:  # librealsense noticed first that the device is gone
@@ -106,14 +104,14 @@ class RealSenseCamera:
             if there and frameset.size() == 2:
                 self._keep(frameset)
                 return True
-        return self._reading.closing.is_set()
+        return self._reader.closing.is_set()
 
     def _keep(self, frameset: Any) -> None:
         frameset.keep()
         arrived = time.time()
         exposed = min(exposure_time(frameset.get_color_frame(), arrived), arrived)
         self._exposed = max(exposed, self._exposed)
-        self._reading.put(_Pair(frameset, self._exposed))
+        self._reader.put(_Pair(frameset, self._exposed))
 
     def _restart(self) -> Any:
         """A new pipeline if the camera is there again, else None after a while."""
@@ -121,8 +119,8 @@ class RealSenseCamera:
             try:
                 return self._start()
             except HardwareError as error:
-                self._reading.fail(error)
-        self._reading.closing.wait(RETRY)
+                self._reader.fail(error)
+        self._reader.closing.wait(RETRY)
         return None
 
     def _lost(self) -> HardwareError:
@@ -187,9 +185,7 @@ def exposure_time(picture: Any, arrived: float) -> float:
 
 
 def apply_options(sensors: list[Any], wanted: RealSenseSettings) -> None:
-    """Set exposure, gain and emitter on the sensors that have them; raises ``HardwareError`` if a setting is out of a
-    sensor's range.
-    """
+    """Set exposure, gain and emitter where sensors have them; raises ``HardwareError`` if one is out of range."""
     for sensor in sensors:
         if sensor.supports(rs.option.emitter_enabled):
             _set(sensor, rs.option.emitter_enabled, 1.0 if wanted.emitter else 0.0)

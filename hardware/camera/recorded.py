@@ -1,7 +1,5 @@
 """Recorded frames played as a camera: by their stamps as time passes, or one at each read."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol

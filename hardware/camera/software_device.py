@@ -4,8 +4,6 @@ Simulated and recorded pictures take the way of a real camera's through it. Fram
 librealsense's syncer loses pairs whose stamps do not come at a steady rate.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -92,9 +90,7 @@ class SoftwareCamera:
         self._join, self._maker = Join(), FrameMaker()
 
     def frame(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16] | None, stamp: float) -> Frame:
-        """The frame of a pair of pictures; see ``SoftwareDevice.push``. Raises ``HardwareError`` if librealsense
-        lost a picture.
-        """
+        """The frame of what is put in as of ``SoftwareDevice.push``; raises ``HardwareError`` if a picture was lost."""
         self._device.push(colour, depth, stamp)
         pictures = []
         for queue in self._queues:

@@ -1,7 +1,5 @@
 """A plain webcam through OpenCV: colour alone, no depth."""
 
-from __future__ import annotations
-
 import math
 import time
 from pathlib import Path
@@ -11,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.camera.background import ReaderThread
+from hardware.camera.background import DeviceReader
 from hardware.camera.settings import WebcamSettings
 from hardware.interfaces import Clock, Frame, HardwareError, Intrinsics, StaleFrame
 
@@ -36,13 +34,13 @@ class WebcamCamera:
         self._capture = self._open()
         if self._capture is None:
             raise self._lost("cannot be opened")
-        self._reading = ReaderThread[tuple[NDArray[np.uint8], float]]("webcam", self._run)
-        first, _ = self._reading.start(FIRST_FRAME, self._lost("sends no pictures"))
+        self._reader = DeviceReader[tuple[NDArray[np.uint8], float]]("webcam", self._run)
+        first, _ = self._reader.start(FIRST_FRAME, self._lost("sends no pictures"))
         self.intrinsics = pinhole(first.shape[1], first.shape[0], settings)
 
     def read(self, max_age: float) -> Frame:
         """See ``Camera.read``. A picture's age counts from when the computer got it."""
-        picture, arrived = self._reading.newest()
+        picture, arrived = self._reader.newest()
         age = time.monotonic() - arrived
         if age > max_age:
             raise StaleFrame(age, max_age)
@@ -58,12 +56,12 @@ class WebcamCamera:
 
     def close(self) -> None:
         """See ``Camera.close``."""
-        self._reading.end()
+        self._reader.end()
 
     # the thread
 
     def _run(self) -> None:
-        capture, pause, closing = self._capture, self._pause(), self._reading.closing
+        capture, pause, closing = self._capture, self._pause(), self._reader.closing
         while not closing.is_set():
             if capture is None:
                 capture = self._open()
@@ -71,13 +69,13 @@ class WebcamCamera:
                 continue
             there, picture = capture.read()
             if there:
-                self._reading.put((np.asarray(picture, dtype=np.uint8), time.monotonic()))
+                self._reader.put((np.asarray(picture, dtype=np.uint8), time.monotonic()))
                 closing.wait(pause)
                 continue
             capture.release()
             capture = None
             if not pause:
-                self._reading.fail(self._lost("sends no pictures any more"))
+                self._reader.fail(self._lost("sends no pictures any more"))
         if capture is not None:
             capture.release()
 

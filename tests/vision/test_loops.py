@@ -127,7 +127,7 @@ def test_what_the_outline_covers_is_seen_where_nothing_known_is(rng: np.random.G
     everywhere, nowhere = np.ones(depth.shape, np.bool_), np.zeros(depth.shape, np.bool_)
     usual = np.full(depth.shape, np.inf, np.float32)
     limits, half = np.array([0.078, 0.34, 0.012, 0.02], np.float32), np.array([0.25, 0.2], np.float32)
-    bodies = Capsules.of([[[-0.1, 0.0, 0.1], [0.1, 0.05, 0.2]], [[0.0, -0.1, 0.15], [0.0, -0.1, 0.15]]], [0.06, 0.05])
+    bodies = Capsules([[[-0.1, 0.0, 0.1], [0.1, 0.05, 0.2]], [[0.0, -0.1, 0.15], [0.0, -0.1, 0.15]]], [0.06, 0.05])
     free = stand_out(depth, ray, position, nowhere, usual, limits, half, NO_ENDS, NO_RADII)
     seen = stand_out(depth, ray, position, everywhere, usual, limits, half, bodies.ends, bodies.radii)
     points = np.stack([depth * ray[k] + position[k] for k in range(3)], axis=-1).astype(float)

@@ -41,10 +41,8 @@ def compare_sides(look: Look, grid: Grid, bright: int, low: tuple[int, int], hig
 
 
 def side_places(low: tuple[int, int], high: tuple[int, int]) -> Array:
-    """Places to look at on either side of all sides of squares in a range.
-
-    Returns:
-        Shape (2, columns, rows, n, 2, 2): [upright or level, column, row, along the side, before or behind it].
+    """Places to look at on either side of all sides of squares in a range, shape (2, columns, rows, n, 2, 2): [upright
+    or level, column, row, along the side, before or behind it].
     """
     i, j = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]), indexing="ij")
     places = np.empty((2, *i.shape, len(ALONG), 2, 2))

@@ -49,11 +49,8 @@ class Anchor:
     """The board's place in a reference picture."""
 
     def __init__(self, colour: Picture, corners: ArrayLike) -> None:
-        """Remember what the board looks like.
-
-        Args:
-            colour: RGB, shape (h, w, 3).
-            corners: a1, h1, h8, a8, shape (4, 2) [px], sub-pixel as ``find_board`` gives them.
+        """Remember what the board looks like in a picture, RGB (h, w, 3), with its corners a1, h1, h8, a8, (4, 2) [px],
+        sub-pixel as ``find_board`` gives them.
 
         Raises:
             BoardNotFound: there is no board at these corners.

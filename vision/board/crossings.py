@@ -14,7 +14,7 @@ import numpy as np
 
 from vision.arrays import Array, Mask
 from vision.board.alternation import Look
-from vision.board.grid import CORNERS, Grid, GridFit, fit_grid
+from vision.board.grid import CORNERS, Grid, fit_grid
 
 HALF_WINDOW: Final = 0.24
 """Half of the window around a crossing [sides of a square]; pieces that stand in the middle begin at about 0.3."""
@@ -39,21 +39,19 @@ class Crossings:
     border: Mask  # whether each lies on the border, shape (n,)
 
 
-def refine_grid(look: Look, grid: Grid, dark: int) -> GridFit | None:
+def refine_grid(look: Look, grid: Grid, dark: int) -> Grid | None:
     """Fit a grid that is right to a fifth of a square to all crossings that can be seen; None if they are too few.
 
     ``dark`` is 1 where the square of a1 is dark, -1 where it is light.
     """
-    fit: GridFit | None = None
     for _ in range(2):
         seen = find_crossings(look, grid, dark)
         if np.count_nonzero(~seen.border) < 12:
             return None
         points = grid.project(seen.found)
         weight = np.where((seen.places == 0.0) | (seen.places == 8.0), BORDER_WEIGHT, 1.0)
-        fit = fit_grid(seen.places, points, grid.size, scatter=0.01, weights=weight)
-        grid = fit.grid
-    return fit
+        grid = fit_grid(seen.places, points, grid.size, scatter=0.01, weights=weight)
+    return grid
 
 
 def working_scale(grid: Grid) -> float:

@@ -34,8 +34,7 @@ with lines drawn between the squares."""
 NEAR_SIDE: Final = 32.0  # side of a square in the picture that is searched for a board near a known place [px]
 NEAR_MARGIN: Final = 2.0  # how far around the known place is searched [sides of a square]
 MOST_SADDLES: Final = 500  # of one picture; a board has 49
-LEAST_CROSSINGS, ENOUGH_CROSSINGS = 10, 30
-"""A lattice below the first is chance; beyond the second no other is looked for."""
+LEAST_CROSSINGS, ENOUGH_CROSSINGS = 10, 30  # a lattice below the first is chance; beyond the second no other is sought
 MOST_SEEDS: Final = 150  # beginnings of lattices that are tried in a picture
 MOST_LATTICES: Final = 4  # how many are judged in a picture, the largest first
 SURE_ERROR: Final = 0.15  # corners that are less certain than this are given with a doubt [sides of a square]
@@ -46,13 +45,10 @@ MOST_ERROR: Final = 0.3  # and those less certain than this not at all [sides of
 class FoundBoard:
     """A board in a picture."""
 
-    corners: Array
-    """Outer corners of the playing area a1, h1, h8, a8, counter-clockwise seen from above, shape (4, 2) [px]."""
+    corners: Array  # of the playing area, outer: a1, h1, h8, a8, counter-clockwise seen from above, (4, 2) [px]
     oriented: bool  # False where a1 may be the opposite corner: all that is known then is that a1 is dark
-    error: float
-    """The worst error of a corner that is to be expected, exceeded by one board in twenty [sides of a square]."""
-    doubt: str | None = None
-    """What is wrong and what to do about it, a sentence, where ``error`` is above ``SURE_ERROR``; else None."""
+    error: float  # of the worst corner, to be expected; exceeded by one board in twenty [sides of a square]
+    doubt: str | None = None  # what is wrong and what to do, a sentence, where ``error`` is above ``SURE_ERROR``
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,16 +81,11 @@ class _Candidate:
 
 
 def find_board(colour: Picture, *, near: ArrayLike | None = None) -> FoundBoard:
-    """Find the board in a picture.
+    """Find the board in a picture, RGB (h, w, 3): it lies within but for a part of its border, and shows at least a
+    quarter of its crossings.
 
-    Args:
-        colour: RGB, shape (h, w, 3).
-        near: corners a1, h1, h8, a8 as they were before, shape (4, 2) [px]: it is looked for around there first, and
-            a1 is the corner closest to where it was. Without it, a1 is told from pieces in the start position.
-
-    Returns:
-        The board. It lies within the picture but for a part of its border, and shows at least a quarter of its
-        crossings.
+    With ``near``, corners a1, h1, h8, a8 as they were before, (4, 2) [px], it is looked for around there first, and a1
+    is the corner closest to where it was. Without, a1 is told from pieces in the start position.
 
     Raises:
         BoardNotFound: there is none for certain; says what was missing.
@@ -153,7 +144,7 @@ def _find_near(colour: Picture, near: Array, doubts: list[str]) -> _Measured | N
 def _place(picture: Field, lattice: Lattice, doubts: list[str]) -> _Candidate | None:
     """The board of a lattice, if it has one."""
     places = lattice.places.astype(float)
-    grid = fit_grid(places, lattice.points, (picture.shape[1], picture.shape[0])).grid
+    grid = fit_grid(places, lattice.points, (picture.shape[1], picture.shape[0]))
     weights = channel_weights(picture, grid, lattice.bright, places)
     low, high = lattice.places.min(axis=0) - 9, lattice.places.max(axis=0) + 9
     look = look_into(picture, weights)
@@ -176,9 +167,10 @@ def _measure(colour: Picture, grid: Grid, candidate: _Candidate, doubts: list[st
     """Corners from a dark a1 on, in the picture of full size; None if they are too uncertain."""
     factor = working_scale(grid)
     picture = levels(_resize(colour, factor) if factor != 1.0 else colour)
-    look = look_into(_softened(picture), candidate.weights)
+    smooth = cv2.GaussianBlur(picture, (0, 0), 0.8)  # noise of single pixels and of the resizing taken off
+    look = look_into(np.asarray(smooth, dtype=np.float32), candidate.weights)
     fit = refine_grid(look, grid.scaled(factor, (picture.shape[1], picture.shape[0])), candidate.dark)
-    joint = None if fit is None else fit_jointly(look, fit.grid, candidate.dark)
+    joint = None if fit is None else fit_jointly(look, fit, candidate.dark)
     if fit is None or joint is None:
         doubts.append("too few crossings of its lines can be seen")
         return None
@@ -186,7 +178,7 @@ def _measure(colour: Picture, grid: Grid, candidate: _Candidate, doubts: list[st
     if found.error > MOST_ERROR:
         doubts.append(f"its corners are uncertain by {found.error:.2f} squares, at most {MOST_ERROR:.2f} are accepted")
         return None
-    window = judge(compare_sides(look, fit.grid, -candidate.dark, (-1, -1), (9, 9)), 1, 1)
+    window = judge(compare_sides(look, fit, -candidate.dark, (-1, -1), (9, 9)), 1, 1)
     if not _believed(window, doubts):
         return None
     return found if candidate.dark > 0 else replace(found, corners=np.roll(found.corners, -1, axis=0))
@@ -203,8 +195,3 @@ def _resize(colour: Picture, factor: float) -> Picture:
     size = (round(colour.shape[1] * factor), round(colour.shape[0] * factor))
     resized = cv2.resize(colour, size, interpolation=cv2.INTER_AREA if factor < 1.0 else cv2.INTER_CUBIC)
     return np.asarray(resized, dtype=np.uint8)
-
-
-def _softened(picture: Field) -> Field:
-    """Noise of single pixels and of the resizing taken off."""
-    return np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.8), dtype=np.float32)

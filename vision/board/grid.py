@@ -17,8 +17,7 @@ from vision.arrays import Array
 from vision.board.lattice import fit_homography, project, steps
 
 LEVEL: Final = 4.0  # how early the bending levels off [1/half diagonal²]
-PRIOR_BENDING: Final = 0.05
-"""What k is about, where the crossings do not tell: cameras without fisheye lenses stay below 0.1."""
+PRIOR_BENDING: Final = 0.05  # what k is about if crossings do not tell: cameras without fisheye lenses stay below 0.1
 CORNERS: Final = np.array([[0.0, 0.0], [8.0, 0.0], [8.0, 8.0], [0.0, 8.0]])
 """Places of the outer corners a1, h1, h8, a8, shape (4, 2)."""
 
@@ -58,28 +57,13 @@ def bend(points: Array, bending: float, size: tuple[int, int]) -> Array:
     return np.asarray(centre + (points - centre) * (1.0 + bending * squared / (1.0 + LEVEL * squared)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GridFit:
-    """A grid and how good it is."""
-
-    grid: Grid  # through the crossings
-    off: Array  # how far each crossing lies off it, shape (n, 2) [sides of a square]
-    scatter: float  # of good crossings in one direction, one sigma, from the middle of all [sides of a square]
-    spread: Array
-    """Standard deviation of where the outer corners are, from that scatter, shape (4,) [sides of a square]."""
-
-
 def fit_grid(
     places: Array, points: Array, size: tuple[int, int], scatter: float = 0.02, weights: Array | None = None
-) -> GridFit:
-    """Grid through crossings, of which some may be no crossings of this board.
+) -> Grid:
+    """Grid through crossings, of which some may be no crossings of this board, in a picture of a width and height [px].
 
-    Args:
-        places: shape (n, 2), at least four.
-        points: where they were found, shape (n, 2) [px].
-        size: width and height of the picture [px].
-        scatter: how far good ones are expected off [sides of a square].
-        weights: of each along columns and along rows, shape (n, 2), 1 if None.
+    ``places`` (n, 2), at least four, were found at ``points`` (n, 2) [px]; good ones are expected off by a ``scatter``
+    [sides of a square]; ``weights`` are along columns and along rows, (n, 2), 1 if None.
     """
     weight = np.ones(places.shape) if weights is None else weights
     centre = places.mean(axis=0)
@@ -100,15 +84,5 @@ def fit_grid(
 
     first = np.append(start.ravel()[:8], 0.0) / unit
     result = least_squares(residuals, first, loss="soft_l1", f_scale=2.0 * scatter, max_nfev=30)
-    grid = grid_of(result.x)
-    off = np.einsum("nij,nj->ni", inward, grid.project(local) - points)
-    middle = float(np.median(np.abs(off[weight.min(axis=1) >= 1.0]))) * 1.4826
-    corners = CORNERS - centre
-    reference = grid.project(corners)
-    sides = grid.sides(corners)
-    slopes = np.stack([(grid_of(result.x + 1e-4 * e).project(corners) - reference) / 1e-4 for e in np.eye(9)], axis=-1)
-    jacobian = np.asarray(result.jac)
-    inverse = np.linalg.pinv(jacobian.T @ jacobian)
-    variance = np.einsum("cik,kl,cil->c", slopes, inverse, slopes) * middle**2
     back = np.array([[1.0, 0.0, -centre[0]], [0.0, 1.0, -centre[1]], [0.0, 0.0, 1.0]])
-    return GridFit(grid.moved(back), off, middle, np.sqrt(variance) / sides)
+    return grid_of(result.x).moved(back)

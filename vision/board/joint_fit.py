@@ -20,8 +20,7 @@ from vision.board.grid import CORNERS, Grid
 from vision.board.lattice import fit_homography, project
 from vision.board.side_edges import SideEdges, measure_edges
 
-PLANE, LENS, BOW = slice(0, 8), slice(8, 9), slice(9, 23)
-"""Where the parameters of each part are; the last one is the light's."""
+PLANE, LENS, BOW = slice(0, 8), slice(8, 9), slice(9, 23)  # where the parameters of each part are; last: the light's
 LOOSE: Final = 1.0  # how far the plane may be from the first grid's, one sigma [sides of a square]
 PRIOR_LENS: Final = 0.02
 """What a lens bends by, one sigma: as ``Grid.bending``. Cameras of phones and of rigs correct their pictures."""
@@ -29,11 +28,9 @@ PRIOR_BOW: Final = 0.02  # size of each term of a board's bow, one sigma [sides 
 PRIOR_CREEP: Final = 0.05  # how far light creeps, one sigma [sides of a square]
 EDGE_WEIGHT: Final = 0.7  # what one end of a side counts, a crossing being 1
 LEAST_SCATTER: Final = 0.008  # no crossing is seen better than this, one sigma [sides of a square]
-ALIKE: Final = 16.0
-"""So many neighbouring measurements are wrong in the same way: board and light are not as in the model there."""
+ALIKE: Final = 16.0  # so many neighbouring measurements err in the same way: board or light are not as in the model
 ROUNDS: Final = 12
-FIRST_SCATTER: Final = 0.04
-"""Scatter about a plane of the crossings of a bent board, in the first round [sides of a square]."""
+FIRST_SCATTER: Final = 0.04  # of a bent board's crossings about a plane, in the first round [sides of a square]
 LEAST_CROSSINGS: Final = 12  # of those within the board; fewer are chance
 TRUST: Final = 1.6
 """Error that is exceeded by one board in twenty, by what the fit believes: counted on drawn boards of known corners."""
@@ -48,7 +45,6 @@ class JointFit:
     """Corners of a board in a picture."""
 
     corners: Array  # in the order of ``CORNERS``, shape (4, 2) [px]
-    scatter: float  # of good measurements, one sigma [sides of a square]
     sigma: Array  # of each corner, by the covariance of the fit, shape (4,) [sides of a square]
     halves: Array
     """How far each corner moves when a quarter of the board is left out, jackknife deviation, shape (4,) [sides of a
@@ -166,7 +162,6 @@ def _solve(plane: Grid, rows: _Rows) -> JointFit:
     moved = np.einsum("cik,gk->gci", fields, without - solution)
     return JointFit(
         corners=plane.project(CORNERS + fields @ solution),
-        scatter=scatter,
         sigma=np.sqrt(np.einsum("cik,kl,cil->c", fields, covariance, fields)),
         halves=np.sqrt(0.75 * (moved**2).sum(axis=(0, 2))),
         sides=plane.sides(CORNERS),

@@ -40,12 +40,10 @@ class Lattice:
 
 
 def fit_homography(places: Array, points: Array, weights: Array | None = None) -> Array:
-    """Homography with the least algebraic error, in coordinates of unit size (Hartley).
+    """Homography (3, 3) with the least algebraic error, in coordinates of unit size (Hartley); its last entry is 1
+    unless it vanishes.
 
     It takes places (n, 2), at least four and no three of four on one line, to points (n, 2), with weights (n,).
-
-    Returns:
-        Shape (3, 3), the last entry 1 unless it vanishes.
     """
     source, target = _to_unit(places), _to_unit(points)
     p, q = (each @ unit[:2, :2].T + unit[:2, 2] for each, unit in ((places, source), (points, target)))
@@ -164,7 +162,8 @@ def _grow(saddles: Saddles, tree: cKDTree, seed: tuple[int, int, int, int]) -> t
     # right-handed to the eye though v points down: columns to the right, rows upwards
     members = dict(zip(((0, 0), (1, 0), (1, 1), (0, 1)), seed, strict=True))
     homography = _fit(members, saddles)
-    sign = _parity(homography, members, saddles)
+    indices = list(members.values())
+    sign = 1 if _turns(homography, np.array(list(members), float), saddles.bright[indices]).sum() > 0.0 else -1
     for _ in range(3 * SPAN):
         grown = _extend(members, homography, sign, saddles, tree)
         if len(grown) < 4 or grown == members:
@@ -188,11 +187,6 @@ def _turns(homography: Array, places: Array, bright: Array) -> Array:
     heading = np.arctan2(diagonal[:, 1], diagonal[:, 0])
     parity = 1.0 - 2.0 * (places.sum(axis=1) % 2)
     return np.asarray(parity * np.cos(2.0 * (bright - heading)))
-
-
-def _parity(homography: Array, members: dict[tuple[int, int], int], saddles: Saddles) -> int:
-    places = np.array(list(members), dtype=float)
-    return 1 if _turns(homography, places, saddles.bright[list(members.values())]).sum() > 0.0 else -1
 
 
 def _extend(

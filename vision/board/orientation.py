@@ -30,7 +30,6 @@ class Orientation:
 
     corners: Array  # outer corners a1, h1, h8, a8, shape (4, 2) [px]
     sure: bool  # False where the pieces do not tell; the corners are then as they were given
-    margin: float  # how much better this turn fits than the next best [standard errors]
 
 
 def orient(colour: Picture, corners: ArrayLike, placement: chess.BaseBoard | None = None) -> Orientation:
@@ -48,7 +47,7 @@ def orient(colour: Picture, corners: ArrayLike, placement: chess.BaseBoard | Non
     best = int(fits.argmax())
     margin = float(fits[best] - np.max(np.delete(fits, best)))
     sure = margin > LEAST_MARGIN and _agreement(turned[best][0], expected) > LEAST_AGREEMENT
-    return Orientation(np.roll(given, -best, axis=0) if sure else given, sure, margin)
+    return Orientation(np.roll(given, -best, axis=0) if sure else given, sure)
 
 
 def _expected(board: chess.BaseBoard) -> Array:

@@ -41,17 +41,13 @@ class Saddles:
 
 
 def levels(colour: Picture) -> Field:
-    """Channels (h, w, 3) in steps of equal ratio, 0 to 255: two squares then have the same contrast in light and
-    shadow.
-    """
+    """Channels (h, w, 3) in steps of equal ratio, 0 to 255: squares have the same contrast in light and in shadow."""
     table = 255.0 * np.log1p(np.arange(256) / 20.0) / np.log1p(255.0 / 20.0)
     return np.asarray(cv2.LUT(colour, table.astype(np.float32)), dtype=np.float32)
 
 
 def find_saddles(picture: Field, most: int) -> Saddles:
-    """At most so many saddle points of a picture (h, w, channels) as of ``levels``; each is looked for in the channel
-    that shows it best.
-    """
+    """At most so many saddle points of ``levels`` (h, w, channels), each by the channel that shows it best."""
     blurred: Field = np.asarray(cv2.GaussianBlur(picture, (0, 0), BLUR), dtype=np.float32)
     xx, yy, xy = (_derivative(blurred, *orders) for orders in ((2, 0), (0, 2), (1, 1)))
     response = xy * xy - xx * yy

@@ -34,8 +34,7 @@ MOST_ASIDE: Final = 0.12  # an edge further from where it is looked for is anoth
 LEAST_PURE: Final = 0.7
 LEAST_BORDER_PURE: Final = 0.5
 """Share of all rise and fall near an edge that goes the way it should, within the board and on its border."""
-SAME_EDGE: Final = 0.03
-"""Edges of light and of dark squares on a border that are further apart are two [sides of a square]."""
+SAME_EDGE: Final = 0.03  # edges of a border's light and dark squares that are further apart are two [sides of a square]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

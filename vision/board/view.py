@@ -53,13 +53,10 @@ class BoardView:
 
     @classmethod
     def from_corners(cls, intrinsics: Intrinsics, corners: ArrayLike, table: TableSettings) -> BoardView:
-        """Pose of the board from the picture of its corners.
+        """Pose of the board from the picture of its outer corners a1, h1, h8, a8, shape (4, 2) [px].
 
-        Args:
-            intrinsics: of the camera.
-            corners: outer corners of the playing area a1, h1, h8, a8, shape (4, 2) [px]. An empty board looks alike
-                from all sides: corners that begin with another one turn the board, and nothing here can tell.
-            table: size of the squares.
+        An empty board looks alike from all sides: corners that begin with another one turn the board, and nothing here
+        can tell.
 
         Raises:
             BoardNotFound: the points are in another order, enclose too little, or fit no pose of a square board.

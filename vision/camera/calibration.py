@@ -24,8 +24,7 @@ least a third of it in the third [m]."""
 ROBUST: Final = 0.5  # pictures that are further than this from where they should be count less [px]
 OUTLIER: Final = 5.0  # and not at all beyond so many of the usual error …
 LEAST_OUTLIER: Final = 1.0  # … if that is more than this [px]
-LEAST_NOISE: Final = 0.05
-"""No picture of a marker is more exact than this, whatever the residuals of few points say [px]."""
+LEAST_NOISE: Final = 0.05  # no picture of a marker is more exact, whatever the residuals of few points say [px]
 
 
 class CalibrationFailed(Exception):
@@ -98,14 +97,11 @@ def solve_pose(intrinsics: Intrinsics, points: Array, pixels: Array) -> CameraPo
 
 
 def depth_factor(pose: CameraPose, points: Array, measured: Array) -> tuple[float, float]:
-    """By what a camera's depth has to be multiplied, from depth measured at the marker.
+    """By what a camera's depth has to be multiplied, and how much single measurements scatter about it (standard
+    deviation, as a share); (1, 0) where depth was measured nowhere.
 
     The marker was at points of the base frame (n, 3) [m]; depth measured there, (n,) [m], is 0 or NaN where there is
     none.
-
-    Returns:
-        Factor, and how much single measurements scatter about it (standard deviation, as a share); (1, 0) where depth
-        was measured nowhere.
     """
     true = points @ pose.camera_from_base[2, :3] + pose.camera_from_base[2, 3]
     there = pose.used & np.isfinite(measured) & (measured > 0.0)

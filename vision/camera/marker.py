@@ -32,9 +32,7 @@ def _detector() -> Any:
 
 
 def find_marker(colour: Picture, number: int) -> SeenMarker | None:
-    """The marker of a number (4×4 bits, dictionary of 50) in a picture (h, w, 3), None where it is not in sight as a
-    whole.
-    """
+    """The marker of a number (4×4 bits, dictionary of 50) in a picture (h, w, 3); None where it is not all in sight."""
     corners, numbers, _ = _detector().detectMarkers(cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY))
     if numbers is None:
         return None

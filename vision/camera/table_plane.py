@@ -49,16 +49,10 @@ def nominal_view(pose: CameraPose, table: TableSettings) -> BoardView:
 
 
 def find_plane(frame: Frame, pose: CameraPose, table: TableSettings, factor: float = 1.0) -> Plane | None:
-    """The board's plane from depth.
+    """The board's plane from depth; None where the camera has none, or hardly any of the board's pixels has.
 
-    Args:
-        frame: of the calibrated camera, the arm out of the way; pieces may stand on the board.
-        pose: of that camera.
-        table: where the board should lie, within some centimetres.
-        factor: by which depth has to be multiplied (``vision.camera.calibration.depth_factor``).
-
-    Returns:
-        None where the camera has no depth, or hardly any of the board's pixels has.
+    The frame is of the calibrated camera, the arm out of the way; pieces may stand on the board, which lies within some
+    centimetres of where ``table`` has it. ``factor``: by which depth has to be multiplied, see ``depth_factor``.
     """
     if frame.depth is None:
         return None
@@ -85,17 +79,9 @@ def find_plane(frame: Frame, pose: CameraPose, table: TableSettings, factor: flo
 def board_place(
     pose: CameraPose, table: TableSettings, corners: Array | None = None, plane: Plane | None = None
 ) -> BoardPlace | None:
-    """Place of the board from what is known of it.
+    """Place of the board by its outer corners a1, h1, h8, a8 in the picture, (4, 2) [px], and its plane from depth.
 
-    Args:
-        pose: of the camera.
-        table: size of the squares, and where the board should lie.
-        corners: outer corners of the playing area a1, h1, h8, a8 in the picture, (4, 2) [px].
-        plane: from depth.
-
-    Returns:
-        With corners: all of it. With a plane alone: centre and turn as the settings have them, at the plane's height.
-        None with neither.
+    With a plane alone centre and turn are as the settings have them, at the plane's height. None with neither.
 
     Raises:
         BoardNotFound: the corners fit no board.
@@ -108,9 +94,9 @@ def board_place(
     seen = BoardView.from_corners(pose.intrinsics, corners, table)
     if plane is None:
         base_from_board = pose.base_from_camera @ seen.camera_from_board
-        centre, x_axis = base_from_board[:3, 3], base_from_board[:3, 0]
+        (x, y, z), x_axis = base_from_board[:3, 3].tolist(), base_from_board[:3, 0]
         tilt = math.acos(min(1.0, abs(float(base_from_board[2, 2]))))
-        return BoardPlace(_triple(centre), math.atan2(-x_axis[1], x_axis[0]), tilt, False)
+        return BoardPlace((x, y, z), math.atan2(-x_axis[1], x_axis[0]), tilt, False)
     on_plane = _meet(pose, np.asarray(corners, dtype=float), plane, table)
     flat = playing_area(table)[:, :2]
     # the square's turn and centre that fit best: a rigid motion in the plane, seen from above
@@ -122,11 +108,6 @@ def board_place(
     x0, y0, _ = table.centre_in_base
     height = plane.height + plane.slope[0] * (x - x0) + plane.slope[1] * (y - y0)
     return BoardPlace((x, y, height), yaw, math.atan(math.hypot(*plane.slope)), True)
-
-
-def _triple(point: Array) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in point)
-    return x, y, z
 
 
 def _points_on_board(depth: Field, pose: CameraPose, table: TableSettings) -> Array:

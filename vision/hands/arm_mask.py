@@ -13,7 +13,6 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike
 
 from vision.arrays import Array, Indices, Mask
 from vision.board.view import BoardView
@@ -50,11 +49,6 @@ class Capsules:
         for name, array in (("ends", ends), ("radii", radii)):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-
-    @classmethod
-    def of(cls, ends: ArrayLike, radii: ArrayLike) -> Capsules:
-        """From anything that NumPy takes for arrays; see the class."""
-        return cls(np.asarray(ends, dtype=float), np.asarray(radii, dtype=float))
 
     def grown(self, margin: float) -> Capsules:
         """The same with every radius larger [m]."""
@@ -99,10 +93,7 @@ def draw_mask(view: BoardView, capsules: Capsules, margin: float = 0.0, grow: in
 
 def clip(ends: Array, radii: Array) -> tuple[Array, Array, Indices]:
     """The parts of axes (n, 2, 3), camera frame [m], that are far enough before the camera for all of their capsule to
-    have a picture.
-
-    Returns:
-        Ends (m, 2, 3), radii (m,), and which of the capsules these are (m,).
+    have a picture: ends (m, 2, 3), radii (m,), and which of the capsules these are (m,).
     """
     limit = radii + NEAREST
     depth = ends[..., 2]

@@ -25,8 +25,7 @@ OFF_COLOUR: Final = 13.0  # a colour so far off the background's line is another
 NOISE: Final = 4.0  # least standard deviation of a pixel's noise that is reckoned with [grey levels]
 MOVES: Final = 3.5  # a pixel moves where it differs by so many standard deviations of noise
 REACH: Final = 0.15  # what differs, touches the rim, and covers at least so much of the board reaches in [squares] …
-BODY: Final = 0.5
-"""… if it is so large outside of the board: pieces near the edge that lean out of it are smaller [squares];"""
+BODY: Final = 0.5  # … if so much is outside of the board: pieces near the edge lean out of it by less [squares];
 LONE: Final = 1.2  # or if it covers so much of the board, whatever is seen of it outside [squares]
 LARGE: Final = 5.0  # whatever differs and is at least so large is no piece, nor a few of them [squares]
 _SPARSE: Final = 5  # statistics over all of a picture are taken of each so manieth pixel along both axes
@@ -130,9 +129,7 @@ class Differences:
 
 
 def gain_between(now: Picture, before: Picture, where: Mask) -> float:
-    """By how much one picture is brighter than another as a whole, over the pixels that count: the median of the ratio,
-    1 where none can be told.
-    """
+    """By how much one picture is brighter than another over the pixels that count: the median ratio, 1 if unclear."""
     few = where[::_SPARSE, ::_SPARSE]
     a = now[::_SPARSE, ::_SPARSE, 1][few].astype(np.float32)
     b = before[::_SPARSE, ::_SPARSE, 1][few].astype(np.float32)
@@ -144,23 +141,25 @@ def gain_between(now: Picture, before: Picture, where: Mask) -> float:
 
 def moved(now: Picture, before: Picture, where: Mask) -> Mask:
     """Pixels that differ from the frame before by more than noise and a step of the exposure."""
-    gain = gain_between(now, before, where)
-    before = before if abs(gain - 1.0) < 0.02 else cv2.convertScaleAbs(before, alpha=gain).astype(np.uint8)
-    difference = cv2.absdiff(now, before)
-    strongest = cv2.max(cv2.max(difference[..., 0], difference[..., 1]), difference[..., 2])
+    strongest = _strongest(now, before, gain_between(now, before, where))
     few = strongest[::_SPARSE, ::_SPARSE][where[::_SPARSE, ::_SPARSE]]
     # the largest of three channels' differences has a median of 1.8 standard deviations of one picture's noise
     noise = max(NOISE, float(np.median(few)) / 1.8) if few.size else NOISE
     return np.asarray(strongest > MOVES * noise, dtype=np.bool_) & where
 
 
+def _strongest(now: Picture, before: Picture, gain: float) -> Picture:
+    """The largest of three channels' differences from an earlier picture that is made brighter by a gain, (h, w)."""
+    lit = before if abs(gain - 1.0) < 0.02 else cv2.convertScaleAbs(before, alpha=gain)
+    difference = cv2.absdiff(now, lit)
+    return np.asarray(cv2.max(cv2.max(difference[..., 0], difference[..., 1]), difference[..., 2]), dtype=np.uint8)
+
+
 def differs(now: Picture, background: Picture, where: Mask) -> Mask:
     """Pixels, of those that count, that show another surface than the settled board, whatever light falls on it."""
     gain = gain_between(now, background, where)
     found = np.zeros(where.shape, dtype=np.bool_)
-    lit = background if abs(gain - 1.0) < 0.02 else cv2.convertScaleAbs(background, alpha=gain)
-    difference = cv2.absdiff(now, lit)
-    strongest = cv2.max(cv2.max(difference[..., 0], difference[..., 1]), difference[..., 2])
+    strongest = _strongest(now, background, gain)
     few = np.flatnonzero(cv2.bitwise_and(strongest, strongest, mask=where.view(np.uint8)) > OFF_COLOUR)
     if not few.size:
         return found
@@ -176,9 +175,9 @@ def differs(now: Picture, background: Picture, where: Mask) -> Mask:
     return found
 
 
-def tidy(mask: Mask, closing: int = 2) -> Picture:
+def tidy(mask: Mask) -> Picture:
     """Without single pixels, and with gaps of a few pixels filled: 0 and 1."""
     small = cv2.getStructuringElement(cv2.MORPH_RECT, (3, 3))
-    wide = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * closing + 1, 2 * closing + 1))
+    wide = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5))
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, small)
     return np.asarray(cv2.morphologyEx(opened, cv2.MORPH_CLOSE, wide), dtype=np.uint8)

@@ -33,8 +33,7 @@ _RISES: Final = 0.020  # a height that changed by less may be noise of the depth
 _RIM: Final = 0.012  # what comes so near to the border of the space that is watched comes in from outside [m]
 _TOUCHING: Final = 0.11  # a hand whose skin is seen lower than this may touch what stands below [m]
 _BORDER: Final = 3  # so does what comes so near to the picture's edge, in the small picture [px]
-_NO_ENDS: Final = np.zeros((0, 2, 3))
-_NO_RADII: Final = np.zeros(0)
+_NONE: Final = Capsules(np.zeros((0, 2, 3)), np.zeros(0))
 _EVERYWHERE: Final = np.array([np.inf, np.inf], dtype=np.float32)
 _NO_SQUARES: Final = frozenset[int]()
 _SMALL: Final = np.ones((3, 3), dtype=np.uint8)
@@ -68,18 +67,16 @@ class Heights:
         self._still: tuple[Field, Mask] | None = None
 
     def look(self, depth: Field, hidden: Mask | None, known: Capsules | None = None) -> Relief:
-        """Take a picture in.
+        """Take in a small picture of distances along the view, 0 where there is none [m].
 
-        Args:
-            depth: small picture of distances along the view, 0 where there is none [m].
-            hidden: small mask of where something known, such as the arm, is before the table.
-            known: where that is in space; what ``hidden`` covers is seen nevertheless if it is outside of all of these.
-                None: nothing is seen there.
+        ``hidden``: small mask of where something known, such as the arm, is before the table; ``known``: where that is
+        in space. What ``hidden`` covers is seen nevertheless if it is outside of all of these; None: nothing is seen
+        there.
         """
         space = self._space
         found = stand_out(
             depth, space.ray, space.position, self._mask(hidden), self._usual, self._limits, _EVERYWHERE,
-            _NO_ENDS if known is None else known.ends, _NO_RADII if known is None else known.radii,
+            (known or _NONE).ends, (known or _NONE).radii,
         )  # fmt: skip
         mask: Picture = np.asarray(cv2.morphologyEx(np.minimum(found, 1), cv2.MORPH_OPEN, _SMALL), dtype=np.uint8)
         away = self._leave_out_beyond(depth, found, mask)

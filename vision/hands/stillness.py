@@ -27,8 +27,7 @@ from vision.hands.watched_zone import Space, Zone, shrink
 _T = TypeVar("_T", bound=np.generic)
 
 _NOBODY: Final = frozenset[int]()
-_DARK: Final = 12.0
-"""A board whose lightest parts are darker than this is not seen: a camera that starts, a lamp that is out."""
+_DARK: Final = 12.0  # a board whose lightest parts are darker is not seen: a camera that starts, a lamp that is out
 STABLE_TIME = 0.1  # players of a quick game leave the board alone for hardly longer between two moves [s]
 
 
@@ -95,11 +94,7 @@ class _StillnessTrack:
 
 
 class Watch:
-    """Watches one board by one camera. Not thread-safe.
-
-    Args:
-        settings: how.
-    """
+    """Watches one board by one camera. Not thread-safe."""
 
     def __init__(self, settings: WatchSettings | None = None) -> None:
         self._settings = settings or WatchSettings()
@@ -107,12 +102,10 @@ class Watch:
         self._senses: _Senses | None = None
 
     def update(self, frame: Frame | DepthFrame, view: BoardView, hidden: Mask | Hidden | None = None) -> Seen:
-        """Take a frame in.
+        """Take in a frame by the camera of the view, later than the ones before; another view than the last begins
+        anew.
 
-        Args:
-            frame: by the camera of the view, later than the ones before.
-            view: where the board is; another one than the last begins anew.
-            hidden: where the arm, or anything else that is known, is before the table; a mask is (height, width).
+        ``hidden``: where the arm, or anything else that is known, is before the table; a mask is (height, width).
 
         Raises:
             ValueError: the frame is by another camera, older than the last, or the mask has another size.
@@ -133,11 +126,8 @@ class Watch:
 
 
 class ColourWatch:
-    """Watches by a camera of which nothing is known but where the board's corners are. Not thread-safe.
-
-    Args:
-        corners: outer corners of the playing area a1, h1, h8, a8, shape (4, 2) [px].
-        settings: how.
+    """Watches by a camera of which nothing is known but where the board's outer corners a1, h1, h8, a8 are, (4, 2)
+    [px]. Not thread-safe.
     """
 
     def __init__(self, corners: ArrayLike, settings: WatchSettings | None = None) -> None:
@@ -172,26 +162,19 @@ class SettledView:
 
 
 class VideoGate:
-    """Gates a video, frame by frame. Not thread-safe.
+    """Gates a video, frame by frame, in which the outer corners a1, h1, h8, a8 are (4, 2) [px]. Not thread-safe.
 
-    Args:
-        corners: outer corners of the playing area a1, h1, h8, a8 in its frames, shape (4, 2) [px].
-        settings: of the watch; by default with a shorter stable time than a game at a camera has.
-
-    Attributes:
-        seen: what the last frame showed; None before the first one.
+    By default the watch has a shorter stable time than that of a game at a camera.
     """
 
     def __init__(self, corners: ArrayLike, settings: WatchSettings | None = None) -> None:
-        self.seen: Seen | None = None
+        self.seen: Seen | None = None  # what the last frame showed; None before the first one
         self._watch = ColourWatch(corners, settings or WatchSettings(stable_time=STABLE_TIME))
         self._told = False
 
     def update(self, colour: Picture, stamp: float) -> SettledView | None:
-        """Take a frame in, RGB (h, w, 3), all of one size, with a stamp later than those before [s].
-
-        Returns:
-            The frame if the board is settled from here on; None otherwise, and while it stays settled.
+        """Take a frame in, RGB (h, w, 3), all of one size, with a stamp later than those before [s]; give it back if
+        the board is settled from here on.
 
         Raises:
             ValueError: frames come in another order or size, or the corners are no board.
@@ -242,7 +225,9 @@ class _Senses:
         moving = self._moves(colours, relief)
         # a hand over a tray, where it ends what it has to do, leaves the board as it is
         over_board = area > 0.0 if relief is None else relief.before
-        free = not (over_board or (small is not None and self._dark(small)))
+        free = not over_board and (
+            small is None or float(np.percentile(small[::4, ::4][self._zone.board[::4, ::4]], 90)) >= _DARK
+        )
         # a frame that differs in nothing from the one before shows what that one showed: it has been so since then
         since = before if self._track.free else stamp
         self._judge_rest(free and not moving, since, nobody=not (area > 0.0 or self._track.hand))
@@ -269,9 +254,6 @@ class _Senses:
         """Each ``step``-th pixel along both axes, as many as the small picture has."""
         step, (height, width) = self._zone.step, self._zone.board.shape
         return pixels[: step * height : step, : step * width : step]
-
-    def _dark(self, small: Picture) -> bool:
-        return float(np.percentile(small[::4, ::4][self._zone.board[::4, ::4]], 90)) < _DARK
 
     def _judge_hand(self, shown: bool) -> None:
         track = self._track

@@ -51,12 +51,9 @@ class Zone:
 
     @classmethod
     def of_corners(cls, corners: ArrayLike, size: tuple[int, int], margin: float) -> Zone:
-        """From the picture of the board's corners alone.
+        """From the picture of the board's outer corners a1, h1, h8, a8 alone, shape (4, 2) [px of the full picture].
 
-        Args:
-            corners: outer corners of the playing area a1, h1, h8, a8, shape (4, 2) [px of the full picture].
-            size: width and height of the full picture [px].
-            margin: about the playing area [squares].
+        ``size``: width and height of the full picture [px]; ``margin``: about the playing area [squares].
 
         Raises:
             ValueError: the corners are not four finite points, or enclose nothing.

@@ -54,14 +54,10 @@ class Centre:
 def piece_centres(
     frame: Frame, view: BoardView, expected: Mapping[int, PieceSpec], *, use_depth: bool = True
 ) -> dict[int, Centre]:
-    """Centres of all expected pieces.
+    """Centres of all expected pieces, by square (0 = a1 … 63 = h8), without a hand or an arm over the board.
 
-    Args:
-        frame: by the camera of the view, without a hand or an arm over the board.
-        view: of the board.
-        expected: what stands where, by square (0 = a1 … 63 = h8). All pieces have to be named, since they hide each
-            other and colours are learnt from them.
-        use_depth: False: by colour alone, also where there is depth.
+    All pieces have to be named, since they hide each other and colours are learnt from them. ``use_depth`` False: by
+    colour alone, also where there is depth.
 
     Raises:
         ValueError: the frame is by another camera, or the board is not in the picture.

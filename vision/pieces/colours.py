@@ -41,10 +41,8 @@ def shares(bins: Whole) -> Field:
 
 
 def evidence(piece: Field, others: Field, grounds: list[Field]) -> Field:
-    """How much rather a colour is a piece's than the ground's or, here and there, one of the other side's pieces.
-
-    Returns:
-        By ground and bin, shape (grounds × bins³,).
+    """How much rather a colour is a piece's than the ground's or, here and there, one of the other side's pieces, by
+    ground and bin: shape (grounds × bins³,).
     """
     instead = (1.0 - _OTHERS) * np.stack(grounds) + _OTHERS * others[None, :]
     ratio = np.log(piece)[None, :] - np.log(instead)

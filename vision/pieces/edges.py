@@ -10,9 +10,9 @@ import numpy as np
 
 from vision.arrays import Array, Field, Indices, Mask, Whole
 
-_REACH: Final = 5.0
 _STEP: Final = 0.5
-"""Lines across the outline reach so far to both sides and are sampled so closely [px]."""
+ACROSS: Final[Field] = np.arange(-5.0, 5.0 + 1e-9, _STEP, dtype=np.float32)
+"""Distances from the outline at which lines across it are sampled, outwards [px]."""
 _WINDOW: Final = 4  # samples on either side of an edge that are compared
 _NEARER: Final = 0.05  # of several edges on a line the nearer one: how much one px² of distance costs
 
@@ -26,22 +26,17 @@ class Edges:
     open: Mask  # whether that part of the outline is in sight
 
 
-def line_samples() -> Field:
-    """Distances from the outline at which lines across it are sampled, outwards [px]."""
-    return np.arange(-_REACH, _REACH + 1e-9, _STEP, dtype=np.float32)
-
-
-def edges_on_lines(value: Field, counted: Mask, reach: Field) -> Edges:
-    """Where on lines across outlines (n, points, samples as of ``line_samples``) the evidence falls the most.
+def edges_on_lines(value: Field, counted: Mask) -> Edges:
+    """Where on lines across outlines (n, points, samples as of ``ACROSS``) the evidence falls the most.
 
     ``value`` is the evidence, 0 where it does not count, ``counted`` whether it does.
     """
-    middle, n = len(reach) // 2, _WINDOW
+    middle, n = len(ACROSS) // 2, _WINDOW
     opened = counted[:, :, middle - 3 : middle + 4].all(axis=2)
-    total = np.zeros((*value.shape[:2], len(reach) + 1), dtype=np.float32)
+    total = np.zeros((*value.shape[:2], len(ACROSS) + 1), dtype=np.float32)
     np.cumsum(value, axis=2, out=total[:, :, 1:])
     fall = (2.0 * total[:, :, n:-n] - total[:, :, : -2 * n] - total[:, :, 2 * n :]) / np.float32(n)
-    place = reach[0] + _STEP * (np.arange(n, len(reach) - n + 1) - 0.5)
+    place = ACROSS[0] + _STEP * (np.arange(n, len(ACROSS) - n + 1) - 0.5)
     offset, best = _peak(fall - (_NEARER * place**2).astype(np.float32), place)
     clear = np.take_along_axis(fall, best[:, :, None], axis=2)[:, :, 0]
     sure = np.clip((clear - 0.5) / 3.0, 0.0, 1.0).astype(float)

@@ -69,7 +69,7 @@ def find_misplaced(
     # what lies can look much like what stands off its centre: which it is, the search decides
     stands = {place: one.upright and place not in doubted and off[place] <= tolerance for place, one in centres.items()}
     astray = [
-        MisplacedPiece(expected[place], place, Pose(*standing[place]), _SIGHTED, 0.0, 1.0, 1.0, 1.0)
+        MisplacedPiece(expected[place], place, Pose(*standing[place]), _SIGHTED, 1.0, 1.0, 1.0)
         for place in fit.stands if place in standing and not stands[place]
     ]  # fmt: skip
     left = [

@@ -13,12 +13,11 @@ from hardware.table import PIECE_SHAPES, Colour, PieceSpec, Place
 from vision.arrays import Array, Field, Mask, Whole
 from vision.board.view import BoardView
 from vision.pieces.colours import MOST, colour_bins, evidence, looked_up, shares
-from vision.pieces.edges import Edges, along, edges_on_lines, line_samples, slopes
+from vision.pieces.edges import ACROSS, Edges, along, edges_on_lines, slopes
 from vision.pieces.outline import CONTOUR_POINTS, Shapes, Silhouettes, labels
 from vision.pieces.surface import GROUNDS, Surface, heights, surface
 
-SEARCH: Final = 0.010
-"""A piece is looked for so far around its square's centre, and found further away only by the last bit [m]."""
+SEARCH: Final = 0.010  # so far around its square's centre a piece is looked for; only least squares go further [m]
 _GRIDS: Final = ((0.0025, 4), (0.001, 2))  # searches: step between places tried [m], and how many on either side
 _RING: Final = 2.5  # outside an outline by so much there should be no piece [px]
 _CONTRAST: Final = 12.0  # difference of brightness over a pixel at which an edge is clear [levels of 255]
@@ -29,8 +28,7 @@ _ROUNDS: Final = (3, 3)  # of least squares, before and after colours are learnt
 _ROBUST: Final = 1.2  # edges further than this from where the fitted outline has them count less [px]
 _LONGEST: Final = 0.004  # move of one round [m]
 _FIRM: Final = 1e3  # keeps a piece with no edges where it is [px²/m²]
-TALL, FLAT = 0.012, 0.004
-"""What is higher above the board than the first is no board; what is lower than the second may be [m]."""
+TALL, FLAT = 0.012, 0.004  # what is higher than the first is no board; what is lower than the second may be [m]
 LEAST_SUPPORT: Final = 0.15
 LEAST_AGREEMENT: Final = 0.45
 """A piece that stands where it was found has more than both (measured: at least 0.31 and 0.55; where none stands, at
@@ -44,14 +42,8 @@ _AGREES: Final = 1.5
 
 
 class Fit:
-    """One frame's fit.
-
-    Args:
-        frame: by the camera of the view.
-        view: of the board.
-        expected: pieces by square, or place of a tray.
-        use_depth: False: by colour alone.
-        around: the window holds so much beside the board, along x and along y [m].
+    """One frame's fit of pieces that are expected on squares, or places of trays, in a window that holds so much beside
+    the board, along x and along y [m]. ``use_depth`` False: by colour alone.
 
     Attributes:
         part: window of the picture.
@@ -65,14 +57,9 @@ class Fit:
     """
 
     def __init__(
-        self,
-        frame: Frame,
-        view: BoardView,
-        expected: Mapping[Place, PieceSpec],
-        *,
-        use_depth: bool,
+        self, frame: Frame, view: BoardView, expected: Mapping[Place, PieceSpec], *, use_depth: bool,
         around: tuple[float, float] = (0.0, 0.0),
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.part: Surface = surface(view, around)
         self.stands = list(expected)
         pieces = list(expected.values())
@@ -119,8 +106,6 @@ class Fit:
         """As the pieces are believed to stand now."""
         return self._shapes.at(self.places)
 
-    # ------------------------------------------------------------------------------------------------- colours
-
     def _learn(self, seen: Silhouettes, margin: int, inner: int) -> None:
         """Colours of the two sides and of the ground, from the outlines as they are believed to lie.
 
@@ -141,8 +126,6 @@ class Fit:
         light, dark = shares(bins[core & white]), shares(bins[core & ~white])
         tables = evidence(light, dark, grounds), evidence(dark, light, grounds)
         self.maps = looked_up(tables[0], ground, bins), looked_up(tables[1], ground, bins)
-
-    # -------------------------------------------------------------------------------------------------- search
 
     def _search(self, seen: Silhouettes, step: float, count: int) -> None:
         """Move each piece to the best of places in a grid around where it is believed to be."""
@@ -197,8 +180,6 @@ class Fit:
             found[mine] = maps[side].ravel().take(flat[mine])
         return found * counted
 
-    # -------------------------------------------------------------------------------------------------- refine
-
     def _refine(self, rounds: int) -> None:
         """Least squares over lines across the outlines."""
         smooth = [np.asarray(cv2.GaussianBlur(one, (0, 0), 0.6), dtype=np.float32) for one in self.maps]
@@ -210,17 +191,16 @@ class Fit:
 
     def _find_edges(self, seen: Silhouettes, smooth: list[Field]) -> Edges:
         """Where on a line across the outline evidence falls the most."""
-        reach = line_samples()
-        at = seen.contour[:, :, None].astype(np.float32) + reach[:, None] * seen.normal[:, :, None].astype(np.float32)
+        at = seen.contour[:, :, None].astype(np.float32) + ACROSS[:, None] * seen.normal[:, :, None].astype(np.float32)
         value = np.empty(at.shape[:3], dtype=np.float32)
         for side, mine in enumerate((self._white, ~self._white)):
-            lines = at[mine].reshape(-1, len(reach), 2)
+            lines = at[mine].reshape(-1, len(ACROSS), 2)
             if len(lines):
                 read = cv2.remap(smooth[side], lines, None, cv2.INTER_LINEAR)  # type: ignore[call-overload]
                 value[mine] = np.asarray(read).reshape(value[mine].shape)
         _, counted = self._flat(np.rint(at).astype(np.int32))
         value *= counted
-        return edges_on_lines(value, counted, reach)
+        return edges_on_lines(value, counted)
 
     def _step(self, seen: Silhouettes) -> None:
         """One weighted Gauss-Newton step of all pieces."""
@@ -238,8 +218,6 @@ class Fit:
         self.places = self.places + move / np.maximum(1.0, np.linalg.norm(move, axis=1, keepdims=True) / _LONGEST)
         variance = (weight * residual**2).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-3)
         self.spread = np.sqrt(0.5 * np.trace(np.linalg.inv(normal), axis1=1, axis2=2) * variance)
-
-    # ------------------------------------------------------------------------------------------------ judgement
 
     def support(self) -> Array:
         """Evidence over each silhouette, from -1, surely not the piece, to 1; 0 where nothing is in sight, (n,)."""

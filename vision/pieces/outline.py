@@ -136,14 +136,7 @@ class Silhouettes:
 
 
 class Shapes:
-    """The expected pieces' outlines, as seen about their nominal places.
-
-    Args:
-        view: of the board.
-        kinds: of n pieces.
-        places: nominal, (n, 2), board frame [m].
-        part: window of the picture.
-    """
+    """Outlines of n expected pieces about their nominal places (n, 2), board frame [m], in a window of the picture."""
 
     def __init__(self, view: BoardView, kinds: list[Kind], places: Array, part: Surface) -> None:
         self._view = view

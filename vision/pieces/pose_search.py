@@ -51,7 +51,7 @@ _AT_HOME: Final = 100.0
 """Evidence that what stands no further from where a piece was than ``_NEAR_HOME`` [m] is that piece: pieces are shifted
 more often than another one comes to stand in their place (assumed). Rook and knight differ by 100 to 200."""
 _NEAR_HOME: Final = 0.012
-_FLOOR: Final = 0.0005, 0.02
+_FLOOR: Final = 0.0005  # nothing is known better than this: shapes are not exact [m]
 """Nothing is known better than this: shapes are not exact [m, rad]."""
 
 
@@ -63,7 +63,6 @@ class MisplacedPiece:
     target: Place  # where it should stand
     pose: Pose  # how it is there
     std: float = 0.0  # expected error of its place, as a standard deviation, each of x and y [m]
-    yaw_std: float = 0.0  # of its direction [rad]; 0 for one that stands
     support: float = 0.0  # mean evidence over its silhouette, of the most there can be, -1 to 1
     seen: float = 0.0  # share of its silhouette that nothing hides
     lead: float = 0.0
@@ -77,14 +76,11 @@ class MisplacedPiece:
 
 
 class PoseSearch:
-    """Explains what one frame shows beside the pieces that stand as expected.
+    """Explains what one frame shows beside the pieces that stand as expected, to which ``fit`` and the pixels ``taken``
+    of its window belong.
 
-    Args:
-        fit: of those pieces.
-        view: of the board.
-        taken: pixels of the fit's window that are theirs.
-        around: so far beyond the board pieces are looked for, along x and along y [m].
-        points: that pixels show, board frame (h, w, 3) [m]; None without depth.
+    Pieces are looked for so far ``around`` the board, along x and along y [m]. ``points``: that pixels show, board
+    frame (h, w, 3) [m]; None without depth.
     """
 
     def __init__(
@@ -134,8 +130,8 @@ class PoseSearch:
                       if way is not best]  # fmt: skip
             lead = 1.0 - max([0.0, *others]) / best.score
             place, piece = alike[key]
-            best, std, yaw_std = self._spread(piece, best)
-            return MisplacedPiece(piece, place, best.pose, std, yaw_std, best.support, best.seen, lead)
+            best, std = self._spread(piece, best)
+            return MisplacedPiece(piece, place, best.pose, std, best.support, best.seen, lead)
         return None
 
     def again(self) -> PoseSearch:
@@ -170,14 +166,11 @@ class PoseSearch:
             lead = abs(gain) / max(1.0, *(trial.score for trial in (*as_is, *swapped)))
             ways = swapped if gain > 0.0 else as_is
             for at, stray, trial in ((i, one, ways[0]), (j, other, ways[1])):
-                best, std, yaw_std = (
-                    self._spread(stray.piece, trial) if gain > 0.0 else (trial, stray.std, stray.yaw_std)
-                )
+                best, std = self._spread(stray.piece, trial) if gain > 0.0 else (trial, stray.std)
                 pose = best.pose if gain > 0.0 else stray.pose
                 found[at] = replace(
-                    stray, pose=pose, std=std, yaw_std=yaw_std, support=best.support, seen=best.seen,
-                    lead=min(stray.lead, lead),
-                )  # fmt: skip
+                    stray, pose=pose, std=std, support=best.support, seen=best.seen, lead=min(stray.lead, lead)
+                )
         return found
 
     def _far(self, piece: MisplacedPiece, at: MisplacedPiece, before: Mapping[Place, tuple[float, float]]) -> float:
@@ -283,8 +276,8 @@ class PoseSearch:
         seen = int(np.count_nonzero(self._open[rows, columns] & mask))
         return PoseTrial(total, pose, total / (_MOST * max(seen, 1)), seen / count)
 
-    def _spread(self, piece: PieceSpec, best: PoseTrial) -> tuple[PoseTrial, float, float]:
-        """The mean pose around the best one, weighted by how well each explains the picture, and its spread."""
+    def _spread(self, piece: PieceSpec, best: PoseTrial) -> tuple[PoseTrial, float]:
+        """The mean pose around the best one, weighted by how well each explains the picture; its place's spread [m]."""
         pose = best.pose
         ticks = (-0.003, -0.0015, 0.0, 0.0015, 0.003)
         turns = (0.0,) if pose.yaw is None else (-0.12, -0.06, 0.0, 0.06, 0.12)
@@ -295,9 +288,8 @@ class PoseSearch:
         mean = weight @ offsets
         spread = np.sqrt(weight @ (offsets - mean) ** 2)
         settled = self._try(piece, moved(pose, *mean.tolist()))
-        std = float(np.hypot(np.sqrt(0.5 * (spread[0] ** 2 + spread[1] ** 2)), _FLOOR[0]))
-        yaw_std = 0.0 if pose.yaw is None else float(np.hypot(spread[2], _FLOOR[1]))
-        return settled, std, yaw_std
+        std = float(np.hypot(np.sqrt(0.5 * (spread[0] ** 2 + spread[1] ** 2)), _FLOOR))
+        return settled, std
 
     def _spots(self, colour: Colour) -> list[tuple[float, float]]:
         """Where something looks like a piece of a side: middles of spots in the board frame [m]."""

@@ -41,9 +41,7 @@ class Pose:
 
 @lru_cache(maxsize=16)
 def _profile(kind: Kind) -> Array:
-    """Radius and height of the outline from the underside's rim to the axis, (n, 2) [m]; a rook's goes down again
-    between its battlements.
-    """
+    """Radius and height of the outline from the underside's rim to the axis, (n, 2) [m]; a rook's dips there."""
     profile, shape = np.array(piece_profile(kind)), PIECE_SHAPES[kind]
     if kind is Kind.KNIGHT:
         head = _KNIGHT * shape.stem_radius
@@ -100,9 +98,7 @@ def _off(kind: Kind, along: Array | Field, across: Array) -> Array:
 
 @lru_cache(maxsize=16)
 def _distances(kind: Kind) -> Array:
-    """From the surface, by distance along the axis, from ``_AROUND`` before the underside on, and from it, a cell apart
-    [m].
-    """
+    """How far from the surface, by cells along the axis, from ``_AROUND`` before the underside on, and off it [m]."""
     profile = np.vstack([[0.0, 0.0], _profile(kind)])  # with the underside
     high, wide = profile[:, 1].max() + 2.0 * _AROUND, profile[:, 0].max() + _AROUND
     along, across = np.meshgrid(np.arange(0.0, high, _CELL) - _AROUND, np.arange(0.0, wide, _CELL), indexing="ij")
@@ -126,9 +122,7 @@ class Drawn(NamedTuple):
 
 
 def drawn(kind: Kind, pose: Pose, view: BoardView, shape: tuple[int, int], origin: tuple[int, int]) -> Drawn:
-    """A piece's silhouette in a part of a picture, of a height and width, that begins at a column and row of the whole
-    one [px].
-    """
+    """A piece's silhouette in a part of a picture of a height and width that begins at a column and row of it [px]."""
     start, axes = _axes(kind, pose)
     rings, round_ = _rings(kind), _CIRCLE @ axes[:2]
     points = start + rings[:, 1, None, None] * axes[2] + rings[:, 0, None, None] * round_

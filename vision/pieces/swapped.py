@@ -32,13 +32,9 @@ class KnownPicture(NamedTuple):
 
 
 def looked_closer(
-    finding: Diagnosis,
-    seen: States,
-    board: chess.Board,
-    before: KnownPicture,
-    now: KnownPicture,
+    finding: Diagnosis, seen: States, board: chess.Board, before: KnownPicture, now: KnownPicture,
     expected: Mapping[int, PieceSpec],
-) -> Diagnosis:
+) -> Diagnosis:  # fmt: skip
     """Where all that is known is that one piece is missing: it may stand in the place of one of its own side.
 
     ``finding`` was found without that, from the states of squares as they are seen, (64,). The pictures ``before`` and

@@ -64,21 +64,13 @@ class Examination:
 
 
 def examine_board(
-    frame: Frame,
-    view: BoardView,
-    expected: Mapping[int, PieceSpec],
-    before: Mapping[int, float] = MappingProxyType({}),
-    *,
-    tolerance: float = TOLERANCE,
-) -> Examination:
-    """Compare the board with what should stand on it.
+    frame: Frame, view: BoardView, expected: Mapping[int, PieceSpec],
+    before: Mapping[int, float] = MappingProxyType({}), *, tolerance: float = TOLERANCE,
+) -> Examination:  # fmt: skip
+    """Compare the board, without a hand or an arm over it, with what should stand on its squares.
 
-    Args:
-        frame: by the camera of the view, without a hand or an arm over the board.
-        view: of the board.
-        expected: what should stand where, by square.
-        before: likeness of pieces that have stood there in a look before, by this view and without a fault.
-        tolerance: of a centre from its square's [m].
+    ``before``: likeness of pieces that have stood there in a look before, by this view and without a fault;
+    ``tolerance``: of a centre from its square's [m].
 
     Returns:
         What it says; of pieces that others hide nothing.

@@ -28,23 +28,15 @@ _LIGHT_SQUARES: Final = np.array([(square % 8 + square // 8) % 2 == 1 for square
 
 
 class Appearance:
-    """Learns looks of squares, and tells states by them.
-
-    Args:
-        size: number of entries of a description.
-    """
+    """Learns looks of squares, given as descriptions of ``size`` numbers, and tells states by them."""
 
     def __init__(self, size: int) -> None:
         self._shades = (_Normal(size), _Normal(size))
 
-    def learn(self, descriptions: list[Array], states: States, memory: float = MEMORY) -> None:
-        """Take in a position whose states (64,) are known, by descriptions of one sight, each (64, n): in place, and
-        shifted.
-
-        ``memory`` is the share of earlier positions that is kept.
-        """
+    def learn(self, descriptions: list[Array], states: States) -> None:
+        """Take in a position of known states (64,) by descriptions of one sight, (64, n) each: in place and shifted."""
         for shade, of_shade in enumerate((~_LIGHT_SQUARES, _LIGHT_SQUARES)):
-            self._shades[shade].fade(memory)
+            self._shades[shade].fade()
             for one in descriptions:
                 self._shades[shade].add(one[of_shade], states[of_shade])
 
@@ -70,9 +62,9 @@ class _Normal:
         self._scatter = np.zeros((size, size))
         self._axes: Array | None = None
 
-    def fade(self, memory: float) -> None:
-        self._count *= memory
-        self._scatter *= memory
+    def fade(self) -> None:
+        self._count *= MEMORY
+        self._scatter *= MEMORY
 
     def add(self, examples: Array, states: States) -> None:
         for state in (EMPTY, WHITE, BLACK):

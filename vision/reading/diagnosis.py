@@ -53,12 +53,10 @@ class _Difference:
 
 
 def explain(seen: States, board: chess.Board, altered: tuple[int, ...] = ()) -> Diagnosis:
-    """Name what is seen.
+    """Name what is seen, by the states of squares (64,), after the last known position, with its history as far as
+    known.
 
-    Args:
-        seen: state of each square as it is seen, shape (64,).
-        board: the last known position, with its history as far as that is known.
-        altered: squares with a piece of the right colour that looks changed, the most changed first.
+    ``altered``: squares with a piece of the right colour that looks changed, the most changed first.
     """
     expected = states_of(codes_of(board))
     difference = _Difference(

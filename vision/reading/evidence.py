@@ -22,12 +22,10 @@ Codes = NDArray[np.int8]  # pieces by square: 0 empty, 1 to 6 white pawn to king
 NUDGE: Final = -4.0
 """Nothing that looks changed counts for more than this against the same piece, or none, still being there: people brush
 past pieces, and shadows wander."""
-HARD_TO_SEE: Final = -2.0
-"""Nothing that looks unchanged behind another piece counts for more than this against a change."""
+HARD_TO_SEE: Final = -2.0  # no look that is unchanged behind another piece counts for more against a change
 BESIDE_DEPTH: Final = 0.5
 """What looks count for where depth tells a state: they see what lies behind a piece as well, and depth does not."""
-ALTERED: Final = 4.0
-"""Where the odds of a change are higher than this, another piece may stand there, if nothing else shows it [nat]."""
+ALTERED: Final = 4.0  # above such odds of a change another piece may stand there, if nothing else shows it [nat]
 PASSED: Final = 0.05
 """Where more than this has come to be hidden by measurement, or is hidden no more, a change of looks says nothing."""
 MOSTLY: Final = 0.4  # a square of whose middle more than this is hidden looks like what hides it
@@ -56,8 +54,7 @@ class Evidence:
     cover: Array
     """Share of the squares (columns) that a piece on a square (rows) covers, shape (64, 64); or one of these for each
     of the heights of ``HIGH``, (3, 64, 64)."""
-    solid: Array | None = None
-    """The same as ``states``, by depth; no piece hides another there. None: the camera has no depth."""
+    solid: Array | None = None  # as ``states``, by depth: no piece hides another; None: the camera has none
     measured: Cover | None = None  # what hides squares, by depth, in place of ``cover``
 
     def read(self, before: Codes) -> Indices:
@@ -77,9 +74,7 @@ class Evidence:
         return np.asarray(looks + np.where(as_before, kept[:, None], did[:, None]))
 
     def altered(self, before: Codes) -> tuple[int, ...]:
-        """Squares with a piece of the colour that was there, which look changed though nothing hides them: perhaps
-        another piece. The most changed first.
-        """
+        """Squares whose piece looks changed though nothing hides it: perhaps another of its side; the most first."""
         changed = (self.read(before) == states_of(before)) & (before != 0) & (self.changed > ALTERED)
         if self.measured is not None:
             changed &= ~self._passed(self.measured)
@@ -87,10 +82,8 @@ class Evidence:
         return tuple(int(square) for square in squares[np.argsort(-self.changed[squares], kind="stable")])
 
     def scores(self, codes: Codes, before: Codes) -> Array:
-        """How well positions (n, 64) explain the look after the last known one (64,), square by square.
-
-        Returns:
-            Shape (n, 64), natural logarithms, at most 0.
+        """How well positions (n, 64) explain the look after the last known one (64,), square by square: natural
+        logarithms (n, 64), at most 0.
         """
         looks, did, kept = self._terms(codes, before)
         return np.take_along_axis(looks, states_of(codes)[..., None], axis=2)[..., 0] + np.where(
@@ -99,10 +92,7 @@ class Evidence:
 
     def doubt(self, codes: Codes, before: Codes) -> Array:
         """By how much other states explain each square better than a position (64,) does, everything else being as it
-        says.
-
-        Returns:
-            Shape (64, 3), natural logarithms; minus infinity for the position's own states.
+        says: natural logarithms (64, 3), minus infinity for the position's own states.
         """
         states = states_of(codes)
         doubt: Array = self._each(codes, before) - self.scores(codes[None], before)[0][:, None]
@@ -115,7 +105,8 @@ class Evidence:
         Shapes (n, 64, 3), (n, 64), (n, 64).
         """
         if self.measured is None:
-            differs = self._covered(np.where(codes != before, _taller(codes, before), 0)) > COVERED
+            taller = np.where(HIGH[np.abs(codes)] >= HIGH[np.abs(before)], codes, before)
+            differs = self._covered(np.where(codes != before, taller, 0)) > COVERED
             once = self.hidden(before)
         else:
             differs = np.broadcast_to(self._passed(self.measured), codes.shape)
@@ -160,11 +151,6 @@ class Evidence:
         """Share of each square's middle that pieces on the other squares cover: shape (..., 64)."""
         high, layers = HIGH[np.abs(codes)], np.broadcast_to(self.cover, (HIGH.max() + 1, 64, 64))
         return np.asarray(sum((high == k).astype(float) @ layer for k, layer in enumerate(layers)) - (high >= 0))
-
-
-def _taller(one: Codes, other: Codes) -> Codes:
-    """Of two pieces on each square, the higher one."""
-    return np.where(HIGH[np.abs(one)] >= HIGH[np.abs(other)], one, other)
 
 
 def codes_of(board: chess.BaseBoard) -> Codes:

@@ -83,13 +83,8 @@ def describe(light: Light, shift: tuple[int, int] = (0, 0)) -> Array:
 def _blocks(picture: Field, count: int) -> Array:
     """Means over ``count`` × ``count`` blocks of each square: shape (64, n)."""
     small = np.asarray(cv2.resize(picture, (8 * count, 8 * count), interpolation=cv2.INTER_AREA), dtype=np.float32)
-    return by_square(small.reshape(8 * count, 8 * count, -1), count).reshape(64, -1).astype(float)
-
-
-def by_square(picture: Field, count: int) -> Field:
-    """Cut a plan of the board without margin into squares: (8 count, 8 count, n) → (64, count, count, n), a1 first."""
-    cut = picture.reshape(8, count, 8, count, -1).transpose(0, 2, 1, 3, 4)
-    return cut[::-1].reshape(64, count, count, -1)
+    by_square = small.reshape(8, count, 8, count, -1).transpose(0, 2, 1, 3, 4)[::-1]  # a1 first
+    return by_square.reshape(64, -1).astype(float)
 
 
 def change_measures(light: Light, reference: Light) -> Array:

@@ -8,6 +8,7 @@ there is doubt, which is told as such.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -19,8 +20,8 @@ from vision.reading.appearance import EMPTY
 from vision.reading.evidence import Codes, Evidence, codes_of
 from vision.reading.outcome import ReadingOutcome
 
-MARGIN: Final = 6.0
-"""By which a move must be better explained than any other legal move: e⁶ ≈ 400 times as likely [nat]."""
+Line = tuple[chess.Move, ...]
+MARGIN: Final = 6.0  # by which a move must be better explained than any other legal one: e⁶ ≈ 400 times as likely [nat]
 ELSEWHERE: Final = 4.0
 """By which a square that the move leaves alone must be explained better than by anything else standing there: e⁴ ≈ 50
 times. A move read rightly while a piece is gone elsewhere is no wrong move, and the next look shows that [nat]."""
@@ -49,31 +50,25 @@ class MoveReading:
 class Candidates:
     """Positions that could have come about."""
 
-    lines: tuple[tuple[chess.Move, ...], ...]  # the moves to each; empty for none
+    lines: tuple[Line, ...]  # the moves to each; empty for none
     codes: Codes  # the pieces after them, shape (n, 64)
 
 
 def candidates(board: chess.Board, plies: int = 1) -> Candidates:
     """No move, and every line of up to ``plies`` legal moves; of promotions only the queen's."""
-    lines: list[tuple[chess.Move, ...]] = [()]
-    codes = [codes_of(board)]
-    _walk(board.copy(stack=False), plies, (), lines, codes)
-    return Candidates(tuple(lines), np.array(codes))
+    lines, codes = zip(((), codes_of(board)), *_walk(board.copy(stack=False), plies, ()), strict=True)
+    return Candidates(lines, np.array(codes))
 
 
-def _walk(
-    board: chess.Board, plies: int, line: tuple[chess.Move, ...], lines: list[tuple[chess.Move, ...]],
-    codes: list[Codes],
-) -> None:  # fmt: skip
+def _walk(board: chess.Board, plies: int, line: Line) -> Iterator[tuple[Line, Codes]]:
+    """Every line that begins so, and the pieces after it."""
     for move in list(board.legal_moves):
-        if move.promotion not in (None, chess.QUEEN):
-            continue
-        board.push(move)
-        lines.append((*line, move))
-        codes.append(codes_of(board))
-        if plies > 1:
-            _walk(board, plies - 1, (*line, move), lines, codes)
-        board.pop()
+        if move.promotion in (None, chess.QUEEN):
+            board.push(move)
+            yield (*line, move), codes_of(board)
+            if plies > 1:
+                yield from _walk(board, plies - 1, (*line, move))
+            board.pop()
 
 
 def decide(evidence: Evidence, board: chess.Board, plies: int = 1, looked_like: Codes | None = None) -> MoveReading:

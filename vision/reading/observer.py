@@ -34,15 +34,11 @@ class Observation:
 
 
 class Observer:
-    """Knows a position, and what it looks like.
-
-    Attributes:
-        board: the last position that is known; a copy of its own.
-    """
+    """Knows a position, and what it looks like."""
 
     def __init__(self, board: chess.Board, sight: RectifiedView) -> None:
         """Begin with a position that is known to stand there."""
-        self.board = board.copy()
+        self.board = board.copy()  # the last position that is known; a copy of its own
         light = light_of(sight.plan)
         self._appearance = Appearance(describe(light).shape[1])
         self._standing = DepthOccupancy()

@@ -41,13 +41,13 @@ class DepthOccupancy:
         self._error = _Two(1)
         self._colour = _Two(3)
 
-    def learn(self, solids: Solids, states: Indices, memory: float = MEMORY) -> None:
+    def learn(self, solids: Solids, states: Indices) -> None:
         """Take in a position that is known; states of the squares, shape (64,)."""
         free = ~_reached(solids)
         none = np.zeros(64, dtype=np.bool_)
-        self._error.learn(_share(solids)[:, None], free & (states == EMPTY), none, memory)
+        self._error.learn(_share(solids)[:, None], free & (states == EMPTY), none)
         solid = free & (solids.standing >= ENOUGH) & (_shown(solids) == 1.0)
-        self._colour.learn(solids.colour, solid & (states == WHITE), solid & (states == BLACK), memory)
+        self._colour.learn(solids.colour, solid & (states == WHITE), solid & (states == BLACK))
 
     def likelihood(self, solids: Solids) -> Array:
         """Logarithm of how likely empty, white and black are: shape (64, 3).
@@ -96,9 +96,9 @@ class _Two:
         self._mean = np.zeros((2, size))
         self._scatter = np.zeros(size)
 
-    def learn(self, values: Array, first: Mask, second: Mask, memory: float) -> None:
-        self._count *= memory
-        self._scatter *= memory
+    def learn(self, values: Array, first: Mask, second: Mask) -> None:
+        self._count *= MEMORY
+        self._scatter *= MEMORY
         for which, of_class in enumerate((first, second)):
             new = values[of_class]
             if len(new):

@@ -20,15 +20,13 @@ from vision.arrays import Array, Picture
 from vision.board.view import BoardNotFound, BoardView, playing_area
 from vision.reading.solids import Solids, solids_of
 
-SQUARE_PX: Final = 24
-"""Side of a square in the plan [px]: about as many as a camera of 640×480 shows. More tell no more."""
+SQUARE_PX: Final = 24  # side of a square in the plan [px]: about as many as 640×480 shows; more tell no more
 MARGIN: Final = 1  # squares around the board that the plan shows as well: pieces lean over its edge
 PLAN_PX: Final = (8 + 2 * MARGIN) * SQUARE_PX
 USUAL_FOCAL: Final = 1.0
 """Focal length of an unknown camera in widths of its picture: 53° wide, between webcams (60°–78°) and telephones'
 second lenses. Only asked where a view from straight above does not tell it."""
-FOCAL_RANGE: Final = (0.5, 3.0)
-"""What is believed of a focal length computed from four corners, in widths of the picture."""
+FOCAL_RANGE: Final = (0.5, 3.0)  # what is believed of a focal length from four corners, in widths of the picture
 
 
 @dataclass(frozen=True, slots=True, eq=False)

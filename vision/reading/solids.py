@@ -19,8 +19,7 @@ from vision.loops import colour_sums, lay_out, tops
 from vision.reading.visibility import hidden_by, room_of
 
 DARKEST: Final = 0.08  # added to brightness (0 to 1) before its logarithm: below it there is more noise than picture
-LOGARITHM: Final[Field] = np.log(np.arange(256) / 255.0 + DARKEST).astype(np.float32)
-"""By the level of a pixel, 0 to 255."""
+LOGARITHM: Final[Field] = np.log(np.arange(256) / 255.0 + DARKEST).astype(np.float32)  # by a pixel's level, 0 to 255
 TALL: Final = 0.012
 """What is higher than this is no board [m]: a pawn is 34 mm high, the depth of a D435 errs by 1 to 2 mm at 0.6 m."""
 CEILING: Final = 0.08  # what is higher than this is no piece, but a hand or the arm [m]

@@ -54,9 +54,7 @@ def room_of(depth: Field, view: BoardView) -> Array:
 
 @lru_cache(maxsize=4)
 def _trials(view: BoardView) -> tuple[Indices, Field, Array]:
-    """Pixels in which pieces are looked for and the depth behind them, (points, 64, places); then weights of the
-    places, (places,).
-    """
+    """Pixels where pieces are looked for and the depth behind, (points, 64, places); the places' weights, (places,)."""
     steps = np.linspace(-REACH, REACH, PLACES)
     places = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     usual = np.exp(-0.5 * (places**2).sum(axis=1) / USUAL**2)
@@ -113,9 +111,8 @@ def _middles() -> Array:
 def cover(camera: Array) -> Array:
     """Share of each square's middle that a piece on another one covers in the plan, seen from a pinhole (3,) [squares].
 
-    Returns:
-        Shape (3, 64, 64), read-only: how high the piece is, as in ``HEIGHTS``; row the square with the piece, column
-        the covered square. The diagonals are 1.
+    Shape (3, 64, 64), read-only: how high the piece is, as in ``HEIGHTS``; row the square with the piece, column the
+    covered square. The diagonals are 1.
     """
     x, y, z = (round(float(value), 1) for value in camera)  # nearer than that, nothing differs
     return _covers(x, y, z)

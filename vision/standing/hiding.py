@@ -7,7 +7,6 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware.table import Colour, Kind, Place
 from vision.arrays import Array, Mask, Whole
@@ -28,12 +27,7 @@ _SIDES: Final = (Colour.WHITE, Colour.BLACK)  # in the order of ``Fit.maps``
 
 def hiding_places(empty: Sequence[Place], fit: Fit, view: BoardView) -> dict[Place, Colour | None]:
     """Those of some squares that look empty where a pawn might stand all the same, and of which side: it looks so past
-    what hides it; None: nothing of it would be seen.
-
-    Args:
-        empty: squares.
-        fit: of all pieces that are seen.
-        view: of the board.
+    what hides it; None: nothing of it would be seen. ``fit`` is of all pieces that are seen.
     """
     found = dict[Place, Colour | None]()
     pawns = pawns_at(empty, view, fit)
@@ -49,7 +43,10 @@ def hiding_places(empty: Sequence[Place], fit: Fit, view: BoardView) -> dict[Pla
         around = cv2.dilate(spot, np.ones((_AROUND, _AROUND), np.uint8))
         in_sight = float((fit.owner[around > 0] == 0).mean())
         looks = [float(rather.ravel()[mine].mean()) if mine.size else 0.0 for rather in fit.maps]
-        peeps = {colour: _largest(around & hot) for colour, hot in like_a_piece.items()}
+        peeps = dict[Colour, int]()  # area of the largest spot [px]
+        for colour, hot in like_a_piece.items():
+            statistics = cv2.connectedComponentsWithStats(around & hot, connectivity=4)[2]
+            peeps[colour] = int(statistics[1:, cv2.CC_STAT_AREA].max(initial=0))
         if in_sight < _HALF_HIDDEN and max(peeps.values()) >= _PEEPS:
             found[place] = max(peeps, key=peeps.__getitem__)
         elif max(looks) > _LOOKS_LIKE_ONE:
@@ -57,12 +54,6 @@ def hiding_places(empty: Sequence[Place], fit: Fit, view: BoardView) -> dict[Pla
         elif mine.size < _HIDDEN * pixels.size:
             found[place] = None
     return found
-
-
-def _largest(mask: NDArray[np.uint8]) -> int:
-    """Area of the largest spot [px]."""
-    _, _, found, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
-    return int(found[1:, cv2.CC_STAT_AREA].max(initial=0))
 
 
 def pawns_at(places: Sequence[Place], view: BoardView, fit: Fit) -> Silhouettes:

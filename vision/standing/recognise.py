@@ -26,9 +26,8 @@ from vision.board.view import BoardView
 from vision.pieces.fallen import around_board
 from vision.pieces.fit import TALL, Fit
 from vision.standing.hiding import hiding_places, pawns_at, pixels_of
-from vision.standing.kind_costs import TOPS, kind_cost
 from vision.standing.recognised_set import RecognisedPiece, RecognisedSet
-from vision.standing.sightings import Sighting, Sightings, rough_sightings, sightings_of, together
+from vision.standing.sightings import TOPS, Sighting, Sightings, kind_cost, rough_sightings, sightings_of, together
 
 _BETWEEN: Final = 0.42
 """What stands further from the middle of its square, along either axis, may be meant for the next one [its sides]."""
@@ -42,8 +41,7 @@ _ALONE: Final = 0.05  # of what colours say, where lightness says nothing
 _BY_OUTLINE: Final = 40.0
 """What a piece costs less the more of its outline agrees with the picture (measured over 540 pieces: 0.03 to 0.12 more
 agrees with the right kind than with the one next to it, with a standard deviation of 0.06)."""
-_BY_INSIDE: Final = 5.0
-"""… and the more what is within looks like its side: by 1 or more with the right one than with the other."""
+_BY_INSIDE: Final = 5.0  # … and the more what is within looks like its side: by 1 or more with the right one
 _HARDLY: Final = 0.6  # a piece of whose outline less is in sight may be another one than it looks
 _SEEN_THROUGH: Final = 0.5  # of a pawn's silhouette so much shows what is behind: no pawn is there
 _IMPOSSIBLE: Final = 1e6
@@ -57,10 +55,8 @@ _MOST_OFF: Final = 0.002  # all may look so much higher or lower than usual [m]
 def recognise(frames: Sequence[Frame], view: BoardView, held: Mapping[Look, int]) -> RecognisedSet:
     """Find out what stands on the board and in the trays.
 
-    Args:
-        frames: one after the other, of the same, with depth and without a hand or an arm before the board.
-        view: of the board, in all of them.
-        held: how many there are of each in the set.
+    The frames are taken one after the other, with depth and without a hand or an arm before the board. ``held``: how
+    many there are of each in the set.
 
     Raises:
         ValueError: a frame has no depth, or is by another camera, or the board is not in the picture.
@@ -198,9 +194,7 @@ def _matched(
 
 
 def _rarity(look: Look, before: int) -> float:
-    """What it costs that so many pieces that look alike are on a board, and another one: there is a king of either
-    side, and hardly ever a promoted piece.
-    """
+    """What it costs that one more is on a board besides so many alike: kings are there, promoted pieces hardly ever."""
     kind = look[1]
     if kind is Kind.KING:
         return -_NO_KING
@@ -212,8 +206,7 @@ def _usual(seen: Sequence[tuple[Sighting, Place]]) -> float:
     """By how much all looks higher than it does to most cameras [m]."""
     off = 0.0
     for _round in range(_ROUNDS):
-        kinds = [_likeliest(one, off) for one, _ in seen]
-        away = [one.height - TOPS[kind] for (one, _), kind in zip(seen, kinds, strict=True)]
+        away = [one.height - TOPS[_likeliest(one, off)] for one, _ in seen]
         off = float(np.clip(np.median(away), -_MOST_OFF, _MOST_OFF)) if away else 0.0
     return off
 
@@ -246,24 +239,19 @@ def _sorted_out(given: Sequence[RecognisedPiece], seen: Sightings, fit: Fit, vie
         elif one.place.on_board and off > _BETWEEN:
             between.add(one.place)
         pieces.setdefault(one.place, one)
-    standing = {one.at for one in given}
+    standing, squares = {one.at for one in given}, list(map(square_place, range(64)))
     for other in seen.all:
-        if (other.x, other.y) not in standing:
-            lying |= {_nearest(other, view), *(place for place in _touched(other, view) if place not in pieces)}
+        if (other.x, other.y) not in standing:  # of squares that it touches it may be the piece, or more than one
+            reach = other.reach + _BETWEEN * view.table.square
+            touched = (place for place in squares if math.dist((other.x, other.y), view.table.xy(place)) < reach)
+            lying |= {_nearest(other, view), *(place for place in touched if place not in pieces)}
     # without a piece nothing hides another one, and nobody knows what they look like
-    empty = [place for place in map(square_place, range(64)) if pieces and place not in pieces and place not in lying]
+    empty = [place for place in squares if pieces and place not in pieces and place not in lying]
     beside = [place for place in view.table.tray_places() if place not in pieces and place not in lying]
     return RecognisedSet(
         tuple(pieces.values()), frozenset(lying), frozenset(between), frozenset(hiding_places(empty, fit, view)),
         frozenset(_free(beside, fit, view)),
     )  # fmt: skip
-
-
-def _touched(one: Sighting, view: BoardView) -> Iterator[Place]:
-    """Squares of whose pieces what is seen there may be one, or more than one."""
-    for place in map(square_place, range(64)):
-        if math.dist((one.x, one.y), view.table.xy(place)) < one.reach + _BETWEEN * view.table.square:
-            yield place
 
 
 def _free(places: Sequence[Place], fit: Fit, view: BoardView) -> Iterator[Place]:

@@ -28,8 +28,7 @@ from app.pieces.inventory import Inventory
 from app.pieces.order import Point, rearrange
 from hardware.table import PIECE_SHAPES, Colour, Kind, Look, PieceSpec, Place, square_place
 from vision.pieces.verify import Fault, FaultKind
-from vision.standing.kind_costs import kind_cost
-from vision.standing.sightings import Sighting, Sightings
+from vision.standing.sightings import Sighting, Sightings, kind_cost
 
 _HOME: Final = 0.016
 """A piece no further from the middle of its place has not been carried [m]: less than half a square."""

@@ -17,11 +17,9 @@ from app.measure.bench.loop import loop_bench
 from app.measure.bench.motion import motion_bench
 from app.measure.bench.people import knocks_bench, people_bench
 from app.measure.bench.recovery import recovery_bench
-from app.measure.bench.report import BenchReport, Progress, Row
+from app.measure.bench.report import BenchReport, Progress
 from app.measure.bench.sim import sim_bench
 from app.measure.bench.vision.rows import vision_bench
-
-__all__ = ["BENCHES", "BenchReport", "Row", "UnknownBench", "run_bench"]
 
 Bench = Callable[[bool, Progress], BenchReport]
 

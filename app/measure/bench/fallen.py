@@ -33,16 +33,14 @@ from vision.pieces.fallen import find_misplaced
 from vision.pieces.pose_search import MisplacedPiece
 
 SEED: Final = 11
-TRIALS: Final = {True: 4, False: 60}
-"""By ``quick``; every other one a piece knocked over, the others lost from the fingers."""
+TRIALS: Final = {True: 4, False: 60}  # by ``quick``; every other piece knocked over, the others lost from the fingers
 STANDING: Final = 14  # pieces in a world
 PUSHED: Final = math.radians(40.0)  # a knocked piece begins so far from upright, and falls from there [rad]
 TRIES: Final = 3
 LOOKS: Final = 2 * TRIES + 3
 """Each try is two plans at most, stand up and carry; and some pieces may have to make way."""
 UPRIGHT: Final = math.radians(5.0)
-PLACED: Final = 0.004
-"""A piece further than this from its square's centre is carried there; the game's own tolerance is 5 mm [m]."""
+PLACED: Final = 0.004  # a piece further from its square's centre is carried there; the game's own tolerance is 5 mm [m]
 RIGHT: Final = 0.005
 _SETTLE: Final = 1.0
 """From a fall until all is at rest [s]."""

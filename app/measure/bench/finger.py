@@ -6,7 +6,7 @@ the finger feels: the peak, how long until it feels less than 10 N for good, and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -27,8 +27,7 @@ from hardware.sim.plant.plant import Plant
 from hardware.table import TableSettings
 
 SEED: Final = 1
-TRIALS: Final = 200
-QUICK_TRIALS: Final = 40
+TRIALS: Final = {True: 40, False: 200}  # by ``quick``
 PROFILES: Final = {
     "default": (ContactLimits(), 140.0),
     "gentle": (ContactLimits(tool_speed=0.4, downward_speed=0.22), 70.0),
@@ -81,10 +80,7 @@ def on_the_board(parameters: RobotParameters, random: np.random.Generator) -> Fi
     return FingerTrial(start, end, Finger((float(x + side), float(y), RADIUS), clamped=True))
 
 
-KINDS: Final[dict[str, Callable[[RobotParameters, np.random.Generator], FingerTrial]]] = {
-    "free": in_the_air,
-    "clamped": on_the_board,
-}
+KINDS: Final = {"free": in_the_air, "clamped": on_the_board}
 
 
 def meet(trial: FingerTrial, limits: ContactLimits) -> Felt:
@@ -138,7 +134,7 @@ def _explain(ended: Ended) -> None:
 
 def finger_bench(quick: bool, progress: Progress) -> BenchReport:
     """Measure; ``quick``: 40 moves instead of 200."""
-    trials = (QUICK_TRIALS if quick else TRIALS) // (len(PROFILES) * len(KINDS))
+    trials = TRIALS[quick] // (len(PROFILES) * len(KINDS))
     rows: dict[str, Row] = {}
     for profile, (limits, limit) in PROFILES.items():
         for kind in KINDS:

@@ -24,10 +24,8 @@ from hardware.sim.bodies.placed import StandingPiece
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 
 SEED: Final = 7
-SHAKEN: Final = 12
-QUICK_SHAKEN: Final = 3
-GRASPS: Final = 1000
-QUICK_GRASPS: Final = 60
+SHAKEN: Final = {True: 3, False: 12}  # by ``quick``
+GRASPS: Final = {True: 60, False: 1000}  # by ``quick``
 OFF: Final = 0.004
 """Pieces stand up to so far off along each axis [m]."""
 STROKE: Final = 0.06  # of the shaking, to and fro along each axis [m]
@@ -44,10 +42,10 @@ TARGETS: Final = tuple(square_place(square) for square in (19, 20, 28, 35, 36, 2
 def grip_bench(quick: bool, progress: Progress) -> BenchReport:
     """Measure; ``quick`` with fewer pieces."""
     slips = []
-    for number in range(QUICK_SHAKEN if quick else SHAKEN):
+    for number in range(SHAKEN[quick]):
         progress(f"king {number + 1} is shaken")
         slips.append(1e3 * shake(number))
-    count = QUICK_GRASPS if quick else GRASPS
+    count = GRASPS[quick]
     dropped = grasps(count, progress)
     for sentence in dropped:
         progress(sentence)
@@ -63,12 +61,9 @@ def grip_bench(quick: bool, progress: Progress) -> BenchReport:
 
 
 def shake(number: int) -> float:
-    """Grasp a king, lift it, carry it at full speed to the middle, and shake it along each axis.
+    """How far a king slips, from rest to rest [m], that is lifted, carried at full speed and shaken along each axis.
 
     The number decides on which square, how far off and how turned the king stands.
-
-    Returns:
-        How far it has slipped in the fingers, from rest before to rest afterwards [m].
 
     Raises:
         RuntimeError: a motion did not end as it had to.

@@ -43,19 +43,15 @@ from hardware.sim.clients.wire import world_pid
 from hardware.table import TableSettings
 
 SEED: Final = 1
-KILLS: Final = 50
-"""Of each victim."""
-QUICK_KILLS: Final = 3
+KILLS: Final = {True: 3, False: 50}  # of each victim, by ``quick``
 VICTIMS: Final = ("app", "controller")
 EVERYTHING: Final = "everything"
 """Program, controller and world at once, as when a computer loses its power …"""
 ONE_OF: Final = 5  # … once for so many kills of the program alone, at least once
 PLIES: Final = 8  # of one game, the last of them in peace; as many games as the kills need
-LATEST: Final = 1.6
-"""A victim is killed at a random moment within so much of the arm's motion since it was started [s, plant]."""
+LATEST: Final = 1.6  # a victim is killed within so much of the arm's motion since it was started, at random [s, plant]
 REST_LIMIT: Final = 0.3  # from the kill until the arm rests [s, plant]
-JUMP_LIMIT: Final = 1.0
-"""How far the tool may move while a new controller takes the arm over, sagging from the brakes included [mm]."""
+JUMP_LIMIT: Final = 1.0  # of the tool while a new controller takes the arm over, sagging from the brakes included [mm]
 JOINTS_RESTING: Final = 0.02  # an arm whose joints are all slower than this rests [rad/s]
 BRAKED_AFTER: Final = 200
 """So long after the controller's death an arm that rests does so on its brakes [ticks]; the watchdog waits for 50."""
@@ -67,7 +63,7 @@ _GLANCE = 0.0005
 
 def kills_bench(quick: bool, progress: Progress) -> BenchReport:
     """Measure in pace fast; ``quick``: 3 kills of each and 1 of all, instead of 50 and 10; see ``measure_kills``."""
-    return measure_kills(QUICK_KILLS if quick else KILLS, "fast", progress)
+    return measure_kills(KILLS[quick], "fast", progress)
 
 
 def measure_kills(number: int, pace: str, progress: Progress) -> BenchReport:
@@ -97,10 +93,7 @@ def _rows(figures: Tally) -> dict[str, Row]:
     return {
         **{name: row(figures[name], "s", REST_LIMIT, "max") for name in ("app_rest", "controller_rest")},
         "jump": row(figures["jump"], "mm", JUMP_LIMIT, "max"),
-        "dropped": row(figures["dropped"], "", 0.0, "max"),
-        "outside": row(figures["outside"], "", 0.0, "max"),
-        "wrong": row(figures["wrong"], "", 0.0, "max"),
-        "misrecorded": row(figures["misrecorded"], "", 0.0, "max"),
+        **{name: row(figures[name], "", 0.0, "max") for name in ("dropped", "outside", "wrong", "misrecorded")},
         "resumed": row(figures["resumed"], "s"),
     }
 
@@ -128,10 +121,6 @@ def _heard(seen: list[Telemetry], first: int, goes_on: Callable[[], bool]) -> It
             yield seen[first]
             first += 1
         time.sleep(_GLANCE)
-
-
-def _before(deadline: float) -> Callable[[], bool]:
-    return lambda: time.monotonic() < deadline
 
 
 class _KilledGame:
@@ -265,8 +254,8 @@ class _KilledGame:
             return self._see_brakes(referee, before)
 
     def _see_rest(self, seen: list[Telemetry]) -> None:
-        killed = seen[-1]
-        for now in _heard(seen, len(seen), _before(time.monotonic() + TIMEOUT)):
+        killed, deadline = seen[-1], time.monotonic() + TIMEOUT
+        for now in _heard(seen, len(seen), lambda: time.monotonic() < deadline):
             self._figures["outside"].append(float(self._is_outside(now)))
             if now.state is State.HOLD and math.hypot(*now.velocity) < RESTING:
                 self._figures["app_rest"].append((now.tick - killed.tick) * self._tick)

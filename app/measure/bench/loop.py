@@ -31,9 +31,7 @@ from engine.stockfish import Engine, EngineSettings
 from hardware.parameters import load_parameters
 
 SEED: Final = 1
-DURATION: Final = 60.0
-QUICK_DURATION: Final = 15.0
-"""How long the arm moves [s]."""
+DURATION: Final = {True: 15.0, False: 60.0}  # how long the arm moves [s], by ``quick``
 MISSED_LIMIT: Final = 0.1  # ticks without an exchange, with real time [%]
 WORK_LIMIT: Final = 200.0  # p99 of a tick's whole computation, with real time [µs]
 STOLEN: Final = 0.001  # share of the processors' time; no privilege helps against a host that takes more
@@ -53,7 +51,7 @@ def loop_bench(quick: bool, progress: Progress) -> BenchReport:
     Raises:
         UserError: there is no Stockfish, or it failed.
     """
-    duration = QUICK_DURATION if quick else DURATION
+    duration = DURATION[quick]
     with timed_rig(SEED, progress) as timed, thinking(progress):
         progress(f"moving the arm for {duration:g} s")
         before = ProcessorTime.now()

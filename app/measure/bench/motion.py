@@ -27,15 +27,12 @@ from hardware.table import Kind, TableSettings, square_place
 SEED: Final = 1
 TRANSFERS: Final = {Profile.DEFAULT: 500, Profile.FAST: 150, Profile.GENTLE: 60}
 QUICK: Final = {Profile.DEFAULT: 20, Profile.FAST: 12, Profile.GENTLE: 4}
-COMPARED: Final = 150
-"""Motions whose duration is compared with the optimum; fewer of a quick run."""
-QUICK_COMPARED: Final = 8
+COMPARED: Final = {True: 8, False: 150}  # motions whose duration is compared with the optimum, by ``quick``
 DISORDER: Final = Disorder(offset=(0.003, 0.003), mass_error=0.05)
 QUIET: Final = {Profile.DEFAULT: 1.6, Profile.FAST: 1.1}
 """A quiet ply from home to home, mean [s]."""
 RMS_WINDOW: Final = 10.0
-GRASPS: Final = 300
-QUICK_GRASPS: Final = 10
+GRASPS: Final = {True: 10, False: 300}  # by ``quick``
 TOUCH_FORCE: Final = 10.0
 """On feet of 100 N/mm, with the target's height wrong by up to … [N]"""
 HEIGHT_ERROR: Final = 0.003  # … this [m]
@@ -59,11 +56,11 @@ def motion_bench(quick: bool, progress: Progress) -> BenchReport:
         rows |= _rows_of(profile, games)
         if profile is Profile.DEFAULT:
             progress("comparing with the optimum and with stopping")
-            rows |= _against(games.done, QUICK_COMPARED if quick else COMPARED)
+            rows |= _against(games.done, COMPARED[quick])
     settings = PROFILES[Profile.DEFAULT]
     for name, gain, limit in (("slide", settings.gains.tactile_gain, SLIDE), ("slide_without", 0.0, None)):
         changed = settings.model_copy(update={"gains": settings.gains.model_copy(update={"tactile_gain": gain})})
-        pushed = slides(QUICK_GRASPS if quick else GRASPS, changed, SEED, progress)
+        pushed = slides(GRASPS[quick], changed, SEED, progress)
         rows[name] = row([1e3 * way for way in pushed], "mm", limit)
     progress("setting pieces down where the board is up to 3 mm higher or lower than believed")
     rows["touch_force"] = row(_touch_forces(quick=quick), "N", TOUCH_FORCE, "max")

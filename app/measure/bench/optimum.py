@@ -40,13 +40,8 @@ def casadi() -> Any:
 
 
 def optimal_duration(path: Path, bounds: Sequence[Bounds], end_speed: float = 0.0, intervals: int = INTERVALS) -> float:
-    """How long the quickest motion takes, from rest to a speed without acceleration [s].
-
-    Args:
-        path: smooth.
-        bounds: of each piece of the path.
-        end_speed: at its end [m/s].
-        intervals: in each piece.
+    """How long the quickest motion along a smooth path takes, from rest to a speed [m/s] without acceleration [s];
+    ``bounds`` are those of its pieces, ``intervals`` of each piece.
 
     Raises:
         NoOptimum: the solver gave up.

@@ -56,16 +56,12 @@ class RecoveryTally:
 
 
 class Clumsy(UserInterface):
-    """Sees each ply, and then has a hand do harm in the world of a run directory; the seed decides what.
-
-    Attributes:
-        mishaps: how often.
-    """
+    """Sees each ply, and then has a hand do harm in the world of a run directory; the seed decides what."""
 
     def __init__(self, run_dir: Path, seed: int, progress: Progress) -> None:
         self._run_dir, self._progress = run_dir, progress
         self._rng, self._table = np.random.default_rng([seed, 7]), TableSettings()
-        self.mishaps = 0
+        self.mishaps = 0  # how often
 
     def ply(self, event: PlyEvent, board: chess.Board) -> None:
         """See ``UserInterface.ply``."""

@@ -65,14 +65,10 @@ class BenchReport(Frozen):
 
 
 def row(values: ArrayLike, unit: str, limit: float | None = None, bound: str = "p50", n: int | None = None) -> Row:
-    """Statistics of values.
+    """Statistics of values, at least one and all finite; ``limit`` is the bar, in the same unit.
 
-    Args:
-        values: at least one, all finite.
-        unit: of the values and the limit.
-        limit: the bar: at most this.
-        bound: which statistic must keep it: ``mean``, ``p50``, ``p99`` or ``max``; ``least``: the mean must be no less.
-        n: of how many, where the values are already of several.
+    ``bound`` says which statistic must be no more: ``mean``, ``p50``, ``p99`` or ``max``; ``least``: the mean must be
+    no less. ``n``: of how many, where the values are already of several.
     """
     numbers = np.asarray(values, dtype=np.float64).reshape(-1)
     p50, p99 = np.percentile(numbers, (50.0, 99.0)).tolist()

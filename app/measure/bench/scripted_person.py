@@ -69,29 +69,20 @@ class Mishap:
 
 
 class ScriptedPerson(UserInterface):
-    """Plays a game as the seed decides, and remembers what was said.
+    """Plays White from a position on in the world of a run directory, as the seed decides, and remembers what was said.
 
-    Args:
-        run_dir: of the world.
-        seed: of the script.
-        board: where the game begins; the person plays White.
-        often: how likely each act is.
-
-    Attributes:
-        typed: what they type.
-        mishaps: what went otherwise than it should.
-        acts: what they did, and how often.
-        flawed: numbers of the acts after which something did, from 1; 0 is before the first.
+    ``often``: how likely each act is.
     """
 
     def __init__(self, run_dir: Path, seed: int, board: chess.Board, often: Mapping[Act, float] = OFTEN) -> None:
         self._often = often
         self._run_dir, self._rng = run_dir, np.random.default_rng([seed, 11])
         self._board, self._table = board, TableSettings()
-        self.typed = TypedLines(None, company=lambda: True)
-        self.mishaps: list[Mishap] = []
-        self.acts = Counter[Act]()
-        self.flawed: set[int] = set()
+        self._specs = {piece.name: piece for piece in start_layout(chess.Board(), self._table)}
+        self.typed = TypedLines(None, company=lambda: True)  # what they type
+        self.mishaps: list[Mishap] = []  # what went otherwise than it should
+        self.acts = Counter[Act]()  # what they did, and how often
+        self.flawed: set[int] = set()  # numbers of the acts after which something did, from 1; 0 is before the first
         self._said: list[str] = []
         self._prompted = ""
         self._moved: list[str] = []
@@ -305,17 +296,15 @@ class ScriptedPerson(UserInterface):
         """What stands where, as a person sees it."""
         spots = {place: self._table.xy(place)
                  for place in (*map(square_place, range(64)), *self._table.tray_places())}  # fmt: skip
-        specs = {piece.name: piece for piece in start_layout(chess.Board(), self._table)}
-        found = [replace(specs[pose.name], place=_nearest((pose.x, pose.y), spots)) for pose in self._poses()]
+        found = [replace(self._specs[pose.name], place=_nearest((pose.x, pose.y), spots)) for pose in self._poses()]
         return Inventory.of(found, self._table)
 
     def _amiss(self) -> str | None:
         """What does not stand on the board as the game has it."""
-        specs = {piece.name: piece for piece in start_layout(chess.Board(), self._table)}
         left = {square: (KINDS[piece.piece_type], piece.color) for square, piece in self._board.piece_map().items()}
         half = 4.0 * self._table.square
         for pose in self._poses():
-            spec = specs[pose.name]
+            spec = self._specs[pose.name]
             if max(abs(pose.x), abs(pose.y)) > half:
                 continue
             square = chess.square(int((pose.x + half) / self._table.square), int((pose.y + half) / self._table.square))

@@ -31,8 +31,7 @@ from hardware.sim.process.journal import Replay
 from hardware.sim.process.settings import END_FILE, load_settings
 
 SEED: Final = 1
-PLIES: Final = 24
-QUICK_PLIES: Final = 6
+PLIES: Final = {True: 6, False: 24}  # by ``quick``
 NODES: Final = 20_000
 COST_LIMIT: Final = 1.0 / 8.0
 """Wall time of a simulated second while ticks run, controller in the loop [s]."""
@@ -63,7 +62,7 @@ def sim_bench(quick: bool, progress: Progress) -> BenchReport:
     Raises:
         UserError: a game failed, or something is missing on this machine.
     """
-    plies = QUICK_PLIES if quick else PLIES
+    plies = PLIES[quick]
     with tempfile.TemporaryDirectory(prefix="touchmove-sim-") as name:
         folder = Path(name)
         progress(f"a game of {plies} plies, {NODES} nodes a move")

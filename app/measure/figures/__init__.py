@@ -15,12 +15,10 @@ from app.measure.figures.game import figure_9
 from app.measure.figures.grasp_figures import figure_6, figure_7
 from app.measure.figures.move import MOVE, move_figure
 from app.measure.figures.newton import newton
-from app.measure.figures.result import Bar, FigureResult, FolderUnusable, Progress, save
+from app.measure.figures.result import FigureResult, Progress, save
 from app.measure.figures.separation import separation
 from app.measure.figures.touch import touch
 from app.measure.figures.workspace import workspace
-
-__all__ = ["FIGURES", "Bar", "FigureResult", "FolderUnusable", "UnknownFigure", "make_figure"]
 
 FIGURES: Mapping[str, Callable[[Progress], FigureResult]] = MappingProxyType({
     "5": figure_5, "6": figure_6, "7": figure_7, "9": figure_9, "newton": newton, "encoder": encoder, "touch": touch,
@@ -39,14 +37,9 @@ class UnknownFigure(UserError):
 def make_figure(
     name: str, folder: Path, progress: Progress, move: str = MOVE, fen: str | None = None
 ) -> dict[str, JsonValue]:
-    """Compute a figure of ``FIGURES`` or ``move`` and write ``figure-NAME.png`` and ``figure-NAME.json``.
+    """Compute a figure of ``FIGURES`` or ``move`` and write ``figure-NAME.png`` and ``figure-NAME.json`` to a folder.
 
-    Args:
-        name: of the figure.
-        folder: for the files.
-        progress: told what is being computed.
-        move: drawn by figure ``move``, SAN or UCI.
-        fen: in which position; None: the usual start.
+    Figure ``move`` draws a move (SAN or UCI) in a position; ``fen`` None: the usual start.
 
     Returns:
         What the JSON file holds; ``holds`` says whether all bars do.

@@ -167,8 +167,7 @@ class Curve(NamedTuple):
     at_sweep: ComplexArray  # the linear model at the frequencies of the sweep
     sweep: ComplexArray
     sampled: ComplexArray  # from ``SAMPLED_FROM`` on
-    formula_error: float
-    """Of the closed form `controller.law.tactile.admittance` of an arm that is one mass, the largest [dB]."""
+    formula_error: float  # of the closed form `controller.law.tactile.admittance` (arm: one mass), the largest [dB]
 
 
 def curve(parameters: RobotParameters, tactile_gain: float, frequencies: tuple[float, ...] = SWEEP) -> Curve:

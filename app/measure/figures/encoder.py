@@ -22,10 +22,8 @@ _SIGNS = np.array(list(product((-1.0, 1.0), repeat=3))).T
 
 
 def resolutions(model: DeltaModel, grid: TableGrid, height: float) -> tuple[Vector, Vector]:
-    """How far the tool moves by one count, worst case, over a grid, shapes (rows, columns) [m].
-
-    Returns:
-        With one encoder a count further; and with all three off by a count in the worst combination.
+    """How far the tool moves, worst case, over a grid (rows, columns) [m]: one encoder a count further; all three off
+    by one.
     """
     count = 2.0 * np.pi / 2**model.parameters.drive.encoder_bits
     single, combined = np.empty(grid.shape), np.empty(grid.shape)

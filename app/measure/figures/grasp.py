@@ -47,16 +47,14 @@ ASIDE: Final = (70.0, 20.0)
 surface or lifts it [rad/s]."""
 START: Final = 0.020  # where each finger starts, from the tool's centre [m]
 SETTLING: Final = 0.75  # time after the second contact in which everything comes to rest [s]
-Z4, SPEED, RIGHT, LEFT = 0, 1, 2, 3
-"""Places of z4 [m], ż4 [m/s] and both sensors' outputs [N] among the attachment's states."""
+Z4, SPEED, RIGHT, LEFT = 0, 1, 2, 3  # places of z4 [m], ż4 [m/s], both sensors' outputs [N] in the attachment's states
 STATES: Final = 4
 PLACE, PACE, BRISTLE = STATES, STATES + 1, STATES + 2
 """Places of the block's middle [m] and speed [m/s] along z1 and the bristle's deflection [m] among the states."""
 PRESLIDING: Final = 5e-6  # deflection of the bristle at which it slips [m]
 PAD_STIFFNESS: Final = 2e4  # of pad and sensor in series, assumed [N/m]
 PAD_DAMPING: Final = 40.0  # of the same; the block does not rebound, assumed [N s/m]
-SHAFT_SPEED: Final = 0.002
-"""The sign of the shafts' Coulomb friction is smoothed over this; the law's compensation is softer [rad/s]."""
+SHAFT_SPEED: Final = 0.002  # smooths the sign of the shafts' Coulomb friction; the law's compensation is softer [rad/s]
 SUBSTEPS: Final = 8  # steps of the integrator in a tick
 
 
@@ -65,8 +63,7 @@ class Block:
     """A wooden Jenga block, standing on a long narrow side: 15 mm between the fingers, 25 mm high."""
 
     mass: float = 0.015  # [kg]
-    half_size: tuple[float, float, float] = (0.0075, 0.0375, 0.0125)
-    """Across the fingers' pads (z1), along it, and up [m]."""
+    half_size: tuple[float, float, float] = (0.0075, 0.0375, 0.0125)  # across the fingers' pads (z1), along, and up [m]
     friction: float = 0.4  # Coulomb coefficient on the surface, at rest as in motion; wood on wood
     offset: float = 0.010  # of its middle from the gripper's, along z1 [m]
 
@@ -141,11 +138,8 @@ class Run:
 
 
 def sliding(grasp: Grasp, mass: float) -> tuple[float, float]:
-    """Final and farthest displacement of the block in closed form [m]: an arm of one mass, no joint friction, no lag.
-
-    Args:
-        grasp: its gain, speed and block count.
-        mass: effective mass of the arm along z1 [kg].
+    """Final and farthest displacement of the block in closed form [m]: by gain, speed and block of a grasp, for an arm
+    of one effective mass along z1 [kg], no joint friction, no lag.
     """
     acceleration = grasp.block.holds * (1.0 / mass + grasp.tactile_gain)
     speed, offset = grasp.finger_speed, grasp.block.offset
@@ -180,12 +174,9 @@ def push(forces: Pair) -> Vector:
 class TactileLaw:
     """(23) with the tactile loop closed over the sensors of an attachment, as a law for a simulation.
 
-    Args:
-        model: the robot that the law thinks it controls.
-        reference: shape (16,), as ``pack_reference`` makes it.
-        settings: of the law.
-        warm: start each forward kinematics from the last one, as the loop does; else in closed form each time, so that
-            the torque is a smooth function of the state, to rounding.
+    ``model`` is the robot that the law thinks it controls, ``reference`` has the shape (16,) of ``pack_reference``.
+    Each forward kinematics starts from the last one, as in the loop; not ``warm``: in closed form each time, so that
+    the torque is a smooth function of the state, to rounding.
     """
 
     def __init__(

@@ -17,22 +17,9 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from pydantic import JsonValue
 
+import app.measure.figures.grasp as soft_grasp
 from app.measure.figures.drawing import DARK, GREY, WITH, WITHOUT, axes, label, picture
-from app.measure.figures.grasp import (
-    DAMPING,
-    HEIGHT,
-    PAD_DAMPING,
-    PAD_STIFFNESS,
-    POINT,
-    Block,
-    Grasp,
-    Run,
-    effective_mass,
-    run_dae,
-    run_mujoco,
-    sliding,
-    views,
-)  # fmt: skip
+from app.measure.figures.grasp import Block, Grasp, Run, effective_mass, run_dae, run_mujoco, sliding, views
 from app.measure.figures.result import Bar, FigureResult, Picture, Progress
 from controller.law.tactile import grip_force, least_contact_damping
 from controller.model.constants import DeltaModel
@@ -58,8 +45,7 @@ _PAD = (0.003, 0.006)  # thickness and half height of a pad as drawn [m]
 _ROWS = slice(40, 440)  # of a rendered picture: block and pads
 
 
-Grasps = dict[str, tuple[Run, Run]]
-"""The grasp of the paper without and with feedback, by the model: ``dae`` and ``mujoco``."""
+Grasps = dict[str, tuple[Run, Run]]  # the paper's grasp without and with feedback, by model: ``dae``, ``mujoco``
 
 
 def both_grasps(progress: Progress) -> Grasps:
@@ -100,7 +86,7 @@ def _run_numbers(grasps: Grasps) -> dict[str, JsonValue]:
 def figure_6(progress: Progress) -> FigureResult:
     """Compute and draw arm, fingers and block over time, and what decides it."""
     grasps = both_grasps(progress)
-    mass = effective_mass(DeltaModel(Grasp(0.0).parameters), POINT)
+    mass = effective_mass(DeltaModel(Grasp(0.0).parameters), soft_grasp.POINT)
     cases = study(mass, progress)
     title = "Soft grasp of a wooden block, 10 mm off the middle"
     progress("simulating the grasp with smaller steps")
@@ -119,8 +105,10 @@ def _numbers(grasps: Grasps, mass: float, cases: list[Case]) -> Mapping[str, Jso
         "finger_speed_mm_s": 1e3 * grasp.finger_speed,
         "grip_force_expected_N": grip_force(grasp.parameters.gripper, -grasp.finger_speed),
         "contact_damping_against_hum_N_s_m": {
-            "needed": least_contact_damping(grasp.parameters, mass, DAMPING, GAINS[1], 2.0 * PAD_STIFFNESS),
-            "of both pads": 2.0 * PAD_DAMPING,
+            "needed": least_contact_damping(
+                grasp.parameters, mass, soft_grasp.DAMPING, GAINS[1], 2.0 * soft_grasp.PAD_STIFFNESS
+            ),
+            "of both pads": 2.0 * soft_grasp.PAD_DAMPING,
         },
         **_run_numbers(grasps),
         "closed_form_mm": {
@@ -263,7 +251,7 @@ def _schematic(axis: Axes, run: Run) -> None:
     axis.add_patch(Rectangle((-24.0, -7.0), 56.0, 7.0, fc=GREY, ec="none"))
     thickness, half_height = (1e3 * v for v in _PAD)
     for face, outward in ((run.right[-1], 0.0), (run.left[-1], -thickness)):
-        corner = (1e3 * face + outward, 1e3 * HEIGHT - half_height)
+        corner = (1e3 * face + outward, 1e3 * soft_grasp.HEIGHT - half_height)
         axis.add_patch(Rectangle(corner, thickness, 2 * half_height + 16.0, fc="#e8e6df", ec=DARK, lw=0.8))
     axis.set(xlim=(-24.0, 32.0), ylim=(-7.0, 36.0), aspect="equal", yticks=[])
     axis.tick_params(labelsize=8)

@@ -22,8 +22,7 @@ from hardware.parameters import load_parameters
 POSITION = "7r/8/8/8/8/8/8/Q1K4k w - - 0 1"
 MOVE = "a1h8"
 """The longest way over the board, and a capture, so that a tray is visited too."""
-SPEED, ACCELERATION, JERK = 1.5, 25.0, 1000.0
-"""Of the fast profile [m/s, m/s², m/s³]; beyond it the drives exceed their rated torque."""
+SPEED, ACCELERATION, JERK = 1.5, 25.0, 1000.0  # fast profile's [m/s, m/s², m/s³]; beyond, drives exceed rated torque
 DECIMALS = 1e-8  # what the paper iterates to, 8 decimals; here of |h| [m]
 MOVING = 0.05  # a tool faster than this moves [m/s]
 ENOUGH = 6
@@ -32,8 +31,7 @@ ENOUGH = 6
 class Steps(NamedTuple):
     """Newton along a motion, one row a tick."""
 
-    residual: Vector
-    """|h| that the last tick's solution leaves at this tick's angles, then after each step, shape (n, 6) [m]."""
+    residual: Vector  # |h| that the last tick's solution leaves at this tick's angles, then after each step, (n, 6) [m]
     to_decimals: Vector  # steps until |h| <= 1e-8 m, shape (n,)
     to_tolerance: Vector  # steps until |h| <= 1e-10 m, what the law asks for, shape (n,)
 

@@ -61,10 +61,7 @@ class FolderUnusable(UserError):
 
 
 def save(name: str, result: FigureResult, folder: Path) -> dict[str, JsonValue]:
-    """Write ``figure-NAME.png`` and, beside it, the numbers as ``figure-NAME.json``; the folder is made if missing.
-
-    Returns:
-        What the JSON file holds.
+    """Write ``figure-NAME.png`` and, beside it, what is returned as ``figure-NAME.json``, to a folder made if missing.
 
     Raises:
         FolderUnusable: the folder cannot be written.

@@ -25,8 +25,7 @@ from vision.board.orientation import orient
 from vision.board.view import BoardNotFound
 from vision.hands.stillness import VideoGate
 
-LOOKED_THROUGH: Final = 200
-"""Frames at the beginning of a video in which the board is looked for: hands may be over it at first."""
+LOOKED_THROUGH: Final = 200  # first frames of a video in which the board is looked for: hands may be over it at first
 _PLY: Final = re.compile(r"ply-(\d+)")
 EVERY: Final = 5
 """One in so many of them is tried."""
@@ -42,11 +41,8 @@ class CornersFrom(StrEnum):
 def follow_folder(folder: Path, corners_from: CornersFrom, progress: Callable[[str], None]) -> VisionReport:
     """Follow the game in a folder; ``labels.json`` in it answers where it must be asked, and keeps the score.
 
-    Args:
-        folder: with pictures in the order of their names, each a settled view; or with one video; or of a recorded
-            game, or its frames.
-        corners_from: who says where the board is.
-        progress: told what is being done.
+    The folder has pictures in the order of their names, each a settled view; or one video; or it is that of a recorded
+    game, or of its frames. ``corners_from``: who says where the board is.
 
     Raises:
         UserError: there is nothing to be followed, or the labels are wrong.

@@ -23,8 +23,7 @@ from vision.reading.observer import Observation, Observer
 from vision.reading.outcome import ReadingOutcome
 from vision.reading.rectified_view import sight_of_picture
 
-PLIES: Final = 2
-"""A settled view may be a move and its answer away from the one before: the other player answered at once."""
+PLIES: Final = 2  # a settled view may be two plies after the one before: the other player answered at once
 
 Line = tuple[chess.Move, ...]
 CornerSource = Callable[[Picture], Array]
@@ -204,12 +203,9 @@ class _FollowedGame:
 
 
 def follow(
-    pictures: Iterable[Picture],
-    labels: Labels | None,
-    corners: CornerSource,
-    progress: Callable[[str], None],
+    pictures: Iterable[Picture], labels: Labels | None, corners: CornerSource, progress: Callable[[str], None],
     start: chess.Board,
-) -> VisionReport:
+) -> VisionReport:  # fmt: skip
     """Follow a game in settled views from the position ``start``.
 
     The first picture is taken to show that; it is how the set is learnt. A wrong

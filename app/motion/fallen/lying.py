@@ -3,8 +3,6 @@
 Which way a piece lies is known in plan alone: it rests on the rim of its foot and on its head.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -66,9 +64,7 @@ NO_LOOSE_PIECES: Final = LoosePieces()
 
 
 def standing_near(crowd: Iterable[Obstacle], lying: Iterable[Lying], table: TableSettings) -> Crowd:
-    """What is in the way: pieces that stand, each where it stands, and others that lie, which count as rows of low
-    discs.
-    """
+    """What is in the way: pieces that stand, where they do, and others that lie, which count as rows of low discs."""
     stands = Crowd.of(crowd, table)
     rows, pieces = [stands.table], list(stands.pieces)
     for piece in lying:

@@ -5,8 +5,6 @@ above; and up from the board [m]. The piece rests on the inner rim of its foot a
 leans by a few degrees, until it is pressed flat.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

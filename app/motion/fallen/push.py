@@ -6,8 +6,6 @@ a pawn's foot on felt. One that lies is pushed through its centre of mass. Where
 camera can tell: nothing relies on it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -99,9 +97,7 @@ def find_nudge(
 
 
 def plan_nudge(planner: Planner, nudge: Nudge, scene: LoosePieces) -> Plan:
-    """Over to the piece, the push, and home; ``scene`` has all pieces on the table where they are. Raises
-    ``PlanRefused`` if it leads out of the workspace.
-    """
+    """To the piece, the push, and home, in a scene of all pieces; ``PlanRefused`` if it leads out of the workspace."""
     cell = planner.cell
     height = nudge.tips + cell.parameters.pads.half_height
     begin, end = cell.base([(*nudge.begin, height), (*nudge.end, height)])

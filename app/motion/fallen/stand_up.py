@@ -7,8 +7,6 @@ onto its foot by itself. All contacts push within the plane in which it turns, s
 friction of the pads against turning is in the way, as it is when a piece hangs between them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import replace

@@ -6,8 +6,6 @@ changes most. That suits corners that the tool slows down for. Past gentle ones 
 on a line, and the time of such a motion is the better parameter: its intervals are `divided`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from controller.model.compiled import SCALAR, TABLE, FloatArray, compiled, compiled_as

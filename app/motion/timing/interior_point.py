@@ -5,8 +5,6 @@ logarithmic barrier before each bound at the nodes, Newton's method with the Gau
 curvature, which is banded, and a line search that never leaves the inside.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

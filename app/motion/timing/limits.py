@@ -7,8 +7,6 @@ With u̇² = b(u) and r(u) the point of the path,
 so bounds on speed and acceleration are linear in b.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -204,9 +202,7 @@ def _way(low: float, high: float, acceleration: float, jerk: float) -> float:
 
 @compiled_as(SCALAR(SCALAR, SCALAR, SCALAR, SCALAR, SCALAR))
 def reachable(low: float, high: float, length: float, acceleration: float, jerk: float) -> float:
-    """The largest speed up to ``high`` that a line of a length [m] is long enough for from ``low`` [m/s], both without
-    acceleration along it.
-    """
+    """Largest speed up to ``high`` in a line's length [m] from ``low`` [m/s], both without acceleration along it."""
     if _way(low, high, acceleration, jerk) <= length:
         return high
     floor = low

@@ -1,7 +1,5 @@
 """Timed references: a path and its time law sampled at the tick, and what stands or glides straight on."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -44,9 +42,7 @@ class Segment:
 
 
 def along(path: Path, law: TimeParameterisation, tick: float) -> Segment:
-    """A path by its law, slowed down by less than a tick so that it ends with one: the last sample is exactly at its
-    end.
-    """
+    """A path by its law, slowed down by less than a tick so that it ends with one: the last sample is its end."""
     ticks = max(1, math.ceil(law.duration / tick - 1e-9))
     law = law.stretched(ticks * tick / law.duration)
     at = law.trace(path, tick * np.arange(1.0, ticks + 1.0))
@@ -109,9 +105,7 @@ _GROUPS = np.dtype({
 
 
 def to_samples(path: Segment, gains: Vector, finger_velocity: Vector) -> NDArray[Any]:
-    """Samples for the wire: of n rows, k_p [1/s²] and k_v [1/s] of each axis, (n, 6), and the fingers' velocity,
-    positive opening, (n,) [m/s].
-    """
+    """Samples for the wire: k_p [1/s²] and k_v [1/s] of each axis, (n, 6); fingers, opening positive, (n,) [m/s]."""
     samples = np.zeros(len(path), dtype=SAMPLE)
     groups = samples.view(_GROUPS)
     groups["motion"], groups["gains"] = path.table, gains

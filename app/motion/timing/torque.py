@@ -1,7 +1,5 @@
 """What torques a motion asks of the servomotors, by the inverse dynamics of the model."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Final
 
@@ -31,9 +29,7 @@ class TorqueModel:
         self._numbers = _numbers(parameters)
 
     def peak(self, motion: Segment) -> tuple[float, float]:
-        """The largest torque of a motion within reach, and the largest of what rest would take at the same places [N
-        m]; raises ``ValueError`` if it is out of reach.
-        """
+        """Largest torque of a motion, and that of rest at its places [N m]; ``ValueError`` if one is out of reach."""
         status, row, torque, holding = torque_demand(*self._numbers, np.ascontiguousarray(motion.table[::EVERY]))
         if status != OK:
             x, y, z = motion.position[EVERY * row].tolist()

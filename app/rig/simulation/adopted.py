@@ -1,7 +1,5 @@
 """Processes that another program started: watched and ended like children, though they are none."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

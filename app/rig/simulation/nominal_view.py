@@ -1,7 +1,5 @@
 """Where the board is in the pictures of the rig's own camera, as it is meant to hang: until it is calibrated."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from hardware.interfaces import Intrinsics

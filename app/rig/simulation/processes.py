@@ -1,7 +1,5 @@
 """What runs inside the processes that a rig starts, and inside ``touchmove controller``."""
 
-from __future__ import annotations
-
 import contextlib
 import subprocess
 import sys
@@ -169,9 +167,7 @@ def _bus(rig: RigFile, progress: Callable[[str], None]) -> Callable[[RobotParame
 
 
 def require_world(rig: RigFile, progress: Callable[[str], None]) -> None:
-    """Start the simulated world of a rig, unless one runs in its run directory; raises ``UserError`` if it does not
-    start.
-    """
+    """Start the world of a simulated rig, unless one runs in its run directory; ``UserError`` if it does not start."""
     if world_pid(rig.run_dir) is None:
         progress("starting the simulated world")
         _start_world(rig)
@@ -181,9 +177,7 @@ def require_world(rig: RigFile, progress: Callable[[str], None]) -> None:
 
 @contextlib.contextmanager
 def drives_of(rig: RigFile, progress: Callable[[str], None]) -> Iterator[Callable[[RobotParameters], ServoBus]]:
-    """What opens the drives of a rig; a simulated world has ended with them afterwards. Raises ``UserError`` if the
-    driver is not installed.
-    """
+    """What opens a rig's drives; a simulated world ends with them. ``UserError``: the driver is not installed."""
     with contextlib.suppress(FileExistsError):
         rig.run_dir.mkdir(mode=0o700, parents=True)
     yield _bus(rig, progress)

@@ -1,7 +1,5 @@
 """Rig files of simulations of our own: what a lab would write, with a free port, and ended with the game."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType

@@ -4,8 +4,6 @@
 running and the arm is at rest, however the game ends.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import signal

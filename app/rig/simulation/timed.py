@@ -1,7 +1,5 @@
 """A simulated rig in pace real with a punctual world: what benches and tests of time measure a controller on."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Callable, Iterator

@@ -6,8 +6,6 @@ alike and are lumped into one rod of the pair's mass. The flange only translates
 orientation), hence three slide joints; a ``connect`` constraint per arm closes the loop at the flange.
 """
 
-from __future__ import annotations
-
 import math
 
 import mujoco

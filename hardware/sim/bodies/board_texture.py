@@ -1,7 +1,5 @@
 """Wood as a picture: the board's squares with their grain."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Final
 

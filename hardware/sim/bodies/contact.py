@@ -10,8 +10,6 @@ not show in a rest, and hardly in a blow of something that weighs much more; but
 on a stiff spring: √(k / (m + M)) times the time step must stay well below 2.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -4,8 +4,6 @@ The finger is ISO/TS 15066's: a mass of 0.6 kg behind a spring of 75 N/mm. Free,
 does; clamped, it cannot move, as a hand on the table.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

@@ -9,8 +9,6 @@ Frame of the hand: origin in the middle between the fingertips, x along the pinc
 along the forearm, z up.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Final, NamedTuple

@@ -1,7 +1,5 @@
 """The printed marker on the tool, as it looks; nothing touches it."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

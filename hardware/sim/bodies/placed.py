@@ -1,7 +1,5 @@
 """Where pieces and board of a simulated world really stand."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

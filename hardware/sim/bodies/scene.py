@@ -1,7 +1,5 @@
 """Board, trays, boxes, pieces, light and camera as MuJoCo bodies; and the compiled model of the whole world."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -150,9 +148,7 @@ def _add_surroundings(spec: mujoco.MjSpec, table: TableSettings, offset: BoardOf
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:
-    """Lamps as ``LightSettings`` has them by default; the renderer sets them as they are
-    (``hardware.sim.render.lamps``).
-    """
+    """Lamps as ``LightSettings`` has them by default; the renderer sets them as they are (``render.lamps``)."""
     for lamp in lamps(LightSettings()):
         spec.worldbody.add_light(**asdict(lamp), ambient=[0.0, 0.0, 0.0])
     set_ambient(spec.visual.headlight, LightSettings())

@@ -5,8 +5,6 @@ a step of 0.88 ms cannot resolve it: two free pieces that knock against each oth
 after some ms here. Their impulses are right; their forces, which nobody feels, are not.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Final, NamedTuple
@@ -110,9 +108,7 @@ def give_stiffness(
 
 
 def _along_the_finger(pads: Pads) -> float:
-    """Force of a face along the finger axis by the depth along it, in stiffnesses of the face: it meets the stem
-    obliquely, and slides along it with friction.
-    """
+    """Share of a face's stiffness along the finger axis: it meets the stem obliquely, and slides with friction."""
     return math.cos(pads.groove_angle) ** 2 * (1.0 + pads.friction * math.tan(pads.groove_angle))
 
 

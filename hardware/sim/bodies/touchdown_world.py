@@ -1,7 +1,5 @@
 """A world for setting down a piece where the board is not as high as believed: one square stands out of it."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import mujoco

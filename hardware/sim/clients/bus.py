@@ -1,7 +1,5 @@
 """The servo bus of the simulated plant, as the controller process sees it."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import struct

@@ -1,7 +1,5 @@
 """Camera and clock of the simulated rig, as the app sees them."""
 
-from __future__ import annotations
-
 import json
 import math
 import socket
@@ -18,7 +16,7 @@ from hardware.sim.clients import wire
 from hardware.sim.render.renderer import HEIGHT, WIDTH, frame_path, load_pictures
 
 
-class SimClock(wire.Client):
+class SimClock(wire.WorldClient):
     """``Clock`` on plant time. Threads may share it: while one sleeps, the others wait."""
 
     def __init__(self, run_dir: Path) -> None:
@@ -128,9 +126,7 @@ def depth_stream(description: dict[str, Any]) -> DepthStream:
 
 
 def connect_camera(run_dir: Path, camera: str) -> tuple[socket.socket, dict[str, Any]]:
-    """Connect as a camera's client: the socket and the world's answer; raises ``HardwareError`` if no world answers, or
-    it has no such camera.
-    """
+    """The socket of a camera's client and the world's answer; ``HardwareError`` if there is none, or no such camera."""
     link, answer = wire.connect(run_dir, "camera")
     views = answer["views"]
     if camera not in views:

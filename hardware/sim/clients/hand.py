@@ -1,7 +1,5 @@
 """The simulated person as the app sees them: somebody who can be asked to do something at the board."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from hardware.interfaces import HardwareError
@@ -13,7 +11,7 @@ class HandRefused(HardwareError):
     """The person cannot do what was asked; the message says why."""
 
 
-class SimHand(wire.Client):
+class SimHand(wire.WorldClient):
     """The hand of a world, which withdraws once this is closed.
 
     Raises ``HardwareError`` if no world answers in the run directory, or it has no hand.

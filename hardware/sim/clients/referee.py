@@ -1,7 +1,5 @@
 """The referee of a simulated world: the only door to its ground truth."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +9,7 @@ from hardware.referee import PiecePose, RunSpeed, Truth
 from hardware.sim.clients import wire
 
 
-class SimReferee(wire.Client):
+class SimReferee(wire.WorldClient):
     """``Referee``: asks the world for the truth."""
 
     def __init__(self, run_dir: Path) -> None:

@@ -1,7 +1,5 @@
 """The board's camera as one sees it who watches the table while the arm moves."""
 
-from __future__ import annotations
-
 import json
 import threading
 from pathlib import Path

@@ -1,7 +1,5 @@
 """MuJoCo's own viewer on a world that runs: for people's eyes, as the film is. Nothing that plays can use it."""
 
-from __future__ import annotations
-
 import time
 import warnings
 from collections.abc import Callable

@@ -4,8 +4,6 @@ The socket keeps message borders (SEQPACKET). A client's first message is JSON w
 packed structs, all others JSON.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -189,7 +187,7 @@ def connect(run_dir: Path, role: str, timeout: float = 30.0) -> tuple[socket.soc
         raise HardwareError(f"no connection as {role}: {error}") from error
 
 
-class Client:
+class WorldClient:
     """A connection to the world of a run directory in a role, as of ``connect``."""
 
     def __init__(self, run_dir: Path, role: str) -> None:

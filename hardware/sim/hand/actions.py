@@ -4,8 +4,6 @@ Points are in the board frame, in the plane of the board (x, y) [m]. A person se
 only be near the piece that is meant.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Final, Literal
 

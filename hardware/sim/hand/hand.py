@@ -4,8 +4,6 @@ Nothing is put anywhere: the hand writes the targets of its servos and nothing e
 touch them. While it has nothing to do it may fall asleep, and then costs next to nothing.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Final

@@ -1,7 +1,5 @@
 """Ways of the hand over the board: high enough over pieces, and clear of the robot's tool. Pure functions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

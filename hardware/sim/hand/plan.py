@@ -3,8 +3,6 @@
 Pure functions. A person looks where neighbours and the robot are, and comes from the side where there is room.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

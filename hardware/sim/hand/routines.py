@@ -4,8 +4,6 @@ A routine yields motor programs; whoever runs it asks for the next one when the 
 that was missed is grasped again, and one that fell is noticed.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from typing import Final

@@ -5,8 +5,6 @@ obeys again. What the piece does then is up to contacts and gravity. The hold an
 seed, or named.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Final, Self
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How the simulated devices fall short of their data sheets; every seed another way. All zero: perfect devices."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -4,8 +4,6 @@ A world that ends in order leaves a snapshot; one that is killed leaves this. Th
 in turn, each with a check sum, so that whatever moment the world is killed in, one of them is whole.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os
@@ -127,9 +125,7 @@ class LiveState:
 
 
 def load_live_state(path: Path) -> Snapshot | None:
-    """Read what a world kept that was killed; None where there is no such file. Raises ``HardwareError`` if no slot of
-    the file is whole.
-    """
+    """What a world kept that was killed; None: no such file. Raises ``HardwareError`` if no slot of it is whole."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:

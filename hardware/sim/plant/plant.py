@@ -4,8 +4,6 @@ No state is written and no external force applied after the start: what happens,
 A tick is short, so sensors are read as plain numbers through views of MuJoCo's arrays, and drive status is an integer.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A world's last state on disk, from which another world goes on where it ended."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 from typing import Final, NamedTuple

@@ -4,8 +4,6 @@ Called from Python one after the other, reading and filtering takes as long as t
 called by its address, on the very model and data that Python sees.
 """
 
-from __future__ import annotations
-
 import ctypes
 import math
 from pathlib import Path
@@ -95,8 +93,6 @@ def advance(
 
 
 def constants_of(encoder_bits: int, tick: float, bandwidth: float) -> Array:
-    """Encoder counts for each rad, rad/s for each count in a tick [s], and share in a tick of the lag of a bandwidth
-    [rad/s].
-    """
+    """Encoder counts for each rad, rad/s for each count in a tick [s], share in a tick of a bandwidth's lag [rad/s]."""
     counts = 2.0**encoder_bits / (2.0 * math.pi)
     return np.array([counts, 1.0 / (counts * tick), 1.0 - math.exp(-bandwidth * tick)])

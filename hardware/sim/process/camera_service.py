@@ -4,8 +4,6 @@ A single frame lets plant time run until it is due. A stream takes frames of wha
 so do watchers (``hardware.sim.process.video_stream``), unless they wake the plant up.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 Nothing here ever waits for a visitor: one who stops reading, talks nonsense or says nothing only harms himself.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import select

@@ -53,9 +53,7 @@ class Construction(NamedTuple):
         )  # fmt: skip
 
     def plant(self, snapshot: Snapshot | None = None) -> Plant:
-        """The plant, from the start or from where another one ended; raises ``ValueError`` if the arm does not reach
-        home, or the snapshot is that of another world.
-        """
+        """The plant, new or from a snapshot; ``ValueError`` if home is out of reach, or that is of another world."""
         names = tuple(piece.name for piece in self.settings.pieces)
         flaws = Flaws(self.settings.randomisation.devices, self.settings.seed)
         boxes = self.settings.table.boxes()

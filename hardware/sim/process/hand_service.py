@@ -1,7 +1,5 @@
 """What the world does for whoever tells the simulated person what to do: role ``hand`` on the world's socket."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from hardware.sim.hand.actions import REQUEST, Perform

@@ -1,7 +1,5 @@
 """Every command that a world's drives were given, tick by tick: a run can be done again without a controller."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 from typing import Final
@@ -39,9 +37,7 @@ class Journal:
 
 
 class Replay:
-    """The journal in a run directory, done again on another plant; raises ``HardwareError`` if a world left none, or
-    half of one.
-    """
+    """The journal in a run directory, done again on another plant; ``HardwareError``: there is none, or half of one."""
 
     def __init__(self, run_dir: Path) -> None:
         path = run_dir / JOURNAL_FILE

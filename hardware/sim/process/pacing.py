@@ -1,7 +1,5 @@
 """Plant time against wall time: when ticks are due in pace real, and how fast they ran."""
 
-from __future__ import annotations
-
 import time
 
 CATCH_UP = 0.020
@@ -32,9 +30,7 @@ class Pacer:
 
 
 class SpeedMeter:
-    """How fast plant time runs against the wall, counted only while it runs: ``ticks``, and the ``wall`` time they took
-    [s].
-    """
+    """How fast plant time runs against the wall, while it runs: ``ticks``, and the ``wall`` time they took [s]."""
 
     def __init__(self) -> None:
         self.ticks = 0

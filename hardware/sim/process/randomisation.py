@@ -4,8 +4,6 @@ A range is half a width: ``board_shift = 0.002`` puts the board up to 2 mm off, 
 the parameters state. All zero, but for pieces that people put down: the world as believed.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
@@ -101,7 +99,7 @@ def draw(
     board, robot, lamp, view = (np.random.default_rng([seed, group]) for group in range(1, 5))
     shift = np.array([ranges.board_shift, ranges.board_shift, ranges.board_height]) * board.uniform(-1.0, 1.0, 3)
     return Draw(
-        stand(ranges, seed, pieces, table), _weighed(ranges, parameters, robot),
+        stand(ranges, seed, pieces, table), weighed(ranges.robot_mass, parameters, robot),
         BoardOffset(_triple(shift), float(ranges.board_turn * board.uniform(-1.0, 1.0))),
         _lit(ranges, light, lamp), _hung(ranges, camera, view),
     )  # fmt: skip
@@ -123,10 +121,11 @@ def stand(
     return tuple(standing)
 
 
-def _weighed(ranges: Randomisation, parameters: RobotParameters, rng: np.random.Generator) -> RobotParameters:
+def weighed(share: float, parameters: RobotParameters, rng: np.random.Generator) -> RobotParameters:
+    """Parameters of a robot with each of its masses wrong by up to a share, by its own."""
     inertia = parameters.inertia
     masses = ("proximal_mass", "distal_pair_mass", "flange_mass", "gripper_body_mass", "finger_mass")
-    factors = 1.0 + ranges.robot_mass * rng.uniform(-1.0, 1.0, len(masses))
+    factors = 1.0 + share * rng.uniform(-1.0, 1.0, len(masses))
     real = {name: getattr(inertia, name) * factor for name, factor in zip(masses, factors.tolist(), strict=True)}
     return parameters.model_copy(update={"inertia": inertia.model_copy(update=real)})
 

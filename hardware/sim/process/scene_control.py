@@ -1,7 +1,5 @@
 """What people around the table do to how it looks: they move the lamp, change the exposure, knock the camera."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +28,7 @@ class SceneControlService(Service):
         visitor.tell({"tick": self._plant.tick, "looks": self.looks.model_dump()})
 
 
-class SceneControl(wire.Client):
+class SceneControl(wire.WorldClient):
     """The client: changes light, exposure and the camera's mount while a world runs."""
 
     def __init__(self, run_dir: Path) -> None:

@@ -9,8 +9,6 @@ Each answer is the measurement at the present tick; then the plant advances unde
 controller computes from the measurement of tick k thus acts from tick k + 1 on, as on the paper's motion board.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import signal
@@ -105,8 +103,9 @@ class World:
         self._ending = False
 
     def run(self) -> None:
-        """Serve until the controller says goodbye or none comes, or SIGTERM; then rest and leave a snapshot. Raises
-        ``HardwareError`` if the cameras have no OpenGL.
+        """Serve until the controller says goodbye or none comes, or SIGTERM; then rest and leave a snapshot.
+
+        Raises ``HardwareError`` if the cameras have no OpenGL.
         """
         signal.signal(signal.SIGTERM, self._end)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the app decides when a world ends

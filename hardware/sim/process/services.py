@@ -1,7 +1,5 @@
 """What the world does for controllers, clocks and the referee; the cameras' service has a module of its own."""
 
-from __future__ import annotations
-
 import sys
 import time
 from dataclasses import asdict
@@ -91,9 +89,7 @@ class Drives(Service):
 
 
 class ClockService(Service):
-    """Plant time for those who ask, and for those who sleep until it has passed; ``due`` is when the next of them wakes
-    up.
-    """
+    """Plant time for those who ask, and for those who sleep until it has passed; ``due``: the next of them wakes up."""
 
     def __init__(self, facts: dict[str, Any], plant: Plant) -> None:
         super().__init__(facts)

@@ -1,7 +1,5 @@
 """What a simulated world is made of; written by the app into the run directory, read by the world's process."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Self
 

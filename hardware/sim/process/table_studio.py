@@ -3,8 +3,6 @@
 Nothing moves and no physics runs: the renderer alone draws, so a picture costs a third of a second.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ about a frame is done before the next tick. In pace real a frame that is drawn l
 time for is left out.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -19,9 +19,7 @@ Tint = tuple[Fraction, Fraction, Fraction]
 
 
 class LightSettings(FrozenFinite):
-    """A lamp beside the table (the key light), a weaker one across from it that throws no shadow, and light from all
-    around.
-    """
+    """A lamp (the key light), a weaker one across from it that throws no shadow, and light from all around."""
 
     direction: Vector = (0.9, 0.5, 1.0)
     """From the middle of the board towards the lamp; its length does not matter."""

@@ -1,7 +1,5 @@
 """Where the board's camera really hangs, in the renderer's own model."""
 
-from __future__ import annotations
-
 import math
 
 import mujoco

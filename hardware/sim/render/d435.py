@@ -4,8 +4,6 @@ Frames: each sensor's own, as OpenCV's (x right, y down, z along the view). Seen
 line: colour, 15 mm to the right the left imager, 50 mm further the right imager. All look the same way.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """The renderer's process: draws the world at given joint positions into a file, until its socket closes."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket
@@ -134,9 +132,7 @@ class SceneDrawer:
         file[:DEPTH_BYTES] = units.view(np.uint8).ravel()
 
     def _glimpse(self, sensor: Sensor) -> NDArray[np.uint16]:
-        """Coarse depth. Glare is left out, which would take four times as long: what glares is the board itself, and
-        who looks like this asks what is before it.
-        """
+        """Coarse depth without glare, which takes four times as long: the board glares, not what is before it."""
         depth, camera = self._see_depth(DEPTH_WIDTH // GLANCE, DEPTH_HEIGHT // GLANCE), sensor.camera
         if not camera.noise:
             return whole_units(depth, camera.depth_unit)

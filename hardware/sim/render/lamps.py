@@ -1,7 +1,5 @@
 """The light over the table as MuJoCo has it: lamps, each a spot that shines on the middle of the board."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -48,9 +46,7 @@ def set_lamps(model: mujoco.MjModel, light: LightSettings) -> None:
 
 
 def set_ambient(headlight: Any, light: LightSettings) -> None:
-    """Light from everywhere. MuJoCo's headlight, which nothing shades, gives this and nothing else: the camera bears no
-    lamp.
-    """
+    """Light from everywhere: all that MuJoCo's headlight, which nothing shades, gives; the camera bears no lamp."""
     headlight.ambient = [light.ambient] * 3
     headlight.diffuse = headlight.specular = [0.0, 0.0, 0.0]
 

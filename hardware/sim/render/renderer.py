@@ -4,8 +4,6 @@ The world sends joint positions over an inherited socket; pictures go into a fil
 camera's client maps, and a short answer says which.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import socket
@@ -92,9 +90,7 @@ def frame_path(run_dir: Path, slot: int) -> Path:
 
 
 def make_slot(run_dir: Path, slot: int) -> None:
-    """Make a slot's file, and see that there is room for its frames: who drew where none is left would be killed;
-    raises ``OSError`` if there is none.
-    """
+    """Make a slot's file with room for its frames (who drew without would be killed); ``OSError`` if there is none."""
     with frame_path(run_dir, slot).open("ab") as file:
         os.posix_fallocate(file.fileno(), 0, FRAME_BYTES)
 
@@ -153,9 +149,7 @@ class Renderer:
             )  # fmt: skip
 
     def _start_again(self) -> None:
-        """Replace a process that has ended, and ask the new one for what the old one owed; raises ``HardwareError`` if
-        it ends again and again.
-        """
+        """Another process, asked for what the last one owed; raises ``HardwareError`` where it ends again and again."""
         while True:
             self._deaths += 1
             if self._deaths >= MOST_DEATHS:
@@ -176,9 +170,7 @@ class Renderer:
         return self._process.pid
 
     def wait_ready(self) -> None:
-        """Block until the first picture could be drawn; raises ``HardwareError`` if there is no OpenGL here, or it ends
-        again and again.
-        """
+        """Block until it can draw; raises ``HardwareError`` if there is no OpenGL, or it ends again and again."""
         while True:
             self._link.settimeout(START_TIMEOUT)
             answer, stuck = b"", False
@@ -197,9 +189,7 @@ class Renderer:
             self._start_again()  # it was killed
 
     def request(self, shot: RenderRequest, positions: NDArray[np.float64]) -> None:
-        """Ask for a picture of the world at these joint positions; raises ``HardwareError`` if the renderer ends again
-        and again, or is stuck.
-        """
+        """Ask for a picture at joint positions; raises ``HardwareError`` if it ends again and again, or is stuck."""
         self._owed.append(pack_request(shot, positions))
         try:
             self._link.send(self._owed[-1])

@@ -153,9 +153,7 @@ def occluded(disparity: Field) -> NDArray[np.bool_]:
 
 
 def correlated(rng: np.random.Generator, shape: tuple[int, ...], length: float) -> Field:
-    """A Gaussian field (h, w) of mean 0 and standard deviation 1: white noise, blurred over a ``length`` (standard
-    deviation) [px].
-    """
+    """Gaussian field (h, w), mean 0, standard deviation 1: white noise, blurred by a Gaussian of a ``length`` [px]."""
     noise = _white(rng, shape)
     reach = max(1, math.ceil(3.0 * length))
     gaussian = np.asarray(cv2.getGaussianKernel(2 * reach + 1, length, cv2.CV_32F), dtype=np.float32)

@@ -1,7 +1,5 @@
 """Pictures of a model at given joint positions: no world runs and nothing moves, the renderer alone draws."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Final, Self

@@ -13,14 +13,17 @@ import pytest
 
 from app.execution.carrier import Carrier
 from app.execution.interruption import BoardTouched
+from app.execution.permission import WENT_ON
 from app.execution.recovery_plans import Blocked
-from app.execution.state import Clearance, Devices, Job
+from app.execution.state import Attendant, Clearance, Devices, Job
+from app.game.person import UnattendedAttendant
 from app.motion import Motion, MotionSettings, Plan
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
 from app.records import GameRecord, GameSetup
-from app.rig.arm import ArmAtRest, Outcome
+from app.records.events import TroubleEvent
+from app.rig.arm import ArmAtRest, ArmStopped, Outcome
 from app.terminal.interface import UserInterface
 from hardware.parameters import load_parameters
 from hardware.table import Place, TableSettings
@@ -33,22 +36,32 @@ HOME = np.array(MOTION.home)
 
 
 class Arm:
-    """Follows on paper what it is told to."""
+    """Follows on paper what it is told to; where ``presses`` are left, somebody presses STOP half way of a plan."""
 
     lead_ticks = 8
 
-    def __init__(self, at: Any = HOME) -> None:
+    def __init__(self, at: Any = HOME, presses: int = 0) -> None:
         self.at, self.done = np.array(at), list[str]()
+        self.stopped, self.presses = False, presses
 
     def state(self) -> ArmAtRest:
         return ArmAtRest(self.at, 0.01, 0)
 
     settle = state
 
+    def release(self) -> None:
+        self.stopped = False
+
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
+        assert not self.stopped, "nobody has said 'go'"
         for motion in plan.motions:
             if begin is not None:
                 begin(motion)
+        if self.presses:
+            self.presses, self.stopped = self.presses - 1, True
+            samples = plan.motions[0].samples
+            self.at = np.array(samples[len(samples) // 2][0])
+            raise ArmStopped
         self.at = np.array(plan.motions[-1].samples[-1][0])
         self.done.append(plan.label)
         return Outcome(1.0, 1.0, 1.0, 100)
@@ -66,11 +79,24 @@ class Guard:
         self.arrivals += 1
 
 
-def carrier_of(arm: Arm, guard: Guard | None, folder: Path) -> tuple[Carrier, GameRecord]:
+class Going:
+    """An ``Attendant`` who says 'go' at once."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def wait_for_go(self, sentence: str) -> None:
+        self.asked += 1
+
+
+def carrier_of(
+    arm: Arm, guard: Guard | None, folder: Path, attendant: Attendant | None = None
+) -> tuple[Carrier, GameRecord]:
     clock: Any = SimpleNamespace(now=lambda: 0.0)
     record = GameRecord.begin(folder / "game", GameSetup("a", "b", 1, "fast"), chess.Board(), STANDS, 0.0)
     devices: Any = Devices(arm, clock, None, None, guard)  # type: ignore[arg-type]
-    return Carrier(devices, record, UserInterface(), MOTION, PARAMETERS), record
+    attendant = attendant or UnattendedAttendant(None, UserInterface())
+    return Carrier(devices, record, UserInterface(), MOTION, PARAMETERS, attendant), record
 
 
 BISHOP = STANDS.at(Place.parse("c1"))
@@ -119,3 +145,48 @@ def test_an_arm_that_was_left_elsewhere_goes_home_and_one_at_home_stays(tmp_path
             carrier.bring_home(STANDS)
         assert len(arm.done) == ways
         assert np.allclose(arm.at, HOME, atol=1e-9)
+
+
+@pytest.mark.parametrize("what", ["push", "stand up", "bring home"])
+@pytest.mark.parametrize("presses", [1, 3])
+def test_what_somebody_stops_besides_carrying_ends_at_home_once_they_say_go(
+    tmp_path: Path, what: str, presses: int
+) -> None:
+    arm, going = Arm(HOME if what != "bring home" else HOME + np.array([0.03, -0.05, 0.02]), presses), Going()
+    carrier, record = carrier_of(arm, None, tmp_path, going)
+    with record:
+        if what == "push":
+            push = carrier.push_for([Blocked(LYING.piece.name, "white-pawn-c")], [LYING], STANDS, None)
+            carrier.push_aside(push, STANDS)
+        elif what == "stand up":
+            free = MisplacedPiece(LYING.piece, LYING.target, Pose(0.02, 0.01, 0.3))
+            assert carrier.stand_up(free, [free], STANDS, None) is None, "the camera tells how far it came"
+        else:
+            carrier.bring_home(STANDS)
+        troubles = [event for event in record.events if isinstance(event, TroubleEvent)]
+    assert arm.done == ["home"]
+    assert np.allclose(arm.at, HOME, atol=1e-9)
+    assert going.asked == presses
+    assert [(one.kind, one.sentence) for one in troubles] == [("stopped", WENT_ON)] * presses
+    assert carrier.untouched
+    assert not carrier.midway
+
+
+@pytest.mark.parametrize("what", ["carry", "push", "stand up"])
+def test_what_was_planned_before_a_stop_is_planned_anew_after_another_look(tmp_path: Path, what: str) -> None:
+    """Who presses STOP may have a reason on the board, and may have put it right by hand."""
+    arm, going = Arm(), Going()
+    carrier, record = carrier_of(arm, None, tmp_path, going)
+    arm.stopped = True
+    seen, free = Clearance(arrivals=0), MisplacedPiece(LYING.piece, LYING.target, Pose(0.02, 0.01, 0.3))
+    ply = transfers(chess.Board(), chess.Move.from_uci("e2e4"), STANDS)
+    acts: dict[str, Callable[[], object]] = {
+        "carry": lambda: carrier.carry(Job("e4", ply.transfers, uci=ply.uci), STANDS, seen=seen),
+        "push": lambda: carrier.push_for([Blocked(LYING.piece.name, "white-pawn-c")], [LYING], STANDS, seen),
+        "stand up": lambda: carrier.stand_up(free, [free], STANDS, seen),
+    }
+    with record, pytest.raises(BoardTouched):
+        acts[what]()
+    assert carrier.untouched
+    assert arm.done == []
+    assert (going.asked, arm.stopped) == (1, False)

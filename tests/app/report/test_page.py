@@ -19,14 +19,16 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from app.cli import app
-from app.pieces.inventory import MoveKind
-from app.records import PlyEvent, RecordError, read_events
+from app.pieces.inventory import MoveKind, Transfer
+from app.records import PlyEvent, PlyOutcome, RecordError, read_events
+from app.records.events import Purpose
 from app.report import REPORT_PAGE, report_page, write_report_pages
 from app.report.markup import Html, tag
 from app.report.pictures import MOST, MOST_OF_TROUBLE, evenly
 from app.report.source import read_source
 from hardware.parameters import RobotParameters, load_parameters
-from tests.app.report.conftest import EVERY_KIND, LINE_OF_EVERY_KIND, PlayedGame
+from hardware.table import Place
+from tests.app.played_game import EVERY_KIND, LINE_OF_EVERY_KIND, PlayedGame
 
 VOID = {"meta", "img", "br", "hr", "col"}
 SHUFFLE = "Nf3 Nf6 Ng1 Ng8 "
@@ -167,6 +169,19 @@ def test_squares_show_the_farthest_placement_and_whether_a_hand_did_it(tmp_path:
     titles = [text for text in page.said("title") if "white-knight-g on" in text]
     assert titles == ["ply 3, white-knight-g on g1: 4.250 mm", "ply 5, white-knight-g on f3: 0.500 mm"]
     assert [one["class"] for one in page.all("rect") if one.get("class", "").endswith("by-hand")] == ["q5 by-hand"]
+
+
+def test_a_set_up_is_nothing_that_went_wrong(tmp_path: Path) -> None:
+    game = PlayedGame(tmp_path / "game")
+    pawn = game.inventory.find("white-pawn-e")
+    game.record.task(Purpose.SET_UP, "set the board up", [Transfer.of(pawn, Place.parse("e3"))], 2.0)
+    moved = game.inventory.after_all([Transfer.of(pawn, Place.parse("e3"))])
+    game.record.task_done(moved, PlyOutcome(real=1.5, physical_ok=True), 4.0)
+    game.record.end("*", "set up", 4.0)
+    page = page_of(game.record.folder)
+    assert "Nothing went wrong" in page.text
+    assert "Set the board up. The arm set out: white pawn e from e2 to e3." in page.text
+    assert "Done by the arm in 1.50 s. All pieces then stood where they should." in page.text
 
 
 def test_what_went_wrong_is_told_in_sentences(tmp_path: Path) -> None:

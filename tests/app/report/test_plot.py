@@ -16,7 +16,7 @@ from app.report.plot import PlotArea, nice_ticks, number
 from app.report.source import read_source
 from controller.protocol.layout import TELEMETRY, Flag
 from controller.protocol.messages import Telemetry
-from tests.app.report.conftest import PlayedGame
+from tests.app.played_game import PlayedGame
 
 TICK = 0.00088
 BLANK = Telemetry.unpack(bytes(TELEMETRY.size))

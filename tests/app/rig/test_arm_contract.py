@@ -11,15 +11,18 @@ import pytest
 
 from app.motion import Motion, MotionSettings, Plan, Planner
 from app.pieces.inventory import Inventory, Ply, Stage
+from app.pieces.judging import judge
 from app.pieces.layout import start_layout
 from app.pieces.manipulation import transfers
-from app.rig.arm import FELT, GAVE_WAY, Arm, ArmGaveWay
+from app.rig.arm import FELT, GAVE_WAY, Arm, ArmGaveWay, ArmStopped
 from app.rig.board import BoardRig
 from app.rig.devices import Rig
 from app.rig.rig_file import WorldSection
 from app.rig.simulation.settings import own_rig
 from app.rig.simulation.sim import SimRig
 from controller.protection.limits import REACTIONS, Reaction
+from controller.wire.address import find_controller
+from controller.wire.listener import TelemetryWatch
 from hardware.interfaces import Pace
 from hardware.parameters import load_parameters
 from hardware.sim.clients.hand import SimHand
@@ -108,6 +111,40 @@ def test_an_arm_that_is_pushed_gives_way_and_goes_on_when_told_to(rig: Rig) -> N
     np.testing.assert_allclose(arm.state().position, home, atol=2e-3)
 
 
+def test_an_arm_that_somebody_stops_keeps_what_it_holds_and_goes_on_when_it_is_released(rig: Rig) -> None:
+    """With a piece in its fingers, which it then sets down again; STOP comes from a listener, as of a page."""
+    if not isinstance(rig, SimRig):
+        assert not rig.arm.stopped
+        rig.arm.release()
+        pytest.skip("nobody stops an arm of paper")
+    arm = rig.arm
+    ply = transfers(BOARD, chess.Move.from_uci("a2a3"), INVENTORY)
+    plan = planned(arm, ply, INVENTORY)
+    with TelemetryWatch(*find_controller(rig._run_dir)) as watch:
+
+        def begin(motion: Motion) -> None:
+            if motion.stage is Stage.CARRY:
+                watch.stop(60.0)
+
+        with pytest.raises(ArmStopped, match="somebody pressed STOP: say 'go' when the arm may move again"):
+            arm.execute(plan, begin)
+    held = arm.settle()
+    assert arm.stopped
+    assert held.felt >= FELT
+    planner = Planner.of(MOTION, PARAMETERS, TABLE, held.reference, held.finger, arm.lead_ticks)
+    rest = planner.ply(ply.san, ply.transfers, INVENTORY, holding=True, low=True)
+    arm.resume()
+    with pytest.raises(ArmStopped):
+        arm.execute(rest)
+    arm.release()
+    assert not arm.stopped
+    arm.execute(rest)
+    assert arm.state().felt < FELT
+    assert rig.referee is not None
+    truth, _ = rig.referee.look()
+    assert judge(truth, INVENTORY.after(ply)).errors["white-pawn-a"] < 1e-3
+
+
 def test_causes_after_which_the_controller_admits_no_motion_are_known_here() -> None:
     held = {cause for cause, reaction in REACTIONS.items() if reaction in (Reaction.COMPLIANT, Reaction.LET_GO)}
     assert held == GAVE_WAY
@@ -115,4 +152,4 @@ def test_causes_after_which_the_controller_admits_no_motion_are_known_here() -> 
 
 def test_an_arm_has_few_verbs(rig: Rig) -> None:
     verbs = {name for name in dir(rig.arm) if not name.startswith("_") and callable(getattr(rig.arm, name))}
-    assert verbs == {"state", "settle", "resume", "execute"}
+    assert verbs == {"state", "settle", "resume", "release", "execute"}

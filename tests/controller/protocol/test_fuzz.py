@@ -12,7 +12,16 @@ import numpy as np
 import pytest
 
 from controller.protocol.envelope import Drop, Envelope
-from controller.protocol.layout import COMMAND, HEARTBEAT, PAYLOADS, SAMPLE, CommandCode, DatagramKind
+from controller.protocol.layout import (
+    COMMAND,
+    HEARTBEAT,
+    PAYLOADS,
+    RELEASE,
+    SAMPLE,
+    STOP,
+    CommandCode,
+    DatagramKind,
+)
 from controller.protocol.messages import AdmitSpeed, Announce, Hello, MotionFlag, Samples, Welcome
 from controller.wire.endpoint import Endpoint
 
@@ -26,6 +35,8 @@ FROM_CLIENT = (
     DatagramKind.ANNOUNCE,
     DatagramKind.SAMPLES,
     DatagramKind.WATCH,
+    DatagramKind.STOP,
+    DatagramKind.RELEASE,
 )
 
 
@@ -48,6 +59,8 @@ class House:
             (DatagramKind.ADMIT_SPEED, AdmitSpeed(1.5, 900, (0.0, 0.0, 1.0, -0.3) * 4).pack()),
             (DatagramKind.ANNOUNCE, Announce(1, 1000, 10, MotionFlag.NONE).pack()),
             (DatagramKind.SAMPLES, Samples(1, 0, np.zeros(10, SAMPLE)).pack()),
+            (DatagramKind.STOP, STOP.struct.pack(0)),
+            (DatagramKind.RELEASE, RELEASE.struct.pack(1)),
         ):
             self.recorded.append(self.seal(kind, payload))
             assert self.admit(self.recorded[-1]) is None
@@ -111,6 +124,7 @@ def test_a_million_hostile_datagrams_have_no_effect_and_leave_nothing_behind(hou
     assert house.door._session == SESSION
     assert house.door._client == CLIENT
     assert house.door.listeners == 0
+    assert not house.door.pressed()
     assert counted == 50 * len(batch) == 1_000_000
     assert after - before < 10_000
     assert house.admit(house.seal(DatagramKind.HEARTBEAT, HEARTBEAT.struct.pack(4))) is None
@@ -125,6 +139,7 @@ def test_whoever_has_the_key_but_not_the_lease_commands_nothing(house: House) ->
         session = rng.choice((0, rng.randrange(1 << 64)))
         house.admit(house.envelope.seal(kind, session, rng.randrange(1, 1 << 40), rng.randbytes(size)), STRANGER)
     assert house.heard == []
+    assert not house.door.pressed()
     assert house.door._session == SESSION
 
 

@@ -59,12 +59,14 @@ def test_sizes_are_what_a_c_client_compiled_in() -> None:
         "HEARTBEAT": 4,
         "COMMAND": 2,
         "ADMIT_SPEED": 144,
+        "STOP": 8,
+        "RELEASE": 8,
         "ANNOUNCE": 18,
         "SAMPLES": 10,
         "CHALLENGE": 8,
         "WELCOME": 17,
         "BUSY": 62,
-        "TELEMETRY": 400,
+        "TELEMETRY": 408,
     }
     assert HEADER.size + SAMPLES.size + SAMPLES_PER_DATAGRAM * SAMPLE.itemsize + TAG_SIZE <= MAX_DATAGRAM
 

@@ -1,4 +1,7 @@
-"""Read-only listeners: they hear everything, command nothing, and cost little; recorded datagrams open nothing."""
+"""Listeners: they hear everything, command nothing, and cost little; recorded datagrams open nothing.
+
+That they may stop the arm is in ``test_stop``.
+"""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def test_all_of_a_capsule_lies_in_its_mask(
     directions = np.random.default_rng(1).normal(size=(60, 12, 3))
     directions /= np.linalg.norm(directions, axis=2, keepdims=True)
     skin = (axis[:, None, :] + radius * directions).reshape(-1, 3)
-    capsule = Capsules.of([[start, end]], [radius])
+    capsule = Capsules([[start, end]], [radius])
     far_axis = axis[seen.depth(axis) > NEAREST + radius]
     kept = np.repeat(seen.depth(axis) > NEAREST + radius, 12)
     for points, grow in ((far_axis, 0), (skin[kept], 1)):  # the middle of a pixel may lie just outside of its skin
@@ -64,7 +64,7 @@ def test_margins_only_add(
     margin: float,
     grow: int,
 ) -> None:
-    capsules = Capsules.of([[start, end]], [radius])
+    capsules = Capsules([[start, end]], [radius])
     assert not (draw_mask(seen, capsules) & ~draw_mask(seen, capsules, grow=grow)).any()
     nearest, farthest = sorted(seen.depth([start, end]))
     if nearest > NEAREST + radius + margin:
@@ -77,21 +77,21 @@ def test_a_ball_below_the_camera_is_a_disc_of_the_size_that_optics_say() -> None
     pose = np.diag([1.0, -1.0, -1.0, 1.0])
     pose[2, 3] = 1.0
     seen = BoardView(Intrinsics(640, 480, 1000.0, 1000.0, 319.5, 239.5), pose, TableSettings())
-    mask = draw_mask(seen, Capsules.of([[[0, 0, 0.5], [0, 0, 0.5]]], [0.1]))
+    mask = draw_mask(seen, Capsules([[[0, 0, 0.5], [0, 0, 0.5]]], [0.1]))
     radius = 1000.0 * math.tan(math.asin(0.1 / 0.5))
     assert np.count_nonzero(mask) == pytest.approx(math.pi * radius**2, rel=0.03)
 
 
 def test_what_lies_behind_the_camera_is_not_drawn() -> None:
     seen = view(0.0, 0.4, 0.4)
-    behind = Capsules.of([[[0.0, 0.9, 0.6], [0.1, 1.2, 0.6]]], [0.02])
+    behind = Capsules([[[0.0, 0.9, 0.6], [0.1, 1.2, 0.6]]], [0.02])
     assert len(behind) == 1
     assert not draw_mask(seen, behind).any()
-    assert not draw_mask(seen, Capsules.of(np.zeros((0, 2, 3)), np.zeros(0))).any()
+    assert not draw_mask(seen, Capsules(np.zeros((0, 2, 3)), np.zeros(0))).any()
 
 
 def test_nonsense_is_refused() -> None:
     with pytest.raises(ValueError, match=re.escape("ends of shape (2, 3) and radii of shape (1,): give (n, 2, 3)")):
-        Capsules.of(np.zeros((2, 3)), [0.1])
+        Capsules(np.zeros((2, 3)), [0.1])
     with pytest.raises(ValueError, match="not finite, or a negative radius: give metres"):
-        Capsules.of(np.zeros((1, 2, 3)), [-0.1])
+        Capsules(np.zeros((1, 2, 3)), [-0.1])

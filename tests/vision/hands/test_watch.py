@@ -401,8 +401,8 @@ def test_a_hand_before_or_behind_the_arms_outline_is_seen_and_the_arm_is_not() -
     """The outline of something known covers all of the board here; only what is within it in space is left out."""
     scene, everywhere = Scene(), np.ones((480, 640), dtype=np.bool_)
     hand = (0.02, 0.0, 0.10)
-    slab = Capsules.of([[[0.02, -0.16, 0.10], [0.02, -0.14, 0.10]]], [0.17])
-    far = Capsules.of([[[0.02, 0.25, 0.30], [0.10, 0.25, 0.30]]], [0.05])
+    slab = Capsules([[[0.02, -0.16, 0.10], [0.02, -0.14, 0.10]]], [0.17])
+    far = Capsules([[[0.02, 0.25, 0.30], [0.10, 0.25, 0.30]]], [0.05])
     for bodies, seen_then in ((None, False), (slab, False), (far, True)):
         watch = Watch()
         for _ in range(3):

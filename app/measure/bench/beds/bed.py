@@ -37,31 +37,18 @@ _BOOT_TICKS: Final = 400
 
 
 class Bed:
-    """A test bed: a controller and its plant, up to where the arm holds.
-
-    Args:
-        plant: arm and what stands around it.
-        table: from which the limits of the protection follow, and by which motions are planned.
-        settings: by which motions are planned.
-        law: estimator and law; by default a new one.
-        listeners: called after every tick.
-
-    Attributes:
-        supervisor: states, protection, law.
-        listeners: called after every tick; may be added to.
+    """A test bed: a controller and its plant, up to where the arm holds. From the table follow the limits of the
+    protection; by it and the settings motions are planned. ``listeners`` are called after every tick, and may be added
+    to.
 
     Raises:
         RuntimeError: the arm does not get so far as to hold.
     """
 
     def __init__(
-        self,
-        plant: Plant,
-        table: TableSettings,
-        settings: MotionSettings | None = None,
-        law: TaskSpaceController | None = None,
-        listeners: Sequence[Callable[[Supervisor], None]] = (),
-    ) -> None:
+        self, plant: Plant, table: TableSettings, settings: MotionSettings | None = None,
+        law: TaskSpaceController | None = None, listeners: Sequence[Callable[[Supervisor], None]] = (),
+    ) -> None:  # fmt: skip
         self.plant, self.table, self.settings = plant, table, settings or MotionSettings()
         self.parameters = plant.parameters
         law = law or TaskSpaceController(DeltaModel(self.parameters))
@@ -150,13 +137,9 @@ def straight(start: Vector, end: Vector, bounds: Bounds, frequency: float, tick:
 
 
 def plant_of(
-    standing: tuple[StandingPiece, ...],
-    table: TableSettings,
-    settings: MotionSettings,
-    flaws: Flaws | None = None,
-    *,
+    standing: tuple[StandingPiece, ...], table: TableSettings, settings: MotionSettings, flaws: Flaws | None = None, *,
     looks: bool = False,
-) -> Plant:
+) -> Plant:  # fmt: skip
     """The plant of a test bed with these pieces on its table and the arm at home; flaws as of ``Plant``.
 
     With ``looks`` as in a game, whose motion differs in its last digits from that of a bare world.

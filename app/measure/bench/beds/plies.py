@@ -25,8 +25,9 @@ from app.pieces.manipulation import transfers
 from controller.law.task_space import TaskSpaceController
 from controller.model.constants import DeltaModel
 from hardware.interfaces import Triple
-from hardware.parameters import RobotParameters, load_parameters
+from hardware.parameters import load_parameters
 from hardware.sim.bodies.placed import StandingPiece
+from hardware.sim.process.randomisation import weighed
 from hardware.table import PieceSpec, TableSettings
 
 PLIES_A_WORLD: Final = 6
@@ -67,7 +68,7 @@ class GameBed(Bed):
         self.board = board
         self.inventory = Inventory.of(start_layout(board, table), table)
         standing = stand_off(tuple(self.inventory), table, disorder, rng)
-        law = TaskSpaceController(DeltaModel(believed(load_parameters(), disorder, rng)))
+        law = TaskSpaceController(DeltaModel(weighed(disorder.mass_error, load_parameters(), rng)))
         super().__init__(plant_of(standing, table, settings, looks=True), table, settings, law)
         self.moved: set[str] = set()
         self._torques: list[Triple] = []
@@ -142,16 +143,6 @@ def stand_off(
     return tuple(standing)
 
 
-def believed(parameters: RobotParameters, disorder: Disorder, rng: np.random.Generator) -> RobotParameters:
-    """Parameters with every mass wrong by its own share."""
-    inertia = parameters.inertia
-    masses = ("proximal_mass", "distal_pair_mass", "flange_mass", "gripper_body_mass", "finger_mass")
-    wrong = {
-        name: getattr(inertia, name) * float(1.0 + disorder.mass_error * rng.uniform(-1.0, 1.0)) for name in masses
-    }
-    return parameters.model_copy(update={"inertia": inertia.model_copy(update=wrong)})
-
-
 def positions(seed: int) -> Iterator[chess.Board]:
     """Positions of games of random legal moves, without end, in none of which the game is over."""
     rng = random.Random(seed)
@@ -166,20 +157,14 @@ def positions(seed: int) -> Iterator[chess.Board]:
 
 
 class Games:
-    """Plies of random games under the same circumstances, carried out until so many transfers are done.
-
-    Attributes:
-        done: in order; each world's follow each other.
-        failures: sentences about plies that were not carried out.
-        worlds: how many plies each world did.
-    """
+    """Plies of random games under the same circumstances, carried out until so many transfers are done."""
 
     def __init__(
         self, transfers_wanted: int, settings: MotionSettings, table: TableSettings, disorder: Disorder, seed: int
     ) -> None:
-        self.done: list[Done] = []
-        self.failures: list[str] = []
-        self.worlds: list[int] = []
+        self.done: list[Done] = []  # in order; each world's follow each other
+        self.failures: list[str] = []  # sentences about plies that were not carried out
+        self.worlds: list[int] = []  # how many plies each world did
         rng, made = random.Random(seed), 0
         for number, board in enumerate(positions(seed)):
             if made >= transfers_wanted:

@@ -234,10 +234,7 @@ def action_rows(quick: bool, progress: Progress) -> dict[str, Row]:
                 progress(f"set-up {seed}, {sort}{', ACCEPTED' if bad else ''}{'' if named else ', squares not named'}")
             if len(accepted) >= count:
                 break
-    return {
-        "action accepted": row(accepted, "1", 0.0, "max"),
-        "action unnamed": row(unnamed, "1", 0.0, "mean"),
-    }
+    return {"action accepted": row(accepted, "1", 0.0, "max"), "action unnamed": row(unnamed, "1", 0.0, "mean")}
 
 
 def _line(seed: int) -> list[chess.Move]:

@@ -94,13 +94,10 @@ class RandomTable:
     """A set of pieces on board and trays, each off its place and turned, as a person would put it down.
 
     They are off by up to ``off`` along both axes [m]; the seed decides how.
-
-    Attributes:
-        poses: how each piece stands, by name.
     """
 
     def __init__(self, table: TableSettings, off: float, seed: int) -> None:
-        self.poses: Mapping[str, PlacedPiece] = {}
+        self.poses: Mapping[str, PlacedPiece] = {}  # how each piece stands, by name
         self._places: Mapping[str, Place] = {}
         self._table, self._off = table, off
         self._rng = np.random.default_rng([seed, 77])

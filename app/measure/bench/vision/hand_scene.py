@@ -51,8 +51,7 @@ LOOKS: Final = Randomisation(
 """What differs from world to world; the camera's mount by what a calibration leaves."""
 INTERVAL: Final = 1.0 / 30.0  # from frame to frame [s]
 TIMEOUT: Final = 240.0  # for anything that is waited for [s, wall]
-_EVERY: Final = 0.006
-"""Plant time between two questions to the referee [s]: each takes the world as long as several ticks."""
+_EVERY: Final = 0.006  # plant time between questions to the referee [s]: each takes the world as long as several ticks
 _GLANCE: Final = 0.001  # how often it is seen whether so much has passed [s, wall]
 _T = TypeVar("_T")
 
@@ -117,15 +116,8 @@ class HandScene:
             moved = True
         return None
 
-    def rested(self, since: float) -> float | None:
-        """When the arm came to rest, if it has moved after a plant time and moves no more [s]; None: it still moves."""
-        return self._ended(since, (State.TRACK, State.STOPPING))
-
-    def left_off(self, since: float) -> float | None:
-        """When the arm left off its motion, by a stop or by giving way [s]; None: it follows it still."""
-        return self._ended(since, (State.TRACK,))
-
-    def _ended(self, since: float, states: tuple[State, ...]) -> float | None:
+    def ended(self, since: float, *states: State) -> float | None:
+        """When the arm left the last of some states that it has been in after a plant time [s]; None: it is in one."""
         tick = self.parameters.drive.tick
         told = [one for one in list(self.telemetry) if one.tick * tick >= since]
         within = [k for k, one in enumerate(told) if one.state in states]

@@ -26,6 +26,7 @@ from app.motion import Motion, Plan, Planner
 from app.pieces.manipulation import transfers
 from app.rig.arm import ArmGaveWay, ArmHeld
 from controller.protocol.causes import Cause
+from controller.protocol.states import State
 from controller.wire.errors import MotionRefused, MotionStopped
 from hardware.contact_limits import CONTACT_PROFILES
 from hardware.interfaces import HardwareError
@@ -198,22 +199,19 @@ def _note_stop(scene: HandScene, figures: HandFigures, follower: Follower, stopp
         # a hand that came when the motion was over, on a busy machine, counts for nothing and comes again
         figures.missed += crossed < until(scene.at_rest_since, "an arm at rest")
         return
-    before = [math.hypot(*one.velocity) for one in list(scene.telemetry) if _soon(scene, one.tick, crossed)]
+    tick, told = scene.parameters.drive.tick, list(scene.telemetry)
+    before = [math.hypot(*one.velocity) for one in told if 0.0 <= crossed - one.tick * tick < 0.5]
     figures.top_speed.append(max(before, default=0.0))
     touched = [when for when, force in list(follower.touches) if force > TOUCH]
     figures.touch_speed += [scene.tool_speed(when) for when in touched[:1]]
-    rested = until(lambda: scene.rested(crossed), "an arm at rest")
-    left_off = until(lambda: scene.left_off(crossed), "an arm that leaves off")
+    rested = until(lambda: scene.ended(crossed, State.TRACK, State.STOPPING), "an arm at rest")
+    left_off = until(lambda: scene.ended(crossed, State.TRACK), "an arm that leaves off")
     force = max([force for when, force in list(follower.touches) if when <= rested], default=0.0)
     if rested - left_off > CONTROLLED_STOP and force > TOUCH:
         figures.yielded.append(max(0.0, left_off - crossed))
         figures.force.append(force)
     else:
         figures.rest.append(max(0.0, rested - crossed))
-
-
-def _soon(scene: HandScene, tick: int, when: float) -> bool:
-    return 0.0 <= when - tick * scene.parameters.drive.tick < 0.5
 
 
 def _play(scene: HandScene, plies: int, rng: random.Random, figures: HandFigures, progress: Progress) -> None:

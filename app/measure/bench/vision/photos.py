@@ -34,8 +34,7 @@ POLYGON_ORIGIN: Final = 0.5
 """Polygons drawn in LabelMe (``corners_unordered``) count from the outer corner of the first pixel, as its canvas draws
 the picture from (0, 0) on and a click may lie anywhere within a pixel; everything else here, like OpenCV, counts from
 that pixel's centre [px]."""
-ASTRAY: Final = 0.5
-"""A corner this far off belongs to another row of squares, whatever the labels' precision [sides of a square]."""
+ASTRAY: Final = 0.5  # such a corner belongs to another row, whatever the labels' precision [sides of a square]
 
 VARIABLE: Final = "TOUCHMOVE_PHOTOS"  # names the folder with labelled photographs where the command line does not
 LEAST: Final = {CornersFrom.LABELS: 0.95, CornersFrom.FIND: 0.90}  # share of plies that must be read without asking

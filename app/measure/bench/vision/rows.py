@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -15,19 +14,8 @@ from app.measure.bench.vision.photos import VARIABLE, find_rows, photo_folder, p
 from app.measure.bench.vision.positions import position_rows
 from app.measure.bench.vision.turns import turn_rows
 
-RENDERED: Final[dict[str, Callable[[bool, Progress], dict[str, Row]]]] = {
-    "games": game_rows,
-    "trouble": trouble_rows,
-    "actions": action_rows,
-    "centres": centre_rows,
-    "positions": position_rows,
-}
-WHOLE_RIG: Final[dict[str, Callable[[bool, Progress], dict[str, Row]]]] = {
-    "calibration": calibration_rows,
-    "hands": hand_rows,
-    "turns": turn_rows,
-}
-"""These start a world and a controller; too slow for ``quick``."""
+RENDERED: Final = (game_rows, trouble_rows, action_rows, centre_rows, position_rows)
+WHOLE_RIG: Final = (calibration_rows, hand_rows, turn_rows)  # start a world and a controller; too slow for ``quick``
 
 
 def vision_bench(quick: bool, progress: Progress, photos: Path | None = None) -> BenchReport:
@@ -36,7 +24,7 @@ def vision_bench(quick: bool, progress: Progress, photos: Path | None = None) ->
     ``photos``: folder with labelled photographs; where there is none, its rows are left out, and it is said why.
     """
     rows: dict[str, Row] = {}
-    for part in (RENDERED if quick else {**RENDERED, **WHOLE_RIG}).values():
+    for part in RENDERED if quick else (*RENDERED, *WHOLE_RIG):
         rows |= part(quick, progress)
     folder = photo_folder(photos)
     if quick or folder is None:

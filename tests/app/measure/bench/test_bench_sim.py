@@ -9,7 +9,7 @@ from app.measure.bench import sim
 
 @pytest.mark.slow
 def test_a_game_repeats_itself_with_other_processes_with_none_and_under_load(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sim, "QUICK_PLIES", 1)
+    monkeypatch.setitem(sim.PLIES, True, 1)
     said: list[str] = []
     report = sim.sim_bench(True, said.append)
     assert len(said) == 3

@@ -11,9 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli import app as command_line
-from app.measure.figures import FIGURES, Bar, FigureResult, FolderUnusable, UnknownFigure, make_figure
+from app.measure.figures import FIGURES, UnknownFigure, make_figure
 from app.measure.figures.drawing import axes, picture
-from app.measure.figures.result import save
+from app.measure.figures.result import Bar, FigureResult, FolderUnusable, save
 
 ROOT = Path(__file__).resolve().parents[4]
 PICTURES = ROOT / "docs" / "pictures"
