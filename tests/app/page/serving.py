@@ -5,12 +5,16 @@ from __future__ import annotations
 import asyncio
 import http.client
 import json
+import os
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Self
+from urllib.parse import urlsplit
 
 from websockets.sync.client import ClientConnection, connect
 
@@ -172,3 +176,52 @@ def served(records: Path, **settings: Any) -> Iterator[ServedPage]:
     """A page over the records of a folder."""
     with ServedPage(records, PageSection(port=0, **settings)) as page:
         yield page
+
+
+class PageProcess:
+    """The page's process as a game starts it, with the game's end of the socket in the test's hands."""
+
+    def __init__(self, records: Path, **settings: Any) -> None:
+        self.game, theirs = socket.socketpair()
+        wishes = PageSection(**{"port": 0, **settings}).model_dump_json()
+        with theirs:
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "app.page.process", "--fd", str(theirs.fileno()), "--records",
+                 str(records), "--settings", wishes],
+                pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                text=True, start_new_session=True,
+            )  # fmt: skip
+        assert self.process.stdout is not None
+        self.address = self.process.stdout.readline().strip()
+        self.port = int(urlsplit(self.address).port or 0)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.game.close()
+        try:
+            self.said = self.process.communicate(timeout=PATIENCE)[1]
+        finally:
+            self.process.kill()
+
+    def tell(self, news: AnyNews, jpeg: bytes = b"") -> None:
+        """News of the game."""
+        self.game.sendall(news.model_dump_json().encode() + b"\n" + jpeg)
+
+    @property
+    def memory(self) -> float:
+        """Resident [MiB]."""
+        status = Path(f"/proc/{self.process.pid}/status").read_text(encoding="ascii")
+        return int(status.split("VmRSS:")[1].split()[0]) / 1024.0
+
+    @property
+    def files(self) -> int:
+        """How many files and sockets are open."""
+        return len([*Path(f"/proc/{self.process.pid}/fd").iterdir()])
+
+    @property
+    def seconds(self) -> float:
+        """Processor time used so far [s]."""
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -1,4 +1,4 @@
-"""Games drawn by lot and recorded as the program does it: plies of arm and hand, take-backs, repairs, changes of side."""
+"""Games drawn by lot, recorded as the program does it: plies of arm and hand, take-backs, repairs, changes of side."""
 
 from __future__ import annotations
 

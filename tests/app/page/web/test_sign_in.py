@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,8 +11,8 @@ from hypothesis import strategies as st
 from websockets.exceptions import InvalidStatus
 
 from app.page.web import server
-from app.page.web.sign_in import SHORTEST, SIGNED_IN, PasswordFileError, PasswordHash, SignIn
 from app.page.web.live_socket import Allowance
+from app.page.web.sign_in import SHORTEST, SIGNED_IN, PasswordFileError, PasswordHash, SignIn
 from tests.app.page.recorded.recorded_games import RecordedGame
 from tests.app.page.serving import ServedPage, served
 
@@ -45,7 +44,7 @@ def test_a_password_is_known_again_from_its_file_and_nothing_else_is(tmp_path: P
     KEPT.save(tmp_path / "password")
     content = (tmp_path / "password").read_text(encoding="ascii")
     assert PASSWORD not in content
-    assert os.stat(tmp_path / "password").st_mode & 0o777 == 0o600
+    assert (tmp_path / "password").stat().st_mode & 0o777 == 0o600
     found = PasswordHash.load(tmp_path / "password")
     assert found.matches(PASSWORD)
     assert not found.matches(PASSWORD + " ")
