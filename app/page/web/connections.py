@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 from typing import Any, Final, cast
 
+import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import Frame
@@ -23,6 +24,7 @@ MOST: Final = 200
 PARTS: Final = 64
 """Of one message."""
 
+BAD_REQUEST: Final = b"HTTP/1.1 400 Bad Request\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
 INVALID_DATA, TOO_MANY_PARTS = 1007, 1009
 """Why a WebSocket is closed (RFC 6455)."""
 
@@ -94,6 +96,17 @@ class HttpConnection(H11Protocol):
         self._forget()
         super().handle_websocket_upgrade(event)
 
+    def send_400_response(self, msg: str) -> None:
+        """What came is no HTTP; where it was the body of a request, nobody answers that any more."""
+        cycle = self.cycle
+        if cycle is not None and not cycle.response_complete:
+            cycle.disconnected = True
+            cycle.message_event.set()
+        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+            self.transport.write(BAD_REQUEST)
+        self.conn.send_failed()  # nothing more is said, also where an answer is under way
+        self.transport.close()
+
     def _await_request(self) -> None:
         self._forget()
         self._due = self.loop.call_later(REQUEST, self._expire)
@@ -133,6 +146,18 @@ class WebSocketConnection(WebSocketsSansIOProtocol):
         """See ``asyncio.BaseProtocol``."""
         super().resume_writing()
         self._unread.resumed()
+
+    async def run_asgi(self) -> None:
+        """Serve it; a browser that has gone before it was let in is no error."""
+        app = self.app
+
+        async def until_gone(scope: Any, receive: Any, send: Any) -> None:
+            await app(scope, receive, send)
+            if self.transport.is_closing():
+                self.handshake_complete = True
+
+        self.app = until_gone
+        await super().run_asgi()
 
     def handle_cont(self, event: Frame) -> None:
         """A further part of a message; empty ones count."""

@@ -1,0 +1,384 @@
+"""The page as browsers see it: really served, on loopback."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from app.page.live import controls, people
+from app.page.news import (
+    ClockNews,
+    DeviceNews,
+    EndNews,
+    HeardNews,
+    LineSaid,
+    LookNews,
+    PathNews,
+    PhaseNews,
+    PictureNews,
+    PicturesWanted,
+    Present,
+    PromptNews,
+    ResultNews,
+    RoundNews,
+    SayNews,
+    SessionNews,
+)
+from app.page.web.pictures import BOUNDARY
+from app.records.files import EVENTS_FILE, FILM_FILE
+from tests.app.page.recorded.recorded_games import RecordedGame
+from tests.app.page.serving import ServedPage, served
+from tests.waiting import until
+
+OTHER, THIRD = "fedcba9876543210", "00000000000000000000"
+
+
+def session(folder: Path) -> SessionNews:
+    return SessionNews(
+        program="play", folder=str(folder), rig="sim", pace="real", tick=0.00088, person="white", hands=True, sees=True
+    )
+
+
+@pytest.fixture
+def games(tmp_path: Path) -> Path:
+    """A folder with a match of two games."""
+    first = RecordedGame(tmp_path / "games" / "match")
+    for san in ("e4", "e5", "Nf3"):
+        first.ply(san)
+    first.end()
+    second = RecordedGame(tmp_path / "games" / "match" / "game-2")
+    second.ply("d4")
+    second.record.close()
+    return tmp_path / "games"
+
+
+@pytest.fixture
+def page(games: Path) -> Iterator[ServedPage]:
+    with served(games) as running:
+        yield running
+
+
+# --------------------------------------------------------------------------------------------------------------- state
+
+
+def test_a_browser_is_told_all_and_then_what_changes(page: ServedPage, games: Path) -> None:
+    page.take(session(games / "new"))
+    page.take(PhaseNews(text="thinking"))
+    with page.browser() as browser:
+        assert browser.state["phase"] == "thinking"
+        assert browser.state["session"]["live"] is True
+        assert browser.state["session"]["id"] == "new"
+        assert "folder" not in browser.state["session"]
+        assert browser.state["game"] is None
+        page.take(RoundNews(folder=str(games / "new"), number=1, sets_up=False))
+        game = RecordedGame(games / "new")
+        browser.until(lambda: browser.state["game"] and browser.state["game"]["id"] == "new")
+        game.ply("e4")
+        browser.until(lambda: [one["san"] for one in browser.state["game"]["moves"]] == ["e4"])
+        page.take(ResultNews(result="1-0", reason="Black resigns"))
+        browser.until(lambda: browser.state["game"]["result"] == "1-0")
+        game.end("the person has left")
+        browser.until(lambda: browser.state["game"]["result"] == "*")
+
+
+def test_what_the_game_says_stands_in_its_section(page: ServedPage, games: Path) -> None:
+    page.take(session(games / "new"))
+    with page.browser() as browser:
+        page.take(PromptNews(id=3, text="Which?", answers=("yes", "no"), squares=("e4",)))
+        page.take(SayNews(text="Put it back", squares=("e4", "e5")))
+        page.take(HeardNews(text="yes"))
+        page.take(ClockNews(white=60.0, black=50.0, running="black", at=time.time() - 5.0))
+        page.take(DeviceNews(name="camera", ok=True, text="well"))
+        page.take(DeviceNews(name="camera", ok=False, text="gone"))
+        page.take(DeviceNews(name="guard", ok=None, text="unknown"))
+        page.take(PathNews(label="carry", motion=4, points=((0.0, 0.0, 0.3),), stiffness=((1.0, 1.0, 1.0),), stride=9))
+        page.take(PictureNews(view="camera", stamp=3.0, bytes=3), b"abc")
+        page.take(LookNews(stamp=3.0, outcome="ok", text="well", width=640, height=480))
+        browser.until(lambda: browser.state["look"])
+        state = browser.state
+        assert state["prompt"] == {
+            "id": 3,
+            "text": "Which?",
+            "answers": ["yes", "no"],
+            "squares": ["e4"],
+            "turn": False,
+        }
+        assert [(one["kind"], one["text"], one["squares"]) for one in state["log"]] == [
+            ("say", "Put it back", ["e4", "e5"]), ("heard", "yes", []),
+        ]  # fmt: skip
+        assert state["clock"]["running"] == "black"
+        assert 5.0 <= state["clock"]["age"] < 60.0
+        assert [(one["name"], one["ok"]) for one in state["devices"]] == [("camera", False), ("guard", None)]
+        assert (state["path"]["motion"], state["path"]["stride"]) == (4, 9)
+        assert state["pictures"] == {"camera": {"number": 1, "stamp": 3.0}, "film": None}
+        assert state["look"]["picture"] == 1
+        page.take(PromptNews())
+        browser.until(lambda: browser.state["prompt"] is None)
+        for number in range(300):
+            page.take(PhaseNews(text=f"phase {number}"))
+        browser.until(lambda: browser.state["phase"] == "phase 299")
+        assert len(browser.state["log"]) == 200
+
+
+def test_a_clock_is_as_old_as_it_is_for_who_comes_later(page: ServedPage) -> None:
+    page.take(ClockNews(white=60.0, black=50.0, running="white", at=time.time() - 2.0))
+    with page.browser() as first:
+        age = first.state["clock"]["age"]
+        time.sleep(0.1)
+        with page.browser(OTHER) as second:
+            assert second.state["clock"]["age"] >= age + 0.1
+
+
+def test_the_end_is_told_and_then_nobody_hears_lines(page: ServedPage) -> None:
+    with page.browser() as browser:
+        page.take(EndNews(text="all is over"))
+        browser.until(lambda: browser.state["session"]["live"] is False)
+        assert browser.state["session"]["ended"] == "all is over"
+        browser.send({"type": "line", "text": "e4"})
+        browser.until(lambda: browser.refusals)
+        assert browser.refusals == ["the game's program has ended: nobody hears this"]
+
+
+def test_a_record_that_cannot_be_read_is_trouble_and_no_end(page: ServedPage, games: Path) -> None:
+    broken = games / "broken"
+    broken.mkdir()
+    (broken / EVENTS_FILE).write_text('{"event": "never heard of"}\n', encoding="utf-8")
+    page.take(session(broken))
+    page.take(RoundNews(folder=str(broken), number=1, sets_up=False))
+    with page.browser() as browser:
+        assert [one["kind"] for one in browser.state["log"]] == ["trouble"]
+        assert "is no event of this version" in browser.state["log"][0]["text"]
+
+
+# ------------------------------------------------------------------------------------------------------------ controls
+
+
+def test_one_holds_the_controls_and_hands_them_over(page: ServedPage) -> None:
+    with page.browser() as first, page.browser(OTHER) as second, page.browser(THIRD) as third:
+        first.until(lambda: first.controls["watchers"] == 3)
+        assert first.holds
+        assert not second.holds
+        second.send({"type": "line", "text": "e4"})
+        second.until(lambda: second.refusals)
+        first.send({"type": "line", "text": "d4"})
+        second.send({"type": "controls", "action": "ask"})
+        first.until(lambda: first.controls["asking"] == second.controls["you"])
+        third.send({"type": "controls", "action": "ask"})
+        third.until(lambda: third.refusals)
+        first.send({"type": "controls", "action": "give"})
+        second.until(lambda: second.holds)
+        second.send({"type": "line", "text": "c4"})
+        until(lambda: LineSaid(text="c4") in page.said)
+        assert [one for one in page.said if isinstance(one, LineSaid)] == [LineSaid(text="d4"), LineSaid(text="c4")]
+        assert "you do not hold the controls" in second.refusals[0]
+        assert "somebody else has asked" in third.refusals[0]
+
+
+def test_a_page_that_is_loaded_anew_holds_the_controls_still(page: ServedPage) -> None:
+    with page.browser(OTHER) as first:
+        number = first.controls["you"]
+        with page.browser() as other:
+            first.close()
+            other.until(lambda: other.controls["watchers"] == 1)
+            assert other.controls["holder"] == number
+            with page.browser(OTHER) as again:
+                assert again.controls["you"] == number
+                assert again.holds
+
+
+def test_who_stays_away_loses_the_controls(page: ServedPage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(controls, "GRACE", 0.3)
+    with page.browser() as first, page.browser(OTHER) as other:
+        other.send({"type": "controls", "action": "ask"})
+        other.until(lambda: other.controls["asking"] == other.controls["you"])
+        first.close()
+        other.until(lambda: other.holds)
+        other.send({"type": "controls", "action": "release"})
+        other.until(lambda: other.controls["holder"] is None)
+    until(lambda: page.said[-1] == Present(holder=False))
+    assert [one for one in page.said if isinstance(one, Present)] == [Present(holder=True), Present(holder=False)]
+
+
+def test_two_windows_with_one_token_are_two_watchers(page: ServedPage) -> None:
+    with page.browser() as first, page.browser() as copy:
+        assert first.controls["you"] != copy.controls["you"]
+
+
+def test_a_page_that_was_started_again_gives_the_controls_back(page: ServedPage, games: Path) -> None:
+    page.take(session(games / "new"))
+    with page.browser() as watcher, page.browser(OTHER, held="new") as holder, page.browser(THIRD, held="new") as late:
+        holder.until(lambda: holder.holds)
+        assert not watcher.holds or watcher.read(5.0)
+        assert not late.holds, "who came first of those who claim them"
+    with page.browser(held="another game") as stranger:
+        assert not stranger.holds
+
+
+def test_no_page_of_long_ago_takes_the_controls(page: ServedPage, games: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(people, "GRACE", 0.0)
+    page.take(session(games / "new"))
+    with page.browser() as first, page.browser(OTHER, held="new") as late:
+        assert first.holds
+        assert not late.holds
+
+
+def test_without_a_controller_there_is_no_stop(page: ServedPage) -> None:
+    with page.browser() as browser:
+        assert browser.controls["stoppable"] is False
+        browser.send({"type": "stop"})
+        browser.until(lambda: browser.refusals)
+        assert browser.refusals == ["there is no controller that could be stopped"]
+
+
+def test_no_more_than_so_many_watch(page: ServedPage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(people, "MOST", 1)
+    with page.browser(), pytest.raises(Exception, match=r"1013.*browsers watch already"):
+        page.browser(OTHER)
+    until(lambda: not page.page.hub.watchers)
+    with page.browser(OTHER) as again:
+        assert again.state["controls"]
+
+
+# ------------------------------------------------------------------------------------------------------------ pictures
+
+
+def test_pictures_are_wanted_while_somebody_looks(page: ServedPage) -> None:
+    def wanted() -> PicturesWanted | None:
+        return next((one for one in reversed(page.said) if isinstance(one, PicturesWanted)), None)
+
+    with page.browser() as browser:
+        browser.send({"type": "watch", "telemetry": False, "camera": True, "film": False})
+        until(lambda: wanted() == PicturesWanted(camera=5.0, film=0.0))
+        with page.browser(OTHER) as other:
+            other.send({"type": "watch", "camera": True, "film": True})
+            until(lambda: wanted() == PicturesWanted(camera=5.0, film=5.0))
+        until(lambda: wanted() == PicturesWanted(camera=5.0, film=0.0))
+    until(lambda: wanted() == PicturesWanted(camera=0.0, film=0.0))
+
+
+def test_mjpeg_is_a_stream_of_the_newest_pictures(page: ServedPage) -> None:
+    assert page.get("/picture/film.jpg").status == 404
+    assert page.get("/picture/else.jpg").status == 404
+    assert page.get("/stream/else").status == 404
+    page.take(PictureNews(view="film", stamp=1.0, bytes=5), b"first")
+    assert page.get("/picture/film.jpg").content == b"first"  # type: ignore[attr-defined]
+    with socket.create_connection(("127.0.0.1", page.port)) as end, end.makefile("rb") as stream:
+        end.sendall(f"GET /stream/film HTTP/1.0\r\nHost: 127.0.0.1:{page.port}\r\n\r\n".encode())
+        head = b"".join(iter(stream.readline, b"\r\n"))
+        assert b"multipart/x-mixed-replace; boundary=" + BOUNDARY.encode() in head
+
+        def part() -> bytes:
+            assert stream.readline() == f"--{BOUNDARY}\r\n".encode()
+            lines = [line.split(b": ") for line in iter(stream.readline, b"\r\n")]
+            content = stream.read(int(dict(lines)[b"Content-Length"]))
+            assert stream.readline() == b"\r\n"
+            return content
+
+        assert part() == b"first"
+        until(lambda: PicturesWanted(camera=0.0, film=5.0) in page.said)
+        for number in range(3):
+            page.take(PictureNews(view="camera", stamp=2.0, bytes=5), b"other")
+            page.take(PictureNews(view="film", stamp=2.0, bytes=7), f"jpeg\r\n{number}".encode())
+            assert part() == f"jpeg\r\n{number}".encode()
+    until(lambda: page.said[-1] == PicturesWanted(camera=0.0, film=0.0))
+
+
+# ------------------------------------------------------------------------------------------------------------- records
+
+
+def test_recorded_games_are_listed_and_shown(page: ServedPage) -> None:
+    listed = {one["id"]: one for one in page.json("/games")}
+    assert [*listed] == ["match", "match~game-2"]
+    assert (listed["match"]["plies"], listed["match"]["reason"], listed["match"]["number"]) == (
+        3,
+        "the person has left",
+        1,
+    )
+    assert (listed["match~game-2"]["plies"], listed["match~game-2"]["result"]) == (1, "*")
+    record = page.json("/games/match/record.json")
+    assert [one["san"] for one in record["game"]["moves"]] == ["e4", "e5", "Nf3"]
+    times = [one["t"] for one in record["moments"]]
+    assert times == sorted(times)
+    assert record["span"] == [times[0], times[-1]]
+    at = {}
+    for moment in record["moments"]:
+        at.update(moment["moved"])
+    assert at == {one["name"]: one["at"] for one in record["game"]["pieces"]}
+    assert {one["held"] for one in record["moments"]} == {None, "white-pawn-e", "black-pawn-e", "white-knight-g"}
+
+
+def test_answers_are_packed_and_not_sent_twice(page: ServedPage) -> None:
+    packed = page.get("/games/match/record.json", {"Accept-Encoding": "gzip"})
+    assert packed.headers["Content-Encoding"] == "gzip"
+    content = packed.content  # type: ignore[attr-defined]
+    assert json.loads(gzip.decompress(content)) == page.json("/games/match/record.json")
+    again = page.get("/games/match/record.json", {"If-None-Match": packed.headers["ETag"]})
+    assert (again.status, again.content) == (304, b"")  # type: ignore[attr-defined]
+
+
+def test_a_film_is_sent_in_parts(page: ServedPage, games: Path) -> None:
+    assert page.get("/games/match/film").status == 404
+    film = bytes(range(256)) * 40
+    (games / "match" / FILM_FILE).write_bytes(film)
+    whole = page.get("/games/match/film")
+    assert (whole.status, whole.headers["Content-Type"], whole.content) == (200, "video/webm", film)  # type: ignore[attr-defined]
+    for wanted, first, last in (("0-99", 0, 99), ("100-", 100, len(film) - 1), ("-10", len(film) - 10, len(film) - 1)):
+        part = page.get("/games/match/film", {"Range": f"bytes={wanted}"})
+        assert part.status == 206
+        assert part.headers["Content-Range"] == f"bytes {first}-{last}/{len(film)}"
+        assert part.content == film[first : last + 1]  # type: ignore[attr-defined]
+    assert page.get("/games/match/film", {"Range": "bytes=999999-"}).status == 416
+    assert page.json("/games/match/record.json")["film"] is True
+
+
+def test_pictures_of_a_record_are_those_of_its_folder(page: ServedPage, games: Path) -> None:
+    frames = games / "match" / "frames"
+    frames.mkdir()
+    (frames / "ply-001.jpg").write_bytes(b"jpeg")
+    (frames / "secret.txt").write_bytes(b"secret")
+    assert page.get("/games/match/frames/ply-001.jpg").content == b"jpeg"  # type: ignore[attr-defined]
+    for name in ("secret.txt", "ply-002.jpg", "..%2F..%2Fevents.jsonl", "%2e%2e", ".."):
+        assert page.get(f"/games/match/frames/{name}").status == 404
+
+
+def test_what_takes_long_is_made_elsewhere(page: ServedPage, games: Path) -> None:
+    robot = page.json("/games/match/robot.json")
+    assert set(robot) >= {"geometry", "table", "kinds"}
+    missing = page.get("/games/match/telemetry.json")
+    assert missing.status == 409
+    assert b"has no telemetry.mcap" in missing.content  # type: ignore[attr-defined]
+    assert page.get("/games/match/telemetry.json?from=x").status == 400
+    assert page.get("/games/match/telemetry.json?from=-1").status == 400
+    report = page.get("/games/match/report.html")
+    assert report.status == 200
+    assert report.headers["Content-Type"].startswith("text/html")
+    assert "sandbox" in report.headers["Content-Security-Policy"]
+    assert b"Nf3" in report.content  # type: ignore[attr-defined]
+
+
+def test_several_ask_for_the_same_at_once(page: ServedPage) -> None:
+    answers: list[int] = []
+    threads = [
+        threading.Thread(target=lambda: answers.append(page.get("/games/match/record.json").status)) for _ in range(8)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert answers == [200] * 8
+
+
+def test_records_with_odd_names_are_found(page: ServedPage, games: Path) -> None:
+    for name in ("with space", "ünïcode", "a~b", "100%", "a=b", "#?&"):
+        RecordedGame(games / name).record.close()
+    listed = [one["id"] for one in page.json("/games")]
+    assert len(listed) == len(set(listed)) == 8
+    for record in listed:
+        assert page.json(f"/games/{record}/record.json")["game"]["id"] == record
