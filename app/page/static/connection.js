@@ -3,6 +3,7 @@
 const FIRST_PAUSE = 250;    // [ms]
 const LONGEST_PAUSE = 5000; // [ms]
 const TOKEN = 'touchmove.token';
+const HELD = 'touchmove.held';
 
 /** By which the server knows this tab again after a reload; drawn by lot. */
 function token() {
@@ -20,6 +21,26 @@ function token() {
   return own;
 }
 
+/** The game whose controls this tab held last: a server that was started again gives them back. */
+function held() {
+  try {
+    const id = sessionStorage.getItem(HELD);
+    return id === null ? {} : {held: id};
+  } catch {  // as above
+    return {};
+  }
+}
+
+function rememberHeld(store) {
+  const controls = store.get('controls');
+  const id = store.get('session')?.id;
+  try {
+    if (controls !== null && id !== undefined && controls.you === controls.holder) sessionStorage.setItem(HELD, id);
+    else sessionStorage.removeItem(HELD);
+  } catch {  // as above
+  }
+}
+
 /**
  * Connect a store to the server, for good.
  * @param {import('./store.js').Store} store
@@ -35,7 +56,7 @@ export function connect(store) {
     const address = new URL('/live', window.location.href);
     address.protocol = address.protocol === 'https:' ? 'wss:' : 'ws:';
     const mine = socket = new WebSocket(address);
-    mine.addEventListener('open', () => mine.send(JSON.stringify({type: 'hello', token: own})));
+    mine.addEventListener('open', () => mine.send(JSON.stringify({type: 'hello', token: own, ...held()})));
     mine.addEventListener('message', (event) => {
       if (mine === socket) receive(JSON.parse(event.data));
     });
@@ -86,6 +107,7 @@ export function connect(store) {
   document.addEventListener('visibilitychange', hurry);
   window.addEventListener('online', hurry);
 
+  for (const section of ['controls', 'session']) store.subscribe(section, () => rememberHeld(store));
   store.set('connection', 'connecting');
   open();
 }

@@ -38,7 +38,7 @@ export function mountPanels(store) {
       }
     }
     open = name;
-    store.remember('panel', name);
+    if (name !== 'record') store.remember('panel', name);
     if (name !== null && !mounted.has(name)) {
       mounted.add(name);
       const panel = byId(name);
@@ -62,15 +62,30 @@ export function mountPanels(store) {
       if (step === undefined) return;
       event.preventDefault();
       event.stopPropagation();
-      const next = (index + step + tabs.length) % tabs.length;
-      tabs[next].focus();
-      show(names[next]);
+      const there = tabs.filter((one) => !one.hidden);
+      const next = there[(there.indexOf(tab) + step + there.length) % there.length];
+      next.focus();
+      show(names[tabs.indexOf(next)]);
     });
   }
+
+  // what there is to see depends on the rig; where there is room for it the arm is shown, once the board has been drawn
+  let first = true;
+  store.subscribe('session', (session) => {
+    const robot = session?.rig !== undefined && session.rig !== 'board';
+    for (const name of ['robot', 'plots']) byId(`tab-${name}`).hidden = !robot;
+    byId('tab-camera').hidden = !session?.sees;
+    byId('panels').hidden = !robot && store.get('record') === null;
+    if (!robot || !first) return;
+    first = false;
+    const wanted = store.remembered('panel', window.matchMedia('(min-width: 70rem)').matches ? 'robot' : null);
+    if (wanted !== null && wanted in VIEWS && wanted !== 'record') requestIdleCallback(() => open ?? show(wanted), {timeout: 1000});
+  });
 
   // a recorded game that is chosen is shown where records are shown
   store.subscribe('record', (id) => {
     byId('tab-record').hidden = id === null;
+    if (id !== null) byId('panels').hidden = false;
     if (id !== null) show('record');
     else if (open === 'record') show('robot');
   });

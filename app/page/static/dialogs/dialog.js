@@ -31,12 +31,19 @@ export function openDialog({title, content, wide = false, name = '', closed = ()
         if (event.target === dialog && pressed === dialog) dialog.close();
       },
     },
-    make('header', {class: 'dialog-head'}, make('h2', {id}, title), cross),
+    make('header', {class: 'dialog-head'}, make('h2', {id}, title), stopButton(), cross),
     body,
   );
   document.getElementById('dialogs').append(dialog);
   dialog.showModal();
   return {element: dialog, body, close: () => dialog.close()};
+}
+
+/** STOP once more, since a dialog covers the one in the head of the page. */
+export function stopButton() {
+  const stop = document.getElementById('stop');
+  return make('button', {type: 'button', class: 'stop-here', disabled: stop.disabled, onclick: () => stop.click()},
+    document.getElementById('stop-text').textContent);
 }
 
 /**

@@ -28,7 +28,7 @@ export async function openGames(store) {
     make(
       'div', {class: 'game-what'},
       make('strong', {}, `${game.white ?? '?'} – ${game.black ?? '?'}`),
-      make('span', {class: 'muted'}, [when(game.began), `${Math.ceil(game.plies / 2)} moves`, game.reason].filter(Boolean).join(' · ')),
+      make('span', {class: 'muted'}, [when(game.began), counted(Math.ceil(game.plies / 2)), game.reason].filter(Boolean).join(' · ')),
     ),
     make('span', {class: 'game-result'}, (game.result ?? '*').replaceAll('1/2', '½').replace('*', 'unfinished')),
     make(
@@ -40,6 +40,10 @@ export async function openGames(store) {
       make('a', {href: `/games/${game.id}/report.html`, target: '_blank', rel: 'noopener'}, 'Report'),
     ),
   )));
+}
+
+function counted(moves) {
+  return moves === 1 ? '1 move' : `${moves} moves`;
 }
 
 function when(text) {

@@ -51,7 +51,8 @@ export function openNewGame(store, position = null) {
 
   function strength() {
     range.disabled = wanted.elo === null;
-    level.textContent = wanted.elo === null ? 'as strong as it can' : `Elo ${wanted.elo}`;
+    level.textContent = `Elo ${slider}`;
+    range.parentElement.hidden = wanted.elo === null;
     range.setAttribute('aria-valuetext', `Elo ${slider}`);
   }
 
@@ -123,7 +124,7 @@ export function openNewGame(store, position = null) {
       choices('You play', 'colour', [['white', 'White'], ['black', 'Black'], ['either', 'Either']], wanted.colour, (value) => {
         wanted.colour = value;
       }),
-      make('fieldset', {class: 'choice'}, make('legend', {}, 'Strength'), full, make('div', {class: 'slider'}, range, level)),
+      make('fieldset', {class: 'choice'}, make('legend', {}, 'Strength'), full, make('div', {class: 'slider', hidden: true}, range, level)),
       clockChoice, clockField, clockHelp, place, other, problem,
       make('p', {class: 'muted', hidden: !running}, 'The game that is being played is given up; the arm sets the pieces up.'),
       make(

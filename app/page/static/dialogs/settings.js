@@ -19,7 +19,7 @@ const KEYS = [
  */
 export function openSettings(store, {sounds, voice}) {
   const theme = choices(
-    'Colours', 'theme', [['auto', 'As the system'], ['light', 'Light'], ['dark', 'Dark']],
+    'Colours', 'theme', [['auto', 'System'], ['light', 'Light'], ['dark', 'Dark']],
     document.documentElement.dataset.theme,
     (value) => {
       document.documentElement.dataset.theme = value;

@@ -6,7 +6,7 @@
 
 import {Chessground} from '../vendor/chessground/chessground.min.js';
 import {byId} from '../dom.js';
-import {EMPTY, piecesOf, placement, turnOf} from './position.js';
+import {EMPTY, isOver, piecesOf, placement, turnOf} from './position.js';
 import {askPromotion} from './promotion.js';
 
 const STILL = window.matchMedia('(prefers-reduced-motion: reduce)');
@@ -56,7 +56,7 @@ export function mountBoard(store) {
   /** Whose pieces this browser may move now; undefined: nobody's. */
   function movable() {
     const [game, prompt, session] = ['game', 'prompt', 'session'].map(store.get);
-    const asked = game !== null && game.result === '*' && prompt?.turn === true && store.holds();
+    const asked = game !== null && !isOver(game) && prompt?.turn === true && store.holds();
     const byHand = session !== null && session.sees && !session.hands;  // then pieces are moved, and seen
     return asked && !byHand && pending === null && !choosing && picker === null && shown().live ? game.turn : undefined;
   }
@@ -151,7 +151,7 @@ export function mountBoard(store) {
     const game = store.get('game');
     const prompt = store.get('prompt');
     if (pending === null || game === null) return;
-    const elsewhere = game.id !== pending.game || game.moves.length !== pending.plies || game.result !== '*';
+    const elsewhere = game.id !== pending.game || game.moves.length !== pending.plies || isOver(game);
     const askedAgain = prompt !== null && prompt.id !== pending.prompt;
     if (elsewhere || askedAgain || store.get('connection') !== 'open') pending = null;
   }

@@ -1,9 +1,8 @@
 /** The list of moves, and walking through the game: the board shows what stood then, until one goes back to the game. */
 
 import {byId, icon, make, takesKeys} from '../dom.js';
-import {spoken} from './position.js';
+import {isOver, outcome, spoken} from './position.js';
 
-const RESULTS = {'1-0': 'White wins', '0-1': 'Black wins', '1/2-1/2': 'Draw', '*': 'Not finished'};
 
 /**
  * Make the list.
@@ -55,9 +54,9 @@ export function mountMoves(store) {
     }
     opening.textContent = game?.opening ? `${game.opening.eco} ${game.opening.name}` : '';
     opening.title = opening.textContent;
-    const over = game !== null && game.result !== '*';
+    const over = isOver(game);
     result.hidden = !over;
-    if (over) result.textContent = `${game.result.replaceAll('1/2', '½')} · ${game.reason || RESULTS[game.result]}`;
+    if (over) result.textContent = outcome(game);
     mark();
   }
 

@@ -1,7 +1,7 @@
 /** The strips above and below the board: who plays, what they have taken, and their clock, which counts down by itself. */
 
 import {byId, make} from '../dom.js';
-import {clockText, material, other} from './position.js';
+import {clockText, isOver, material, other} from './position.js';
 
 const LOW = 20;    // a clock that shows less is low [s]
 const BEAT = 100;  // between two looks at a running clock [ms]
@@ -41,7 +41,7 @@ export function mountPlayers(store, low) {
       if (name.textContent !== title) name.textContent = title;
       element.dataset.side = side;
       dot.className = `dot ${side}`;
-      element.classList.toggle('on-move', game !== null && game.result === '*' && game.turn === side);
+      element.classList.toggle('on-move', game !== null && !isOver(game) && game.turn === side);
       const lead = side === 'white' ? there.lead : -there.lead;
       const roles = game === null || game.sets_up ? [] : there[other(side)];
       const key = `${side} ${roles.join(' ')} ${lead}`;

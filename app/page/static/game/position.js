@@ -120,6 +120,17 @@ export function clockText(seconds) {
   return `${minutes}:${rest}${whole < 20 ? `.${tenths % 10}` : ''}`;
 }
 
+/** Whether a game has ended, with a result or without. */
+export function isOver(game) {
+  return game !== null && (game.reason !== null || game.result !== '*');
+}
+
+/** How a game has ended, for people: "0-1 · checkmate". */
+export function outcome({result, reason}) {
+  const score = result === '*' ? '' : result.replaceAll('1/2', '½');
+  return [score, reason].filter(Boolean).join(' · ') || 'not finished';
+}
+
 /** The other side. */
 export function other(side) {
   return side === 'white' ? 'black' : 'white';

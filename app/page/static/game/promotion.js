@@ -1,5 +1,6 @@
 /** Which piece a pawn becomes: asked over the board, by pointer or keyboard. */
 
+import {stopButton} from '../dialogs/dialog.js';
 import {make} from '../dom.js';
 
 const CHOICES = [['q', 'queen'], ['n', 'knight'], ['r', 'rook'], ['b', 'bishop']];
@@ -46,7 +47,7 @@ export function askPromotion(colour, square) {
           if (event.target === dialog) choose(null);
         },
       },
-      make('h2', {}, 'The pawn becomes a'),
+      make('header', {class: 'promotion-head'}, make('h2', {}, 'Promote to'), stopButton()),
       make('div', {class: 'choices'}, ...buttons),
     );
     document.getElementById('dialogs').append(dialog);

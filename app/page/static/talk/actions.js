@@ -4,6 +4,7 @@ import {byId, button, icon, make} from '../dom.js';
 import {confirm} from '../dialogs/dialog.js';
 import {openEditor} from '../dialogs/editor.js';
 import {openNewGame} from '../dialogs/newgame.js';
+import {isOver} from '../game/position.js';
 import {mountHand} from './hand.js';
 import {WORDS} from './words.js';
 
@@ -34,7 +35,19 @@ export function mountActions(store, board) {
     make('summary', {}, icon('more'), make('span', {class: 'label'}, 'More')),
     make('div', {class: 'words'}, ...MORE.slice(0, 4).map(one), setUp, flip, one('quit')),
   );
-  mountHand(store, board, more.querySelector('.words'));
+  const menu = make('div', {class: 'more-menu'}, more.querySelector('.words'));
+  more.append(menu);
+  mountHand(store, board, menu);
+  // where it lies over the page, it folds up again once something was chosen, or something else is looked at
+  const fold = () => getComputedStyle(menu).position === 'absolute' && more.removeAttribute('open');
+  menu.addEventListener('click', (event) => event.target.closest('button') !== null && fold());
+  document.addEventListener('pointerdown', (event) => !more.contains(event.target) && fold());
+  more.addEventListener('keydown', (event) => {
+    if (event.key === 'Escape' && more.open) {
+      fold();
+      more.querySelector('summary').focus();
+    }
+  });
   const field = make('input', {
     id: 'line', type: 'text', maxlength: 200, autocomplete: 'off', autocapitalize: 'off', spellcheck: 'false',
     enterkeyhint: 'send', 'aria-label': 'Type a move or a word',
@@ -82,7 +95,7 @@ export function mountActions(store, board) {
     const holds = store.holds();
     const plays = session !== null && session.person !== null;
     const paused = prompt !== null && prompt.answers.length === 1 && prompt.answers[0] === 'go';
-    const over = game !== null && game.result !== '*';
+    const over = isOver(game);
     for (const [word, made] of buttons) made.disabled = !holds || (over && !['new', 'setup', 'quit', 'keep'].includes(word));
     for (const word of ['takeback', 'draw', 'resign', 'side', 'new', 'setup', 'keep']) buttons.get(word).hidden = !plays;
     buttons.get('hint').hidden = !plays || game?.assists === false;
@@ -96,7 +109,7 @@ export function mountActions(store, board) {
     }
     field.disabled = !holds;
     send.disabled = !holds;
-    field.placeholder = holds ? (plays ? 'Type a move or a word: Nf3, e2e4, help' : 'Type a word: help') : 'Only whoever has the controls can type';
+    field.placeholder = holds ? (plays ? 'Type a move or a word: Nf3, e2e4, help' : 'Type a word: help') : 'You watch: nothing can be typed here';
   }
   for (const section of ['session', 'game', 'prompt', 'controls', 'connection']) store.subscribe(section, draw);
 }

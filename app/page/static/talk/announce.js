@@ -1,7 +1,7 @@
 /** Reads moves and questions out: in a line for screen readers, and by voice where this browser is told to. */
 
 import {byId} from '../dom.js';
-import {other, spoken, turnOf} from '../game/position.js';
+import {isOver, other, outcome, spoken, turnOf} from '../game/position.js';
 
 /**
  * Read out what happens.
@@ -12,7 +12,7 @@ import {other, spoken, turnOf} from '../game/position.js';
 export function mountAnnouncements(store, speak) {
   const line = byId('announce');
   let game = null;
-  let asked = 0;
+  let asked = null;  // id of the last question; null: the game has said nothing yet
   let heard = null;  // id of the last entry of the log that was read
 
   function announce(sentence) {
@@ -22,7 +22,7 @@ export function mountAnnouncements(store, speak) {
 
   function moved(next) {
     const before = game;
-    game = next === null ? null : {id: next.id, plies: next.moves.length, result: next.result};
+    game = next === null ? null : {id: next.id, plies: next.moves.length, over: isOver(next)};
     if (before === null || game === null || before.id !== game.id) return;
     if (game.plies === before.plies + 1) {
       const move = next.moves.at(-1);
@@ -33,8 +33,8 @@ export function mountAnnouncements(store, speak) {
       announce('taken back');
       speak('taken back');
     }
-    if (game.result !== '*' && before.result === '*') {
-      const words = `The game is over: ${next.reason || next.result}`;
+    if (game.over && !before.over) {
+      const words = `The game is over: ${outcome(next)}`;
       announce(words);
       speak(words);
     }
@@ -42,8 +42,9 @@ export function mountAnnouncements(store, speak) {
 
   store.subscribe('game', moved);
   store.subscribe('prompt', (prompt) => {
+    const first = asked === null;  // it has been asked before this browser came
+    asked ??= 0;
     if (prompt === null || prompt.id === asked) return;
-    const first = asked === 0;
     asked = prompt.id;
     announce(prompt.text);
     // that it is one's move is heard from the other's move; what else the robot asks is said

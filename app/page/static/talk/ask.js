@@ -1,8 +1,12 @@
 /** The card that says what goes on, or what the robot needs, and takes the answer. */
 
 import {byId, button, capital, icon, make} from '../dom.js';
+import {openGames} from '../dialogs/games.js';
 import {openNewGame} from '../dialogs/newgame.js';
+import {isOver, outcome} from '../game/position.js';
 import {WORDS, answerLabel, suggested} from './words.js';
+
+const BARE = 10;  // 'done?', 'go on?' [characters]
 
 /**
  * Make the card.
@@ -20,33 +24,43 @@ export function mountAsk(store, board) {
   card.append(make('div', {class: 'ask-head'}, parts.picture, make('div', {}, parts.title, parts.detail)), parts.answers);
   let drawn = '';
 
-  /** What was said since somebody last said anything to the game. */
+  /** What the robot has just said, unless something has been said or done since. */
   function context() {
-    const last = (store.get('log') ?? []).findLast(({kind}) => kind === 'say' || kind === 'trouble' || kind === 'heard');
-    return last === undefined || last.kind === 'heard' ? '' : last.text;
+    const last = (store.get('log') ?? []).at(-1);
+    return last?.kind === 'say' || last?.kind === 'trouble' ? last.text : '';
   }
 
   function what() {
     const [session, game, prompt, controls, phase] = ['session', 'game', 'prompt', 'controls', 'phase'].map(store.get);
     const holds = store.holds();
     if (session === null) return {mood: 'wait', title: 'Connecting to the game', detail: ''};
+    if (store.get('connection') !== 'open' && session.live !== false) {
+      return {mood: 'wait', title: 'Waiting for the connection', detail: 'The board shows how it stood last.'};
+    }
+    if (session.live === false && store.get('record') !== null) {
+      return {mood: 'over', title: 'A recorded game', detail: game === null ? '' : `${game.white} – ${game.black}`};
+    }
+    if (session.live === false && !session.ended) {
+      return {mood: 'wait', title: 'Recorded games', detail: 'Choose one to look at.', games: true};
+    }
     if (session.live === false) {
       return {mood: 'over', title: 'The program has ended', detail: capital(session.ended ?? '')};
     }
-    const watching = controls?.holder === null ? 'Nobody holds the controls: take them to answer'
-      : 'Whoever holds the controls answers';
+    const watching = controls?.holder === null ? 'Nobody has the controls: take them to play.'
+      : 'You watch; whoever has the controls answers.';
     if (prompt !== null && !prompt.turn) {
       const question = capital(prompt.text.replace(/\s*\(yes or no\)$/, '').replace(/\? q, r, b or n$/, '?'));
       const before = capital(context());
-      const detail = before !== '' && before !== question ? before : '';
+      // what was said is the sentence where the question is only whether it is done
+      const bare = before !== '' && question.length <= BARE;
+      const detail = before !== question && !bare ? before : '';
       return {
-        mood: 'ask', title: question, detail: holds ? detail : `${detail} ${watching}`.trim(),
+        mood: 'ask', title: bare ? before : question, detail: holds ? detail : `${detail} ${watching}`.trim(),
         answers: holds ? prompt.answers : [],
       };
     }
-    if (game !== null && game.result !== '*' && prompt === null) {
-      const detail = `${game.result.replaceAll('1/2', '½')} · ${game.reason ?? ''}`;
-      return {mood: 'over', title: 'The game is over', detail, again: holds && session.person !== null};
+    if (isOver(game) && prompt === null) {
+      return {mood: 'over', title: 'The game is over', detail: outcome(game), again: holds && session.person !== null};
     }
     if (prompt !== null) {
       const pending = board.pending();
@@ -71,12 +85,14 @@ export function mountAsk(store, board) {
     const pictures = {ask: 'ask', turn: 'turn', work: 'work', over: 'over', wait: 'wait'};
     parts.picture.replaceChildren(icon(pictures[now.mood]));
     parts.title.textContent = now.title;
+    parts.title.classList.toggle('long', now.title.length > 70);
     parts.detail.textContent = now.detail;
     parts.detail.hidden = now.detail === '';
     const answers = (now.answers ?? []).map((answer, index) => button(
       answerLabel(answer), WORDS[answer]?.picture ?? null, () => store.say(answer),
       {class: index === 0 ? 'primary' : '', 'data-answer': answer},
     ));
+    if (now.games) answers.push(button('Recorded games', 'games', () => openGames(store), {class: 'primary'}));
     if (now.again) answers.push(button('New game', 'new', () => openNewGame(store), {class: 'primary'}));
     const inside = parts.answers.contains(document.activeElement);
     parts.answers.replaceChildren(...answers);

@@ -1,6 +1,6 @@
 /** Who holds the controls, and handing them over. */
 
-import {byId, button, make} from '../dom.js';
+import {byId, button, icon, make} from '../dom.js';
 import {openDialog} from '../dialogs/dialog.js';
 
 /**
@@ -56,6 +56,7 @@ export function mountControls(store, banners) {
     const now = who();
     const watchers = controls?.watchers ?? 0;
     chip.replaceChildren(
+      icon(controls?.you === controls?.holder ? 'key' : 'look'),
       make('span', {class: 'label'}, now.short),
       make('span', {class: 'count', title: `${watchers} watch`}, make('span', {class: 'unseen'}, ', watchers: '), String(watchers)),
     );

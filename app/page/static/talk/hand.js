@@ -18,7 +18,7 @@ const VERBS = {
 export function mountHand(store, board, place) {
   const buttons = Object.entries(VERBS).map(([verb, [label]]) => button(label, 'hand', () => begin(verb), {'data-hand': verb}));
   const group = make('fieldset', {class: 'hand', hidden: true}, make('legend', {}, 'The simulated hand'), ...buttons);
-  place.after(group);
+  place.append(group);
   const notice = make(
     'div', {class: 'picking-note', hidden: true},
     make('p', {}), make('button', {type: 'button', onclick: end}, 'Cancel'),

@@ -2,6 +2,7 @@
 
 import {byId, capital, icon, make} from '../dom.js';
 
+const KEPT = 200;
 const MARKS = {say: 'say', heard: 'heard', phase: 'phase', trouble: 'warning'};
 const WHO = {say: 'Robot', heard: 'You', phase: 'Now', trouble: 'Trouble'};
 
@@ -11,9 +12,11 @@ const WHO = {say: 'Robot', heard: 'You', phase: 'Now', trouble: 'Trouble'};
  * @param {(squares: string[]) => void} mark lights squares on the board.
  */
 export function mountLog(store, mark) {
-  const list = make('ol', {class: 'said', role: 'log', 'aria-live': 'polite', 'aria-label': 'What was said', tabindex: 0});
-  byId('log').append(list);
+  const list = make('ol');
+  const box = make('div', {class: 'said', role: 'log', 'aria-live': 'polite', 'aria-label': 'What was said', tabindex: 0}, list);
+  byId('log').append(box);
   let newest = 0;
+  let follows = true;
 
   store.subscribe('log', (log) => {
     const entries = log ?? [];
@@ -22,14 +25,24 @@ export function mountLog(store, mark) {
       list.replaceChildren();
       newest = 0;
     }
-    const atEnd = list.scrollHeight - list.scrollTop - list.clientHeight < 40;
     for (const entry of entries.filter(({id}) => id > newest)) {
+      // of what is being done only the newest is news, until something is said
+      if (entry.kind === 'phase' && list.lastChild?.className === 'phase') list.lastChild.remove();
       list.append(line(entry));
       newest = entry.id;
     }
-    while (list.children.length > 200) list.firstChild.remove();
-    if (first || atEnd) list.scrollTop = list.scrollHeight;
+    while (list.children.length > KEPT) list.firstChild.remove();
+    toEnd();
   });
+
+  // who has scrolled back reads on in peace
+  function toEnd() {
+    if (follows) box.scrollTop = box.scrollHeight;
+  }
+  box.addEventListener('scroll', () => {
+    follows = box.scrollHeight - box.scrollTop - box.clientHeight < 40;
+  });
+  new ResizeObserver(toEnd).observe(box);
 
   function line({kind, text, squares}) {
     const about = squares ?? [];
@@ -37,7 +50,7 @@ export function mountLog(store, mark) {
       'li', {class: kind},
       icon(MARKS[kind] ?? 'say'),
       make('span', {class: 'unseen'}, `${WHO[kind] ?? 'Robot'}: `),
-      make('span', {class: 'words'}, capital(text)),
+      make('span', {class: 'words'}, kind === 'heard' ? text : capital(text)),
     );
     if (about.length > 0) {
       item.addEventListener('pointerenter', () => mark(about));

@@ -1,5 +1,7 @@
 /** Sounds, made as they are needed: wood on wood for moves, tones for check and for time that runs out. */
 
+import {isOver} from '../game/position.js';
+
 const LOUD = 0.5;
 
 /**
@@ -72,9 +74,9 @@ export function makeSounds(store) {
 
   store.subscribe('game', (next) => {
     const before = game;
-    game = next === null ? null : {id: next.id, plies: next.moves.length, result: next.result};
+    game = next === null ? null : {id: next.id, plies: next.moves.length, over: isOver(next)};
     if (before === null || game === null || before.id !== game.id) return;
-    if (game.result !== '*' && before.result === '*') play('end');
+    if (game.over && !before.over) play('end');
     else if (game.plies === before.plies + 1) {
       const {san} = next.moves.at(-1);
       play(/[+#]/.test(san) ? 'check' : san.includes('x') ? 'capture' : 'move');

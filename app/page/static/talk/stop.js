@@ -79,6 +79,12 @@ export function mountStop(store, banners) {
       over();  // it goes on; or there was nothing to stop
     }
   });
+  store.subscribe('refused', (text) => {
+    // a STOP that did not come through is no note among others
+    if (sent === null || confirmed || text === null || performance.now() - sent > HEARD) return;
+    over();
+    banners.set('stop', {kind: 'danger', text: `STOP: ${text}. If it moves, stop it by its own switch.`});
+  });
   store.subscribe('controls', (controls) => {
     const stops = stoppable();
     stop.classList.toggle('pauses', !stops);

@@ -1,0 +1,47 @@
+"""axe finds nothing in any state of the page, light and dark, on a phone and on a desk; and all of it fits."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+from tests.app.page.browsers import SIZES, Visit
+from tests.app.page.conftest import SetStage
+from tests.app.page.scenes import SCENES
+
+pytestmark = pytest.mark.slow
+
+
+def axe() -> str:
+    """axe-core, as its Python package carries it."""
+    found = importlib.util.find_spec("axe_playwright_python")
+    assert found is not None
+    assert found.submodule_search_locations
+    (file,) = Path(found.submodule_search_locations[0]).rglob("axe.min.js")
+    return file.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_axe_finds_nothing(set_stage: SetStage, visit: Visit, name: str) -> None:
+    scene, fen = SCENES[name]
+    stage = set_stage(fen)
+    visitor = visit(stage)
+    scene(stage, visitor)
+    page = visitor.page
+    page.evaluate(f"{axe()}; 0")
+    for size in ("desk", "phone"):
+        width, height = SIZES[size]
+        page.set_viewport_size({"width": width, "height": height})
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), size
+        for scheme in ("light", "dark"):
+            page.emulate_media(color_scheme=scheme)
+            page.evaluate("Promise.all(document.getAnimations().map((one) => one.finished))")
+            found = page.evaluate("axe.run({resultTypes: ['violations']})")
+            wrong = [
+                f"{size}, {scheme}: {rule['id']}: {node['html'][:200]}: {node['failureSummary']}"
+                for rule in found["violations"] for node in rule["nodes"]
+            ]  # fmt: skip
+            assert wrong == []
+            assert len(found["passes"]) > 20  # it has looked
