@@ -331,7 +331,9 @@ class GameObserver:
         if self._shows_known is not None:
             now, pieces = KnownPicture(frame, self.view), pieces_of(self._known.board)
             finding = looked_closer(finding, states, self._known.board, self._shows_known, now, pieces)
-        self._publish(decision.verdict, finding.sentence, finding.squares, look)
+        sure = decision.verdict is ReadingOutcome.MOVE
+        text = f"{self._known.board.variation_san(decision.moves)} was played" if sure else finding.sentence
+        self._publish(decision.verdict, text, finding.squares, look)
         return Reading(decision, finding, look)
 
     def _publish(self, outcome: ReadingOutcome, text: str, squares: Iterable[int], look: Observation) -> None:

@@ -10,6 +10,7 @@ import chess
 from app import UserError
 from app.execution.state import LEFT, WRONG, GameEnd, Remark
 from app.execution.table import Table
+from app.game.bystander import Bystander
 from app.game.clock import side_name
 from app.game.human_turn import HumanTurn
 from app.game.person import GameLeft
@@ -34,6 +35,7 @@ class Game:
         result: of a game that is played again; its moves are made to their end, whatever might have been claimed
             before. None: the rules end the game, and draws are claimed.
         timing: chess clocks; None: none.
+        bystander: who may interrupt engines; None: nobody.
     """
 
     def __init__(
@@ -45,10 +47,11 @@ class Game:
         comments: tuple[str, ...] = (),
         result: Result | None = None,
         timing: Timing | None = None,
+        bystander: Bystander | None = None,
     ) -> None:
         self._table, self._players, self._ui = table, players, ui
         self._timing = timing or Timing(None, table.now)
-        self._comments, self._result = comments, result
+        self._comments, self._result, self._bystander = comments, result, bystander
         self._human = None if human is None else HumanTurn(human, table, players, self._timing, ui)
         self._most = 0
         self.thinking = 0.0
@@ -92,9 +95,13 @@ class Game:
 
     def _turn(self) -> GameEnd | None:
         """One ply, or something else in its place."""
-        board, colour = self._table.board, self._table.board.turn
-        if self._human is not None and self._human.plays(colour):
+        if self._human is not None and self._human.plays(self._table.board.turn):
             return self._human.take()
+        return (None if self._bystander is None else self._bystander.heed()) or self._ask()
+
+    def _ask(self) -> GameEnd | None:
+        """The player to move is asked, and the arm does it."""
+        board, colour = self._table.board, self._table.board.turn
         decision = self._choose()
         if (fallen := self._timing.fallen(board)) is not None:
             return fallen

@@ -55,8 +55,8 @@ WAITING: Final = 1000
 """News that may wait for a page that does not read; then it is given up, and told all anew when it reads again."""
 POINTS: Final = 64
 """Of a motion's path: enough for a line that looks smooth."""
-SURE: Final = 0.95
-"""A square whose likeliest content is less likely than this counts as unsure: one error in twenty."""
+SURE: Final = 0.8
+"""A square whose likeliest content is less likely than this counts as unsure."""
 _STATES: Final = ("empty", "white", "black")
 QUALITY: Final = 80
 """Of pictures, as JPEG counts it."""

@@ -63,7 +63,7 @@ def run_games(settings: Settings, ui: UserInterface, lines: Lines | None = None)
             return _play_from_board(settings, rig_setup, folder, ui, human, stack, number=1)
         shown = _show_session(settings, rig_setup, folder, human, ui)
         games = GameSeries(settings, rig_setup, ui, human, folder)
-        match = stack.enter_context(_match(settings, rig_setup, games, folder, ui))
+        match = stack.enter_context(_match(settings, rig_setup, games, folder, ui, lines))
         standing = None if settings.game.standing is None else start_board(settings.game.standing, option="--standing")
         board = match.start(lambda board: Inventory.of(start_layout(board, rig_setup.table), rig_setup.table), standing)
         keep_settings(folder, settings)
@@ -101,7 +101,7 @@ def resume_games(folder: Path, ui: UserInterface, lines: Lines | None = None) ->
         games = GameSeries(settings, rig_setup, ui, human, folder, begun=number)
         if not sets_up and _over(history, games.most(number)) and games(number + 1, None) is None:
             raise UserError(f"the game in {path} is over, after {len(history.plies)} plies: start a new one")
-        match = stack.enter_context(_match(settings, rig_setup, games, folder, ui))
+        match = stack.enter_context(_match(settings, rig_setup, games, folder, ui, lines))
         match.go_on(Start(number, sets_up, GameRecord.go_on(path, history), position))
         if rig_setup.own:
             from app.rig.simulation.sim import require_present  # devices take seconds to load
@@ -164,13 +164,13 @@ def _from_board(
         number = next(numbers)
         found = settings.with_changes({"game.fen": board.fen(), "game.from_board": False})
         games = GameSeries(found, rig_setup, ui, human, folder, begun=number)
-        made = stack.enter_context(_match(found, rig_setup, games, folder, ui))
+        made = stack.enter_context(_match(found, rig_setup, games, folder, ui, human.lines))
         made.start(lambda _: inventory, None, number, now)
         if number == 1:
             keep_settings(folder, found)
         return made
 
-    return FromBoard(human, ui, _table_setup(settings, rig_setup, human), rig_setup.table, begin, match)
+    return FromBoard(human, ui, _table_setup(settings, rig_setup, human, human.lines), rig_setup.table, begin, match)
 
 
 def _keepable(
@@ -198,15 +198,17 @@ def _over(history: History, most: int) -> bool:
     return history.ended and history.unfinished is None and (decided or len(history.plies) >= most)
 
 
-def _match(settings: Settings, rig_setup: RigSetup, games: GameSeries, folder: Path, ui: UserInterface) -> Match:
-    table_setup = _table_setup(settings, rig_setup, games.human)
+def _match(
+    settings: Settings, rig_setup: RigSetup, games: GameSeries, folder: Path, ui: UserInterface, lines: Lines | None
+) -> Match:
+    table_setup = _table_setup(settings, rig_setup, games.human, lines)
     return Match(folder, games, table_setup, ui, settings.rig.seed, rig_setup.pace)
 
 
-def _table_setup(settings: Settings, rig_setup: RigSetup, human: Human | None) -> TableSetup:
+def _table_setup(settings: Settings, rig_setup: RigSetup, human: Human | None, lines: Lines | None) -> TableSetup:
     follows = looks(settings, rig_setup, human)
     return TableSetup(
-        rig_setup.motion, rig_setup.parameters, follows, lambda intrinsics: believed_view(rig_setup, intrinsics)
+        rig_setup.motion, rig_setup.parameters, follows, lambda intrinsics: believed_view(rig_setup, intrinsics), lines
     )
 
 

@@ -18,6 +18,7 @@ import chess
 from app.execution.state import KEPT, LEFT, WRONG
 from app.execution.table import Table
 from app.game import Devices, Game, GameEnd, Position
+from app.game.bystander import Bystander
 from app.game.clock import ChessClock
 from app.game.game import leave, require_empty_fingers
 from app.game.person import GameLeft, SettledHands
@@ -209,9 +210,10 @@ class Match:
         clock = clock_of(self._fixture.clock, counted_plies(record.events))
         timing = Timing(clock, devices.clock.now, show=self._ui.clock)
         timing.show()
-        game = Game(
-            table, self._chosen, self._ui, human, self._fixture.comments, self._fixture.result, timing
-        )  # fmt: skip
+        lines = self._table_setup.lines if human is None else None
+        bystander = None if lines is None else Bystander(lines, self._ui, timing)
+        fixture = self._fixture
+        game = Game(table, self._chosen, self._ui, human, fixture.comments, fixture.result, timing, bystander)
         plies = self._fixture.plies
         return Round(record, lambda: game.play(plies), lambda: {"thinking_s": round(game.thinking, 3)})
 

@@ -18,6 +18,9 @@ HEARTBEAT_INTERVAL = 0.1
 SILENCE = 3.0
 """Without telemetry for so long the controller counts as lost [s]. The arm is safe without the client, so this may be
 generous: a machine that is busy for a moment ends no game."""
+LOCKSTEP_SILENCE = 30.0
+"""The same where plant time waits for the controller [s]: nothing moves meanwhile, however busy the machine is. One
+that is gone is known by its closed port."""
 REPEAT = 0.02
 """What is not answered is repeated after this [s]."""
 _WAKE_SAMPLES = 40
@@ -68,10 +71,11 @@ class Link:
         """The newest telemetry.
 
         Raises:
-            ControllerLost: there was none for three seconds, or the link is closed.
+            ControllerLost: there was none for three seconds (in lockstep thirty), or the link is closed.
         """
         telemetry, silence = self._telemetry, time.monotonic() - self._heard
-        if telemetry is None or self._refused or silence > SILENCE or not self._open:
+        patience = LOCKSTEP_SILENCE if self._welcome is not None and self._welcome.lockstep else SILENCE
+        if telemetry is None or self._refused or silence > patience or not self._open:
             raise ControllerLost(f"no telemetry from {self.where} for {silence:.2f} s: is the controller running?")
         return telemetry
 
