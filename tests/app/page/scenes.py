@@ -42,6 +42,7 @@ def pending(stage: Stage, visitor: Visitor) -> None:
     my_turn(stage)
     expect(visitor.page.locator("#ask")).to_have_attribute("data-mood", "turn")
     visitor.click("g1", "f3")
+    expect(visitor.page.locator("#board square.pending")).to_have_count(2)
     stage.game.publisher.answered()
     stage.game.publisher.heard("g1f3")
     stage.game.publisher.phase("your hand plays Nf3")
