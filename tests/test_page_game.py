@@ -1,0 +1,180 @@
+"""A whole game through the page, in Debian's Chromium, against the simulated robot: all that a person may do there."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import chess.pgn
+import pytest
+from playwright.sync_api import Browser, expect
+
+from tests.app.page.browsers import Visitor, chromium
+from tests.test_play import ENGINE, TOUCHMOVE
+from tests.waiting import PATIENCE, until
+
+pytestmark = pytest.mark.slow
+PICTURES = os.environ.get("TOUCHMOVE_PICTURES")
+"""Where pictures of the states go that the test comes through; nowhere if it is not set."""
+
+
+@contextmanager
+def playing(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+    """A game that waits for a browser, and the page's address."""
+    said = folder / "said"
+    with said.open("wb") as out:
+        process = subprocess.Popen(
+            [*TOUCHMOVE, "play", "--page", "--page-port", "0", "--out", str(folder / "game"), *options],
+            stdin=subprocess.DEVNULL, stdout=out, stderr=out, start_new_session=True,
+        )  # fmt: skip
+    try:
+        found = until(lambda: re.search(rb"in a browser: (http://\S+)", said.read_bytes()), "the page")
+        yield process, found[1].decode()
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            process.wait(PATIENCE)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as found:
+        yield found
+
+
+class Player(Visitor):
+    """Somebody who plays at the page."""
+
+    def turn(self, moves: int) -> None:
+        """Wait until so many moves were made, and it is their turn."""
+        wait = 1000.0 * PATIENCE
+        expect(self.page.locator("#moves button.move")).to_have_count(moves, timeout=wait)
+        expect(self.page.locator("#ask")).to_have_attribute("data-mood", "turn", timeout=wait)
+
+    def says(self, line: str) -> None:
+        self.page.locator("#line").fill(line)
+        self.page.keyboard.press("Enter")
+
+    def reads(self, text: str) -> None:
+        """Wait until the page has said something."""
+        expect(self.page.locator("#log")).to_contain_text(text, timeout=1000.0 * PATIENCE)
+
+    def keys(self, source: str, target: str) -> None:
+        """Move by keyboard alone."""
+        for square in (source, target):
+            self.page.locator(f'[role="gridcell"][data-square="{square}"]').focus()
+            self.page.keyboard.press("Enter")
+
+    def picture(self, name: str) -> None:
+        if PICTURES is not None:
+            self.page.wait_for_timeout(400.0)
+            self.page.screenshot(path=Path(PICTURES) / f"{name}.png")
+
+
+def moves_of(folder: Path) -> str:
+    with (folder / "game" / "game.pgn").open(encoding="utf-8") as stream:
+        game = chess.pgn.read_game(stream)
+    assert game is not None
+    return " ".join(node.san() for node in game.mainline())
+
+
+def test_a_whole_game_on_the_page(tmp_path: Path, browser: Browser) -> None:
+    engine = tmp_path / "engine"
+    engine.write_text(f"#!{sys.executable}\n" + ENGINE.format(replies="a6 d5 Nf6 b5 Kxd8 Bb7 e6 Bd6"))
+    engine.chmod(0o755)
+    with playing(tmp_path, "--pace", "fast", "--no-guard", "--engine", str(engine)) as (process, address):
+        player = Player(browser, address)
+        player.turn(0)
+        player.picture("page-start")
+        player.click("e2", "e4")
+        player.turn(2)
+        player.drag("e4", "e5")
+        player.turn(4)
+        player.keys("e5", "d6")  # en passant
+        player.turn(6)
+        player.says("hand move g1 g4")  # a knight does not move like that
+        player.reads("or say 'fix' and the arm does it")
+        player.picture("page-illegal")
+        player.page.locator('#ask [data-answer="fix"]').click()
+        player.turn(6)
+        player.drag("d6", "c7")
+        player.turn(8)
+        player.click("c7", "d8")
+        player.picture("page-promotion")
+        player.page.get_by_role("button", name="queen", exact=True).click()
+        player.turn(10)
+        # in the middle of the game the page is left and visited again: the controls are still ours
+        player.page.reload()
+        player.turn(10)
+        player.keys("g1", "f3")
+        player.turn(12)
+        player.drag("f1", "e2")
+        player.turn(14)
+        player.click("e1", "g1")
+        player.turn(16)
+        player.page.locator("#tab-camera").click()
+        player.picture("page-camera")
+        player.page.get_by_role("button", name="Take back", exact=True).click()
+        player.turn(14)
+        player.keys("e1", "g1")
+        player.turn(16)
+        player.says("resign")
+        leave = player.page.locator('#ask [data-answer="quit"]')
+        expect(leave).to_be_visible(timeout=1000.0 * PATIENCE)
+        player.picture("page-over")
+        leave.click()
+        assert process.wait(PATIENCE) == 0, (tmp_path / "said").read_text()[-2000:]
+        assert player.wrong == []
+        player.close()
+    expected = "e4 a6 e5 d5 exd6 Nf6 dxc7 b5 cxd8=Q+ Kxd8 Nf3 Bb7 Be2 e6 O-O Bd6"
+    assert moves_of(tmp_path) == expected
+
+
+def test_nobody_loses_a_game_by_a_browser_or_a_page_that_goes(tmp_path: Path, browser: Browser) -> None:
+    """Two browsers; the page's process is killed; the one that has the controls closes while it is asked something."""
+    with playing(tmp_path, "--rig", "board", "--nodes", "200") as (process, address):
+        player, watcher = Player(browser, address), Player(browser, address)
+        player.turn(0)
+        player.click("e2", "e4")
+        player.turn(2)
+        expect(watcher.page.locator("#moves button.move")).to_have_count(2)
+        (page,) = [pid for pid in children(process.pid) if "app.page.process" in command_of(pid)]
+        os.kill(page, signal.SIGKILL)
+        player.turn(2)  # both come back by themselves
+        until(lambda: [pid for pid in children(process.pid) if pid != page and "app.page.process" in command_of(pid)])
+        expect(watcher.page.locator("#moves button.move")).to_have_count(2)
+        player.says("pause")
+        expect(player.page.locator('#ask [data-answer="go"]')).to_be_visible()
+        player.close()
+        button = watcher.page.locator('#ask [data-answer="go"]')
+        take = watcher.page.locator("#banners").get_by_role("button", name="Take the controls")
+        take.click(timeout=1000.0 * PATIENCE)  # they were kept for a while for the one who has gone
+        button.click()
+        watcher.turn(2)
+        watcher.drag("d2", "d4")
+        watcher.turn(4)
+        watcher.says("quit")
+        assert process.wait(PATIENCE) == 0
+        watcher.close()
+    assert moves_of(tmp_path).split()[::2] == ["e4", "d4"]
+
+
+def children(pid: int) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()] + [
+        int(child)
+        for task in Path(f"/proc/{pid}/task").iterdir() if task.name != str(pid)
+        for child in (task / "children").read_text().split()
+    ]  # fmt: skip
+
+
+def command_of(pid: int) -> str:
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_text()
+    except OSError:
+        return ""
