@@ -61,7 +61,7 @@ def look() -> dict[str, Any]:
 
 def test_the_camera_shows_the_newest_picture_and_says_what_vision_thinks(browser: Browser, site: PanelSite) -> None:
     with panel(browser, site, "camera") as page:
-        assert page.evaluate("sent.at(-1)?.camera") is True
+        until(lambda: page.evaluate("sent.at(-1)?.camera"), page)
         page.evaluate("(look) => store.change({look, pictures: {camera: {number: 4, stamp: 2.5}}})", look())
         until(lambda: page.evaluate("document.querySelector('img').naturalWidth") == 64, page)
         assert page.evaluate("document.querySelector('img').src").endswith("?n=4")
@@ -95,7 +95,7 @@ def figures(page: Page) -> dict[str, dict[str, str]]:
     found: dict[str, dict[str, str]] = page.evaluate(
         """() => Object.fromEntries([...document.querySelectorAll('.tm-legend')].map((table) => [
              table.caption.textContent,
-             Object.fromEntries([...table.rows].map(({cells: [name, value]}) => [name.textContent, value.textContent]))]))"""
+             Object.fromEntries([...table.rows].map((row) => [...row.cells].map((one) => one.textContent)))]))"""
     )
     return found
 
