@@ -74,8 +74,11 @@ export function mountLog(store, mark) {
     }));
   });
 
-  store.subscribe('phase', (phase) => {
-    byId('phase-text').textContent = capital(phase || '');
-    byId('phase').hidden = !phase;
-  });
+  /** What is asked counts for more than what was done last. */
+  function drawPhase() {
+    const now = store.get('prompt')?.text || store.get('phase') || '';
+    byId('phase-text').textContent = capital(now);
+    byId('phase').hidden = now === '';
+  }
+  for (const section of ['phase', 'prompt']) store.subscribe(section, drawPhase);
 }
