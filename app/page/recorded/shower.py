@@ -12,11 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Self
 
-from app.page.live.hub import encoded
 from app.page.recorded.catalogue import RecordPlace, match_of_record
-from app.page.recorded.record import record_shown
-from app.records.events import read_events
-from app.records.files import EVENTS_FILE, RecordError
+from app.records.files import EVENTS_FILE, FILM_FILE, RecordError
 from app.records.robot import ROBOT_FILE
 from app.records.telemetry import TELEMETRY_FILE
 
@@ -62,12 +59,9 @@ class RecordShower:
         Raises:
             RecordError: it cannot be read.
         """
-
-        def make() -> bytes:
-            return encoded(record_shown(place, read_events(place.folder / EVENTS_FILE))).encode()
-
-        files = (place.folder / EVENTS_FILE, place.folder / ROBOT_FILE)
-        return await self._made(("record",), files, JSON, lambda: asyncio.to_thread(make))
+        files = (place.folder / EVENTS_FILE, place.folder / ROBOT_FILE, place.folder / FILM_FILE)
+        wanted = ("record", str(place.folder), place.id, str(place.number), "sets up" if place.sets_up else "")
+        return await self._made(wanted, files, JSON, lambda: _run(*wanted))
 
     async def robot(self, folder: Path | None, tick: float) -> Made:
         """``robot.json`` of the record in a folder; None: of the usual robot. With ticks of so long [s].
