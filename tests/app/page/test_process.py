@@ -101,6 +101,14 @@ def test_a_page_that_was_killed_comes_back_where_it_was_with_all_there_is(games:
                 assert [one["san"] for one in browser.state["game"]["moves"]] == ["e4"]
 
 
+def test_a_game_of_another_version_ends_it_with_its_reason(games: Path) -> None:
+    with PageProcess(games) as page:
+        page.game.sendall(b'{"news":"never heard of"}\n')
+        page.process.wait(60.0)
+    assert page.process.returncode == 1
+    assert "never heard of" in page.said
+
+
 def test_what_keeps_it_from_opening_is_one_sentence(games: Path) -> None:
     with PageProcess(games, host="0.0.0.0") as page:
         assert page.address == ""
