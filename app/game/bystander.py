@@ -37,7 +37,7 @@ class Bystander:
             word = word_of(line)
             if word is Word.PAUSE:
                 self._timing.pause()
-                PersonAttendant(self._lines, self._ui, _LEAVES).wait_for_go("the game is paused")
+                PersonAttendant(self._lines, self._ui, _LEAVES).wait("the game is paused")
             elif word is not None and word in _LEAVES:
                 return end_of(word, None, chess.WHITE)
             elif word is not Word.GO:

@@ -133,7 +133,7 @@ class HumanTurn:
 
     def wait(self, sentence: str) -> None:
         """Until the person says 'go'; ``GameLeft`` is raised where they leave instead."""
-        PersonAttendant(self._human.lines, self._ui, require=self._human.require).wait_for_go(sentence)
+        PersonAttendant(self._human.lines, self._ui, require=self._human.require).wait(sentence)
 
     def left(self, word: Word, wish: NewGame | None = None) -> GameEnd:
         """How the game has ended for a person who said quit, resign, new or keep."""

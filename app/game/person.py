@@ -283,11 +283,19 @@ class PersonAttendant:
     require: Callable[[NewGame], None] = lambda _: None
 
     def wait_for_go(self, sentence: str) -> None:
-        """See ``Attendant.wait_for_go``.
+        """See ``Attendant.wait_for_go``. A 'go' that was said before, twice by mistake perhaps, lifts no later STOP.
 
         Raises:
             GameLeft: they leave instead.
             PersonGone: nobody says anything any more.
+        """
+        self.lines.forget(Word.GO)
+        self.wait(sentence)
+
+    def wait(self, sentence: str) -> None:
+        """Wait for a 'go' where the arm was not stopped, so that it may have been said already, as by a script.
+
+        Raises as ``wait_for_go``.
         """
         self.ui.say(sentence)
         ask(self, self.ui, "go on?", (Word.GO.value,), lambda _: False, leaves=self.leaves)

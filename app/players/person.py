@@ -30,6 +30,9 @@ class Lines(Protocol):
             PersonGone: no more will come.
         """
 
+    def forget(self, word: str) -> None:
+        """A word that was said, and was not taken yet, does not count: it was said before what is asked now."""
+
     @property
     def accompanied(self) -> bool:
         """Whether somebody is there who goes on watching when a game is over, as at a page."""

@@ -350,6 +350,7 @@ class TypedLines:
     ) -> None:  # fmt: skip
         self._heard, self._company = heard, company
         self._lines: queue.Queue[str | None] = queue.Queue()
+        self._putting = threading.Lock()
         self._ended = stream is None
         if stream is not None:
             threading.Thread(target=self._read, args=(stream,), name="typed lines", daemon=True).start()
@@ -369,6 +370,14 @@ class TypedLines:
             raise PersonGone
         return None
 
+    def forget(self, word: str) -> None:
+        """See ``Lines.forget``."""
+        with self._putting, suppress(queue.Empty):
+            for _ in range(self._lines.qsize()):
+                line = self._lines.get_nowait()
+                if line is _NO_MORE or line.lower() != word:
+                    self._lines.put(line)
+
     @property
     def accompanied(self) -> bool:
         """See ``Lines.accompanied``."""
@@ -377,6 +386,10 @@ class TypedLines:
     def offer(self, line: str) -> None:
         """Somebody else says something; from any thread."""
         if line := _meant(line):
+            self._put(line)
+
+    def _put(self, line: str | None) -> None:
+        with self._putting:
             self._lines.put(line)
 
     def _read(self, stream: TextIO) -> None:
@@ -385,7 +398,7 @@ class TypedLines:
         with suppress(OSError):  # the terminal was closed, or its computer is gone: the same as the end of input
             for raw in stream:
                 self.offer(raw)
-        self._lines.put(_NO_MORE)
+        self._put(_NO_MORE)
 
 
 def _meant(raw: str) -> str:

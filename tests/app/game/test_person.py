@@ -26,6 +26,9 @@ class Script:
     def __init__(self, *lines: str) -> None:
         self._lines = [one for line in lines for one in (None, line)]
 
+    def forget(self, word: str) -> None:
+        """What comes is said when it is asked for, never before."""
+
     def next(self, timeout: float) -> str | None:
         if not self._lines:
             raise PersonGone

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, ClassVar
@@ -22,8 +23,9 @@ from app.records.events import TroubleEvent
 from app.rig.arm import ArmStopped, Outcome
 from app.rig.board import BoardArm
 from app.settings.files import settings_of
-from app.terminal.interface import UserInterface
+from app.terminal.interface import TypedLines, UserInterface
 from hardware.table import TableSettings
+from tests.waiting import until
 
 TABLE = TableSettings()
 
@@ -61,6 +63,9 @@ class Script:
 
     def __init__(self, *said: str | Callable[[], None], accompanied: bool = False) -> None:
         self.left, self.accompanied = list(said), accompanied
+
+    def forget(self, word: str) -> None:
+        """What comes is said when it is asked for, never before."""
 
     def next(self, timeout: float) -> str | None:
         if not self.left:
@@ -320,3 +325,18 @@ def test_a_demo_that_a_watcher_ends_at_a_stop_can_be_gone_on_with(
     done = play(tmp_path / "game", None, Told(), game__moves="e4 d5")
     assert done.resumable
     assert (done.report.result, done.report.exit_reason) == ("*", "left by the person at the board")
+
+
+def test_a_go_that_was_said_before_the_stop_does_not_lift_it() -> None:
+    typed = TypedLines(io.StringIO("go\nE4\nGo\nquit\n"))
+    until(lambda: typed._lines.qsize() == 5)
+    attendant, ui = PersonAttendant(typed, Told()), Told()
+    with pytest.raises(GameLeft) as left:
+        attendant.wait_for_go(SENTENCE)
+    assert left.value.word == "quit"
+    with pytest.raises(PersonGone):
+        typed.next(0.0)
+    early = TypedLines(None)
+    early.offer("go")
+    PersonAttendant(early, ui).wait("the game is paused")
+    assert ui.heard_of[0] == "the game is paused"
