@@ -329,7 +329,11 @@ def _audience(
     with ExitStack() as stack:
         terminal: UserInterface = UserInterface()
         if not headless:
-            shown = Conversation(console, echoes=sys.stdin.isatty()) if talks else Terminal(console)
+            shown = (
+                Conversation(console, echoes=sys.stdin is not None and sys.stdin.isatty())
+                if talks
+                else Terminal(console)
+            )
             terminal = stack.enter_context(shown)
         if settings.terminal.speak:
             from app.terminal.speaker import Speaker
@@ -348,7 +352,7 @@ def _audience(
 
         publisher = PagePublisher(program)
         ui = Together(terminal, publisher)
-        lines = TypedLines(typed, ui.heard, lambda: awaited or publisher.used)
+        lines = TypedLines(typed, ui.heard, lambda: (awaited or publisher.used) and not publisher.given_up)
         publisher.subscribe(lines.offer)
         stack.enter_context(PageSupervisor(settings.page, publisher, GAMES, _invite, say))
         yield _Audience(ui, lines, publisher.end)

@@ -20,6 +20,7 @@ import chess
 
 from app.page.live_pictures import LivePictures
 from app.page.news import (
+    LARGEST_PICTURE,
     SAID,
     AnyNews,
     ClockNews,
@@ -85,6 +86,8 @@ class PagePublisher(UserInterface):
         self._pictures = LivePictures(self._picture)
         self.used = False
         """Somebody has held the page's controls."""
+        self.given_up = False
+        """There is no page any more, and none will come."""
 
     def subscribe(self, line: Callable[[str], None]) -> None:
         """Have somebody told each line that is said on the page."""
@@ -106,7 +109,8 @@ class PagePublisher(UserInterface):
 
     def round(self, folder: Path, number: int, *, sets_up: bool) -> None:
         """See ``UserInterface.round``."""
-        self._newest.pop("result", None)
+        with self._lock:  # a page that starts at this moment is being told all of them
+            self._newest.pop("result", None)
         self._tell(RoundNews(folder=str(folder.absolute()), number=number, sets_up=sets_up))
 
     def phase(self, text: str) -> None:
@@ -191,11 +195,14 @@ class PagePublisher(UserInterface):
         page = self._page
         if page is None or page.crowded:
             return
-        done, encoded = cv2.imencode(
-            ".jpg", cv2.cvtColor(colour, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
-        )
-        if not done:
-            raise RuntimeError("OpenCV could not encode a picture")
+        shown = cv2.cvtColor(colour, cv2.COLOR_RGB2BGR)
+        while True:
+            done, encoded = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+            if not done:
+                raise RuntimeError("OpenCV could not encode a picture")
+            if encoded.size <= LARGEST_PICTURE:
+                break
+            shown = cv2.resize(shown, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
         jpeg = encoded.tobytes()
         self._tell(PictureNews(view=view, stamp=stamp, bytes=len(jpeg)), jpeg, key=f"picture {view}")
 
@@ -213,6 +220,7 @@ class PagePublisher(UserInterface):
 
     def connect(self, end: socket.socket) -> None:
         """A page has been started at the other end of a socket: it is told all that there is to see now."""
+        self._pictures.want({})  # whoever looked at some did so on the page before
         with self._lock:
             before, self._page = self._page, _PageLink(end, self._hear)
             first = [self._newest[kind] for kind in ("session", "round") if kind in self._newest]
@@ -226,8 +234,14 @@ class PagePublisher(UserInterface):
         """Nobody shows anything any more."""
         with self._lock:
             page, self._page = self._page, None
+        self._pictures.want({})  # whoever looked at some did so on that page
         if page is not None:
             page.close()
+
+    def give_up(self) -> None:
+        """Nobody shows anything any more, nor will anybody say anything on a page."""
+        self.given_up = True
+        self.disconnect()
 
     def _hear(self, raw: bytes) -> None:
         match SAID.validate_json(raw):

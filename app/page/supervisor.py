@@ -42,7 +42,8 @@ class PageSupervisor:
     ) -> None:  # fmt: skip
         self._settings, self._publisher, self._records = settings, publisher, records
         self._ready, self._say = ready, say
-        self._port, self._open = settings.port, True
+        self._port = settings.port
+        self._starting, self._over = threading.Lock(), threading.Event()
         self._process = self._start()
         self._thread = threading.Thread(target=self._look_after, name="page supervisor", daemon=True)
         self._thread.start()
@@ -52,7 +53,8 @@ class PageSupervisor:
 
     def __exit__(self, *_: object) -> None:
         """The page ends by itself when its socket does; one that does not is ended."""
-        self._open = False
+        with self._starting:  # a page is started anew before this, or not at all: nobody would end it
+            self._over.set()
         self._publisher.disconnect()
         try:
             self._process.wait(PATIENCE)
@@ -84,12 +86,16 @@ class PageSupervisor:
                 told, self._port = True, urlsplit(address).port or self._port
                 self._ready(self._settings.address or address)
             self._process.wait()
-            if not self._open:
+            if self._over.is_set():
                 return
             now = time.monotonic()
             deaths = [*(then for then in deaths if now - then < SOON), now]
             if not told or len(deaths) >= TRIES:
+                self._publisher.give_up()
                 self._say("the page's process ended, see what it says above; the game goes on without it")
                 return
-            time.sleep(PAUSE)
-            self._process = self._start()
+            self._over.wait(PAUSE)
+            with self._starting:
+                if self._over.is_set():
+                    return
+                self._process = self._start()

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import socket
+import threading
+import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -12,7 +15,7 @@ import chess
 import numpy as np
 import pytest
 
-from app.page.news import NEWS, LookNews, PathNews, PictureNews, PromptNews
+from app.page.news import LARGEST_PICTURE, NEWS, LookNews, PathNews, PictureNews, PromptNews
 from app.page.publisher import KEPT, POINTS, PagePublisher
 from app.players.person import PersonGone
 from app.terminal.interface import Together, TypedLines, UserInterface
@@ -160,3 +163,53 @@ def test_where_nobody_was_at_the_page_the_end_of_input_is_the_end() -> None:
     assert lines.next(PATIENCE) == "e4"
     with pytest.raises(PersonGone):
         lines.next(PATIENCE)
+
+
+def test_a_page_that_starts_later_is_told_since_when_a_clock_runs(publisher, open_page) -> None:
+    before = time.time()
+    publisher.clock(ClockShown({chess.WHITE: 61.5, chess.BLACK: 60.0}, chess.WHITE))
+    after = time.time()
+    assert before <= open_page(publisher).next()[0].at <= after
+
+
+def test_a_picture_is_never_larger_than_a_page_takes(publisher, open_page) -> None:
+    noise = np.random.default_rng(1).integers(0, 256, (2160, 3840, 3), np.uint8)
+    page = open_page(publisher)
+    publisher.look(dataclasses.replace(look(), colour=noise))
+    told, jpeg = page.next()
+    assert isinstance(told, PictureNews)
+    assert len(jpeg) == told.bytes <= LARGEST_PICTURE
+    assert page.next()[0].width == 3840
+
+
+class Source:
+    """Pictures without end."""
+
+    def __init__(self) -> None:
+        self.over = threading.Event()
+
+    def next(self):
+        return None if self.over.wait(0.01) else (np.zeros((48, 64, 3), np.uint8), 0)
+
+    def cancel(self) -> None:
+        self.over.set()
+
+    def close(self) -> None:
+        self.over.set()
+
+
+def test_pictures_that_a_page_wanted_are_not_taken_for_the_page_after_it(publisher, open_page, tmp_path: Path) -> None:
+    opened: list[Source] = []
+
+    def live(view: str, rate: float) -> Source:
+        opened.append(Source())
+        return opened[-1]
+
+    publisher.session(dataclasses.replace(session(tmp_path), live=live))
+    page = open_page(publisher)
+    page.say(said="pictures", camera=0.0, film=5.0)
+    until(lambda: len(opened) == 1)
+    page.close()
+    open_page(publisher)
+    assert opened[0].over.wait(PATIENCE)
+    assert len(opened) == 1
