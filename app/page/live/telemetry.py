@@ -6,6 +6,7 @@ import asyncio
 import math
 import threading
 from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Final
 
@@ -76,6 +77,9 @@ class TelemetryFeed:
         self._told: Telemetry | None = None
         self._pressing: asyncio.Task[str | None] | None = None
         self._search: threading.Event | None = None
+        self._finding = threading.Lock()
+        # of its own: whoever has records looked through keeps no STOP waiting
+        self._stopper = ThreadPoolExecutor(1, "stop")
 
     def listen(self, address: tuple[str, int, str] | None, tick: float) -> None:
         """Listen to a controller from now on: its host, UDP port and key file; None: there is none."""
@@ -91,11 +95,12 @@ class TelemetryFeed:
     def close(self) -> None:
         """Listen no more."""
         self._address = None
-        if self._search is not None:
-            self._search.set()
-        if self._watch is not None:
-            self._watch.close()
-            self._watch = None
+        with self._finding:
+            if self._search is not None:
+                self._search.set()
+            watch, self._watch = self._watch, None
+        if watch is not None:
+            watch.close()
         self._told = None
 
     @property
@@ -136,7 +141,8 @@ class TelemetryFeed:
         if watch is None:
             return "there is no controller that could be stopped"
         try:
-            await asyncio.to_thread(watch.stop, PATIENCE)
+            loop = asyncio.get_running_loop()
+            await loop.run_in_executor(self._stopper, watch.stop, PATIENCE)
         except ControllerError as error:
             return f"the arm may still move: {error}"
         return None
@@ -151,10 +157,11 @@ class TelemetryFeed:
             except (ControllerError, KeyFileError):
                 over.wait(AGAIN)
                 continue
-            if over.is_set():
-                watch.close()
-            else:
-                self._watch = watch
+            with self._finding:
+                if not over.is_set():
+                    self._watch = watch
+                    return
+            watch.close()
             return
 
 
