@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import threading
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from types import MappingProxyType
 from typing import Final, Self
 
@@ -20,6 +21,8 @@ from app.terminal.interface import UserInterface
 PROGRAM: Final = "espeak-ng"
 WAITING: Final = 3
 """Sentences that may wait for those before them; what is older then is no longer worth saying."""
+LAST_WORDS: Final = 15.0
+"""At the end so long is waited for what is still to be said [s, wall]."""
 _PIECES: Final[Mapping[str, str]] = MappingProxyType(
     {"K": "king", "Q": "queen", "R": "rook", "B": "bishop", "N": "knight"}
 )
@@ -50,6 +53,8 @@ class Speaker(UserInterface):
             raise SpeakerMissing
         self._program = found
         self._sentences: queue.Queue[str | None] = queue.Queue()
+        self._saying: subprocess.Popen[bytes] | None = None
+        self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="speaker", daemon=True)
         self._thread.start()
 
@@ -57,7 +62,12 @@ class Speaker(UserInterface):
         return self
 
     def __exit__(self, *_: object) -> None:
+        """What waits is still said, unless that takes long, as where the loudspeaker is taken and the voice hangs."""
         self._sentences.put(None)
+        self._thread.join(LAST_WORDS)
+        self._over.set()
+        if (saying := self._saying) is not None:
+            saying.kill()
         self._thread.join()
 
     def ply(self, event: PlyEvent, board: chess.Board) -> None:
@@ -80,17 +90,21 @@ class Speaker(UserInterface):
         self._say(reason)
 
     def _say(self, sentence: str) -> None:
-        while self._sentences.qsize() >= WAITING:
-            self._sentences.get()
+        with suppress(queue.Empty):  # they may have been said this moment
+            while self._sentences.qsize() >= WAITING:
+                self._sentences.get_nowait()
         self._sentences.put(sentence)
 
     def _run(self) -> None:
         while (sentence := self._sentences.get()) is not None:
             # a machine without loudspeaker, or an end in mid-word: the game goes on in writing
-            subprocess.run(
+            self._saying = subprocess.Popen(
                 [self._program, "--", sentence], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL, check=False,
+                stderr=subprocess.DEVNULL,
             )  # fmt: skip
+            if self._over.is_set():
+                self._saying.kill()
+            self._saying.wait()
 
 
 def spoken(san: str) -> str:

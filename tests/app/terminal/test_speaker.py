@@ -60,6 +60,21 @@ def test_a_slow_voice_keeps_nobody_and_says_what_is_newest(tmp_path: Path) -> No
     assert len(lines) <= 5
 
 
+def test_a_voice_that_hangs_does_not_keep_the_program_from_ending(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.terminal.speaker.LAST_WORDS", 0.1)
+    voice = tmp_path / "voice"
+    voice.write_text("#!/bin/sh\nexec sleep 600\n")
+    voice.chmod(0o755)
+    with Speaker(str(voice)) as speaker:
+        speaker.say("one")
+        speaker.say("two")
+    assert not speaker._thread.is_alive()
+    assert speaker._saying is not None
+    assert speaker._saying.returncode is not None
+
+
 def test_a_voice_that_is_not_there_is_one_sentence_with_the_remedy() -> None:
     with pytest.raises(SpeakerMissing, match="sudo apt-get install"):
         Speaker("a-voice-that-nobody-has")
