@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,6 +42,7 @@ class Catalogue:
     def __init__(self, *folders: Path) -> None:
         self._folders = list(folders)
         self._known: dict[Path, tuple[tuple[int, int], dict[str, Any]]] = {}
+        self._ids: dict[Path, str] = {}
 
     def add(self, match: Path) -> None:
         """A match that may lie elsewhere; nothing is done where it lies in one of the folders."""
@@ -62,8 +64,11 @@ class Catalogue:
 
     def id_of(self, folder: Path) -> str:
         """Name of the record in a folder, also of one that is only about to be made."""
+        if (known := self._ids.get(folder)) is not None:
+            return known
         for place in self.places().values():
             if place.folder == folder:
+                self._ids[folder] = place.id
                 return place.id
         return _id(match_of_record(folder), folder)
 
@@ -72,7 +77,10 @@ class Catalogue:
         shown = []
         for place in [*self.places().values()][:MOST]:
             file = place.folder / EVENTS_FILE
-            status = file.stat()
+            try:
+                status = file.stat()
+            except OSError:  # it was taken away meanwhile
+                continue
             key = (status.st_mtime_ns, status.st_size)
             known = self._known.get(place.folder)
             if known is None or known[0] != key:
@@ -94,24 +102,39 @@ def _matches(folder: Path) -> Iterator[Path]:
     """The matches in a folder, or the folder itself if it is one."""
     if _is_match(folder):
         yield folder
-    elif folder.is_dir():
-        yield from (one for one in folder.iterdir() if _is_match(one))
+    else:
+        yield from (one for one in _inside(folder) if _is_match(one))
 
 
 def _is_match(folder: Path) -> bool:
-    return any((one / EVENTS_FILE).is_file() for one in (folder, *_later(folder)))
+    return any(_modified(one / EVENTS_FILE) is not None for one in (folder, *_later(folder)))
 
 
 def _later(match: Path) -> list[Path]:
     """Folders of the rounds after the first."""
-    if not match.is_dir():
+    return [one for one in _inside(match) if ROUND_FOLDER.fullmatch(one.name)]
+
+
+def _inside(folder: Path) -> list[Path]:
+    """What is in a folder; nothing in one that is none, or that others have locked."""
+    try:
+        return list(folder.iterdir())
+    except OSError:
         return []
-    return [one for one in match.iterdir() if ROUND_FOLDER.fullmatch(one.name) and one.is_dir()]
+
+
+def _modified(file: Path) -> float | None:
+    """When a file was changed last [s since 1970]; None: it is none, or cannot be reached."""
+    try:
+        status = file.stat()
+    except OSError:
+        return None
+    return status.st_mtime if stat.S_ISREG(status.st_mode) else None
 
 
 def _begun(match: Path) -> float:
-    """When the first record of a match was made, nearly."""
-    return max((one / EVENTS_FILE).stat().st_mtime for one in (match, *_later(match)) if (one / EVENTS_FILE).is_file())
+    """When the last record of a match was written last."""
+    return max((_modified(one / EVENTS_FILE) or 0.0 for one in (match, *_later(match))), default=0.0)
 
 
 def _rounds(match: Path) -> Iterator[RecordPlace]:
@@ -123,7 +146,7 @@ def _rounds(match: Path) -> Iterator[RecordPlace]:
         sets_up = found is not None and found["kind"] != "game"
         rounds.append(RecordPlace(_id(match, folder), folder, number, sets_up))
     for place in sorted(rounds, key=lambda one: (one.number, not one.sets_up)):
-        if (place.folder / EVENTS_FILE).is_file():
+        if _modified(place.folder / EVENTS_FILE) is not None:
             yield place
 
 

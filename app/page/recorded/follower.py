@@ -50,9 +50,12 @@ class RecordFollower:
             self.game, self._offset, self._lines = None, 0, 0
         if size == self._offset:
             return ()
-        with self._path.open("rb") as file:
-            file.seek(self._offset)
-            whole, end, _ = file.read().rpartition(b"\n")
+        try:
+            with self._path.open("rb") as file:
+                file.seek(self._offset)
+                whole, end, _ = file.read().rpartition(b"\n")
+        except OSError as error:
+            raise RecordError(f"{self._path} cannot be read: {error.strerror}") from error
         if not end:
             return ()
         self._offset += len(whole) + 1
@@ -70,7 +73,10 @@ class RecordFollower:
         if self.game is None:
             if not isinstance(event, StartEvent):
                 raise RecordError(f"{self._path} does not begin with the start of a game: name the folder of a record")
-            self.game = GameFold(event, self._table)
+            try:
+                self.game = GameFold(event, self._table)
+            except ValueError as error:
+                raise RecordError(f"{self._path} starts from no position: {error}") from error
             return
         try:
             self.game.take(event)

@@ -26,7 +26,10 @@ def record_shown(place: RecordPlace, events: Sequence[AnyEvent]) -> dict[str, An
     path = place.folder / EVENTS_FILE
     if not events or not isinstance(events[0], StartEvent):
         raise RecordError(f"{path} does not begin with the start of a game: name the folder of a recorded game")
-    game = GameFold(events[0], table_of(place.folder))
+    try:
+        game = GameFold(events[0], table_of(place.folder))
+    except ValueError as error:
+        raise RecordError(f"{path} starts from no position: {error}") from error
     before: dict[str, list[float]] = {}
     moments = list[dict[str, Any]]()
     troubles = list[dict[str, Any]]()

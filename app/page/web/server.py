@@ -13,12 +13,13 @@ from typing import Final, cast
 from urllib.parse import parse_qs
 
 from starlette.applications import Starlette
+from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
-from starlette.types import ASGIApp
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from app import UserError
@@ -207,7 +208,31 @@ def _file(path: Path, kind: str) -> Response:
     """A file with its parts (``Range``), or 404."""
     if not path.is_file():
         raise HTTPException(404, "this game has none")
-    return FileResponse(path, media_type=kind)
+    return FileSoFar(path, media_type=kind)
+
+
+class FileSoFar(FileResponse):
+    """A file as long as it was when it was asked for: what a game still writes, such as its telemetry, grows."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """See ASGI."""
+        left: int | None = None
+
+        async def send_so_far(message: Message) -> None:
+            nonlocal left
+            if message["type"] == "http.response.start":
+                left = int(Headers(raw=message["headers"])["content-length"])
+            elif message["type"] == "http.response.body" and left is not None:
+                body = message.get("body", b"")[:left]
+                left -= len(body)
+                message = {**message, "body": body, "more_body": bool(left) and message.get("more_body", False)}
+                if not message["more_body"]:
+                    left = None
+            else:
+                return  # more than was promised
+            await send(message)
+
+        await super().__call__(scope, receive, send_so_far)
 
 
 async def _made(request: Request, making: Awaitable[Made]) -> Response:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import gzip
+import http.client
 import json
 import socket
 import threading
@@ -34,9 +36,10 @@ from app.page.news import (
 from app.page.recorded import shower
 from app.page.web.pictures import BOUNDARY
 from app.records.files import EVENTS_FILE, FILM_FILE
+from app.records.telemetry import TELEMETRY_FILE
 from tests.app.page.recorded.recorded_games import RecordedGame
-from tests.app.page.serving import ServedPage, served
-from tests.waiting import until
+from tests.app.page.serving import PageProcess, ServedPage, served
+from tests.waiting import PATIENCE, until
 
 OTHER, THIRD = "fedcba9876543210", "00000000000000000000"
 
@@ -156,6 +159,19 @@ def test_a_record_that_cannot_be_read_is_trouble_and_no_end(page: ServedPage, ga
     with page.browser() as browser:
         assert [one["kind"] for one in browser.state["log"]] == ["trouble"]
         assert "is no event of this version" in browser.state["log"][0]["text"]
+
+
+def test_a_record_that_starts_from_no_position_is_trouble_and_no_end(page: ServedPage, games: Path) -> None:
+    first, _, rest = (games / "match" / EVENTS_FILE).read_text(encoding="utf-8").partition("\n")
+    start = json.loads(first) | {"fen": "no position"}
+    broken = games / "broken"
+    broken.mkdir()
+    (broken / EVENTS_FILE).write_text(f"{json.dumps(start)}\n{rest}", encoding="utf-8")
+    page.take(session(broken))
+    page.take(RoundNews(folder=str(broken), number=1, sets_up=False))
+    with page.browser() as browser:
+        assert "starts from no position" in browser.state["log"][0]["text"]
+    assert page.get("/games/broken/record.json").status == 409
 
 
 # ------------------------------------------------------------------------------------------------------------ controls
@@ -339,6 +355,37 @@ def test_a_film_is_sent_in_parts(page: ServedPage, games: Path) -> None:
     assert page.json("/games/match/record.json")["film"] is True
 
 
+def test_what_a_game_still_writes_is_sent_as_far_as_it_was_when_it_was_asked_for(page: ServedPage, games: Path) -> None:
+    telemetry = games / "match" / TELEMETRY_FILE
+    telemetry.write_bytes(bytes(1 << 24))  # more than sockets hold
+    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=PATIENCE)
+    connection.request("GET", "/games/match/telemetry.mcap")
+    answer = connection.getresponse()
+    with telemetry.open("ab") as file:
+        file.write(bytes(1 << 20))
+    assert len(answer.read()) == int(answer.headers["Content-Length"]) == 1 << 24
+    connection.request("GET", "/games/match/telemetry.mcap", headers={"Range": "bytes=1-2"})
+    assert len(connection.getresponse().read()) == 2  # by the same connection
+    connection.close()
+
+
+def test_what_others_have_locked_hides_no_record(
+    page: ServedPage, games: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (games / "locked").mkdir()
+    listed, stat = Path.iterdir, Path.stat
+
+    def refused(path: Path) -> None:
+        if "locked" in path.parts:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "iterdir", lambda path: (refused(path), listed(path))[1])
+    monkeypatch.setattr(
+        Path, "stat", lambda path, **how: (path.name != "locked" and refused(path), stat(path, **how))[1]
+    )
+    assert [one["id"] for one in page.json("/games")] == ["match", "match~game-2"]
+
+
 def test_pictures_of_a_record_are_those_of_its_folder(page: ServedPage, games: Path) -> None:
     frames = games / "match" / "frames"
     frames.mkdir()
@@ -390,3 +437,11 @@ def test_records_with_odd_names_are_found(page: ServedPage, games: Path) -> None
     assert len(listed) == len(set(listed)) == 8
     for record in listed:
         assert page.json(f"/games/{record}/record.json")["game"]["id"] == record
+
+
+def test_a_page_that_understands_its_game_no_more_ends_to_be_started_again(games: Path) -> None:
+    with PageProcess(games) as process:
+        process.tell(session(games / "match"))
+        process.game.sendall(b'{"news": "nobody has heard of this"}\n')
+        assert process.process.wait(PATIENCE) == 1
+    assert "nobody has heard of this" in process.said
