@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -361,5 +362,10 @@ def _audience(
 def _invite(address: str) -> None:
     """Say where the page is, and open it where there is a screen and somebody who has started this by hand."""
     say(f"watch and play in a browser: {address}")
-    if sys.stderr.isatty() and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        webbrowser.open(address)
+    if (
+        sys.stderr is not None
+        and sys.stderr.isatty()
+        and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    ):
+        # some browsers keep who opens them waiting, and whoever looks after the page must not be
+        threading.Thread(target=webbrowser.open, args=(address,), name="browser", daemon=True).start()

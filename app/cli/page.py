@@ -46,9 +46,15 @@ def _set_password(file: Path) -> None:
 
     from app.page.web.sign_in import PasswordHash
 
-    first = getpass.getpass("Password of the page: ")
-    made = PasswordHash.of(first)
-    if getpass.getpass("Once more: ") != first:
+    try:
+        first = getpass.getpass("Password of the page: ")
+        made = PasswordHash.of(first)
+        again = getpass.getpass("Once more: ")
+    except EOFError:
+        fail("nobody has typed a password, and nothing was written: call this at a terminal")
+    except KeyboardInterrupt:
+        fail("interrupted; nothing was written", 130)
+    if again != first:
         fail("these were two different passwords, and nothing was written: try again")
     made.save(file)
     say(f"{file} holds the password, hashed: name it as password under [page] of a game's settings, or with --password")

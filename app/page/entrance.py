@@ -76,12 +76,17 @@ def _listening(host: str, port: int) -> socket.socket:
     try:
         try:
             end.bind((host, port))
+            end.listen(BACKLOG)  # where two that begin at once were both let have it, one hears so here
         except OSError as error:
             if error.errno != errno.EADDRINUSE:
                 raise
+            end.close()
+            end = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
             end.bind((host, 0))
-        end.listen(BACKLOG)
+            end.listen(BACKLOG)
     except OSError as error:
         end.close()
-        raise PageRefused(f"nobody can listen at {host}:{port}: {error.strerror}: choose another --host") from error
+        raise PageRefused(
+            f"nobody can listen at {host}:{port}: {error.strerror}: choose another host or port of the page"
+        ) from error
     return end

@@ -228,7 +228,7 @@ def _completed(settings: Settings, rig_setup: RigSetup) -> Settings:
     paths = {
         "game.replay": settings.game.replay, "vision.calibration": settings.vision.calibration,
         "rig.randomise": settings.rig.randomise, "engine.book": settings.engine.book,
-        "white.book": settings.white.book, "black.book": settings.black.book,
+        "white.book": settings.white.book, "black.book": settings.black.book, "page.password": settings.page.password,
     }  # fmt: skip
     settings = settings.with_changes({name: path.absolute() for name, path in paths.items() if path is not None})
     engines = {
