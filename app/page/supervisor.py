@@ -82,7 +82,7 @@ class PageSupervisor:
             assert self._process.stdout is not None
             with self._process.stdout as said:
                 address = said.readline().decode().strip()
-            if address and not told:
+            if address and not told and not self._over.is_set():  # nobody is invited to a game that ends
                 told, self._port = True, urlsplit(address).port or self._port
                 self._ready(self._settings.address or address)
             self._process.wait()
