@@ -187,6 +187,7 @@ def setup(
 
 
 def resume(
+    context: typer.Context,
     folder: Annotated[Path, typer.Argument(help="Folder of the match, or of one of its games.")],
     from_board: Annotated[
         bool, typer.Option("--from-board", help="Whatever its record says: go on from what stands on the board now.")
@@ -201,6 +202,7 @@ def resume(
     from app.play.match import match_of
     from app.settings.files import kept_settings
 
+    options.refuse_unseen_page(context)
     go_on = resume_from_board if from_board else resume_games
     try:
         settings = kept_settings(match_of(folder)).with_changes({"page.on": page})

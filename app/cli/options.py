@@ -120,6 +120,7 @@ def settings_of_command(context: typer.Context, file: Path | None, also: Mapping
     """
     from app.settings.options import OPTIONS, changed_fields, without_effect
 
+    refuse_unseen_page(context)
     parameters = {option.parameter: option.field for option in OPTIONS.values()}
     changes = {
         parameters[name]: value
@@ -134,6 +135,12 @@ def settings_of_command(context: typer.Context, file: Path | None, also: Mapping
         for sentence in without_effect(settings, changed_fields(settings)):
             say(sentence)
     return settings
+
+
+def refuse_unseen_page(context: typer.Context) -> None:
+    """End the program with a sentence where the page is asked for and nothing is to be shown."""
+    if context.params.get("headless") and context.params.get("page"):
+        fail("--headless shows nothing, so --page would have no effect: leave one of them out")
 
 
 def given(context: typer.Context, name: str) -> bool:

@@ -19,6 +19,9 @@ from typer.testing import CliRunner
 
 from app.cli import app
 from app.page.web.sign_in import PasswordHash
+from app.play.launch import run_games
+from app.settings.files import kept_settings, settings_of
+from app.terminal.interface import UserInterface
 from tests.app.page.recorded.recorded_games import RecordedGame
 
 PASSWORD = "correct horse battery"
@@ -116,3 +119,31 @@ def test_a_password_that_is_no_good_is_not_kept(
     assert status == 2
     assert sentence in said
     assert not (tmp_path / "password").exists()
+
+
+def test_where_nobody_can_type_a_password_none_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def nobody(_: str) -> str:
+        raise EOFError
+
+    monkeypatch.setattr(getpass, "getpass", nobody)
+    done = CliRunner().invoke(app, ["page", "--set-password", str(tmp_path / "password")])
+    assert done.exit_code == 2
+    assert "call this at a terminal" in done.stderr
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize("command", [["demo", "--rig", "board"], ["resume", "match"]])
+def test_a_page_that_nobody_is_to_see_is_refused(command: list[str], tmp_path: Path) -> None:
+    out = [] if command[0] == "resume" else ["--out", str(tmp_path / "game")]
+    done = CliRunner().invoke(app, [*command, "--headless", "--page", *out])
+    assert done.exit_code == 2
+    assert "--page would have no effect: leave one of them out" in done.stderr
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_game_finds_its_pages_password_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    changes = {"rig.name": "board", "rig.video": False, "game.moves": "e4", "page.password": Path("password")}
+    run_games(settings_of(changes), UserInterface())
+    (match,) = (tmp_path / "games").iterdir()
+    assert kept_settings(match).page.password == tmp_path / "password"
