@@ -1,6 +1,7 @@
 /** What was said, and how the devices are. */
 
 import {byId, capital, icon, make} from '../dom.js';
+import {isOver} from '../game/position.js';
 
 const KEPT = 200;
 const MARKS = {say: 'say', heard: 'heard', phase: 'phase', trouble: 'warning'};
@@ -74,8 +75,12 @@ export function mountLog(store, mark) {
     }));
   });
 
-  store.subscribe('phase', (phase) => {
-    byId('phase-text').textContent = capital(phase || '');
-    byId('phase').hidden = !phase;
-  });
+  // who is asked something does not want to read what was done before
+  function phase() {
+    const idle = store.get('prompt') !== null || isOver(store.get('game')) || store.get('session')?.live === false;
+    const text = idle ? '' : store.get('phase') ?? '';
+    byId('phase-text').textContent = capital(text);
+    byId('phase').hidden = text === '';
+  }
+  for (const section of ['phase', 'prompt', 'game', 'session']) store.subscribe(section, phase);
 }
