@@ -12,7 +12,7 @@ from typing import Final
 
 import uvicorn
 
-from app.page.address import Entrance, open_entrance
+from app.page.entrance import Entrance, open_entrance
 from app.page.live.controls import GRACE
 from app.page.live.hub import Hub
 from app.page.live.people import People

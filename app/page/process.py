@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from app import UserError
-from app.page.address import Entrance, open_entrance
+from app.page.entrance import Entrance, open_entrance
 from app.page.live.feed import Feed
 from app.page.page_server import PageServer
 from app.settings.tree import PageSection

@@ -10,6 +10,7 @@ import {layGrid} from './game/grid.js';
 import {mountMoves} from './game/moves.js';
 import {mountPlayers} from './game/players.js';
 import {mountPanels} from './panels.js';
+import {readPlace} from './record/address.js';
 import {createStore} from './store.js';
 import {mountActions} from './talk/actions.js';
 import {mountAnnouncements} from './talk/announce.js';
@@ -45,9 +46,13 @@ mountPanels(store);
 byId('open-games').addEventListener('click', () => openGames(store));
 byId('open-settings').addEventListener('click', () => openSettings(store, {sounds, voice}));
 
-// a record that the program was started to show, or that somebody chose
+// a record that a link leads to, that the program was started to show, or that somebody chose
+let linked = readPlace().game;
 store.subscribe('session', (session) => {
-  if (session?.shows) store.showRecord(session.shows);
+  if (session === null) return;
+  const shows = linked ?? session.shows;
+  linked = null;
+  if (shows) store.showRecord(shows);
 });
 store.subscribe('record', (id) => {
   const back = button('Back to the game', 'back', () => store.showRecord(null), {class: 'primary'});

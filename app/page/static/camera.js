@@ -60,9 +60,15 @@ class Camera {
   }
 
   whether(session) {
-    this.blind = session !== null && session.sees === false;
-    if (this.blind) say(this.outcome, 'This rig has no camera: moves are taken as they are said.');
+    this.blind = session?.sees === false;
     this.frame.hidden = this.blind;
+    if (this.blind) say(this.outcome, 'This rig has no camera: moves are taken as they are said.');
+    else if (this.shown === null && session?.pace === 'fast') {
+      say(
+        this.outcome,
+        'No picture yet: in pace fast there is one only when the board is read, since the game would wait for others.',
+      );
+    }
   }
 
   show(seen) {

@@ -9,6 +9,7 @@ import uPlot from './vendor/uplot/uPlot.esm.js';
 
 const PERIOD = 100; // [ms] between two drawings
 const HEIGHT = 132; // of a chart [px]
+const WORTH = 2; // a limit is drawn that is no further off than so many times what was measured
 const LOWEST = 158; // of the one with the axis of time
 const LINES = {
   light: ['#0b6e83', '#b3400f', '#5b3fa0', '#6b7280'],
@@ -86,7 +87,7 @@ class Plots {
         cursor: {sync: {key: this.sync.key}, drag: {x: false, y: false}, points: {size: 5}},
         scales: {
           x: {time: false, range: () => this.span()},
-          y: {range: (_, low, high) => [Math.min(0, low ?? 0), Math.max(chart.least, 1.08 * (high ?? 0))]},
+          y: {range: (self) => heights(self, chart)},
         },
         axes: [
           {
@@ -201,6 +202,21 @@ class Plots {
   recolour() {
     for (const {plot} of this.charts) plot.redraw(false, true);
   }
+}
+
+/** From zero, or below, to what was measured; up to a limit where that is not far above it. */
+function heights(plot, {series, least}) {
+  let [low, high, limit] = [0, least, 0];
+  const [from, to] = plot.series[0].idxs ?? [0, -1];
+  series.forEach(({dash}, i) => {
+    for (let k = from; k <= to; k += 1) {
+      const value = plot.data[i + 1][k];
+      if (value === null || value === undefined) continue;
+      if (dash) limit = Math.max(limit, value);
+      else [low, high] = [Math.min(low, value), Math.max(high, value)];
+    }
+  });
+  return [low, 1.08 * (limit <= WORTH * high ? Math.max(high, limit) : high)];
 }
 
 /** A number without a sign before zero; a dash where there is none. */

@@ -27,20 +27,18 @@ class Records {
     this.ends = [
       () => window.removeEventListener('hashchange', moved),
       whileSeen(this.root, (seen) => {
-        if (seen && !this.listed) this.showList();
+        if (seen && !this.listed && this.opening === null && this.player === null) this.showList();
         if (!seen) this.player?.pause();
       }),
       store.subscribe('record', (id) => this.chosen(id)),
     ];
-    const place = readPlace();
-    const shows = store.get('session')?.shows ?? null;
-    if (place.game !== null) this.follow(place);
-    else if (shows !== null && store.get('record') === null) this.open(shows, null);
+    const {game} = readPlace();
+    if (game !== null && store.get('record') === null) this.open(game);
   }
 
   stop() {
-    this.close();
     this.ends.forEach((end) => end());
+    this.drop();
     silence(this.live);
     this.root.remove();
   }
@@ -49,7 +47,7 @@ class Records {
     this.listed = true;
     try {
       const games = await json('/games');
-      this.list.replaceChildren(gameList(games, (id) => this.open(id, null)));
+      this.list.replaceChildren(gameList(games, (id) => this.open(id)));
       if (this.player === null)
         say(this.sentence, games.length ? 'Choose a game to see it again.' : 'No game has been recorded yet.');
     } catch (error) {
@@ -61,29 +59,29 @@ class Records {
   /** The fragment names a game and a moment. */
   follow({game, t}) {
     if (game === null) return;
-    if (this.player?.id === game) {
-      if (t !== null) this.player.seek(t);
-    } else {
-      this.open(game, t);
-    }
+    if (this.player?.id !== game) this.open(game);
+    else if (t !== null) this.player.seek(t);
   }
 
   chosen(id) {
-    if (id === null) this.close();
-    else if (id !== this.player?.id && id !== this.opening) this.open(id, null);
+    if (id === null) this.drop();
+    else if (id !== this.player?.id && id !== this.opening?.id) this.open(id);
   }
 
-  async open(id, t) {
-    this.close();
-    this.opening = id;
+  /** Shows a game from the moment that the address names, or from its beginning. */
+  async open(id) {
+    this.drop();
+    const mine = (this.opening = {id});
+    const place = readPlace();
     say(this.sentence, 'The game is being read …');
     const address = `/games/${encodeURIComponent(id)}`;
     try {
       const record = await json(`${address}/record.json`);
-      if (this.opening !== id) return;
+      if (this.opening !== mine) return;
       this.player = new Player(this.store, {id, address, record});
     } catch (error) {
-      if (this.opening === id) this.opening = null;
+      if (this.opening !== mine) return;
+      this.opening = null;
       say(this.sentence, `This game cannot be shown: ${error.message}`);
       return;
     }
@@ -95,7 +93,8 @@ class Records {
       this.close();
       writePlace(null, null);
     };
-    this.player.start(t);
+    this.list.hidden = true;
+    this.player.start(place.game === id ? place.t : null);
     this.readTelemetry(this.player);
     announce(this.live, `${this.player.title} is shown; the slider is below the film.`);
   }
@@ -104,25 +103,30 @@ class Records {
   async readTelemetry(player) {
     say(this.sentence, 'The telemetry is being read …');
     let telemetry = null;
+    let why = '';
     try {
       // games on the rig "board" have none, and that of a match lies in its first folder: the server knows
-      const answer = await fetch(`${player.address}/telemetry.json`);
-      if (answer.ok) telemetry = await answer.json();
+      telemetry = await json(`${player.address}/telemetry.json`);
     } catch (error) {
-      console.error(error);
+      why = `The arm stands still: ${error.message}`;
     }
     if (this.player !== player) return;
-    say(this.sentence, telemetry === null ? 'There is no telemetry of this game: the arm stands still.' : '');
+    say(this.sentence, why);
     if (telemetry !== null) player.follow(telemetry);
   }
 
+  /** Goes back to what is played. */
   close() {
-    this.opening = null;
-    if (this.player === null) return;
-    this.player.stop();
-    this.player = null;
+    this.drop();
     this.store.showRecord(null);
     say(this.sentence, 'Choose a game to see it again.');
+  }
+
+  drop() {
+    this.opening = null;
+    this.player?.stop();
+    this.player = null;
+    this.list.hidden = false;
   }
 }
 

@@ -9,8 +9,10 @@ import {Orbit, VIEWS} from './robot/orbit.js';
 import {describe, inFingers} from './robot/words.js';
 import {View} from './robot/view.js';
 
-const FRAME = 1000 / 30; // [ms] no picture comes sooner after another
-const NAMES = {front: 'Front', top: 'Top', person: 'Person’s eye'};
+const FRAME = 1000 / 30; // [ms] no picture comes sooner after another …
+const SLOW_FRAME = 1000 / 8; // … and where there is no graphics card
+const LATER = 550; // [ms] after which shadows that were left out are drawn
+const NAMES = {front: 'Front', top: 'Top', person: 'Person'};
 const panels = new WeakMap();
 let number = 0; // of panels made, for identifiers that occur once
 
@@ -118,6 +120,7 @@ class Panel {
   stop() {
     this.stopped = true;
     cancelAnimationFrame(this.frame);
+    clearTimeout(this.later);
     this.ends.forEach((end) => end());
     this.orbit?.dispose();
     this.view?.dispose();
@@ -190,7 +193,7 @@ class Panel {
 
   draw(now) {
     this.frame = 0;
-    if (now - this.drawn < FRAME - 2) {
+    if (now - this.drawn < (this.view.software ? SLOW_FRAME : FRAME) - 2) {
       this.frame = requestAnimationFrame((later) => this.draw(later));
       return;
     }
@@ -198,7 +201,9 @@ class Panel {
     const clock = performance.now();
     const shown = this.blend.at(clock);
     if (shown && this.moved) this.view.pose(shown);
-    this.view.render(this.moved);
+    const stale = this.view.render(this.moved);
+    clearTimeout(this.later);
+    if (stale) this.later = setTimeout(() => this.wake(false), LATER);
     this.drawn = now;
     const moving = this.blend.moving(clock);
     this.dirty = this.moved = false;

@@ -18,9 +18,16 @@ from hardware.sim.bodies.arm import (
     stiffen_closures,
 )
 from hardware.sim.bodies.board_texture import board_png
-from hardware.sim.bodies.contact import Contact
+from hardware.sim.bodies.contact_stiffness import (
+    FOOT_FRICTION,
+    FOOT_ON_BOARD,
+    LINED,
+    WALL,
+    WOOD_FRICTION,
+    give_stiffness,
+)
+from hardware.sim.bodies.mujoco_contact import Contact
 from hardware.sim.bodies.placed import AS_BELIEVED, BoardOffset, StandingPiece
-from hardware.sim.bodies.surfaces import FOOT_FRICTION, FOOT_ON_BOARD, LINED, WALL, WOOD_FRICTION, give_stiffness
 from hardware.sim.render.appearance import LightSettings
 from hardware.sim.render.d435 import COLOUR_FIELD_OF_VIEW
 from hardware.sim.render.lamps import lamps, set_ambient

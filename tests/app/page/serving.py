@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 
 from websockets.sync.client import ClientConnection, connect
 
-from app.page.address import open_entrance
+from app.page.entrance import open_entrance
 from app.page.news import AnyNews, AnySaid
 from app.page.page_server import PageServer
 from app.settings.tree import PageSection

@@ -13,7 +13,7 @@ from typing import Any, Self
 
 import chess
 
-from app.page.address import Entrance, open_entrance
+from app.page.entrance import Entrance, open_entrance
 from app.page.live.feed import Feed
 from app.page.live.hub import Hub
 from app.page.live.people import People

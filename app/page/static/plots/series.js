@@ -28,7 +28,7 @@ export const CHARTS = [
     title: 'Tracking error',
     unit: 'mm',
     digits: 2,
-    least: 1,
+    least: 0.5,
     series: [
       {name: 'in the plane', colour: 0, value: inPlane},
       {name: 'vertical', colour: 1, value: upright},
@@ -40,7 +40,7 @@ export const CHARTS = [
     title: 'Forces',
     unit: 'N',
     digits: 1,
-    least: 5,
+    least: 6.5,
     series: [
       {name: 'right pad', colour: 0, value: (frame) => frame.tactile[0]},
       {name: 'left pad', colour: 1, value: (frame) => frame.tactile[1]},

@@ -24,12 +24,14 @@ import {boardTexture, coordinateTexture, fadeTexture, makeMaterials} from './mat
 import {ForceArrow, Path} from './path.js';
 import {Pieces} from './pieces.js';
 
+const SHADOWS = 500; // [ms] between two drawings of the shadows without a graphics card
 const FLOOR = {light: '#bcc6cf', dark: '#27292c'};
 
 /** What there is to see; `render` draws it. Throws where the browser has no WebGL. */
 export class View {
   constructor(canvas, description) {
-    this.renderer = new WebGLRenderer({canvas, antialias: true, alpha: true, powerPreference: 'low-power'});
+    this.software = drawnBySoftware();
+    this.renderer = new WebGLRenderer({canvas, antialias: !this.software, alpha: true, powerPreference: 'low-power'});
     this.renderer.toneMapping = NeutralToneMapping;
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
@@ -58,7 +60,8 @@ export class View {
     this.scene.updateMatrixWorld(true);
     this.toBoard = this.board.matrix.clone().invert();
     this.renders = 0;
-    this.shadowsFor = '';
+    this.stale = true; // the shadows
+    this.shadowed = -Infinity; // when they were drawn
     this.pose(description.home);
   }
 
@@ -71,7 +74,7 @@ export class View {
     sun.position.set(-0.55, 1.1, 0.6);
     sun.target.position.set(0, -0.47, 0);
     sun.castShadow = true;
-    const size = drawnBySoftware(this.renderer) ? 1024 : 2048;
+    const size = this.software ? 1024 : 2048;
     sun.shadow.mapSize.set(size, size);
     Object.assign(sun.shadow.camera, {left: -0.62, right: 0.62, top: 0.62, bottom: -0.62, near: 0.4, far: 2.6});
     sun.shadow.normalBias = 0.0012;
@@ -147,12 +150,23 @@ export class View {
     this.camera.updateProjectionMatrix();
   }
 
-  /** Draws. Shadows are drawn anew only if what throws them has moved. */
+  /**
+   * Draws. Shadows are drawn anew only if what throws them has moved, and without a graphics card no more often than twice a
+   * second; returns whether they wait for that.
+   */
   render(moved) {
     this.arm.seeThrough(this.camera);
-    this.renderer.shadowMap.needsUpdate = moved || this.renders === 0;
+    const now = performance.now();
+    this.stale ||= moved || this.renders === 0;
+    const due = this.stale && (!this.software || now - this.shadowed > SHADOWS);
+    if (due) {
+      this.stale = false;
+      this.shadowed = now;
+    }
+    this.renderer.shadowMap.needsUpdate = due;
     this.renderer.render(this.scene, this.camera);
     this.renders += 1;
+    return this.stale;
   }
 
   dispose() {
@@ -163,9 +177,15 @@ export class View {
   }
 }
 
-/** Whether there is no graphics card behind it: then shadows are coarser. */
-function drawnBySoftware(renderer) {
-  const gl = renderer.getContext();
-  const names = gl.getExtension('WEBGL_debug_renderer_info');
-  return names !== null && /swiftshader|llvmpipe|software/i.test(gl.getParameter(names.UNMASKED_RENDERER_WEBGL));
+let software = null;
+
+/** Whether there is no graphics card: then everything is drawn by the processor that the robot may need. */
+function drawnBySoftware() {
+  if (software === null) {
+    const gl = document.createElement('canvas').getContext('webgl2');
+    const names = gl?.getExtension('WEBGL_debug_renderer_info') ?? null;
+    software = names !== null && /swiftshader|llvmpipe|software/i.test(gl.getParameter(names.UNMASKED_RENDERER_WEBGL));
+    gl?.getExtension('WEBGL_lose_context')?.loseContext();
+  }
+  return software;
 }

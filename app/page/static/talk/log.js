@@ -75,12 +75,13 @@ export function mountLog(store, mark) {
     }));
   });
 
-  // who is asked something does not want to read what was done before
-  function phase() {
-    const idle = store.get('prompt') !== null || isOver(store.get('game')) || store.get('session')?.live === false;
-    const text = idle ? '' : store.get('phase') ?? '';
-    byId('phase-text').textContent = capital(text);
-    byId('phase').hidden = text === '';
+  /** What is asked counts for more than what was done last; the clocks in it have gone on since. */
+  function drawPhase() {
+    const idle = isOver(store.get('game')) || store.get('session')?.live === false;
+    const asked = store.get('prompt')?.text.replace(/ \([\d:.]+ - [\d:.]+\)/, '');
+    const now = asked || (idle ? '' : store.get('phase')) || '';
+    byId('phase-text').textContent = capital(now);
+    byId('phase').hidden = now === '';
   }
-  for (const section of ['phase', 'prompt', 'game', 'session']) store.subscribe(section, phase);
+  for (const section of ['phase', 'prompt', 'game', 'session']) store.subscribe(section, drawPhase);
 }

@@ -86,7 +86,7 @@ def still(page: Page) -> int:
 
     def rests() -> int:
         before: int = page.evaluate(INSPECT)["renders"]
-        page.wait_for_timeout(400)
+        page.wait_for_timeout(700)
         return before if page.evaluate(INSPECT)["renders"] == before else 0
 
     renders: int = until(rests, page)

@@ -15,7 +15,7 @@ from starlette.responses import PlainTextResponse
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from app.page.address import PageRefused, open_entrance
+from app.page.entrance import PageRefused, open_entrance
 from app.page.web.security import HEADERS, Gatekeeper, Names
 from app.page.web.server import STATIC
 from app.page.web.sign_in import PasswordHash

@@ -9,10 +9,17 @@ import numpy as np
 import pytest
 
 from hardware.parameters import load_parameters
-from hardware.sim.bodies.contact import Contact
+from hardware.sim.bodies.contact_stiffness import (
+    FOOT_ON_BOARD,
+    PAD_ON_PIECE,
+    PAIRS,
+    POINTS_OF_A_FOOT,
+    TOOL_ON_BOARD,
+    Pair,
+)
+from hardware.sim.bodies.mujoco_contact import Contact
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.bodies.surfaces import FOOT_ON_BOARD, PAD_ON_PIECE, PAIRS, POINTS_OF_A_FOOT, TOOL_ON_BOARD, Pair
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
 
 PARAMETERS = load_parameters()

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import mujoco
 
 from hardware.parameters import Pads
-from hardware.sim.bodies.contact import Contact, Solver
+from hardware.sim.bodies.mujoco_contact import Contact, Solver
 
 FOOT_FRICTION: Final = 0.45
 """Felt on lacquered wood (assumed)."""
