@@ -10,6 +10,7 @@ import chess
 import pytest
 from playwright.sync_api import Page, expect
 
+from app.players.commands import NewGame, parse_command
 from tests.app.page.browsers import Visit, Visitor
 from tests.app.page.conftest import SetStage
 from tests.app.page.scenes import PROMOTING, my_turn, played
@@ -310,6 +311,12 @@ def test_between_people_nothing_is_given_away(set_stage: SetStage, visit: Visit)
 # ----------------------------------------------------------------------------------------------------------- new games
 
 
+def begun(stage: Stage, line: str, wish: NewGame) -> None:
+    """Expect that a line was said that the game understands as a wish."""
+    said(stage, line)
+    assert parse_command(line, chess.Board()) == wish
+
+
 def test_a_new_game_is_one_line(set_stage: SetStage, visit: Visit) -> None:
     stage = set_stage()
     visitor = visit(stage)
@@ -321,7 +328,7 @@ def test_a_new_game_is_one_line(set_stage: SetStage, visit: Visit) -> None:
     page.get_by_role("slider", name="Elo").fill("1500")
     page.get_by_role("radio", name="5+3").check()
     button(page, "Begin")
-    said(stage, "new black elo 1500 clock 5+3")
+    begun(stage, "new black elo 1500 clock 5+3 fen start", NewGame(chess.BLACK, 1500, "5+3", ""))
     page.locator("[data-word=new]").click()  # what was chosen last is remembered
     page.get_by_role("switch", name="Full strength").check()
     page.get_by_role("radio", name="Other", exact=True).check()
@@ -330,14 +337,14 @@ def test_a_new_game_is_one_line(set_stage: SetStage, visit: Visit) -> None:
     expect(page.get_by_role("alert")).to_contain_text("'forty' is no time control")
     page.get_by_role("textbox", name="Time control").fill("40/90, 30+30")
     button(page, "Begin")
-    said(stage, "new black full clock 40/90,30+30")
+    begun(stage, "new black full clock 40/90,30+30 fen start", NewGame(chess.BLACK, 0, "40/90,30+30", ""))
     page.locator("[data-word=new]").click()
     page.get_by_role("radio", name="No clock").check()
     page.get_by_role("radio", name="White").check()
     page.get_by_role("radio", name="Another").check()
     page.get_by_role("textbox", name="Position as FEN").fill(PROMOTING)
     button(page, "Begin")
-    said(stage, f"new white full clock none fen {PROMOTING}")
+    begun(stage, f"new white full clock none fen {PROMOTING}", NewGame(chess.WHITE, 0, "", PROMOTING))
 
 
 def test_a_position_is_set_up_by_pointer_and_keyboard(set_stage: SetStage, visit: Visit) -> None:

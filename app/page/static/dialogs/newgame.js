@@ -12,12 +12,11 @@ const PERIOD = /^(\d{1,3}\/)?((\d{1,2}:)?\d{1,3}:[0-5]?\d|\d{1,3}(\.\d{1,3})?)([
 
 /**
  * The line that begins a new game.
- * @param {{colour: string, elo: number | null, clock: string, fen: string | null}} wanted `elo` null: full strength.
+ * @param {{colour: string, elo: number | null, clock: string, fen: string | null}} wanted `elo` null: full strength; `fen` null: the
+ *   usual position.
  */
 export function newGameLine({colour, elo, clock, fen}) {
-  const words = ['new', colour, elo === null ? 'full' : `elo ${elo}`, `clock ${clock}`];
-  if (fen !== null) words.push(`fen ${fen}`);
-  return words.join(' ');
+  return ['new', colour, elo === null ? 'full' : `elo ${elo}`, `clock ${clock}`, `fen ${fen ?? 'start'}`].join(' ');
 }
 
 /**

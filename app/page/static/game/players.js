@@ -64,8 +64,8 @@ export function mountPlayers(store, low) {
 
   function tick() {
     const clock = store.get('clock');
-    // what counts on after the connection is lost would be made up
-    const away = store.get('connection') !== 'open' || store.get('session')?.live === false;
+    // what counts on after the connection is lost, or the game is over, would be made up
+    const away = store.get('connection') !== 'open' || store.get('session')?.live === false || isOver(store.get('game'));
     for (const [place, side] of Object.entries(sides())) {
       const {clock: face} = strips[place];
       const rest = clock === null ? null : left(away ? {...clock, running: null} : clock, side);

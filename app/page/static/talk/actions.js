@@ -25,7 +25,7 @@ export function mountActions(store, board) {
     buttons.set(word, made);
     return made;
   };
-  const fresh = button('New game', 'new', () => openNewGame(store), {title: WORDS.new.about, 'data-word': 'new'});
+  const fresh = button('New game', 'new', another, {title: WORDS.new.about, 'data-word': 'new'});
   const setUp = button('Set up a position', 'setup', () => openEditor(store), {'data-word': 'setup'});
   buttons.set('new', fresh);
   buttons.set('setup', setUp);
@@ -77,6 +77,15 @@ export function mountActions(store, board) {
     field.value = back === 0 ? '' : lines[lines.length - back];
   });
 
+  async function another() {
+    if (store.get('session')?.person) {
+      openNewGame(store);
+      return;
+    }
+    const text = 'The game that is being played is given up; the arm sets the pieces up.';
+    if (isOver(store.get('game')) || await confirm({title: 'Another game?', text, yes: 'Begin'})) store.say('new');
+  }
+
   async function act(word) {
     const asks = {
       resign: ['Give the game up?', 'The game is then lost.', 'Resign'],
@@ -97,7 +106,7 @@ export function mountActions(store, board) {
     const paused = prompt !== null && prompt.answers.length === 1 && prompt.answers[0] === 'go';
     const over = isOver(game);
     for (const [word, made] of buttons) made.disabled = !holds || (over && !['new', 'setup', 'quit', 'keep'].includes(word));
-    for (const word of ['takeback', 'draw', 'resign', 'side', 'new', 'setup', 'keep']) buttons.get(word).hidden = !plays;
+    for (const word of ['takeback', 'draw', 'resign', 'side', 'setup', 'keep']) buttons.get(word).hidden = !plays;
     buttons.get('hint').hidden = !plays || game?.assists === false;
     for (const word of ['look', 'keep', 'fix']) buttons.get(word).hidden = !plays || !session.sees;
     const {label, picture, about} = WORDS[paused ? 'go' : 'pause'];
@@ -107,9 +116,10 @@ export function mountActions(store, board) {
       pause.title = about;
       pause.replaceChildren(icon(picture), make('span', {class: 'label'}, label));
     }
+    const away = store.get('connection') !== 'open';
     field.disabled = !holds;
     send.disabled = !holds;
-    field.placeholder = holds ? (plays ? 'Type a move or a word: Nf3, e2e4, help' : 'Type a word: help') : 'You watch: nothing can be typed here';
+    field.placeholder = holds ? (plays ? 'Type a move or a word: Nf3, e2e4, help' : 'Type a word: help') : away ? 'No connection' : 'You watch: nothing can be typed here';
   }
   for (const section of ['session', 'game', 'prompt', 'controls', 'connection']) store.subscribe(section, draw);
 }

@@ -78,6 +78,7 @@ export function mountAsk(store, board) {
 
   function draw() {
     const now = what();
+    const session = store.get('session');
     const key = JSON.stringify(now);
     if (key === drawn) return;
     drawn = key;
@@ -89,7 +90,8 @@ export function mountAsk(store, board) {
     parts.detail.textContent = now.detail;
     parts.detail.hidden = now.detail === '';
     const answers = (now.answers ?? []).map((answer, index) => button(
-      answerLabel(answer), WORDS[answer]?.picture ?? null, () => store.say(answer),
+      answerLabel(answer), WORDS[answer]?.picture ?? null,
+      () => (answer === 'new' && session?.person ? openNewGame(store) : store.say(answer)),
       {class: index === 0 ? 'primary' : '', 'data-answer': answer},
     ));
     if (now.games) answers.push(button('Recorded games', 'games', () => openGames(store), {class: 'primary'}));

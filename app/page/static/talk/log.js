@@ -1,6 +1,7 @@
 /** What was said, and how the devices are. */
 
 import {byId, capital, icon, make} from '../dom.js';
+import {isOver} from '../game/position.js';
 
 const KEPT = 200;
 const MARKS = {say: 'say', heard: 'heard', phase: 'phase', trouble: 'warning'};
@@ -74,11 +75,13 @@ export function mountLog(store, mark) {
     }));
   });
 
-  /** What is asked counts for more than what was done last. */
+  /** What is asked counts for more than what was done last; the clocks in it have gone on since. */
   function drawPhase() {
-    const now = store.get('prompt')?.text || store.get('phase') || '';
+    const idle = isOver(store.get('game')) || store.get('session')?.live === false;
+    const asked = store.get('prompt')?.text.replace(/ \([\d:.]+ - [\d:.]+\)/, '');
+    const now = asked || (idle ? '' : store.get('phase')) || '';
     byId('phase-text').textContent = capital(now);
     byId('phase').hidden = now === '';
   }
-  for (const section of ['phase', 'prompt']) store.subscribe(section, drawPhase);
+  for (const section of ['phase', 'prompt', 'game', 'session']) store.subscribe(section, drawPhase);
 }
