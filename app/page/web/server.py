@@ -145,20 +145,20 @@ class _Routes:
         return answer
 
     async def _film(self, request: Request) -> Response:
-        return _file((await self._place(request)).folder / FILM_FILE, "video/webm")
+        return _file((await self._place(request)).folder, FILM_FILE, "video/webm")
 
     async def _pgn(self, request: Request) -> Response:
-        return _download((await self._place(request)).folder / PGN_FILE, "application/x-chess-pgn")
+        return _download((await self._place(request)).folder, PGN_FILE, "application/x-chess-pgn")
 
     async def _mcap(self, request: Request) -> Response:
-        return _download((await self._place(request)).folder / TELEMETRY_FILE, "application/octet-stream")
+        return _download((await self._place(request)).folder, TELEMETRY_FILE, "application/octet-stream")
 
     async def _frame(self, request: Request) -> Response:
-        frames = (await self._place(request)).folder / FRAMES
+        folder = (await self._place(request)).folder
         name = request.path_params["name"]
-        if name not in await asyncio.to_thread(_pictures, frames):
+        if name not in await asyncio.to_thread(_pictures, folder / FRAMES):
             raise HTTPException(404, "there is no such picture")
-        return _file(frames / name, "image/jpeg")
+        return _file(folder, f"{FRAMES}/{name}", "image/jpeg")
 
     async def _place(self, request: Request) -> RecordPlace:
         place = await asyncio.to_thread(self._site.catalogue.find, request.path_params["id"])
@@ -204,9 +204,10 @@ def _pictures(folder: Path) -> set[str]:
     return {one.name for one in folder.glob("*.jpg")}
 
 
-def _file(path: Path, kind: str) -> Response:
-    """A file with its parts (``Range``), or 404."""
-    if not path.is_file():
+def _file(folder: Path, name: str, kind: str) -> Response:
+    """A file of a record with its parts (``Range``), or 404; a link that leads out of the record is none."""
+    path = folder / name
+    if not path.is_file() or not path.resolve().is_relative_to(folder.resolve()):
         raise HTTPException(404, "this game has none")
     return FileSoFar(path, media_type=kind)
 
@@ -255,10 +256,10 @@ def _seconds(request: Request, name: str, otherwise: float) -> float:
     return value
 
 
-def _download(path: Path, kind: str) -> Response:
+def _download(folder: Path, name: str, kind: str) -> Response:
     """A file that is kept under its own name and that of its game, or 404."""
-    answer = _file(path, kind)
-    answer.headers["Content-Disposition"] = f'attachment; filename="{_plain(path.parent.name)}-{path.name}"'
+    answer = _file(folder, name, kind)
+    answer.headers["Content-Disposition"] = f'attachment; filename="{_plain(folder.name)}-{name}"'
     return answer
 
 

@@ -369,6 +369,19 @@ def test_what_a_game_still_writes_is_sent_as_far_as_it_was_when_it_was_asked_for
     connection.close()
 
 
+def test_no_link_in_a_record_leads_out_of_it(page: ServedPage, games: Path, tmp_path: Path) -> None:
+    secret, match = tmp_path / "secret", games / "match"
+    secret.write_bytes(b"secret")
+    (match / "frames").mkdir()
+    (match / "own.webm").write_bytes(b"film")
+    (match / FILM_FILE).symlink_to("own.webm")
+    for link in (match / TELEMETRY_FILE, match / "frames" / "ply-001.jpg"):
+        link.symlink_to(secret)
+    for name in ("telemetry.mcap", "frames/ply-001.jpg"):
+        assert page.get(f"/games/match/{name}").status == 404
+    assert page.get("/games/match/film").content == b"film"  # type: ignore[attr-defined]
+
+
 def test_what_others_have_locked_hides_no_record(
     page: ServedPage, games: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
