@@ -142,7 +142,9 @@ class HumanTurn:
     def _prompt(self) -> None:
         left = self._timing.left()
         clocks = "" if left is None else f" ({clock_text(left[chess.WHITE])} - {clock_text(left[chess.BLACK])})"
-        self._stopped = self._table.permission.stopped
+        before, self._stopped = self._stopped, self._table.permission.stopped
+        if self._stopped and not before:
+            self._human.lines.forget(Word.GO)  # it was said before the STOP
         stopped = f"; {ArmStopped()}" if self._stopped else ""
         self._ui.prompt(f"{side_name(self._colour)} to move{clocks}: your move{stopped}", turn=True)
 

@@ -340,3 +340,23 @@ def test_a_go_that_was_said_before_the_stop_does_not_lift_it() -> None:
     early.offer("go")
     PersonAttendant(early, ui).wait("the game is paused")
     assert ui.heard_of[0] == "the game is paused"
+
+
+def test_at_a_persons_turn_too_a_go_lifts_no_stop_that_came_after_it(
+    tmp_path: Path, arms: list[StoppableArm], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Pressing(TypedLines):
+        """Somebody presses STOP just after a 'go' was said that nobody has taken yet."""
+
+        def next(self, timeout: float) -> str | None:
+            if not arms[0].stopped and not arms[0].released:
+                arms[0].stopped = True
+                self.offer("go")
+                return None
+            if self._lines.empty():
+                self.offer("quit")
+            return super().next(timeout)
+
+    play(tmp_path / "game", Pressing(None), Told(), white__player="human")  # type: ignore[arg-type]
+    assert arms[0].stopped
+    assert not arms[0].released
