@@ -51,7 +51,7 @@ def _set_password(file: Path) -> None:
     if getpass.getpass("Once more: ") != first:
         fail("these were two different passwords, and nothing was written: try again")
     made.save(file)
-    say(f"{file} holds the password, hashed: give it with --page-password, or as password under [page]")
+    say(f"{file} holds the password, hashed: name it as password under [page] of a game's settings, or with --password")
 
 
 def _show(folder: Path | None, wishes: dict[str, object], *, browser: bool) -> None:

@@ -75,6 +75,10 @@ class PageServer:
         """Serve until ``end``, or SIGTERM or SIGINT; ``ready`` is told once the page can be reached."""
         serving = asyncio.create_task(self._server.serve([self._entrance.socket]))
         background = [asyncio.create_task(self._follow()), asyncio.create_task(self.telemetry.run())]
+        for task in background:
+            task.add_done_callback(
+                lambda _: self.stop()
+            )  # what fails there takes the page down, which is started again
         while not self._server.started and not serving.done():
             await asyncio.sleep(0.005)
         if self._server.started:
@@ -90,6 +94,11 @@ class PageServer:
             if isinstance(end, Exception):
                 raise end
 
+    def stop(self) -> None:
+        """Stop serving, at once."""
+        self.pictures.close()
+        self._server.should_exit = True
+
     async def wait_for_rest(self) -> None:
         """Wait while somebody here could still stop the arm."""
         lonely = 0.0
@@ -100,8 +109,7 @@ class PageServer:
     async def end(self) -> None:
         """Let browsers take the last news, and stop serving."""
         await asyncio.sleep(FAREWELL)
-        self.pictures.close()
-        self._server.should_exit = True
+        self.stop()
 
     def take(self, news: AnyNews, jpeg: bytes) -> None:
         """Something new from the game."""

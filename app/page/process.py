@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import gc
 import os
 import socket
@@ -48,9 +49,14 @@ async def _serve(entrance: Entrance, records: Path, game: socket.socket) -> None
     feed = await Feed.of(game)
     page = PageServer(entrance, records, feed.say)
     hearing = asyncio.create_task(_hear(feed, page))
-    await page.serve(lambda: print(entrance.address, flush=True))
-    hearing.cancel()
-    feed.close()
+    hearing.add_done_callback(lambda _: page.stop())
+    try:
+        await page.serve(lambda: print(entrance.address, flush=True))
+    finally:
+        feed.close()
+        hearing.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await hearing
 
 
 async def _hear(feed: Feed, page: PageServer) -> None:

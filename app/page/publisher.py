@@ -9,6 +9,7 @@ from __future__ import annotations
 import queue
 import socket
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Collection
 from contextlib import suppress
@@ -144,7 +145,8 @@ class PagePublisher(UserInterface):
             self._tell(ClockNews())
             return
         running = None if shown.running is None else _side(shown.running)
-        self._tell(ClockNews(white=shown.left[chess.WHITE], black=shown.left[chess.BLACK], running=running))
+        white, black = (shown.left[colour] for colour in chess.COLORS)
+        self._tell(ClockNews(white=white, black=black, running=running, at=time.time()))
 
     def look(self, shown: LookShown) -> None:
         """See ``UserInterface.look``."""

@@ -7,7 +7,7 @@ import math
 import threading
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Final, Protocol, cast
+from typing import Any, Final
 
 from app.page.live.hub import Hub
 from app.page.live.people import People
@@ -46,13 +46,13 @@ def telemetry_shown(telemetry: Telemetry, tick: float) -> dict[str, Any]:
         "tactile": _finite(telemetry.tactile), "force": _finite(telemetry.force),
         "torque": _finite(telemetry.torque), "state": telemetry.state.name.lower(), "word": in_words(telemetry),
         "motion": telemetry.motion, "executed": telemetry.executed, "late": _number(telemetry.lateness),
-        "work": _number(telemetry.work), "stopped": _latched(telemetry),
+        "work": _number(telemetry.work), "stopped": telemetry.latched,
     }  # fmt: skip
 
 
 def in_words(telemetry: Telemetry) -> str:
     """What the arm does, for people, and why where it had to stop."""
-    if _latched(telemetry):
+    if telemetry.latched:
         return "stopped until somebody says 'go'"
     words = WORDS[telemetry.state]
     if telemetry.cause is Cause.NONE:
@@ -136,7 +136,7 @@ class TelemetryFeed:
         if watch is None:
             return "there is no controller that could be stopped"
         try:
-            await asyncio.to_thread(cast("_Stopper", watch).stop, PATIENCE)
+            await asyncio.to_thread(watch.stop, PATIENCE)
         except ControllerError as error:
             return f"the arm may still move: {error}"
         return None
@@ -156,15 +156,6 @@ class TelemetryFeed:
             else:
                 self._watch = watch
             return
-
-
-class _Stopper(Protocol):
-    def stop(self, timeout: float) -> object: ...
-
-
-def _latched(telemetry: Telemetry) -> bool:
-    """Somebody has pressed STOP, and nobody has released it since."""
-    return bool(telemetry.flags & 32)
 
 
 def _finite(values: Iterable[float]) -> list[float | None]:

@@ -1,8 +1,9 @@
 """Makes what takes long or loads much, in a process of its own: ``python -m app.page.recorded.maker WHAT FOLDER …``.
 
-``robot FOLDER TICK``: what 3-D draws of the robot and table of a record, or of the usual ones. ``telemetry FOLDER SINCE
-UNTIL``: the telemetry of a record as columns. ``report FOLDER``: the page of a record. Each goes to stdout; where it
-cannot be made, a sentence goes to stderr, and the status is 2.
+``record FOLDER ID NUMBER SETS_UP``: a record with all that a slider over it needs. ``robot FOLDER TICK``: what 3-D
+draws of the robot and table of a record, or of the usual ones. ``telemetry FOLDER SINCE UNTIL``: the telemetry of a
+record as columns. ``report FOLDER``: the page of a record. Each goes to stdout; where it cannot be made, a sentence
+goes to stderr, and the status is 2.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from app import UserError
 from app.motion.settings import MotionSettings
 from app.page.live.hub import encoded
 from app.page.live.telemetry import telemetry_shown
-from app.page.recorded.catalogue import match_of_record
+from app.page.recorded.catalogue import RecordPlace, match_of_record
+from app.page.recorded.record import record_shown
 from app.page.robot_scene import robot_scene
 from app.records.events import AnyEvent, read_events
 from app.records.files import EVENTS_FILE, RecordError
@@ -107,6 +109,9 @@ def main(arguments: list[str]) -> int:
     os.nice(NICE)
     try:
         match arguments:
+            case ["record", folder, record, number, sets_up]:
+                place = RecordPlace(record, Path(folder), int(number), bool(sets_up))
+                made = encoded(record_shown(place, read_events(place.folder / EVENTS_FILE)))
             case ["robot", folder, tick]:
                 made = robot_json(Path(folder) if folder else None, float(tick))
             case ["telemetry", folder, since, until]:

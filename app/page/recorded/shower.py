@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Self
 
-from app.page.live.hub import encoded
+from app import UserError
 from app.page.recorded.catalogue import RecordPlace, match_of_record
-from app.page.recorded.record import record_shown
-from app.records.events import read_events
-from app.records.files import EVENTS_FILE, RecordError
+from app.records.files import EVENTS_FILE, FILM_FILE, RecordError
 from app.records.robot import ROBOT_FILE
 from app.records.telemetry import TELEMETRY_FILE
 
@@ -28,6 +26,8 @@ LEVEL: Final = 6
 """Of packing, as gzip counts it."""
 PATIENCE: Final = 120.0
 """What is not made by then is not made [s, wall]."""
+MOST: Final = 16
+"""Wishes at once, one of them being made."""
 MAKER: Final = "app.page.recorded.maker"
 
 
@@ -49,25 +49,28 @@ class Made:
         return cls(gzip.compress(content, LEVEL, mtime=0), kind, f'"{tag}"')
 
 
+class TooMuchWanted(UserError):
+    """More is asked for than can be made soon."""
+
+
 class RecordShower:
     """Makes answers about records, one after the other; what was made of the same files before is there already."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[tuple[object, ...], Made] = OrderedDict()
         self._making = asyncio.Lock()
+        self._wanted = 0
 
     async def record(self, place: RecordPlace) -> Made:
         """``record.json``.
 
         Raises:
+            TooMuchWanted: as the others.
             RecordError: it cannot be read.
         """
-
-        def make() -> bytes:
-            return encoded(record_shown(place, read_events(place.folder / EVENTS_FILE))).encode()
-
-        files = (place.folder / EVENTS_FILE, place.folder / ROBOT_FILE)
-        return await self._made(("record",), files, JSON, lambda: asyncio.to_thread(make))
+        files = (place.folder / EVENTS_FILE, place.folder / ROBOT_FILE, place.folder / FILM_FILE)
+        wanted = ("record", str(place.folder), place.id, str(place.number), "sets up" if place.sets_up else "")
+        return await self._made(wanted, files, JSON, lambda: _run(*wanted))
 
     async def robot(self, folder: Path | None, tick: float) -> Made:
         """``robot.json`` of the record in a folder; None: of the usual robot. With ticks of so long [s].
@@ -103,6 +106,17 @@ class RecordShower:
         self, what: tuple[object, ...], files: tuple[Path, ...], kind: str, make: Callable[[], Awaitable[bytes]]
     ) -> Made:
         """Made of files, unless it was made of the same ones before."""
+        if self._wanted >= MOST:
+            raise TooMuchWanted(f"{MOST} such things are being made already: try again in a moment")
+        self._wanted += 1
+        try:
+            return await self._made_in_turn(what, files, kind, make)
+        finally:
+            self._wanted -= 1
+
+    async def _made_in_turn(
+        self, what: tuple[object, ...], files: tuple[Path, ...], kind: str, make: Callable[[], Awaitable[bytes]]
+    ) -> Made:
         async with self._making:
             key = (*what, *((file, _version(file)) for file in files))
             if (kept := self._kept.get(key)) is not None:

@@ -26,7 +26,7 @@ from app.page.live.hub import encoded
 from app.page.live.people import People
 from app.page.live.state import VIEWS, PageState
 from app.page.recorded.catalogue import Catalogue, RecordPlace
-from app.page.recorded.shower import JSON, Made, RecordShower
+from app.page.recorded.shower import JSON, Made, RecordShower, TooMuchWanted
 from app.page.web.live_socket import Allowance, serve_watcher
 from app.page.web.pictures import STREAM_TYPE, Pictures
 from app.page.web.security import SEALED, Gatekeeper, Names
@@ -213,6 +213,8 @@ def _file(path: Path, kind: str) -> Response:
 async def _made(request: Request, making: Awaitable[Made]) -> Response:
     try:
         return _answer(request, await making)
+    except TooMuchWanted as error:
+        raise HTTPException(503, str(error)) from error
     except UserError as error:
         raise HTTPException(409, str(error)) from error
 

@@ -16,6 +16,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -36,6 +37,7 @@ from app.settings.tree import PageSection
 from app.terminal.shown import ClockShown, LookShown, PathShown, SessionShown, View
 from hardware.interfaces import Pace
 from hardware.table import Colour, TableSettings
+from tests.app.page.fake_controller import FakeController
 
 TABLE = TableSettings()
 TICK = 0.00088
@@ -338,12 +340,17 @@ def main() -> None:
     parser.add_argument("--speed", type=float, default=1.0, help="of the arm and of thinking")
     parser.add_argument("--plies", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--robot", action="store_true", help="with a controller whose arm swings, and can be stopped")
     parser.add_argument("--games", type=Path, help="folder of the records; a new one, which is left, if not given")
     wishes = parser.parse_args()
     games = wishes.games or Path(tempfile.mkdtemp(prefix="fake-games-"))
     game = FakeGame(games / time.strftime("%Y-%m-%dT%H-%M-%SZ", time.gmtime()), wishes.speed, wishes.seed)
     settings = PageSection(port=wishes.port, password=wishes.password)
-    with PageSupervisor(settings, game.publisher, games, lambda at: print("page at", at, flush=True), print):
+    with ExitStack() as stack:
+        if wishes.robot:
+            game.controller = stack.enter_context(FakeController(Path(tempfile.mkdtemp(prefix="fake-run-")))).address
+        ready = lambda address: print("page at", address, flush=True)  # noqa: E731
+        stack.enter_context(PageSupervisor(settings, game.publisher, games, ready, print))
         game.begin()
         game.play(demo=wishes.demo, plies=wishes.plies)
 

@@ -42,7 +42,7 @@ class ServedPage:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.do(lambda: setattr(self.page._server, "should_exit", True))
+        self.do(self.page.stop)
         self._thread.join(PATIENCE)
         assert not self._thread.is_alive(), "the page ends"
 

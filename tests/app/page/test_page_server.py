@@ -31,6 +31,7 @@ from app.page.news import (
     SayNews,
     SessionNews,
 )
+from app.page.recorded import shower
 from app.page.web.pictures import BOUNDARY
 from app.records.files import EVENTS_FILE, FILM_FILE
 from tests.app.page.recorded.recorded_games import RecordedGame
@@ -361,6 +362,13 @@ def test_what_takes_long_is_made_elsewhere(page: ServedPage, games: Path) -> Non
     assert report.headers["Content-Type"].startswith("text/html")
     assert "sandbox" in report.headers["Content-Security-Policy"]
     assert b"Nf3" in report.content  # type: ignore[attr-defined]
+
+
+def test_more_wishes_than_can_be_made_are_refused(page: ServedPage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shower, "MOST", 0)
+    answer = page.get("/games/match/record.json")
+    assert answer.status == 503
+    assert b"try again in a moment" in answer.content  # type: ignore[attr-defined]
 
 
 def test_several_ask_for_the_same_at_once(page: ServedPage) -> None:

@@ -13,7 +13,7 @@ const HOME = new Vector3(0, -0.33, 0);
 
 /** Azimuth from the person's side, angle from straight above, distance and the point looked at. World: y up [m]. */
 export const VIEWS = {
-  front: {azimuth: 0.5, polar: 1.13, distance: 1.03, target: [0, -0.262, 0]},
+  front: {azimuth: 0.5, polar: 1.13, distance: 1.07, target: [0, -0.278, 0]},
   top: {azimuth: 0, polar: LOWEST, distance: 0.98, target: [0, -0.47, 0]},
   person: {azimuth: 0, polar: 0.92, distance: 0.78, target: [0, -0.42, 0]},
 };

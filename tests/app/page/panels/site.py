@@ -26,9 +26,11 @@ from app.page.web.server import STATIC
 KINDS = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".html": "text/html; charset=utf-8"}
 PANEL_PAGE = """<!doctype html>
 <html lang="en" data-theme="light"><head><meta charset="utf-8"><title>A panel</title>
-<link rel="stylesheet" href="/static/css/tokens.css"></head>
+<meta name="viewport" content="width=device-width">
+<link rel="stylesheet" href="/static/css/tokens.css"><link rel="stylesheet" href="/static/css/layout.css">
+<link rel="stylesheet" href="/static/css/parts.css"></head>
 <script type="module" src="/panel.js"></script></head>
-<body><main><h1>A panel</h1><div id="panel"></div></main></body></html>"""
+<body><div role="main"><h1>A panel</h1><div id="panel"></div></div></body></html>"""
 PANEL_SCRIPT = """
 import {createStore} from '/static/store.js';
 const store = createStore();
