@@ -492,6 +492,7 @@ def test_the_voice_says_moves_and_questions_once_it_is_wanted(set_stage: SetStag
     visitor.page.locator("#open-settings").click()
     visitor.page.get_by_role("switch", name=re.compile("^Voice")).check()
     played(stage, "g8f6")
+    expect(visitor.page.locator("#moves button.move")).to_have_count(2)
     stage.game.publisher.prompt("was that it? (yes or no)", ("yes", "no"))
     visitor.until("spoken.length >= 3")
     assert visitor.page.evaluate("spoken") == ["Voice on", "Black: knight f6", "was that it? (yes or no)"]
@@ -511,14 +512,15 @@ def test_sounds_are_made_until_they_are_muted(set_stage: SetStage, visit: Visit)
     visitor.page.wait_for_timeout(200)
     played(stage, "e2e4")
     visitor.until("knocks === 1")
-    played(stage, "d7d5", "e4d5")
-    expect(visitor.page.locator("#moves button.move")).to_have_count(3)
-    knocks = visitor.page.evaluate("knocks")
+    played(stage, "d7d5")
+    visitor.until("knocks === 2")
+    played(stage, "e4d5")
+    visitor.until("knocks === 4")  # a capture is two
     visitor.page.locator("#open-settings").click()
     visitor.page.get_by_role("switch", name="Sounds").uncheck()
     played(stage, "d8d5")
     expect(visitor.page.locator("#moves button.move")).to_have_count(4)
-    assert visitor.page.evaluate("knocks") == knocks > 1
+    assert visitor.page.evaluate("knocks") == 4
     assert visitor.page.evaluate("localStorage.getItem('touchmove.sound')") == "false"
 
 

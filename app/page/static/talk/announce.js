@@ -24,11 +24,12 @@ export function mountAnnouncements(store, speak) {
     const before = game;
     game = next === null ? null : {id: next.id, plies: next.moves.length, over: isOver(next)};
     if (before === null || game === null || before.id !== game.id) return;
-    if (game.plies === before.plies + 1) {
-      const move = next.moves.at(-1);
-      const words = `${side(other(turnOf(move.fen)))}: ${spoken(move.san)}`;
-      announce(words);
-      speak(words);
+    if (game.plies > before.plies) {
+      // both sides' at once where news came late; of a game that was away for longer only the last ones
+      const words = next.moves.slice(Math.max(before.plies, game.plies - 2))
+        .map((move) => `${side(other(turnOf(move.fen)))}: ${spoken(move.san)}`);
+      announce(words.join('; '));
+      words.forEach(speak);
     } else if (game.plies < before.plies) {
       announce('taken back');
       speak('taken back');

@@ -77,7 +77,7 @@ export function makeSounds(store) {
     game = next === null ? null : {id: next.id, plies: next.moves.length, over: isOver(next)};
     if (before === null || game === null || before.id !== game.id) return;
     if (game.over && !before.over) play('end');
-    else if (game.plies === before.plies + 1) {
+    else if (game.plies > before.plies) {
       const {san} = next.moves.at(-1);
       play(/[+#]/.test(san) ? 'check' : san.includes('x') ? 'capture' : 'move');
     }
