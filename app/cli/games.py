@@ -326,7 +326,8 @@ def _audience(
 ) -> Iterator[_Audience]:
     """The terminal and the page, as far as they are wanted; arguments as of ``_show_game``."""
     from app import UserError
-    from app.terminal.interface import Conversation, Terminal, Together, TypedLines, UserInterface
+    from app.terminal.interface import Conversation, Terminal, Together, UserInterface
+    from app.terminal.typed_lines import TypedLines
 
     talks = program in ("play", "resume")
     with ExitStack() as stack:

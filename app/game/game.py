@@ -66,6 +66,8 @@ class Game:
             return self._play(plies)
         except GameLeft as left:
             return leave(self._table, left, self._left)
+        finally:
+            self._timing.pause()  # nobody's time runs when it is over
 
     def _left(self, left: GameLeft) -> GameEnd:
         return LEFT if self._human is None else self._human.left(left.word, left.wish)

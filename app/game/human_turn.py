@@ -381,7 +381,8 @@ class HumanTurn:
     def _hint(self) -> None:
         said = self._players.hint(self._table.board)
         assert said.move is not None, "who is asked has an answer, or says why not"
-        self._ui.say(f"I would play {self._table.board.san(said.move)}")
+        squares = [chess.square_name(square) for square in (said.move.from_square, said.move.to_square)]
+        self._ui.say(f"I would play {self._table.board.san(said.move)}", squares)
 
     def _yes(self, question: str, squares: Sequence[str]) -> bool:
         return self._answer(f"{question} (yes or no)", ("yes", "no", "y", "n"), squares).startswith("y")

@@ -23,7 +23,8 @@ from app.pieces.manipulation import transfers
 from app.pieces.position import set_up
 from app.play.hand_moves import hand_transfers
 from app.records import PlyEvent
-from app.terminal.interface import TypedLines, UserInterface
+from app.terminal.interface import UserInterface
+from app.terminal.typed_lines import TypedLines
 from hardware.interfaces import HardwareError
 from hardware.referee import PiecePose
 from hardware.sim.clients.hand import SimHand

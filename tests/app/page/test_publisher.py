@@ -18,8 +18,9 @@ import pytest
 from app.page.news import LARGEST_PICTURE, NEWS, LookNews, PathNews, PictureNews, PromptNews
 from app.page.publisher import KEPT, POINTS, PagePublisher
 from app.players.person import PersonGone
-from app.terminal.interface import Together, TypedLines, UserInterface
+from app.terminal.interface import Together, UserInterface
 from app.terminal.shown import ClockShown, LookShown, PathShown, SessionShown
+from app.terminal.typed_lines import TypedLines
 from hardware.interfaces import Pace
 from hardware.table import Colour
 from tests.waiting import PATIENCE, until

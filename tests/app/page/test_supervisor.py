@@ -12,7 +12,7 @@ from app.page.publisher import PagePublisher
 from app.page.supervisor import PageSupervisor
 from app.players.person import PersonGone
 from app.settings.tree import PageSection
-from app.terminal.interface import TypedLines
+from app.terminal.typed_lines import TypedLines
 from tests.waiting import until
 
 
