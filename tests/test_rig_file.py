@@ -129,7 +129,7 @@ def test_a_controller_outlives_games_parks_and_is_killed_and_ended(
 
     code, _, err = touchmove("controller", "clear", "--rig", str(rig))
     assert code == 2
-    assert "choose run, status, enable, hold, resume, stop, clear-fault, shutdown" in err
+    assert "choose run, status, press-stop, enable, hold, resume, stop, release, clear-fault, shutdown" in err
 
     # a restarted controller goes on with the world that its forerunner left
     controller.end(signal.SIGKILL)

@@ -160,9 +160,8 @@ MAY_WRITE = {
         "qpos",
     ),  # the renderer's own copy, in its own process: it is drawn, never stepped
     ("clients.viewer", "watch_world", "qpos"),  # the viewer's likewise
-    ("bodies.scene", "_start_positions", "qpos"),  # the key frame from which the world starts
+    ("bodies.arm", "start_positions", "qpos"),  # the key frame from which a world starts
     ("bodies.scene", "build_model", "qpos"),
-    ("bodies.grasp_world", "_start", "qpos"),  # likewise of the figures' block on a surface
     ("bodies.grasp_world", "build_block_world", "qpos"),
 }
 

@@ -198,6 +198,9 @@ class SimRig(RemoteRig):
         with _uninterrupted():
             self.failure()
             orderly = self._connected and self._shut_down()
+            if not orderly and self._connected and self._cause is None:
+                # whoever has ended well since was told to, and the last word of it was lost on its way
+                orderly = all(status == 0 for status in self._statuses().values())
             if not orderly:  # somebody has ended meanwhile, and could not be asked
                 self.failure()
             self._open = False

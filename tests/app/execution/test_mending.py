@@ -82,6 +82,8 @@ class Paper:
     # an arm
 
     untouched = True
+    midway = False
+    permission = SimpleNamespace(stopped=False)
 
     def carry(self, job: Job, inventory: Inventory, begun: Any = None, seen: Any = None) -> Carried:
         done = inventory
