@@ -5,7 +5,7 @@ Units are SI. Arms are numbered 1 to 3 as in the paper; triples are in that orde
 
 from dataclasses import dataclass
 from enum import IntFlag, StrEnum
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +120,54 @@ class ServoBus(Protocol):
 
     def close(self) -> None:
         """Give the drives up; they brake by themselves."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlantCall:
+    """A controller as a plant in the same thread calls it, without a line of Python in between.
+
+    ``function`` is the address of a C function of three addresses: those of ``measurement``, ``command``, and
+    ``context``. It takes a tick's measurement, writes the command for the next tick, and returns 0; 1 where the
+    measurement was left to others, and the command as it was; 2 where it has done its work, but cannot take another
+    measurement at present.
+    """
+
+    function: int
+    context: int
+    measurement: NDArray[np.float64]
+    """Tick, angles [rad], velocities [rad/s], finger position [m], forces on the pads [N], status, (11,)."""
+    command: NDArray[np.float64]
+    """Torques [N m] and velocity of each finger [m/s], (4,)."""
+
+    def measured(self) -> Measurement:
+        """The last measurement."""
+        tick, a, b, c, d, e, f, finger, right, left, status = self.measurement.tolist()
+        return Measurement(int(tick), (a, b, c), (d, e, f), finger, (right, left), DriveStatus(int(status)))
+
+
+class Stretch(NamedTuple):
+    """What came of a run of ticks in one call."""
+
+    ticks: int
+    """How many; there may have been none."""
+    said: int
+    """By the controller after the last one, see ``PlantCall``; 0 where it would have gone on."""
+    measurement: Measurement
+    """The last one."""
+
+
+@runtime_checkable
+class ServoBusInThread(ServoBus, Protocol):
+    """A lockstep bus whose plant runs in the thread of its controller."""
+
+    def run(self, controller: PlantCall, most: int, busy: bool) -> Stretch:
+        """Up to so many exchanges, each with the next tick's measurement, while nothing else is to be done.
+
+        ``busy`` is the commands'.
+        """
+
+    def hear(self, seconds: float) -> None:
+        """Hear others for a while, without a tick [s, wall]; the controller asks for none at present."""
 
 
 @dataclass(frozen=True, slots=True)

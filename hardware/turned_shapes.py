@@ -15,6 +15,10 @@ from numpy.typing import NDArray
 from hardware.table import FELT_HEIGHT, PIECE_PROFILES, PIECE_SHAPES, Kind, piece_profile
 
 SEGMENTS = 20
+COARSE_SEGMENTS: Final = 10
+"""Around a piece of which little is seen, but for one that is carved in a number of teeth that does not divide it."""
+COARSE_TOLERANCE: Final = 0.0004
+"""By which the outline of such a piece may be off [m]: half a pixel of a film."""
 
 KING_CROSS: Final = (((0.13, 0.13, 0.05), 0.05), ((0.4, 0.13, 0.014), 0.04))
 """Its upright and its arm: half the size along x and y in stem radii and along z as height above, and how far the
@@ -55,9 +59,17 @@ KNIGHT_LAYERS: Final = ((-0.62, 0.7), (-0.34, 1.0), (0.34, 1.0), (0.62, 0.7))
 
 
 @cache
-def turned_mesh(kind: Kind) -> Mesh:
-    """Vertices (n, 3) [m], origin at the centre of the foot's underside, and triangles (m, 3) of one kind."""
-    parts = [_revolve(_profile(kind), _carving(kind))]
+def turned_mesh(kind: Kind, *, coarse: bool = False) -> Mesh:
+    """Vertices (n, 3) [m], origin at the centre of the foot's underside, and triangles (m, 3) of one kind.
+
+    ``coarse``: with a third of the triangles, for films.
+    """
+    profile, segments, carving = _profile(kind), SEGMENTS, CARVINGS.get(kind)
+    if coarse:
+        teeth = 1 if carving is None else carving.teeth
+        segments = math.ceil(COARSE_SEGMENTS / teeth) * teeth
+        profile = _thinned(profile) if carving is None else profile
+    parts = [_revolve(profile, _carving(kind, segments), segments)]
     if kind is Kind.KNIGHT:
         parts.append(_horse_head(kind))
     if kind is Kind.KING:
@@ -69,7 +81,18 @@ def _profile(kind: Kind) -> list[tuple[float, float]]:
     return [(0.0, FELT_HEIGHT), *piece_profile(kind)[2:]]
 
 
-def _carving(kind: Kind) -> Callable[[int, int], float]:
+def _thinned(profile: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Those points of an outline without which it would be off by more than the tolerance (Ramer, Douglas, Peucker)."""
+    points = np.array(profile)
+    along, off = points[-1] - points[0], points - points[0]
+    away = np.abs(off[:, 0] * along[1] - off[:, 1] * along[0]) / max(float(np.linalg.norm(along)), 1e-12)
+    furthest = int(np.argmax(away))
+    if away[furthest] <= COARSE_TOLERANCE:
+        return [profile[0], profile[-1]]
+    return [*_thinned(profile[: furthest + 1])[:-1], *_thinned(profile[furthest:])]
+
+
+def _carving(kind: Kind, segments: int) -> Callable[[int, int], float]:
     """By how much a ring's vertex stands higher than the profile, as part of the piece above the foot."""
     carving = CARVINGS.get(kind)
     first = len(_profile(kind)) - len(PIECE_PROFILES[kind]) - 2  # of the profile above the foot, among all rings
@@ -78,7 +101,7 @@ def _carving(kind: Kind) -> Callable[[int, int], float]:
     def lift(ring: int, segment: int) -> float:
         if carving is None or ring not in carved:
             return 0.0
-        share = SEGMENTS // carving.teeth
+        share = segments // carving.teeth
         if carving.square:
             return carving.height if segment % share < 2 * share // 5 else 0.0
         return carving.height * math.cos(2.0 * math.pi * segment / share)
@@ -86,10 +109,10 @@ def _carving(kind: Kind) -> Callable[[int, int], float]:
     return lift
 
 
-def _revolve(profile: list[tuple[float, float]], lift: Callable[[int, int], float]) -> Mesh:
+def _revolve(profile: list[tuple[float, float]], lift: Callable[[int, int], float], segments: int) -> Mesh:
     rings = profile[1:-1]
     top = max(height for _radius, height in profile)
-    angles = 2.0 * np.pi * np.arange(SEGMENTS) / SEGMENTS
+    angles = 2.0 * np.pi * np.arange(segments) / segments
     vertices = [[0.0, 0.0, profile[0][1]]]
     for number, (radius, height) in enumerate(rings):
         for segment, a in enumerate(angles):
@@ -97,13 +120,13 @@ def _revolve(profile: list[tuple[float, float]], lift: Callable[[int, int], floa
     vertices.append([0.0, 0.0, profile[-1][1]])
     end = len(vertices) - 1
     faces: list[list[int]] = []
-    for i in range(SEGMENTS):
-        j = (i + 1) % SEGMENTS
+    for i in range(segments):
+        j = (i + 1) % segments
         faces.append([0, 1 + j, 1 + i])
         for ring in range(len(rings) - 1):
-            a, b = 1 + ring * SEGMENTS, 1 + (ring + 1) * SEGMENTS
+            a, b = 1 + ring * segments, 1 + (ring + 1) * segments
             faces += [[a + i, a + j, b + j], [a + i, b + j, b + i]]
-        last = 1 + (len(rings) - 1) * SEGMENTS
+        last = 1 + (len(rings) - 1) * segments
         faces.append([last + i, last + j, end])
     return np.array(vertices), np.array(faces, dtype=np.int32)
 

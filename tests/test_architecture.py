@@ -39,7 +39,7 @@ ALLOWED = {
 
 FLOORS = {
     "app": (
-        "cli", "page", "measure", "play", "game", "execution", "guard", "commissioning", "rig", "terminal", "settings",
+        "cli", "measure", "page", "play", "game", "execution", "guard", "commissioning", "rig", "terminal", "settings",
         "report", "records", "motion", "players", "scene", "pieces",
     ),
     "controller": ("offline", "loop", "law", "protection", "wire", "model", "settings", "protocol"),
@@ -303,9 +303,11 @@ LOAD_LATE = {
     "app.cli": "the help must be quick",
     "app.execution": "planning and seeing take seconds to load, and are not needed before something moves",
     "app.motion": "the same",
+    "app.page.recorded.maker": "makes one thing, with what that alone needs: a record is shown a second sooner",
     "app.play": "opens devices, films and looks, where it does",
     "app.records.telemetry": "the robot in 3-D is shown once it moves, and its kinematics take seconds to load",
     "app.rig.simulation.processes": "each process loads only what it needs",
+    "app.rig.simulation.sim": "the robot's model takes half a second to load, in which the processes start",
 }
 """The only packages and modules that import inside functions, and what is loaded late there."""
 

@@ -1,7 +1,8 @@
-"""A whole game through the page, in Debian's Chromium, against the simulated robot: all that a person may do there."""
+"""A whole game through the page, in Debian's Chromium, against the simulated robot: all that a person may do."""
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -10,12 +11,15 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import chess.pgn
 import pytest
 from playwright.sync_api import Browser, expect
 
 from tests.app.page.browsers import Visitor, chromium
+from tests.app.page.serving import TOKEN
+from tests.app.page.serving import Browser as PageBrowser
 from tests.test_play import ENGINE, TOUCHMOVE
 from tests.waiting import PATIENCE, until
 
@@ -92,6 +96,10 @@ def test_a_whole_game_on_the_page(tmp_path: Path, browser: Browser) -> None:
         player = Player(browser, address)
         player.turn(0)
         player.picture("page-start")
+        player.says("hand move b1 d2")  # where a pawn stands
+        player.reads("Another piece stands at d2: take it away first")
+        player.says("hand knock e5")  # where nothing stands; nor does the hand stay there
+        player.reads("No piece stands within 20 mm of e5")
         player.click("e2", "e4")
         player.turn(2)
         player.drag("e4", "e5")
@@ -120,6 +128,9 @@ def test_a_whole_game_on_the_page(tmp_path: Path, browser: Browser) -> None:
         player.turn(16)
         player.page.locator("#tab-camera").click()
         player.picture("page-camera")
+        player.says("hand knock b5")  # it stands alone: how it falls does not matter
+        player.page.locator('#ask [data-answer="fix"]').click(timeout=1000.0 * PATIENCE)
+        player.turn(16)
         player.page.get_by_role("button", name="Take back", exact=True).click()
         player.turn(14)
         player.keys("e1", "g1")
@@ -134,6 +145,11 @@ def test_a_whole_game_on_the_page(tmp_path: Path, browser: Browser) -> None:
         player.close()
     expected = "e4 a6 e5 d5 exd6 Nf6 dxc7 b5 cxd8=Q+ Kxd8 Nf3 Bb7 Be2 e6 O-O Bd6"
     assert moves_of(tmp_path) == expected
+    report = json.loads((tmp_path / "game" / "report.json").read_text())
+    assert report["physical_ok"] is True
+    assert {"illegal", "fallen"} <= {trouble["kind"] for trouble in report["troubles"]}
+    assert all(trouble["mended_by"] in ("arm", None) for trouble in report["troubles"])
+    assert (report["result"], report["exit_reason"]) == ("0-1", "White resigns")
 
 
 def test_nobody_loses_a_game_by_a_browser_or_a_page_that_goes(tmp_path: Path, browser: Browser) -> None:
@@ -163,6 +179,22 @@ def test_nobody_loses_a_game_by_a_browser_or_a_page_that_goes(tmp_path: Path, br
         assert process.wait(PATIENCE) == 0
         watcher.close()
     assert moves_of(tmp_path).split()[::2] == ["e4", "d4"]
+
+
+def test_what_was_decided_is_kept_before_anything_else_is_asked(tmp_path: Path) -> None:
+    """Whoever plays resigns, and the program is killed while it asks whether there is to be another game."""
+    with (
+        playing(tmp_path, "--rig", "board", "--nodes", "200") as (process, address),
+        PageBrowser(urlsplit(address).port or 0, TOKEN) as player,
+    ):
+        player.until(lambda: (player.state["prompt"] or {}).get("turn"))
+        player.send({"type": "line", "text": "resign"})
+        player.until(lambda: "another game?" in (player.state["prompt"] or {}).get("text", ""))
+        process.kill()
+        process.wait(PATIENCE)
+    last = json.loads((tmp_path / "game" / "events.jsonl").read_text().splitlines()[-1])
+    assert (last["event"], last["result"], last["reason"]) == ("end", "0-1", "White resigns")
+    assert '[Result "0-1"]' in (tmp_path / "game" / "game.pgn").read_text()
 
 
 def children(pid: int) -> list[int]:

@@ -100,55 +100,6 @@ for line in sys.stdin:
 """Plays given moves from the start position, so that a person's moves can be written down beforehand."""
 
 
-@pytest.mark.slow
-def test_a_whole_game_with_all_that_a_person_may_do_at_the_board(tmp_path: Path) -> None:
-    """Castling, en passant, promotion, take-back, an illegal move and a piece that is knocked over, all made by the
-    simulated hand and seen by the camera.
-    """
-    script = """
-        hand move b1 d2         # where a pawn stands
-        hand knock e5           # where nothing stands; nor does the hand stay there
-        e4
-        e5
-        exd6                    # en passant
-        hand move g1 g4         # a knight does not move like that
-        fix
-        dxc7
-        cxd8=Q
-        Nf3
-        Be2
-        O-O
-        hand knock b5           # it stands alone: how it falls does not matter
-        fix
-        d4
-        takeback
-        d3
-        resign
-    """
-    engine = tmp_path / "engine"
-    engine.write_text(f"#!{sys.executable}\n" + ENGINE.format(replies="a6 d5 Nf6 b5 Kxd8 Bb7 e6 Bd6 Re8"))
-    engine.chmod(0o755)
-    options = ("--pace", "fast", "--engine", str(engine), "--out", str(tmp_path / "game"), "--json")
-    done = subprocess.run(
-        [*TOUCHMOVE, "play", "--no-page", *options], input=script, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
-    assert "another piece stands at d2: take it away first" in done.stderr
-    assert "no piece stands within 20 mm of e5" in done.stderr
-    report = json.loads(done.stdout)
-    assert report["physical_ok"] is True
-    kinds = {trouble["kind"] for trouble in report["troubles"]}
-    assert {"illegal", "fallen"} <= kinds
-    assert all(trouble["mended_by"] in ("arm", None) for trouble in report["troubles"])
-    assert (report["result"], report["exit_reason"]) == ("0-1", "White resigns")
-    with (tmp_path / "game" / "game.pgn").open(encoding="utf-8") as stream:
-        game = chess.pgn.read_game(stream)
-    assert game is not None
-    assert " ".join(node.san() for node in game.mainline()) == (
-        "e4 a6 e5 d5 exd6 Nf6 dxc7 b5 cxd8=Q+ Kxd8 Nf3 Bb7 Be2 e6 O-O Bd6 d3 Re8"
-    )
-
-
 def test_a_game_begins_from_whatever_stands_on_the_board_and_goes_on_without_its_record(tmp_path: Path) -> None:
     """Nobody says which position it is; afterwards the record is gone, and what stands there is all that is known."""
     folder = tmp_path / "game"

@@ -71,7 +71,7 @@ def test_a_program_that_hangs_cannot_keep_the_arm_from_stopping(demo, pace):
         assert in_time or pressed.reason is Cause.CLIENT_LOST, "it was carried out while plant time stood"
     run.signal(signal.SIGKILL)
     run.process.wait()
-    assert {"world", "controller"} <= run.helpers().keys(), "they hold the arm"
+    assert "world" in run.helpers(), "it holds the arm, or its controller does"
     done = subprocess.run(
         [sys.executable, "-P", "-m", "app.cli", "resume", str(run.folder), "--headless", "--json"],
         capture_output=True, text=True, check=False,
@@ -96,7 +96,7 @@ def at_rest(telemetry):
 
 @pytest.mark.slow
 def test_a_stop_at_the_command_line_ends_a_demo_that_nobody_watches_and_resume_goes_on(demo):
-    run = demo("--pace", "fast", "--no-cameras", "--moves", LINE)
+    run = demo("--no-cameras", "--moves", LINE)  # in pace fast it would be over before the command has loaded
     run.until(lambda: run.plies() >= 1, "the first ply")
     controller = [sys.executable, "-P", "-m", "app.cli", "controller"]
     where = ["--rig", str(run.folder / "run" / "rig.toml"), "--json"]

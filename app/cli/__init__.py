@@ -12,9 +12,10 @@ from typer.exceptions import TyperException
 
 from app.cli.devices import calibrate, check, controller, link_test, world
 from app.cli.ending import fail
-from app.cli.games import demo, play, replay, report, resume, setup, show_config
+from app.cli.games import demo, play, replay, resume, setup, show_config
 from app.cli.measuring import bench, figures, vision
 from app.cli.page import page
+from app.cli.records import film, report
 
 
 @contextmanager
@@ -50,7 +51,7 @@ app = typer.Typer(
     help="A delta robot plays chess, in simulation or in the lab.",
 )
 _COMMANDS: dict[str, Callable[..., None]] = {
-    "play": play, "demo": demo, "replay": replay, "setup": setup, "resume": resume, "report": report,
+    "play": play, "demo": demo, "replay": replay, "setup": setup, "resume": resume, "report": report, "film": film,
     "page": page, "config": show_config, "controller": controller, "world": world, "check": check,
     "calibrate": calibrate, "link-test": link_test, "vision": vision, "figures": figures, "bench": bench,
 }  # fmt: skip

@@ -56,15 +56,16 @@ def world(
     ] = False,
     game: Annotated[Path | None, typer.Argument(help="Folder of the game; the newest one if left out.")] = None,
     run_dir: Annotated[Path | None, typer.Option("--run-dir", hidden=True)] = None,
+    controlled: Annotated[bool, typer.Option("--controlled", hidden=True)] = False,
 ) -> None:
     """Look at a simulated world that runs; games start theirs by themselves."""
-    from app.rig.simulation.processes import run_world, view_world
+    from app.rig.simulation.processes import run_simulation, run_world, view_world
 
     if view:
         run_process(lambda: view_world(game, say))
     if run_dir is None:
         fail("games start their worlds by themselves: say 'touchmove world --view' to look at one that runs")
-    run_process(lambda: run_world(run_dir))
+    run_process(lambda: run_simulation(run_dir) if controlled else run_world(run_dir))
 
 
 def check(

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from app.page.news import Program
+    from app.page.starting import StartedPage
     from app.play.session import SessionResult
     from app.players.person import Lines
     from app.settings.tree import Settings
@@ -38,6 +39,7 @@ def demo(
     games: options.Games = 1,
     rig: options.Rig = "sim",
     pace: options.Pace = None,
+    processes: options.Processes = "together",
     profile: options.Profile = None,
     seed: options.Seed = 1,
     fen: options.Fen = None,
@@ -76,10 +78,9 @@ def demo(
     as_json: options.AsJson = False,
 ) -> None:
     """Two engines play a game that the arm executes."""
-    from app.play.launch import run_games
-
+    page_ahead = _page_ahead(context)
     settings = options.settings_of_command(context, config)
-    _show_game("demo", lambda ui, lines: run_games(settings, ui, lines), settings, headless=headless, as_json=as_json)
+    _show_game("demo", _games_of(settings), settings, page_ahead, headless=headless, as_json=as_json)
 
 
 def play(
@@ -88,6 +89,7 @@ def play(
     elo: Annotated[int | None, typer.Option(help="Strength of the robot; full strength if not given.")] = None,
     rig: options.Rig = "sim",
     pace: options.Pace = None,
+    processes: options.Processes = "together",
     fen: options.Fen = None,
     from_board: options.FromBoard = False,
     standing: Annotated[
@@ -113,7 +115,7 @@ def play(
     if color not in (None, "white", "black"):
         fail(f"--color is '{color}', choose white or black")
 
-    from app.play.launch import run_games
+    page_ahead = _page_ahead(context)
     from app.settings.tree import PlayerKind
 
     also: dict[str, object] = {"rig.video": False}
@@ -123,9 +125,7 @@ def play(
     other = "black" if color == "white" else "white"
     also |= {f"{color}.player": "human", f"{other}.player": "engine", f"{other}.elo": elo}
     settings = options.settings_of_command(context, config, also)
-    _show_game(
-        "play", lambda ui, lines: run_games(settings, ui, lines), settings, as_json=as_json, awaited=page is True
-    )
+    _show_game("play", _games_of(settings), settings, page_ahead, as_json=as_json, awaited=page is True)
 
 
 def replay(
@@ -136,6 +136,7 @@ def replay(
     plies: options.Plies = 1000,
     rig: options.Rig = "sim",
     pace: options.Pace = None,
+    processes: options.Processes = "together",
     profile: options.Profile = None,
     seed: options.Seed = 1,
     verify: options.Verify = None,
@@ -149,10 +150,9 @@ def replay(
     as_json: options.AsJson = False,
 ) -> None:
     """The arm plays recorded games again, and says of every ply whether the board came out right."""
-    from app.play.launch import run_games
-
+    page_ahead = _page_ahead(context)
     settings = options.settings_of_command(context, config, {"rig.video": False})
-    _show_game("replay", lambda ui, lines: run_games(settings, ui, lines), settings, headless=headless, as_json=as_json)
+    _show_game("replay", _games_of(settings), settings, page_ahead, headless=headless, as_json=as_json)
 
 
 def setup(
@@ -161,6 +161,7 @@ def setup(
     standing: Annotated[str, typer.Option(help="What stands on the board now; 'start' is the usual one.")] = "start",
     rig: options.Rig = "sim",
     pace: options.Pace = None,
+    processes: options.Processes = "together",
     profile: options.Profile = None,
     seed: options.Seed = 1,
     verify: options.Verify = None,
@@ -173,9 +174,8 @@ def setup(
     as_json: options.AsJson = False,
 ) -> None:
     """The arm sets a position up, with the pieces on the board and beside it."""
+    page_ahead = _page_ahead(context)
     import chess
-
-    from app.play.launch import run_games
 
     position = {
         f"game.{name}": chess.STARTING_FEN if value == "start" else value
@@ -183,7 +183,7 @@ def setup(
         if config is None or options.given(context, name)
     }
     settings = options.settings_of_command(context, config, {**position, "game.plies": 0, "rig.video": False})
-    _show_game("setup", lambda ui, lines: run_games(settings, ui, lines), settings, headless=headless, as_json=as_json)
+    _show_game("setup", _games_of(settings), settings, page_ahead, headless=headless, as_json=as_json)
 
 
 def resume(
@@ -197,6 +197,7 @@ def resume(
     as_json: options.AsJson = False,
 ) -> None:
     """Go on with a game that was interrupted, or whose program or controller died: first with the ply under way."""
+    page_ahead = _page_ahead(context)
     from app import UserError
     from app.play.launch import resume_from_board, resume_games
     from app.play.match import match_of
@@ -209,44 +210,9 @@ def resume(
     except UserError as error:
         fail(str(error))
     _show_game(
-        "resume", lambda ui, lines: go_on(folder, ui, lines), settings, headless=headless, as_json=as_json,
+        "resume", lambda ui, lines: go_on(folder, ui, lines), settings, page_ahead, headless=headless, as_json=as_json,
         awaited=page is True,
     )  # fmt: skip
-
-
-def report(
-    folder: Annotated[Path, typer.Argument(help="Folder of a game's record.")],
-    as_json: options.AsJson = False,
-    as_html: Annotated[
-        bool,
-        typer.Option("--html", help="Write it as a page, report.html in the folder; of a match, one for each round."),
-    ] = False,
-) -> None:
-    """Compute the report of a recorded game again, from its events alone, also of one that broke off."""
-    from rich.console import Console
-
-    from app import UserError
-    from app.records import EVENTS_FILE, read_events, summarise
-    from app.terminal.report_table import report_table
-
-    try:
-        found = summarise(read_events(folder / EVENTS_FILE, say))
-        pages = _report_pages(folder) if as_html else ()
-    except UserError as error:
-        fail(str(error))
-    for page in pages:
-        print(page, file=sys.stderr if as_json else sys.stdout)
-    if as_json:
-        print(found.model_dump_json(indent=2))
-    elif not as_html:
-        Console(markup=False).print(report_table(found))
-    raise typer.Exit(0 if found.physical_ok is not False and not found.failures else 1)
-
-
-def _report_pages(folder: Path) -> tuple[Path, ...]:
-    from app.report import write_report_pages  # loads OpenCV: not where only numbers are asked for
-
-    return write_report_pages(folder)
 
 
 def show_config(
@@ -258,9 +224,34 @@ def show_config(
     print(as_toml(options.settings_or_end({}, file)), end="")
 
 
+def _page_ahead(context: typer.Context) -> StartedPage | None:
+    """The page's process, started first of all, where the options do not say that nobody wants it.
+
+    It loads while this one does, and serves once the settings are known; it ends with the command in any case.
+    """
+    if context.params.get("headless") or context.params.get("page") is False:
+        return None
+    from app.page.starting import StartedPage
+
+    started = StartedPage()
+    context.call_on_close(started.cancel)
+    return started
+
+
+def _games_of(settings: Settings) -> Callable[[UserInterface, Lines], SessionResult]:
+    """Plays as the settings say; what plays is loaded only then, since the page begins meanwhile."""
+
+    def play(ui: UserInterface, lines: Lines) -> SessionResult:
+        from app.play.launch import run_games
+
+        return run_games(settings, ui, lines)
+
+    return play
+
+
 def _show_game(
-    program: Program, play: Callable[[UserInterface, Lines], SessionResult], settings: Settings, *,
-    headless: bool = False, as_json: bool, awaited: bool = False,
+    program: Program, play: Callable[[UserInterface, Lines], SessionResult], settings: Settings,
+    page_ahead: StartedPage | None, *, headless: bool = False, as_json: bool, awaited: bool = False,
 ) -> NoReturn:  # fmt: skip
     """Play a game before everybody who watches; ends the program.
 
@@ -268,6 +259,7 @@ def _show_game(
         program: that plays.
         play: given a user interface, and what is said at the terminal and on the page.
         settings: of the game.
+        page_ahead: the page's process, which waits for them; None: nobody wants a page.
         headless: nothing is shown.
         as_json: the report is printed.
         awaited: a person may come by the page alone.
@@ -282,7 +274,9 @@ def _show_game(
     for number in (signal.SIGINT, signal.SIGTERM):  # SIGINT too: a shell's background job starts with it ignored
         signal.signal(number, interrupt)
     with ExitStack() as stack:
-        audience = stack.enter_context(_audience(program, settings, console, headless=headless, awaited=awaited))
+        audience = stack.enter_context(
+            _audience(program, settings, console, page_ahead, headless=headless, awaited=awaited)
+        )
         try:
             result = play(audience.ui, audience.lines)
         except (UserError, EngineProblem) as error:
@@ -322,7 +316,13 @@ class _Audience:
 
 @contextmanager
 def _audience(
-    program: Program, settings: Settings, console: Console, *, headless: bool, awaited: bool
+    program: Program,
+    settings: Settings,
+    console: Console,
+    page_ahead: StartedPage | None,
+    *,
+    headless: bool,
+    awaited: bool,
 ) -> Iterator[_Audience]:
     """The terminal and the page, as far as they are wanted; arguments as of ``_show_game``."""
     from app import UserError
@@ -347,8 +347,12 @@ def _audience(
             except UserError as error:
                 fail(str(error))
         typed = sys.stdin if talks else None
-        if headless or not settings.page.on:
-            yield _Audience(terminal, TypedLines(typed, terminal.heard))
+        remedy = None if awaited else "with --page the game waits for somebody in a browser"
+        if page_ahead is not None and not settings.page.on:
+            page_ahead.cancel()
+            page_ahead = None
+        if page_ahead is None:
+            yield _Audience(terminal, TypedLines(typed, terminal.heard, remedy=remedy))
             return
         from app.page.publisher import PagePublisher
         from app.page.supervisor import PageSupervisor
@@ -356,9 +360,9 @@ def _audience(
 
         publisher = PagePublisher(program)
         ui = Together(terminal, publisher)
-        lines = TypedLines(typed, ui.heard, lambda: (awaited or publisher.used) and not publisher.given_up)
+        lines = TypedLines(typed, ui.heard, lambda: (awaited or publisher.used) and not publisher.given_up, remedy)
         publisher.subscribe(lines.offer)
-        stack.enter_context(PageSupervisor(settings.page, publisher, GAMES, _invite, say))
+        stack.enter_context(PageSupervisor(settings.page, publisher, GAMES, _invite, say, page_ahead))
         yield _Audience(ui, lines, publisher.end)
 
 

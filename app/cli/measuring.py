@@ -40,19 +40,28 @@ def bench(
         str,
         typer.Argument(
             help="What to measure: law, loop, finger, kills, motion, sim, grip, fallen, recovery, people, knocks, "
-            "vision or clock."
+            "vision, clock or pictures."
         ),
     ],
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repetitions: ends within a minute.")] = False,
     photos: Annotated[
         Path | None, typer.Option(help="Labelled photographs for bench vision; else the folder in TOUCHMOVE_PHOTOS.")
     ] = None,
+    watchers: Annotated[
+        int,
+        typer.Option(
+            min=0, max=32, help="Bench loop: once more with a page, and so many browsers that watch arm and camera."
+        ),
+    ] = 0,
+    standard_cycle: Annotated[
+        bool, typer.Option("--standard-cycle", help="Bench motion: industry's pick cycle, 25/305/25 mm and back.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows as JSON.")] = False,
 ) -> None:
     """Measure, and say whether each bar is held."""
     from app.measure.bench import run_bench
 
-    show_report(lambda: run_bench(name, quick, say, photos), as_json)
+    show_report(lambda: run_bench(name, quick, say, photos, watchers, standard_cycle=standard_cycle), as_json)
 
 
 def vision(

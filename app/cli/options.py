@@ -17,6 +17,13 @@ Rig = Annotated[str, typer.Option(help="sim, board, or the TOML file of a lab's 
 Pace = Annotated[
     str | None, typer.Option(help="real: by the wall clock, the default; fast: as fast as the machine can.")
 ]
+Processes = Annotated[
+    str,
+    typer.Option(
+        help="Pace fast: together, world and controller in one process, the fastest; separate: each in its own. Both "
+        "come to the same."
+    ),
+]
 Profile = Annotated[
     str | None,
     typer.Option(

@@ -116,7 +116,6 @@ class Carrier:
     ) -> None:
         self._devices, self._record, self._ui = devices, record, ui
         self._motion, self._parameters = motion, parameters
-        record.robot(parameters)
         self.permission = Permission(devices, record, ui, attendant)
         self.midway = False
         """Something was begun and left before the arm was home: there may be a piece in its fingers."""

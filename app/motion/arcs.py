@@ -120,8 +120,9 @@ def over(cell: Workcell, arc: Arc, others: Crowd) -> Waypoints:
     np.maximum(needed, arc.least, out=needed)
     needed[0], needed[-1] = min(z0, arc.least), min(z1, arc.least)  # straight over either place it may stand there
     first, last = _heights(share, needed, arc, settings)
-    swing = 0.0 if arc.carried is not None else settings.swing
-    first, last = (first + swing if first > z0 else first), (last + swing if last > z1 else last)
+    if arc.carried is None:
+        first += settings.swing if first > z0 else 0.0
+        last += settings.swing_down if last > z1 else 0.0
     _check_height(cell, max(first, last), arc, float(share[int(needed.argmax())]), others)
     at, slope = share * way, (last - first) / way
     tangents = [

@@ -73,6 +73,7 @@ class Planner:
             if transfer.source.in_box:
                 raise PieceBoxed(transfer.name, transfer.source)
         motions: list[Motion] = []
+        meanwhile = cell.settings.grip.closing_speed * self.lead_ticks * cell.tick  # so far the fingers close before
         point = np.asarray(self.start, dtype=float)
         stands = Crowd.before(transfers, inventory)
         if loose != NO_LOOSE_PIECES:
@@ -87,7 +88,7 @@ class Planner:
             if index > 0 or not holding:
                 route = _grasp(cell, transfer, point, finger)
                 motion, _ = motion_of(cell, f"grasp {transfer.kind} on {transfer.source}", route, index, Stage.GRASP)
-                motions.append(replace(motion, expected=_grip_time(cell, transfer, finger)))
+                motions.append(replace(motion, expected=_grip_time(cell, transfer, finger - meanwhile)))
             route = _carry(cell, transfer, others, point, fresh=index > 0 or not holding)
             carried = f"{transfer.kind} {transfer.source} to {transfer.target}"
             motion, _ = motion_of(cell, carried, route, index, Stage.CARRY)

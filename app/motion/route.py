@@ -171,6 +171,9 @@ def _fingers(route: Route, whole: Segment, wait: int, settings: MotionSettings, 
         begin = max(len(velocity) - max(needed, 0), low[-1] + 1 if low.size else 0)
         if not velocity[begin:].any():
             position = _move_fingers(velocity, begin, position, route.closes, grip.opening_speed, tick)
+        # the last one lasts until the next motion begins, in which they close
+        position -= (grip.closing_speed + velocity[-1]) * tick
+        velocity[-1] = -grip.closing_speed
     return velocity, position
 
 

@@ -58,10 +58,12 @@ class Grip(Frozen):
     """Pads open at least this much further than the stem needs: room for a piece 3 mm off its centre [m] …"""
     widest_margin: PositiveFloat = 0.0065
     """… and this much where neighbours leave room: 3 mm off along either axis [m]."""
-    beside: PositiveFloat = 0.0035
-    """Before they are at the piece's height for good, the fingers close to so much more than the stem needs [m] …"""
-    beside_way: PositiveFloat = 0.003
-    """… as soon as the tool is no further above it [m]."""
+    beside: PositiveFloat = 0.003
+    """Before they are at the piece's height for good, the fingers close to so much more than the stem needs: they do
+    not touch yet what stands 3 mm off along their axis [m] …"""
+    beside_way: PositiveFloat = 0.007
+    """… as soon as the tool is no further above it: the pads are around the piece then, and above its foot no piece is
+    wider than its stem [m]."""
     closing_speed: PositiveFloat = 0.030
     """Asked while closing and holding; in stall the gripper's velocity gain makes 4.8 N of it [m/s]."""
     opening_speed: PositiveFloat = 0.080
@@ -104,7 +106,9 @@ class MotionSettings(Frozen):
     lift: PositiveFloat = 0.022
     """A piece is carried at least this high: lower hops have tighter corners and take longer [m]."""
     swing: NonNegativeFloat = 0.024
-    """Ways without a piece are so much higher than they must be: room for wider corners [m]."""
+    """Ways without a piece begin so much higher than they must: room for wider corners … [m]"""
+    swing_down: NonNegativeFloat = 0.024
+    """… and end so much higher, before they lead down [m]."""
     touch_height: PositiveFloat = 0.0032
     """A piece is lowered fast to this height of its foot, above a board that may be 3 mm too high … [m]"""
     touch_speed: PositiveFloat = 0.030
@@ -141,8 +145,12 @@ class Profile(StrEnum):
 
 
 _FAST: Final = MotionSettings(
-    speed=CONTACT_PROFILES["fast"].tool_speed, acceleration=25.0, jerk=1300.0, grip=Grip(opening_speed=0.12)
-)
+    speed=CONTACT_PROFILES["fast"].tool_speed, acceleration=18.0, jerk=2000.0, swing_down=0.006,
+    touch_speed=0.045, release_wait=0.0, grip=Grip(opening_speed=0.12, settle=0.0, freed=0.0008),
+)  # fmt: skip
+"""The servomotors' rating limits it: it accelerates less, and changes acceleration more quickly, than torque peaks and
+tracking would admit. Between two motions go 7 ms or more, in which grip and foot become firm. See bench motion.
+"""
 PROFILES: Final = MappingProxyType({
     Profile.DEFAULT: MotionSettings(),
     Profile.FAST: _FAST,

@@ -38,6 +38,8 @@ class SessionNews(FrozenFinite):
     """There is a camera."""
     controller: tuple[str, int, str] | None = None
     """Host, UDP port and key file of the controller; None: there is none, or not yet."""
+    start: str | None = None
+    """FEN of the position that the first game begins from; None: that is not known yet."""
 
 
 class RoundNews(FrozenFinite):
@@ -133,7 +135,7 @@ class PathNews(FrozenFinite):
     news: Literal["path"] = "path"
     label: str
     motion: int
-    """Counts up from motion to motion."""
+    """Its number, as telemetry counts them."""
     points: tuple[Triple, ...]
     """Of the tool, base frame [m]."""
     stiffness: tuple[Triple, ...]

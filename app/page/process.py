@@ -1,6 +1,7 @@
-"""The page's process: ``python -m app.page.process --fd N --records DIR --settings JSON``, started by a game.
+"""The page's process: ``python -m app.page.process --fd N``, started by a game.
 
-It ends when the game does: at once where that said so, else when the controller falls silent: until then STOP works.
+It is told what to serve by a line on stdin, once it has loaded; where none comes, it is not wanted any more. It ends
+when the game does: at once where that said so, else when the controller falls silent: until then STOP works.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import gc
 import os
 import socket
 import sys
+import time
 from pathlib import Path
 from typing import Final
 
@@ -20,21 +22,34 @@ from app.page.entrance import Entrance, open_entrance
 from app.page.live.feed import Feed
 from app.page.page_server import PageServer
 from app.settings.tree import PageSection
+from hardware.frozen import Frozen
 
 NICE: Final = 5
 """The page steps back behind game and controller [steps of the scheduler's niceness]."""
+AWAITED: Final = 10.0
+"""It does so after this in any case [s, wall]: by then devices have been opened, and an arm may move."""
+GLANCE: Final = 0.1
+"""[s, wall]"""
 GONE: Final = "the game's program is gone without a word: 'touchmove resume' goes on with its game"
+
+
+class Wishes(Frozen):
+    """What is to be served."""
+
+    records: Path
+    """Folder of all recorded games."""
+    settings: PageSection
 
 
 def main() -> int:
     """Be the page's process; its exit status: 0 the game has ended, 2 the page cannot be opened."""
     parser = argparse.ArgumentParser(prog="app.page.process", description=__doc__)
     parser.add_argument("--fd", type=int, required=True, help="socket to the game's process")
-    parser.add_argument("--records", type=Path, required=True, help="folder of all recorded games")
-    parser.add_argument("--settings", type=PageSection.model_validate_json, required=True, help="[page], as JSON")
-    wishes = parser.parse_args()
-    os.nice(NICE)
-    game = socket.socket(fileno=wishes.fd)
+    game = socket.socket(fileno=parser.parse_args().fd)
+    told = sys.stdin.buffer.readline()
+    if not told:
+        return 0
+    wishes = Wishes.model_validate_json(told)
     try:
         entrance = open_entrance(wishes.settings)
     except UserError as error:
@@ -48,15 +63,24 @@ def main() -> int:
 async def _serve(entrance: Entrance, records: Path, game: socket.socket) -> None:
     feed = await Feed.of(game)
     page = PageServer(entrance, records, feed.say)
-    hearing = asyncio.create_task(_hear(feed, page))
+    hearing, stepping = asyncio.create_task(_hear(feed, page)), asyncio.create_task(_step_back(page))
     hearing.add_done_callback(lambda _: page.stop())
     try:
         await page.serve(lambda: print(entrance.address, flush=True))
     finally:
         feed.close()
-        hearing.cancel()
+        for task in (hearing, stepping):
+            task.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await hearing
+
+
+async def _step_back(page: PageServer) -> None:
+    """Step back behind game and controller, once the first browser has loaded the page: somebody waits for that."""
+    deadline = time.monotonic() + AWAITED
+    while not page.hub.watchers and time.monotonic() < deadline:
+        await asyncio.sleep(GLANCE)
+    os.nice(NICE)
 
 
 async def _hear(feed: Feed, page: PageServer) -> None:

@@ -82,7 +82,7 @@ class PagePublisher(UserInterface):
         """The last of each kind, or of each view or device, in the order in which they are told."""
         self._spoken = deque[Message](maxlen=KEPT)
         self._page: _PageLink | None = None
-        self._prompts = self._motions = 0
+        self._prompts = 0
         self._pictures = LivePictures(self._picture)
         self.used = False
         """Somebody has held the page's controls."""
@@ -102,7 +102,7 @@ class PagePublisher(UserInterface):
             SessionNews(
                 program=self._program, folder=str(shown.folder.absolute()), rig=shown.rig, pace=shown.pace.value,
                 tick=shown.tick, person=None if shown.person is None else shown.person.value, hands=shown.hands,
-                sees=shown.sees, controller=place,
+                sees=shown.sees, controller=place, start=shown.start,
             )
         )  # fmt: skip
         self._pictures.open(shown.live, shown.tick)
@@ -167,12 +167,11 @@ class PagePublisher(UserInterface):
 
     def path(self, shown: PathShown) -> None:
         """See ``UserInterface.path``."""
-        self._motions += 1
         stride = max(1, -(-len(shown.position) // POINTS))
         position, stiffness = shown.position[::stride], shown.stiffness[::stride]
         self._tell(
             PathNews(
-                label=shown.label, motion=self._motions, stride=stride,
+                label=shown.label, motion=shown.motion, stride=stride,
                 points=tuple(map(tuple, position.round(5).tolist())),
                 stiffness=tuple(map(tuple, stiffness.round(1).tolist())),
             )

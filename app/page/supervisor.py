@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import socket
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -13,6 +11,7 @@ from typing import Final, Self
 from urllib.parse import urlsplit
 
 from app.page.publisher import PagePublisher
+from app.page.starting import StartedPage
 from app.settings.tree import PageSection
 
 PATIENCE: Final = 3.0
@@ -34,19 +33,25 @@ class PageSupervisor:
         records: folder with all recorded games.
         ready: told the address for the browser, once the page can be reached.
         say: told a sentence about a page that there is not.
+        first: a process that has been started already; None: it is started now.
     """
 
     def __init__(
         self, settings: PageSection, publisher: PagePublisher, records: Path, ready: Callable[[str], None],
-        say: Callable[[str], None],
+        say: Callable[[str], None], first: StartedPage | None = None,
     ) -> None:  # fmt: skip
         self._settings, self._publisher, self._records = settings, publisher, records
         self._ready, self._say = ready, say
         self._port = settings.port
         self._starting, self._over = threading.Lock(), threading.Event()
-        self._process = self._start()
+        self._process = self._start(first or StartedPage())
         self._thread = threading.Thread(target=self._look_after, name="page supervisor", daemon=True)
         self._thread.start()
+
+    @property
+    def pid(self) -> int:
+        """Of the page's process, the newest that was started."""
+        return self._process.pid
 
     def __enter__(self) -> Self:
         return self
@@ -63,17 +68,10 @@ class PageSupervisor:
             self._process.wait()
         self._thread.join()
 
-    def _start(self) -> subprocess.Popen[bytes]:
-        ours, theirs = socket.socketpair()
-        wishes = self._settings.model_copy(update={"port": self._port}).model_dump_json()
-        with theirs:
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "app.page.process", "--fd", str(theirs.fileno()), "--records",
-                 str(self._records.absolute()), "--settings", wishes],
-                pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, start_new_session=True,
-            )  # fmt: skip
-        self._publisher.connect(ours)
-        return process
+    def _start(self, started: StartedPage) -> subprocess.Popen[bytes]:
+        started.serve(self._settings.model_copy(update={"port": self._port}).model_dump_json(), self._records)
+        self._publisher.connect(started.end)
+        return started.process
 
     def _look_after(self) -> None:
         deaths: list[float] = []
@@ -98,4 +96,4 @@ class PageSupervisor:
             with self._starting:
                 if self._over.is_set():
                     return
-                self._process = self._start()
+                self._process = self._start(StartedPage())

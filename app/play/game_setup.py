@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -24,6 +25,8 @@ from hardware.table import PIECE_SHAPES, Captured, Colour, TableSettings
 if TYPE_CHECKING:
     from app.settings.calibration import Calibration
 
+Opener = Callable[[Listener | None], Rig]
+"""Opens a rig, given a listener of the controller's telemetry, which is called in a thread of its own."""
 _ROBOTS: Final = {PadKind.GROOVED: DEFAULT_FILE, PadKind.FLAT: FLAT_PADS_FILE}
 
 
@@ -90,27 +93,46 @@ class RigSetup:
             return self.file
         return rig_for_game(self.section, self.run_dir(folder), board, self.meant, self.file.parameters, person)
 
-    def open(
-        self, rig: RigFile | None, progress: Callable[[str], None], listener: Listener | None, *, new: bool
-    ) -> Rig:
-        """Open the rig; returns when the arm holds.
+    def begin(self, rig: RigFile | None, progress: Callable[[str], None], stack: ExitStack, *, new: bool) -> Opener:
+        """Have the rig's processes start, and say how to open it.
 
         Args:
             rig: its file, for this game.
             progress: told what is being waited for.
-            listener: called with each telemetry of the controller, in a thread of its own.
+            stack: ends what has begun, whether it was opened or not.
             new: False takes over what runs, or was left, of a simulation of our own.
 
+        Returns:
+            Given a listener of the controller's telemetry, which is called in a thread of its own, the rig as soon as
+            the arm holds.
+
         Raises:
-            RigFailed: something did not start or answer.
+            RigFailed: something did not start or answer, then or now.
         """
         if rig is None:
-            return BoardRig(self.motion.home, self.parameters)
-        # what plans takes seconds to load, or to compile the first time: later, that would hold heartbeats up
-        import app.motion.planner  # noqa: F401
-        from app.rig.factory import open_rig  # devices take seconds to load
+            return lambda _listener: BoardRig(self.motion.home, self.parameters)
+        if not self.own:
+            return lambda listener: _open_remote(rig, progress, listener)
+        from app.rig.simulation.sim import SimRig
 
-        return open_rig(rig, progress, listener, own=self.own, new=new)
+        begun = SimRig.begin(rig, progress, new=new)
+        stack.callback(begun.close)
+
+        def connected(listener: Listener | None) -> Rig:
+            import app.execution.recovery
+            import app.motion.planner  # noqa: F401
+
+            return begun.connect(progress, listener)
+
+        return connected
+
+
+def _open_remote(rig: RigFile, progress: Callable[[str], None], listener: Listener | None) -> Rig:
+    # what plans takes seconds to load, or to compile the first time: later, that would hold heartbeats up
+    import app.motion.planner  # noqa: F401
+    from app.rig.factory import open_rig  # devices take seconds to load
+
+    return open_rig(rig, progress, listener)
 
 
 def rig_setup_of(section: RigSection, calibration_file: Path | None = None) -> RigSetup:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -17,17 +16,17 @@ from app.motion import Profile
 from app.pieces.inventory import Inventory
 from app.pieces.layout import start_layout
 from app.play.from_board import FromBoard
-from app.play.game_setup import RigSetup, rig_setup_of, start_board
+from app.play.game_setup import Opener, RigSetup, rig_setup_of, start_board
 from app.play.games import GameSeries
 from app.play.match import Match, Start, last_round, match_of
 from app.play.session import Filming, Schedule, SessionResult, run_session
 from app.play.simulated_hand import SimHands
 from app.play.table_setup import TableSetup
-from app.play.vision_setup import believed_view, looks, session_vision
+from app.play.vision_setup import believed_camera, believed_view, looks, session_vision
 from app.players.person import Human, Lines
 from app.records import EVENTS_FILE, GameRecord, History, new_folder, read_history, utc_now
 from app.records.events import EndEvent
-from app.records.files import FILM_FILE, GAMES, make_folder
+from app.records.files import GAMES, make_folder
 from app.rig.devices import Rig
 from app.rig.rig_file import RigFile
 from app.settings.files import keep_settings, kept_settings
@@ -61,7 +60,7 @@ def run_games(settings: Settings, ui: UserInterface, lines: Lines | None = None)
         human = _human(settings, rig_setup, folder, lines, stack)
         if settings.game.from_board:
             return _play_from_board(settings, rig_setup, folder, ui, human, stack, number=1)
-        shown = _show_session(settings, rig_setup, folder, human, ui)
+        shown = _show_session(settings, rig_setup, folder, human, ui, _start(settings))
         games = GameSeries(settings, rig_setup, ui, human, folder)
         match = stack.enter_context(_match(settings, rig_setup, games, folder, ui, lines))
         standing = None if settings.game.standing is None else start_board(settings.game.standing, option="--standing")
@@ -70,7 +69,7 @@ def run_games(settings: Settings, ui: UserInterface, lines: Lines | None = None)
         rig = rig_setup.rig(folder, board, _person(settings) or settings.rig.person)
         return run_session(
             folder,
-            _opening_rig(rig_setup, rig, ui, shown, new=True),
+            _opening_rig(rig_setup, rig, ui, shown, stack, new=True),
             _keepable(settings, rig_setup, folder, ui, stack, human, match, 1), rig_setup.parameters.drive.tick,
             _filming(rig_setup, folder), ui,
             session_vision(settings, rig_setup, human, ui),
@@ -109,7 +108,7 @@ def resume_games(folder: Path, ui: UserInterface, lines: Lines | None = None) ->
             require_present(rig_setup.run_dir(folder), history.events[-1].plant_time, rig_setup.parameters.drive.tick)
         return run_session(
             folder,
-            _opening_rig(rig_setup, rig_setup.rig(folder), ui, shown, new=False),
+            _opening_rig(rig_setup, rig_setup.rig(folder), ui, shown, stack, new=False),
             _keepable(settings, rig_setup, folder, ui, stack, human, match, number), rig_setup.parameters.drive.tick,
             None, ui, session_vision(settings, rig_setup, human, ui),
         )  # fmt: skip
@@ -147,7 +146,7 @@ def _play_from_board(
     shown = _show_session(settings, rig_setup, folder, human, ui)
     return run_session(
         folder,
-        _opening_rig(rig_setup, rig, ui, shown, new=number == 1),
+        _opening_rig(rig_setup, rig, ui, shown, stack, new=number == 1),
         _from_board(settings, rig_setup, folder, ui, human, stack, number), rig_setup.parameters.drive.tick, None, ui,
         session_vision(settings, rig_setup, human, ui),
     )  # fmt: skip
@@ -208,7 +207,12 @@ def _match(
 def _table_setup(settings: Settings, rig_setup: RigSetup, human: Human | None, lines: Lines | None) -> TableSetup:
     follows = looks(settings, rig_setup, human)
     return TableSetup(
-        rig_setup.motion, rig_setup.parameters, follows, lambda intrinsics: believed_view(rig_setup, intrinsics), lines
+        rig_setup.motion,
+        rig_setup.parameters,
+        follows,
+        lambda intrinsics: believed_view(rig_setup, intrinsics),
+        lambda: believed_camera(rig_setup),
+        lines,
     )
 
 
@@ -268,12 +272,13 @@ def _human(
 
 
 def _opening_rig(
-    rig_setup: RigSetup, rig: RigFile | None, ui: UserInterface, shown: SessionShown, *, new: bool
-) -> Callable[[Listener], Rig]:
-    """Opens the rig and shows what it is; arguments as of ``RigSetup.open``."""
+    rig_setup: RigSetup, rig: RigFile | None, ui: UserInterface, shown: SessionShown, stack: ExitStack, *, new: bool
+) -> Opener:
+    """Opens the rig, which begins to start now, and shows what it is; arguments as of ``RigSetup.begin``."""
+    opener = rig_setup.begin(rig, ui.phase, stack, new=new)
 
-    def opened(listener: Listener) -> Rig:
-        found = rig_setup.open(rig, ui.phase, listener, new=new)
+    def opened(listener: Listener | None) -> Rig:
+        found = opener(listener)
         ui.session(replace(shown, controller=found.controller, live=found.film))
         sees = "looks at the board" if found.camera is not None else "there is none: moves are said, not seen"
         ui.device("camera", None if found.camera is None else True, sees)
@@ -283,20 +288,31 @@ def _opening_rig(
 
 
 def _show_session(
-    settings: Settings, rig_setup: RigSetup, folder: Path, human: Human | None, ui: UserInterface
+    settings: Settings,
+    rig_setup: RigSetup,
+    folder: Path,
+    human: Human | None,
+    ui: UserInterface,
+    start: str | None = None,
 ) -> SessionShown:
-    """Show what is going to be played, before anything slow."""
+    """Show what is going to be played, before anything slow; ``start``: FEN, where that is known."""
     kind: RigKind = "board" if rig_setup.file is None else "sim" if rig_setup.own else "lab"
     shown = SessionShown(
         folder, kind, rig_setup.pace, rig_setup.parameters.drive.tick, _person(settings),
-        human is not None and human.hands is not None, rig_setup.sees,
+        human is not None and human.hands is not None, rig_setup.sees, start=start,
     )  # fmt: skip
     ui.session(shown)
     return shown
+
+
+def _start(settings: Settings) -> str | None:
+    """What the first game begins from, where the settings say it."""
+    game = settings.game
+    return None if game.replay is not None else start_board(game.fen, chess960=game.chess960).fen()
 
 
 def _filming(rig_setup: RigSetup, folder: Path) -> Filming | None:
     section = rig_setup.section
     if not (section.video and section.cameras and rig_setup.simulated):
         return None
-    return Filming(folder / FILM_FILE, section.video_length)
+    return Filming(folder, section.video_length)

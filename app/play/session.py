@@ -13,6 +13,7 @@ from pydantic import JsonValue
 from app.execution.state import LEFT
 from app.game import EXPECTED_FAILURES, Devices, GameEnd
 from app.records import GameRecord, RecordError, Report
+from app.records.files import TRAJECTORY_FILE
 from app.records.telemetry import TELEMETRY_FILE, TelemetryRecorder
 from app.rig.devices import EndState, Rig, RigFailed
 from app.rig.shown_arm import ShownArm
@@ -31,9 +32,14 @@ FAILED = GameEnd("*", "failed", complete=False)
 
 @dataclass(frozen=True, slots=True)
 class Filming:
-    """The film of a simulated world: the file, its longest duration [s]."""
+    """The film of a simulated world, drawn when all is over.
 
-    path: Path
+    Attributes:
+        folder: of the session: positions are recorded there while it is played.
+        longest: of the film [s].
+    """
+
+    folder: Path
     longest: float
 
 
@@ -112,6 +118,11 @@ class _RoundProgress:
     speed: float | None = None
     world_state: str | None = None
 
+    @property
+    def until(self) -> float:
+        """Plant time of its end [s]; one that broke off lasted to its last event."""
+        return self.plant_time or self.round.record.events[-1].plant_time
+
 
 def run_session(
     folder: Path,
@@ -148,7 +159,7 @@ def run_session(
 
     with telemetry, open_rig(listen) as rig:
         try:
-            with _filming(filming, rig, tick), ExitStack() as stack:
+            with _recording_positions(filming, rig), ExitStack() as stack:
                 guard = None if guarding is None else guarding.open(rig)
                 if guard is not None:
                     stack.enter_context(guard)
@@ -161,6 +172,8 @@ def run_session(
     result = _result(so_far, rested=last is not None)
     if so_far.interrupted:
         raise Interrupted(folder)
+    if filming is not None and not so_far.failures:
+        _draw(filming, ui)
     holds = result.holds and all(one.holds for one in done)
     return SessionResult(result.report, result.folder, holds, result.resumable, tuple(done))
 
@@ -190,6 +203,8 @@ def _play_all(
         _play(rig, so_far, ui)
         if so_far.failures or so_far.interrupted or not so_far.end.complete:
             return so_far
+        # what was decided is kept, whatever becomes of this program while it asks or looks what is next
+        so_far.round.record.decide(so_far.end.result, so_far.end.reason, so_far.until)
         following = _following(schedule, devices, so_far)
         if following is None:
             return so_far
@@ -222,9 +237,8 @@ def _play(rig: Rig, so_far: _RoundProgress, ui: UserInterface) -> None:
 def _result(so_far: _RoundProgress, *, rested: bool) -> SessionResult:
     """End the record of a round."""
     record = so_far.round.record
-    until = so_far.plant_time or record.events[-1].plant_time  # a game that broke off lasted to its last event
     report = record.end(
-        so_far.end.result, so_far.end.reason, until, failures=so_far.failures, speed=so_far.speed,
+        so_far.end.result, so_far.end.reason, so_far.until, failures=so_far.failures, speed=so_far.speed,
         world_state=so_far.world_state, details=so_far.round.details(),
     )  # fmt: skip
     holds = so_far.end.complete and not so_far.failures and report.physical_ok is not False
@@ -243,18 +257,41 @@ def _take_stock(rig: Rig, so_far: _RoundProgress) -> None:
 
 
 @contextmanager
-def _filming(filming: Filming | None, rig: Rig, tick: float) -> Iterator[None]:
-    source = None if filming is None else rig.film()
-    if filming is None or source is None:
-        yield
-        return
-    from app.play.film import Film  # loads an encoder: not where nothing is filmed
-
-    film = Film(source, filming.path, filming.longest, tick)
+def _recording_positions(filming: Filming | None, rig: Rig) -> Iterator[None]:
+    positions = None if filming is None else rig.record_positions(filming.folder / TRAJECTORY_FILE)
     try:
         yield
     finally:
-        film.finish()
+        if positions is not None:
+            positions.finish()
+
+
+def _draw(filming: Filming, ui: UserInterface) -> None:
+    """The film of what was played. All else is done: Ctrl-C leaves the film out, as does what goes wrong with it."""
+    if not (filming.folder / TRAJECTORY_FILE).exists():
+        return
+    from app.rig.simulation.film import (  # only where something is filmed
+        FilmFailed,
+        FilmWish,
+        default_output,
+        draw_film,
+    )
+
+    wish = FilmWish(
+        positions=filming.folder / TRAJECTORY_FILE,
+        output=default_output(filming.folder, "film"),
+        length=filming.longest,
+    )
+    again = f"'touchmove film {filming.folder}' draws it at any time"
+    ui.phase("the film is drawn; Ctrl-C leaves it for later")
+    try:
+        draw_film(wish, lambda done, whole: ui.phase(f"the film is drawn: {done:.0f} of {whole:.0f} s"))
+    except KeyboardInterrupt:
+        ui.phase(f"the film was left out: {again}")
+    except FilmFailed as error:
+        ui.phase(f"there is no film: {error}; {again}")
+    else:
+        ui.phase("the film is drawn")
 
 
 def _free(folder: Path, name: str) -> Path:

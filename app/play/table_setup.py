@@ -20,6 +20,7 @@ from hardware.table import TableSettings
 if TYPE_CHECKING:
     from app.execution.observation import GameObserver
     from app.motion import MotionSettings
+    from app.records.robot import Row
     from vision.board.view import BoardView
 
 
@@ -32,6 +33,7 @@ class TableSetup:
         parameters: of the robot.
         looks: whether the camera follows the game.
         view: where the board should be in the pictures of a camera, by calibration; None: nobody knows.
+        camera: where it hangs, asked once the rig is open; see ``RobotRecord``; None: nobody knows.
         lines: what whoever watches says where nobody plays, such as 'go' after a STOP; None: nobody says anything.
     """
 
@@ -39,6 +41,7 @@ class TableSetup:
     parameters: RobotParameters
     looks: bool
     view: Callable[[Intrinsics], BoardView | None]
+    camera: Callable[[], tuple[Row, Row, Row] | None] = lambda: None
     lines: Lines | None = None
 
     def table(
@@ -54,6 +57,7 @@ class TableSetup:
             human: who can be asked to put something right; None: nobody.
 
         """
+        record.robot(self.parameters, None if devices.camera is None else self.camera())
         attendant: Attendant = UnattendedAttendant(self.lines, ui)
         if human is not None:
             attendant = PersonAttendant(human.lines, ui, require=human.require)

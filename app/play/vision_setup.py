@@ -13,6 +13,7 @@ from app.terminal.interface import UserInterface
 from hardware.interfaces import Intrinsics
 
 if TYPE_CHECKING:
+    from app.records.robot import Row
     from vision.board.view import BoardView
 
 
@@ -42,6 +43,22 @@ def believed_view(rig_setup: RigSetup, intrinsics: Intrinsics) -> BoardView | No
     from app.rig.simulation.nominal_view import nominal_view
 
     return nominal_view(intrinsics, rig_setup.table)
+
+
+def believed_camera(rig_setup: RigSetup) -> tuple[Row, Row, Row] | None:
+    """Where the camera hangs, as far as that is known without a picture of it; see ``RobotRecord``."""
+    table = rig_setup.table
+    if rig_setup.calibration is not None:
+        camera_from_board = rig_setup.calibration.pose() @ rig_setup.calibration.base_from_board(table)
+    elif rig_setup.simulated:
+        from app.rig.simulation.nominal_view import nominal_pose
+
+        camera_from_board = nominal_pose(table)
+    else:
+        return None
+    turned, moved = camera_from_board[:3, :3].T, camera_from_board[:3, 3]
+    rows = [(*axis.tolist(), -float(axis @ moved)) for axis in turned]
+    return rows[0], rows[1], rows[2]
 
 
 def session_vision(settings: Settings, rig_setup: RigSetup, human: Human | None, ui: UserInterface) -> SessionVision:

@@ -14,10 +14,10 @@ from app.players.commands import MoveHand, NewGame
 
 
 class PersonGone(UserError):
-    """Nobody types any more."""
+    """Nobody types any more; ``remedy``: what could have been done about it."""
 
-    def __init__(self) -> None:
-        super().__init__("nobody is at the keyboard any more")
+    def __init__(self, remedy: str | None = None) -> None:
+        super().__init__("nobody is at the keyboard any more" + ("" if remedy is None else f": {remedy}"))
 
 
 class Lines(Protocol):

@@ -20,6 +20,8 @@ from app import UserError
 EVENTS_FILE = "events.jsonl"
 FILM_FILE: Final = "game.webm"
 """In the folder of a match: its first minute, filmed in a simulation."""
+TRAJECTORY_FILE: Final = "positions.bin"
+"""Beside it: where everything was in a simulation, from which films are drawn (``hardware.sim.plant.trajectory``)."""
 ROUND_FOLDER: Final = re.compile(r"(?P<kind>game|set-up)-(?P<number>\d{1,6})")
 """Names of folders in that of a match: its later games, and what was set up for them."""
 GAMES: Final = Path("games")

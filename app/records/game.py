@@ -41,7 +41,7 @@ from app.records.files import EVENTS_FILE, LineLog, recording, write_atomically
 from app.records.history import History, RecordState, Unfinished
 from app.records.pgn import PgnFile, PgnMove
 from app.records.report import Report, summarise
-from app.records.robot import RobotRecord, keep_robot
+from app.records.robot import RobotRecord, Row, keep_robot
 from hardware.parameters import RobotParameters
 from hardware.table import Colour, Place, TableSettings
 
@@ -149,9 +149,12 @@ class GameRecord:
         assert isinstance(first, StartEvent)
         return first
 
-    def robot(self, parameters: RobotParameters) -> None:
-        """Keep with the record which robot plays, and how its table stands."""
-        keep_robot(self.folder, RobotRecord(parameters=parameters, table=self._table))
+    def robot(self, parameters: RobotParameters, board_from_camera: tuple[Row, Row, Row] | None = None) -> None:
+        """Keep with the record which robot plays, how its table stands, and where its camera hangs, if known."""
+        keep_robot(
+            self.folder,
+            RobotRecord(parameters=parameters, table=self._table, board_from_camera=board_from_camera),
+        )
 
     def resumed(self, plant_time: float) -> None:
         """Record that another program goes on with the game."""
@@ -273,6 +276,11 @@ class GameRecord:
         self._pgn.add(PgnMove(ply.uci, own_clock(event), outcome.score, outcome.comment))
         return event
 
+    def decide(self, result: Result, reason: str, plant_time: float) -> None:
+        """Record the end, before anything else is asked or done; arguments as of ``end``, which has to follow."""
+        self._add(EndEvent, plant_time, result=result, reason=reason)
+        self._pgn.finish(result, reason)
+
     def end(
         self,
         result: Result,
@@ -284,7 +292,7 @@ class GameRecord:
         world_state: str | None = None,
         details: dict[str, JsonValue] | None = None,
     ) -> Report:
-        """Record the end, write the report and close the record.
+        """Record the end, unless it was decided already, write the report and close the record.
 
         Args:
             result: as in PGN.
@@ -295,8 +303,8 @@ class GameRecord:
             world_state: digest of the world's final state.
             details: more for the report.
         """
-        self._add(EndEvent, plant_time, result=result, reason=reason)
-        self._pgn.finish(result, reason)
+        if not isinstance(self._events[-1], EndEvent):
+            self.decide(result, reason, plant_time)
         report = summarise(self._events, failures=failures, speed=speed, world_state=world_state, details=details)
         write_atomically(self.folder / REPORT_FILE, report.model_dump_json(indent=2) + "\n")
         self.close()

@@ -18,12 +18,17 @@ from hardware.table import TableSettings
 
 ROBOT_FILE: Final = "robot.json"
 
+Row = tuple[float, float, float, float]
+
 
 class RobotRecord(Record):
     """What a game was played on."""
 
     parameters: RobotParameters
     table: TableSettings
+    board_from_camera: tuple[Row, Row, Row] | None = None
+    """Takes points of the camera's frame (x right, y down, z along its view) into the board's [m]: rotation and
+    translation, row by row; None: there is no camera, or nobody knows where it hangs."""
 
 
 def keep_robot(folder: Path, robot: RobotRecord) -> None:

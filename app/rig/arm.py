@@ -134,6 +134,10 @@ class Arm(Protocol):
     def stopped(self) -> bool:
         """Whether somebody pressed STOP, so that it does not move until ``release``; as far as is known at once."""
 
+    @property
+    def last_motion(self) -> int:
+        """Number of the motion that began last, as telemetry counts them; 0: none has."""
+
     def state(self) -> ArmAtRest:
         """The arm at rest; on a simulated rig in pace fast, once plant time stands."""
 
@@ -174,6 +178,12 @@ class ControllerArm:
     def stopped(self) -> bool:
         """See ``Arm.stopped``."""
         return self._client.latched
+
+    @property
+    def last_motion(self) -> int:
+        """See ``Arm.last_motion``."""
+        telemetry = self._client.telemetry
+        return max(telemetry.motion, telemetry.ended_motion)
 
     def state(self) -> ArmAtRest:
         """See ``Arm.state``."""

@@ -6,6 +6,7 @@ Time is virtual: it passes by what the arm would have needed, and by what somebo
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -45,6 +46,8 @@ class BoardArm:
     """
 
     lead_ticks = 0
+    last_motion = 0
+    """Nobody hears telemetry of it."""
     stopped = False
     """Nobody listens to an arm of paper, and it is where it goes at once: there is nothing to stop."""
 
@@ -115,6 +118,9 @@ class BoardRig:
 
     def film(self, view: View = "film", rate: float | None = None) -> None:
         """See ``Rig.film``."""
+
+    def record_positions(self, path: Path) -> None:
+        """See ``Rig.record_positions``."""
 
     def failure(self) -> str | None:
         """Never."""

@@ -71,6 +71,13 @@ class GuardFeed:
     """Where the board is in these frames, given where it is in the camera's colour pictures."""
 
 
+class PositionRecording(Protocol):
+    """Positions that are being written down."""
+
+    def finish(self) -> None:
+        """End it; what was written stays. A world that is gone has ended it."""
+
+
 class Rig(Protocol):
     """Devices that were opened together and are given up together. A context manager."""
 
@@ -106,6 +113,19 @@ class Rig(Protocol):
         Args:
             view: film or camera.
             rate: so many a second [1/s]; None: as a film wants them.
+        """
+
+    def record_positions(self, path: Path) -> PositionRecording | None:
+        """Have a simulated world write down where everything is, from now on, for a film that is drawn later.
+
+        Args:
+            path: of the file, which is made new.
+
+        Returns:
+            None where there is no world, or it is not drawn.
+
+        Raises:
+            HardwareError: the world cannot write it.
         """
 
     def failure(self) -> str | None:

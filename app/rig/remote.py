@@ -12,7 +12,7 @@ from typing import Final, Self
 
 from app.rig.arm import Arm, ControllerArm
 from app.rig.attach import attach
-from app.rig.devices import EndState, GuardFeed, RigFailed
+from app.rig.devices import EndState, GuardFeed, PositionRecording, RigFailed
 from app.rig.rig_file import RigFile
 from app.rig.steady_frames import CameraPictures, SteadyFrames
 from app.terminal.shown import FilmSource, View
@@ -26,6 +26,7 @@ from hardware.interfaces import Camera, Clock, HardwareError, Pace
 from hardware.referee import Referee
 from hardware.sim.clients.camera import FrameStream, SimCamera, SimClock
 from hardware.sim.clients.referee import SimReferee
+from hardware.sim.clients.trajectory import TrajectoryRecording
 from hardware.sim.clients.video_stream import SimWatchCamera
 from hardware.sim.clients.wire import world_pid
 from hardware.sim.render.d435 import GLANCE, LEFT_IMAGER, depth_intrinsics
@@ -33,8 +34,10 @@ from hardware.sim.render.d435 import GLANCE, LEFT_IMAGER, depth_intrinsics
 RESTING: Final = 0.005
 """A tool slower than this is at rest [m/s]: the noise of the encoders makes less than a tenth of it."""
 
-FILM_TICKS: Final = {Pace.FAST: 45, Pace.REAL: 135}
-"""A frame of a film each so many ticks of 0.88 ms: 25 a second; in pace real 8, to leave the cores to the plant."""
+FILM_TICKS: Final = 45
+"""A frame of a film each so many ticks of 0.88 ms: 25 a second."""
+LIVE_TICKS: Final = {Pace.FAST: 45, Pace.REAL: 135}
+"""Of what is drawn while the game goes on; in pace real 8 a second, to leave the cores to the plant."""
 
 
 class RemoteClock:
@@ -121,8 +124,13 @@ class RemoteRig:
             return CameraPictures(self.camera, rate, self.client.period)
         if not (rig.simulated and rig.sees) or (view == "camera" and rig.pace is Pace.FAST):
             return None
-        ticks = FILM_TICKS[rig.pace] if rate is None else max(1, round(1.0 / (rate * self.client.period)))
+        ticks = LIVE_TICKS[rig.pace] if rate is None else max(1, round(1.0 / (rate * self.client.period)))
         return FrameStream(rig.run_dir, view, ticks)
+
+    def record_positions(self, path: Path) -> PositionRecording | None:
+        """See ``Rig.record_positions``."""
+        rig = self._rig
+        return TrajectoryRecording(rig.run_dir, path, FILM_TICKS) if rig.simulated and rig.sees else None
 
     def failure(self) -> str | None:
         """A sentence on a controller that does not answer any more or a world that has ended; none once it is left."""

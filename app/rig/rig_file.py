@@ -25,7 +25,7 @@ from typing import Annotated, Any, Final, Self
 from pydantic import Field, model_validator
 
 from app.settings.toml import ConfigError, load_toml, toml_value
-from app.settings.tree import SIMULATED
+from app.settings.tree import SIMULATED, Processes
 from controller.protocol.key import load_key
 from controller.settings import ANY_PORT, ControllerSettings
 from controller.wire.address import ControllerAddress, find_controller
@@ -72,6 +72,14 @@ class WorldSection(WorldOptions):
     person: Colour | None = None
     """The side at which a simulated person sits; nobody if left out. Their hand does what a program of its own has it
     do: a game knows as little of that as in a lab."""
+
+    processes: Processes = Processes.TOGETHER
+    """Of a game's own simulation in pace fast; ``touchmove controller`` keeps world and controller apart."""
+
+    @property
+    def together(self) -> bool:
+        """World and controller of a game's own simulation run in one process."""
+        return self.pace is Pace.FAST and self.processes is Processes.TOGETHER
 
     @model_validator(mode="after")
     def _one_person(self) -> Self:

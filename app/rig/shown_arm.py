@@ -26,12 +26,18 @@ class ShownArm:
         """See ``Arm.stopped``."""
         return self._arm.stopped
 
+    @property
+    def last_motion(self) -> int:
+        """See ``Arm.last_motion``."""
+        return self._arm.last_motion
+
     def execute(self, plan: Plan, begin: Callable[[Motion], None] | None = None) -> Outcome:
         """See ``Arm.execute``."""
 
         def shown(motion: Motion) -> None:
             samples = motion.samples
-            self._show(PathShown(motion.label, samples["position"], samples["stiffness"]))
+            number = self._arm.last_motion + 1
+            self._show(PathShown(motion.label, samples["position"], samples["stiffness"], number))
             if begin is not None:
                 begin(motion)
 

@@ -1,12 +1,14 @@
 """The robot as frames that move and solids that rest in them: what a viewer with a tree of transforms needs.
 
 ``board`` is the root, z up; ``base`` hangs in it, z down. In ``base`` move ``tool``, ``reference``, and of each arm its
-proximal link and its two rods; in ``tool`` the fingers. A frame of a link has its z axis along the link.
+proximal link and its two rods; in ``tool`` the fingers. ``camera`` hangs in ``board`` where it is known how: x right, y
+down, z along its view. A frame of a link has its z axis along the link.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -34,6 +36,7 @@ BOARD: Final = "board"
 BASE: Final = "base"
 TOOL: Final = "tool"
 REFERENCE: Final = "reference"
+CAMERA: Final = "camera"
 FINGERS: Final = {1: "finger_right", -1: "finger_left"}
 _SIDES: Final = {"a": -1.0, "b": 1.0}
 """Rods of a pair, and on which side of their middle along the servomotor's axis."""
@@ -76,12 +79,24 @@ def rod_frame(arm: int, rod: str) -> str:
     return f"arm{arm + 1}/rod_{rod}"
 
 
-def fixed_frames(table: TableSettings) -> tuple[FramePose, ...]:
-    """The base in the board's frame."""
+def fixed_frames(
+    table: TableSettings, board_from_camera: Sequence[Sequence[float]] | None = None
+) -> tuple[FramePose, ...]:
+    """The base in the board's frame, and the camera, where that is known.
+
+    Args:
+        table: that the robot works at.
+        board_from_camera: takes points of the camera's frame into the board's [m]; rotation, translation: three rows.
+    """
     into_base = table.pose_in_base()
     turn_back = into_base[:3, :3].T
     x, y, z = (-turn_back @ into_base[:3, 3]).tolist()
-    return (FramePose(BOARD, BASE, (x, y, z), quaternion_of(turn_back)),)
+    base = FramePose(BOARD, BASE, (x, y, z), quaternion_of(turn_back))
+    if board_from_camera is None:
+        return (base,)
+    rows = np.array(board_from_camera, dtype=float)
+    x, y, z = rows[:, 3].tolist()
+    return base, FramePose(BOARD, CAMERA, (x, y, z), quaternion_of(rows[:, :3]))
 
 
 def moving_frames(joints: ArmJoints, finger: float, reference: Triple) -> tuple[FramePose, ...]:

@@ -65,6 +65,7 @@ class SettingOption:
 _ALL: Final = (
     SettingOption("rig.name", "--rig"),
     SettingOption("rig.pace", "--pace"),
+    SettingOption("rig.processes", "--processes"),
     SettingOption("rig.profile", "--profile"),
     SettingOption("rig.seed", "--seed"),
     SettingOption("rig.square", "--square", (_OWN,)),

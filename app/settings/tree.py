@@ -46,6 +46,15 @@ class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
 
+class Processes(StrEnum):
+    """Where world and controller of a simulation of our own run in pace fast."""
+
+    TOGETHER = "together"
+    """In one process, in one thread: the fastest."""
+    SEPARATE = "separate"
+    """Each in its own, as with real drives; the same in every bit."""
+
+
 class RigSection(_Section):
     """``[rig]``: what the game is played on, and how the arm moves."""
 
@@ -54,6 +63,9 @@ class RigSection(_Section):
     pace: Pace | None = None
     """Of a simulation of our own: real (the default), by the wall clock; fast, as fast as the machine can. A rig file
     says its own."""
+    processes: Processes = Processes.TOGETHER
+    """Of a simulation of our own in pace fast: together, world and controller in one process; separate, each in its
+    own, as in pace real. Both come to the same in every bit."""
     profile: Profile | None = None
     """How the arm moves: default, fast, gentle (children in reach), minimum-jerk, or separation: fast where the guard
     sees nobody near, else as default. Left out: separation in a simulation of our own that is guarded, else default."""

@@ -48,6 +48,7 @@ class SessionShown:
         sees: there is a camera.
         controller: its host, UDP port and key file; None: there is none, or not yet.
         live: pictures of the view camera or film, so many a second, while plant time runs; None where there are none.
+        start: FEN of the position that the first game begins from; None: that is not known yet.
     """
 
     folder: Path
@@ -59,6 +60,7 @@ class SessionShown:
     sees: bool
     controller: tuple[str, int, Path] | None = None
     live: Callable[[View, float], FilmSource | None] = lambda _view, _rate: None
+    start: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,10 +96,11 @@ class LookShown:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathShown:
-    """The reference of a motion that begins: its label, and of each sample the tool's place [m] and k_p [1/s²], both of
-    shape (n, 3), base frame.
+    """The reference of a motion that begins: its label, of each sample the tool's place [m] and k_p [1/s²], both of
+    shape (n, 3), base frame, and its number, as telemetry counts motions.
     """
 
     label: str
     position: NDArray[np.float64]
     stiffness: NDArray[np.float64]
+    motion: int

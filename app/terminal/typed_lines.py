@@ -21,13 +21,14 @@ class TypedLines:
         stream: is read to its end; None: there is none, and others alone say something.
         heard: told each line when it is taken.
         company: whether somebody else may yet say something, so that the end of the stream is not the last word.
+        remedy: for who ends the stream too early, what to do about it; None: there is nothing.
     """
 
     def __init__(
         self, stream: TextIO | None, heard: Callable[[str], None] = lambda _: None,
-        company: Callable[[], bool] = lambda: False,
+        company: Callable[[], bool] = lambda: False, remedy: str | None = None,
     ) -> None:  # fmt: skip
-        self._heard, self._company = heard, company
+        self._heard, self._company, self._remedy = heard, company, remedy
         self._lines: queue.Queue[str | None] = queue.Queue()
         self._putting = threading.Lock()
         self._ended = stream is None
@@ -46,7 +47,7 @@ class TypedLines:
                 return line
             self._ended = True
         if self._ended and self._lines.empty() and not self._company():
-            raise PersonGone
+            raise PersonGone(self._remedy)
         return None
 
     def forget(self, word: str) -> None:

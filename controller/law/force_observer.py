@@ -38,7 +38,7 @@ from hardware.interfaces import Triple
 BANDWIDTH: Final = 200.0
 """Of the filter [rad/s]: half of a step of force is told after 3.5 ms; noise of the encoders stays below 0.1 N."""
 _FORCE, _BEFORE, _RESIDUAL, _KNOWN, _SHARE, _PER_TICK, _SMOOTH = 0, 3, 6, 9, 10, 11, 12
-_SIZE: Final = 13
+OBSERVER_SIZE: Final = 13
 _COULOMB_SPEED: Final = 0.05
 """As in the law [rad/s]."""
 
@@ -107,10 +107,11 @@ class ForceObserver:
     Args:
         period: of a tick [s].
         bandwidth: of the filter [rad/s].
+        memory: of `observe`, shape (13,); by default an array of its own.
     """
 
-    def __init__(self, period: float, bandwidth: float = BANDWIDTH) -> None:
-        self._memory = np.zeros(_SIZE)
+    def __init__(self, period: float, bandwidth: float = BANDWIDTH, memory: FloatArray | None = None) -> None:
+        self._memory = np.zeros(OBSERVER_SIZE) if memory is None else memory
         self._memory[_SHARE] = 1.0 - math.exp(-bandwidth * period)
         self._memory[_PER_TICK] = 1.0 / period
         self._memory[_SMOOTH] = _COULOMB_SPEED
@@ -128,6 +129,11 @@ class ForceObserver:
             Force on the tool, base frame [N]; zero where it is not known.
         """
         _observe(self._memory, state, velocity, _UNKNOWN if acting is None else acting)
+        return self.force
+
+    @property
+    def force(self) -> Triple:
+        """On the tool at the last tick, base frame [N]; zero where it is not known."""
         x, y, z = self._memory[:3].tolist()
         return x, y, z
 

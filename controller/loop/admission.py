@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.loop.memory import TickMemory
 from controller.loop.motion import MotionBuffer
 from controller.loop.playback import Playback
+from controller.model.compiled import PAIR, ROW, SCALAR, STATUS, VECTOR, FloatArray, Vector, compiled_as, direct
 from controller.protection.limits import Limits, Violation
 from controller.protection.reference_check import SampleCheck
 from controller.protocol.causes import Cause
@@ -20,8 +22,45 @@ from hardware.interfaces import Measurement, Triple
 
 NOTHING = Violation(Cause.NONE, 0.0, 0.0)
 PRESSED = Violation(Cause.STOP_PRESSED, 0.0, 0.0)
-_LOOSE_TICKS = 5
+_LOOSE_TICKS: Final = 5
 """A piece that swings in the fingers may leave a pad for less: 4.4 ms."""
+_GRIP, _TOUCH, _HELD = int(Guard.GRIP), int(Guard.TOUCH), int(Guard.HELD)
+
+
+@compiled_as(STATUS(ROW, SCALAR, SCALAR, PAIR, SCALAR))
+def meets(memory: FloatArray, guard: float, level: float, tactile: tuple[float, float], lift: float) -> int:
+    """Whether a tick meets the guard of its sample, which for HELD is bad news.
+
+    Args:
+        memory: shape (3,), in and out: 1 once a TOUCH guard has begun, force along z3 then [N], ticks for which a pad
+            has felt too little of what is HELD.
+        guard: of `Guard`, as the sample has it.
+        level: its force [N].
+        tactile: what both pads feel [N].
+        lift: force on the tool along z3 [N].
+    """
+    if guard == _GRIP:
+        return int(tactile[0] >= level and tactile[1] >= level)
+    if guard == _TOUCH:  # the table pushes the tool up, to -z3, by so much more than when the guard began
+        if memory[0] == 0.0:
+            memory[0], memory[1] = 1.0, lift
+        return int(memory[1] - lift >= level)
+    if guard == _HELD:
+        memory[2] = memory[2] + 1.0 if min(tactile[0], tactile[1]) < level else 0.0
+        return int(memory[2] >= _LOOSE_TICKS)
+    return 0
+
+
+@compiled_as(STATUS(ROW, VECTOR, PAIR))
+def note_peaks(peaks: FloatArray, torque: Vector, tactile: tuple[float, float]) -> int:
+    """Torques [N m] and tactile forces [N] of a tick in which the arm moves; peaks of both, shape (2,)."""
+    peaks[0] = max(peaks[0], abs(torque[0]), abs(torque[1]), abs(torque[2]))
+    peaks[1] = max(peaks[1], tactile[0], tactile[1])
+    return 0
+
+
+_meets: Final = direct(meets)
+_note_peaks: Final = direct(note_peaks)
 
 
 class Latch:
@@ -70,20 +109,29 @@ class Admission:
         admitting: no hold is in force.
         latch: of STOP.
         awaiting: a FOLLOWED motion succeeded and the next one is not announced yet.
-        peak_torque: largest torque commanded in the present, else the last motion [N m].
-        peak_tactile: largest tactile force in the present, else the last motion [N].
     """
 
-    def __init__(self, settings: ControllerSettings, limits: Limits, period: float) -> None:
-        self.motion = MotionBuffer(settings.capacity, SampleCheck(limits, period))
-        self.playback = Playback(limits, period)
+    def __init__(
+        self, settings: ControllerSettings, limits: Limits, period: float, memory: TickMemory | None = None
+    ) -> None:
+        memory = memory or TickMemory()
+        self.motion = MotionBuffer(settings.capacity, SampleCheck(limits, period), memory)
+        self.playback = Playback(limits, period, memory.playback)
         self.last_motion = 0
         self.ended = Ended()
         self.admitting, self.awaiting, self.latch = True, False, Latch()
-        self.peak_torque = self.peak_tactile = 0.0
         self._settings = settings
-        self._guarding, self._loose = False, 0
-        self._untouched = 0.0
+        self._guarding, self._peaks = memory.guarding, memory.peaks
+
+    @property
+    def peak_torque(self) -> float:
+        """Largest torque commanded in the present, else the last motion [N m]."""
+        return float(self._peaks[0])
+
+    @property
+    def peak_tactile(self) -> float:
+        """Largest tactile force in the present, else the last motion [N]."""
+        return float(self._peaks[1])
 
     def may_exchange(self, tick: int) -> bool:
         """False while a sample that the tick after this one needs, or the motion after a FOLLOWED one, is missing."""
@@ -115,45 +163,19 @@ class Admission:
         """Take a motion on that begins at a reference, shape (3,) [m]."""
         self.motion.announce(motion, position)
         self.playback.begin()
-        self._guarding, self._loose = False, 0
-        self.peak_torque = self.peak_tactile = 0.0
+        self._guarding[:] = self._peaks[:] = 0.0
 
     def note_peaks(self, torque: Triple, tactile: tuple[float, float]) -> None:
         """Torques [N m] and tactile forces [N] of a tick in which the arm moves."""
-        (a, b, c), (right, left), most = torque, tactile, self.peak_torque
-        if not (-most <= a <= most and -most <= b <= most and -most <= c <= most):
-            self.peak_torque = max(most, a, -a, b, -b, c, -c)
-        if right > self.peak_tactile or left > self.peak_tactile:
-            self.peak_tactile = max(right, left)
+        _note_peaks(self._peaks, torque, tactile)
 
     def met(self, guard: float, level: float, tactile: tuple[float, float], lift: float) -> Result | Violation | None:
-        """What a sample's guard says: how the motion has succeeded, why it has to stop, or nothing.
-
-        Args:
-            guard: of ``Guard``, as the sample has it.
-            level: its force [N].
-            tactile: what both pads feel [N].
-            lift: force on the tool along z3 [N].
-        """
-        right, left = tactile
-        if guard == Guard.GRIP and right >= level and left >= level:
-            return Result.GRIPPED
-        if guard == Guard.TOUCH and self._touches(level, lift):
-            return Result.TOUCHED
-        if guard == Guard.HELD and self._loses(min(right, left), level):
-            return Violation(Cause.GRIP_LOST, min(right, left), level)
-        return None
-
-    def _touches(self, level: float, lift: float) -> bool:
-        """Whether the table pushes the tool up (to -z3) by so much more than when the guard began [N]."""
-        if not self._guarding:
-            self._guarding, self._untouched = True, lift
-        return self._untouched - lift >= level
-
-    def _loses(self, felt: float, level: float) -> bool:
-        """Whether a pad has felt less than this for so long that nothing is held any more [N]."""
-        self._loose = self._loose + 1 if felt < level else 0
-        return self._loose >= _LOOSE_TICKS
+        """What a sample's guard says: how the motion has succeeded, why it has to stop, or nothing; see `meets`."""
+        if not _meets(self._guarding, guard, level, tactile, lift):
+            return None
+        if guard == Guard.HELD:
+            return Violation(Cause.GRIP_LOST, min(tactile), level)
+        return Result.GRIPPED if guard == Guard.GRIP else Result.TOUCHED
 
     def end(self, result: Result, reason: Violation, measurement: Measurement, position: NDArray[np.float64]) -> bool:
         """The announced motion is over.

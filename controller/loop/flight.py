@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import struct
 import sys
 import threading
 import time
@@ -20,14 +19,11 @@ from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from controller.loop.flight_file import FLIGHT, FlightHead, Order, Trigger, write_flight
+from controller.loop.flight_file import FlightHead, Order, Trigger, write_flight
 from controller.loop.supervisor import Supervisor
-from controller.model.state import POSITION, TORQUE, VELOCITY
+from controller.loop.tick import FlightRing
 from controller.protocol.causes import Cause
 from controller.protocol.layout import CommandCode
 from controller.protocol.messages import Announce
@@ -45,38 +41,12 @@ _TURN: Final = 1e-4
 _END_TIMEOUT: Final = 5.0
 """For the last file to be written when the process ends [s]."""
 
-# a row: first what comes as single numbers and tuples, in one call; then copies of arrays
-_PACKED: Final = struct.Struct("<" + "".join(field.code for field in FLIGHT.fields[:15]))
-_PACK_INTO: Final = _PACKED.pack_into
-_SIZE: Final = FLIGHT.size
-_TOOL: Final = _PACKED.size
-_ASKED: Final = _TOOL + 6 * 8
-_REFERENCE: Final = _ASKED + 3 * 8
-
-
-class _Ring:
-    """The last rows, oldest overwritten first; every page of it has been touched."""
-
-    def __init__(self, length: int) -> None:
-        self._rows: NDArray[Any] = np.empty(length, FLIGHT.dtype)
-        self.memory = self._rows.view(np.uint8).data
-        self._rows.view(np.uint8).fill(0)
-        self.length, self.count = length, 0
-
-    def parts(self) -> list[NDArray[Any]]:
-        """Rows in order of time, without a copy."""
-        rows = self._rows
-        if self.count <= self.length:
-            return [rows[: self.count]]
-        oldest = self.count % self.length
-        return [rows[oldest:], rows[:oldest]]
-
 
 class _Job(NamedTuple):
     loop: int
     tick: int
     head: FlightHead
-    ring: _Ring
+    ring: FlightRing
 
 
 class FlightRecorder:
@@ -93,13 +63,11 @@ class FlightRecorder:
     def __init__(self, supervisor: Supervisor, directory: Path, *, period: float, duration: float, files: int) -> None:
         length = max(1, round(duration / period))
         self._supervisor = supervisor
-        state = supervisor.law.memory
-        arrays = (state[POSITION : VELOCITY + 1], state[TORQUE], supervisor.reference.row)
-        # windows on arrays that are rewritten every tick: to copy bytes costs a fifth of what NumPy takes
-        self._tool, self._asked, self._reference = (array.data.cast("B") for array in arrays)
         self._directory, self._period, self._files = directory, period, files
-        self._ring = _Ring(length)
-        self._spare: _Ring | None = _Ring(length)
+        self._ring = FlightRing(length)
+        self._spare: FlightRing | None = FlightRing(length)
+        self._timed = 0
+        supervisor.plain.note_into(self._ring)
         self._epoch = time.time() - time.monotonic()
         self._cause: object = None
         self._tick = 0
@@ -112,39 +80,17 @@ class FlightRecorder:
         self._thread.start()
 
     def record(self, answered: float) -> None:
-        """Take a tick in, when all its work is done.
+        """Take in what came since the last call, a tick or several plain ones, when all its work is done.
 
         Args:
             answered: wall time at which the exchange brought it, on the monotonic clock [s].
         """
         ring, supervisor = self._ring, self._supervisor
-        measured, motion, memory = supervisor.measurement, supervisor.admission.motion, ring.memory
-        tick, angle, velocity, finger, tactile, status = measured
-        announced, at = motion.announced, ring.count % ring.length * _SIZE
-        self._tick = tick
-        _PACK_INTO(
-            memory,
-            at,
-            tick,
-            self._epoch + answered,
-            time.monotonic() - answered,
-            supervisor.state,
-            supervisor.cause[0],
-            status,
-            0 if announced is None else announced[0],
-            motion.executed,
-            *angle,
-            *velocity,
-            *supervisor.torque,
-            finger,
-            supervisor.reference.finger_velocity,
-            *tactile,
-            *supervisor.force,
-        )
-        memory[at + _TOOL : at + _ASKED] = self._tool
-        memory[at + _ASKED : at + _REFERENCE] = self._asked
-        memory[at + _REFERENCE : at + _SIZE] = self._reference
-        ring.count += 1
+        self._tick = supervisor.measurement.tick
+        if ring.count == self._timed:
+            supervisor.note()
+        ring.time(self._timed, self._epoch + answered, time.monotonic() - answered)
+        self._timed = ring.count
 
     def note(self, order: CommandCode | Announce) -> None:
         """Remember what the client asked for; repeated announcements once."""
@@ -166,7 +112,8 @@ class FlightRecorder:
             spare = self._spare
             if spare is not None:  # only then is it taken away: the helper may give it back at any moment
                 self._spare = None
-                full, self._ring = self._ring, spare
+                full, self._ring, self._timed = self._ring, spare, 0
+                self._supervisor.plain.note_into(spare)
                 self._hand_over(full, abnormal=False)
 
     def close(self, abnormal: bool) -> None:
@@ -190,7 +137,7 @@ class FlightRecorder:
         if len(self._triggers) < _TRIGGERS:
             self._triggers.append(trigger)
 
-    def _hand_over(self, ring: _Ring, abnormal: bool) -> None:
+    def _hand_over(self, ring: FlightRing, abnormal: bool) -> None:
         """Let the helper thread write a ring, named after the first fault, or after the last tick."""
         triggers, self._triggers = self._triggers, []
         head = FlightHead(self._period, abnormal, tuple(triggers), tuple(self._orders))

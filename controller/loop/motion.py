@@ -8,37 +8,57 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.loop.memory import EXECUTED, FIRST, LENGTH, RECEIVED, TickMemory
 from controller.protection.limits import Violation
 from controller.protection.reference_check import COLUMNS, SampleCheck, rows_from_samples
 from controller.protocol.messages import Announce, Samples
-
-_ROW_BYTES = 8 * COLUMNS
 
 
 class MotionBuffer:
     """Samples of the announced motion; allocated once.
 
+    Args:
+        capacity: of the ring [samples].
+        check: of samples.
+        memory: where the counts are kept; by default one of its own.
+
     Attributes:
         announced: the motion, ``None`` when there is none.
-        received: contiguous samples received, all within their limits.
-        executed: samples executed.
+        rows: the ring, shape (capacity, 19).
     """
 
-    def __init__(self, capacity: int, check: SampleCheck) -> None:
+    def __init__(self, capacity: int, check: SampleCheck, memory: TickMemory | None = None) -> None:
         self.announced: Announce | None = None
-        self.received = 0
-        self.executed = 0
+        self._block = (memory or TickMemory()).block
         self._capacity = capacity
         self._check = check
         # filled, not only reserved: the first touch of a page costs more than a sample
-        self._rows = np.full((capacity, COLUMNS), np.nan)
-        self._bytes = self._rows.data.cast("B")
+        self.rows = np.full((capacity, COLUMNS), np.nan)
         self._present = np.zeros(capacity, dtype=np.bool_)
         self._early = 0
+
+    @property
+    def received(self) -> int:
+        """Contiguous samples received, all within their limits."""
+        return int(self._block[RECEIVED])
+
+    @received.setter
+    def received(self, count: int) -> None:
+        self._block[RECEIVED] = count
+
+    @property
+    def executed(self) -> int:
+        """Samples executed."""
+        return int(self._block[EXECUTED])
+
+    @executed.setter
+    def executed(self, count: int) -> None:
+        self._block[EXECUTED] = count
 
     def announce(self, motion: Announce, reference: NDArray[np.float64]) -> None:
         """Start with an empty ring a motion that must begin at the reference, shape (3,) [m]."""
         self.announced = motion
+        self._block[FIRST], self._block[LENGTH] = motion.first_tick, motion.length
         self._check.begin(reference)
         self.received = self.executed = self._early = 0
         self._present[:] = False
@@ -46,16 +66,12 @@ class MotionBuffer:
     def clear(self) -> None:
         """No motion any more."""
         self.announced = None
+        self._block[LENGTH] = 0.0
 
     def row(self, index: int) -> NDArray[np.float64]:
         """Sample ``index``, shape (19,); a view that lasts until it is overwritten ``capacity`` samples later."""
-        row: NDArray[np.float64] = self._rows[index % self._capacity]
+        row: NDArray[np.float64] = self.rows[index % self._capacity]
         return row
-
-    def sample(self, index: int) -> memoryview:
-        """The bytes of sample ``index``, float64 in the order of `row`: what a tick needs, for a fifth of the price."""
-        start = index % self._capacity * _ROW_BYTES
-        return self._bytes[start : start + _ROW_BYTES]
 
     def store(self, samples: Samples) -> Violation | None:
         """Take samples of the announced motion in; those beyond it or the ring are left for the sender to repeat.
@@ -83,7 +99,7 @@ class MotionBuffer:
         if first > before:
             return None
         ready = self._contiguous(end)
-        trouble = self._verify(self._rows[np.arange(before, ready) % self._capacity], before, ready)
+        trouble = self._verify(self.rows[np.arange(before, ready) % self._capacity], before, ready)
         if trouble is None:
             self.received = ready
         return trouble
@@ -92,9 +108,9 @@ class MotionBuffer:
         """Write consecutive rows into the ring."""
         place = first % self._capacity
         if place + end - first <= self._capacity:
-            self._rows[place : place + end - first] = rows
+            self.rows[place : place + end - first] = rows
         else:
-            self._rows[np.arange(first, end) % self._capacity] = rows
+            self.rows[np.arange(first, end) % self._capacity] = rows
 
     def _keep(self, first: int, rows: NDArray[np.float64]) -> None:
         """Write rows of which some may have come before; the first copy of each counts."""
@@ -103,7 +119,7 @@ class MotionBuffer:
         places, rows = places[missing], rows[missing]
         self._present[places] = True
         self._early += len(places)
-        self._rows[places] = rows
+        self.rows[places] = rows
 
     def _contiguous(self, end: int) -> int:
         """How many samples are there without a gap, at least ``end``; forgets which of them came early."""

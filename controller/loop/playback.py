@@ -16,110 +16,102 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from controller.loop.motion import MotionBuffer
-from controller.model.compiled import ROW, SCALAR, FloatArray, compiled_as
+import numpy as np
+
+from controller.model.compiled import ROW, SCALAR, STATUS, TABLE, FloatArray, compiled_as, direct
 from controller.protection.limits import Limits
 from controller.protocol.messages import AdmitSpeed, Announce
 
 CHANGE: Final = 25.0
-"""So quickly the admitted speed falls and rises [m/s²]: as the fastest profile brakes along each axis."""
+"""So quickly the admitted speed falls and rises [m/s²]: along an axis it takes up to 8 N m, which the drives have."""
 LONGEST: Final = 0.25
 """Nobody admits a speed for longer than this [s]."""
-NOTHING_ADMITTED: Final = AdmitSpeed(0.0, 0, (0.0,) * 16)
+_AT, _RATE, _SLOPE, _TICK, _SPEED, _PLAYED = range(6)
+"""Where in the motion the reference is [samples], σ, dσ/dt [1/s], tick of these, admitted and played speed [m/s]."""
+_ADMITTED, _UNTIL, _BORDERS = 6, 7, 8
+"""Of the last admission: speed [m/s], its last tick, and the planes of its space, (4, 4)."""
+_SHARED, _ALWAYS, _PERIOD = 24, 25, 26
+"""Speed that is safe to meet [m/s]; 1 where every motion may be as fast; length of a tick [s]."""
+PLAYBACK_SIZE: Final = 27
 
 
-class Playback:
-    """Time along the samples of the motion under way.
+@compiled_as(SCALAR(ROW, SCALAR, SCALAR, SCALAR))
+def last_needed(memory: FloatArray, first: float, length: float, tick: float) -> float:
+    """Index of the last sample that a tick needs, if it is the next one; negative before the motion begins.
 
     Args:
-        limits: of the protection.
-        period: of a tick [s].
-
-    Attributes:
-        at: where in the motion the reference is [samples]; negative before it has begun.
-        rate: σ of the last tick, 1 as planned.
-        slope: dσ/dt of the last tick [1/s].
+        memory: of the playback, shape (27,).
+        first: tick of the motion's first sample.
+        length: of the motion [samples].
+        tick: a whole number, as the others are.
     """
-
-    def __init__(self, limits: Limits, period: float) -> None:
-        self.at, self.rate, self.slope = -1.0, 1.0, 0.0
-        self._shared, self._always = limits.shared_speed, limits.shared_speed >= limits.speed
-        self._period = period
-        self._speed, self._played = limits.shared_speed, 0.0
-        self._admitted = NOTHING_ADMITTED
-        self._tick = 0
-
-    @property
-    def as_planned(self) -> bool:
-        """Whether the reference is exactly a sample."""
-        return self.rate == 1.0 and self.slope == 0.0 and self.at == int(self.at)
-
-    def begin(self) -> None:
-        """A new motion, from rest."""
-        self.at, self.rate, self.slope, self._speed = -1.0, 1.0, 0.0, self._shared
-
-    def admit(self, admitted: AdmitSpeed, tick: int) -> None:
-        """From now on this counts, and no longer what was admitted before; for a short while at most."""
-        until = min(admitted.until, tick + round(LONGEST / self._period))
-        self._admitted = admitted._replace(until=until)
-
-    def last_needed(self, motion: Announce, tick: int) -> int:
-        """Index of the last sample that a tick needs, if it is the next one; negative before the motion begins."""
-        at = tick - motion.first_tick if self.at < 0.0 else math.ceil(self.at + (tick - self._tick))
-        return min(at, motion.length - 1)
-
-    def advance(self, tick: int, point: FloatArray, samples: MotionBuffer) -> None:
-        """Go on to a tick whose samples are there, and count them as executed.
-
-        Args:
-            tick: of the motion, at or after its first one.
-            point: where the reference was, base frame (3,) or longer [m].
-            samples: of the motion.
-        """
-        motion = samples.announced
-        assert motion is not None
-        elapsed, self._tick = tick - self._tick, tick
-        last = motion.length - 1
-        if self.at < 0.0:
-            self.at = float(min(tick - motion.first_tick, last))
-        elif self._always:
-            self.at = min(self.at + elapsed, float(last))
-        else:
-            self._go_on(elapsed, point, samples, last)
-        samples.executed = int(self.at) + 1
-
-    def _go_on(self, elapsed: int, point: FloatArray, samples: MotionBuffer, last: int) -> None:
-        before, time = self.rate, elapsed * self._period
-        self._change_speed(time, point)
-        asked = _speed_at(min(self.at + elapsed * before, float(last)), samples)
-        rate = min(1.0, self._speed / asked) if asked > 0.0 else 1.0
-        self.at = min(self.at + elapsed * rate, float(last))
-        asked = _speed_at(self.at, samples)  # not quite where it was expected: a rate that has changed has that effect
-        self.rate = min(rate, self._speed / asked) if asked > 0.0 else rate
-        self.slope, self._played = (self.rate - before) / time, asked * self.rate
-
-    def _change_speed(self, time: float, point: FloatArray) -> None:
-        """The admitted speed after so much more time [s], with the reference at a point (3,) or longer [m]."""
-        speed, until, borders = self._admitted
-        free = self._tick <= until and _is_between(borders, *point[:3].tolist())
-        goal = max(self._shared, speed) if free else self._shared
-        if goal < self._speed:
-            self._speed = max(goal, min(self._speed, self._played) - CHANGE * time)
-        else:
-            self._speed = min(goal, self._speed + CHANGE * time)
+    at = tick - first if memory[_AT] < 0.0 else math.ceil(memory[_AT] + (tick - memory[_TICK]))
+    return min(at, length - 1.0)
 
 
-def _is_between(borders: tuple[float, ...], x: float, y: float, z: float) -> bool:
-    return all(borders[i] * x + borders[i + 1] * y + borders[i + 2] * z + borders[i + 3] >= 0.0 for i in (0, 4, 8, 12))
-
-
-def _speed_at(at: float, samples: MotionBuffer) -> float:
+@compiled_as(SCALAR(TABLE, SCALAR))
+def _speed_at(samples: FloatArray, at: float) -> float:
     """Of the tool as planned, between two samples [m/s]."""
     index = int(at)
-    share, before = at - index, samples.row(index)
-    after = samples.row(index + 1) if share > 0.0 else before
-    x, y, z = before[3:6] + share * (after[3:6] - before[3:6])
-    return math.sqrt(x * x + y * y + z * z)
+    share, before = at - index, samples[index % len(samples)]
+    after = samples[(index + 1) % len(samples)] if share > 0.0 else before
+    squared = 0.0
+    for i in range(3, 6):
+        speed = before[i] + share * (after[i] - before[i])
+        squared += speed * speed
+    return math.sqrt(squared)
+
+
+@compiled_as(STATUS(ROW, SCALAR, SCALAR, ROW))
+def _change_speed(memory: FloatArray, tick: float, time: float, point: FloatArray) -> int:
+    """The admitted speed at a tick, so much time later [s], with the reference at a point (3,) or longer [m]."""
+    free = tick <= memory[_UNTIL]
+    for i in range(_BORDERS, _BORDERS + 16, 4):
+        a, b, c, d = memory[i], memory[i + 1], memory[i + 2], memory[i + 3]
+        free = free and a * point[0] + b * point[1] + c * point[2] + d >= 0.0
+    goal = max(memory[_SHARED], memory[_ADMITTED]) if free else memory[_SHARED]
+    if goal < memory[_SPEED]:
+        memory[_SPEED] = max(goal, min(memory[_SPEED], memory[_PLAYED]) - CHANGE * time)
+    else:
+        memory[_SPEED] = min(goal, memory[_SPEED] + CHANGE * time)
+    return 0
+
+
+@compiled_as(SCALAR(ROW, SCALAR, SCALAR, SCALAR, ROW, TABLE))
+def advance(
+    memory: FloatArray, first: float, length: float, tick: float, point: FloatArray, samples: FloatArray
+) -> float:
+    """Go on to a tick whose samples are there.
+
+    Args:
+        memory: of the playback, shape (27,), in and out.
+        first: tick of the motion's first sample.
+        length: of the motion [samples].
+        tick: at or after the first one.
+        point: where the reference was, base frame (3,) or longer [m].
+        samples: ring of the motion's, shape (capacity, 19).
+
+    Returns:
+        How many samples count as executed.
+    """
+    elapsed, last = tick - memory[_TICK], length - 1.0
+    memory[_TICK] = tick
+    if memory[_AT] < 0.0:
+        memory[_AT] = min(tick - first, last)
+    elif memory[_ALWAYS] != 0.0:
+        memory[_AT] = min(memory[_AT] + elapsed, last)
+    else:
+        before, time = memory[_RATE], elapsed * memory[_PERIOD]
+        _change_speed(memory, tick, time, point)
+        asked = _speed_at(samples, min(memory[_AT] + elapsed * before, last))
+        rate = min(1.0, memory[_SPEED] / asked) if asked > 0.0 else 1.0
+        memory[_AT] = min(memory[_AT] + elapsed * rate, last)
+        # not quite where it was expected: a rate that has changed has that effect
+        asked = _speed_at(samples, memory[_AT])
+        memory[_RATE] = min(rate, memory[_SPEED] / asked) if asked > 0.0 else rate
+        memory[_SLOPE], memory[_PLAYED] = (memory[_RATE] - before) / time, asked * memory[_RATE]
+    executed: float = math.floor(memory[_AT]) + 1.0
+    return executed
 
 
 @compiled_as(SCALAR(ROW, ROW, SCALAR, SCALAR, SCALAR, SCALAR, ROW))
@@ -153,3 +145,88 @@ def blend(
         out[i] = rest * before[i] + share * after[i]
     finger: float = before[16]
     return finger * rate if finger > 0.0 else finger
+
+
+@compiled_as(STATUS(ROW, TABLE, ROW, ROW))
+def follow(memory: FloatArray, samples: FloatArray, row: FloatArray, tail: FloatArray) -> int:
+    """The reference of the tick that the playback has gone on to.
+
+    Args:
+        memory: of the playback, shape (27,).
+        samples: ring of the motion's, shape (capacity, 19).
+        row: position, velocity, acceleration and gains go here, shape (16,).
+        tail: velocity of the fingers [m/s], guard, and its level [N] go here, shape (3,).
+    """
+    at = memory[_AT]
+    index = int(at)
+    before = samples[index % len(samples)]
+    if memory[_RATE] == 1.0 and memory[_SLOPE] == 0.0 and at == index:
+        for i in range(16):
+            row[i] = before[i]
+        tail[0] = before[16]
+    else:
+        after = samples[(index + 1) % len(samples)] if at > index else before
+        tail[0] = blend(before, after, at - index, memory[_PERIOD], memory[_RATE], memory[_SLOPE], row)
+    tail[1], tail[2] = before[17], before[18]
+    return 0
+
+
+_last_needed: Final = direct(last_needed)
+_advance: Final = direct(advance)
+_follow: Final = direct(follow)
+
+
+class Playback:
+    """Time along the samples of the motion under way.
+
+    Args:
+        limits: of the protection.
+        period: of a tick [s].
+        memory: shape (27,); by default an array of its own.
+    """
+
+    def __init__(self, limits: Limits, period: float, memory: FloatArray | None = None) -> None:
+        self._memory = memory = np.zeros(PLAYBACK_SIZE) if memory is None else memory
+        memory[_SHARED], memory[_ALWAYS] = limits.shared_speed, limits.shared_speed >= limits.speed
+        memory[_PERIOD] = period
+        self._period = period
+        self.begin()
+
+    @property
+    def at(self) -> float:
+        """Where in the motion the reference is [samples]; negative before it has begun."""
+        return float(self._memory[_AT])
+
+    @property
+    def rate(self) -> float:
+        """σ of the last tick, 1 as planned."""
+        return float(self._memory[_RATE])
+
+    @property
+    def slope(self) -> float:
+        """dσ/dt of the last tick [1/s]."""
+        return float(self._memory[_SLOPE])
+
+    def begin(self) -> None:
+        """A new motion, from rest."""
+        self._memory[:_TICK] = -1.0, 1.0, 0.0
+        self._memory[_SPEED] = self._memory[_SHARED]
+
+    def admit(self, admitted: AdmitSpeed, tick: int) -> None:
+        """From now on this counts, and no longer what was admitted before; for a short while at most."""
+        memory = self._memory
+        memory[_ADMITTED], memory[_UNTIL] = admitted.speed, min(admitted.until, tick + round(LONGEST / self._period))
+        memory[_BORDERS:_SHARED] = admitted.borders
+
+    def last_needed(self, motion: Announce, tick: int) -> int:
+        """Index of the last sample that a tick needs; see `last_needed`."""
+        return int(_last_needed(self._memory, float(motion.first_tick), float(motion.length), float(tick)))
+
+    def advance(self, motion: Announce, tick: int, point: FloatArray, samples: FloatArray) -> int:
+        """Go on to a tick of a motion, and how many samples count as executed; see `advance`."""
+        first, length = float(motion.first_tick), float(motion.length)
+        return int(_advance(self._memory, first, length, float(tick), point, samples))
+
+    def follow(self, samples: FloatArray, row: FloatArray, tail: FloatArray) -> None:
+        """The reference of the tick gone on to; see `follow`."""
+        _follow(self._memory, samples, row, tail)

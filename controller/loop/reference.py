@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import struct
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.loop.motion import MotionBuffer
-from controller.loop.playback import Playback, blend
-from controller.loop.stopping import StopPath, plan_stop
-from controller.model.state import REFERENCE_SIZE
-from controller.protection.reference_check import DAMPING, GUARD, GUARD_LEVEL, POSITION, STIFFNESS
+from controller.loop.memory import MARKED, TickMemory
+from controller.protection.reference_check import DAMPING, POSITION, STIFFNESS
+from controller.protection.stopping import StopPath, plan_stop
 from controller.settings import ControllerSettings
 
 _RATES = slice(3, 9)
-_BYTES: Final = 8 * REFERENCE_SIZE
-_TAIL: Final = struct.Struct("=3d")
-"""Of a sample behind the reference: velocity of the fingers, guard, its level."""
 
 
 class Reference:
@@ -26,18 +18,25 @@ class Reference:
 
     Attributes:
         row: shape (16,), as ``TaskSpaceController.torque`` takes it; rewritten every tick.
-        finger_velocity: of each finger, positive opening [m/s].
+        tail: velocity of each finger [m/s], guard and its level [N], as the last sample had them, shape (3,).
     """
 
-    def __init__(self, settings: ControllerSettings, period: float) -> None:
-        self.row = np.zeros(REFERENCE_SIZE)
-        self._bytes = self.row.data.cast("B")
-        self.finger_velocity = 0.0
+    def __init__(self, settings: ControllerSettings, period: float, memory: TickMemory) -> None:
+        self.row, self.tail = memory.reference, memory.tail
+        self._block = memory.block
         self._settings = settings
         self._period = period
-        self._tick = 0
         self._stop: StopPath | None = None
         self._stop_tick = 0
+
+    @property
+    def finger_velocity(self) -> float:
+        """Of each finger, positive opening [m/s]."""
+        return float(self.tail[0])
+
+    @finger_velocity.setter
+    def finger_velocity(self, velocity: float) -> None:
+        self.tail[0] = velocity
 
     @property
     def position(self) -> NDArray[np.float64]:
@@ -56,27 +55,13 @@ class Reference:
         self.row[STIFFNESS] = self._settings.hold_stiffness
         self.row[DAMPING] = self._settings.hold_damping
 
-    def follow(self, playback: Playback, samples: MotionBuffer) -> tuple[float, float]:
-        """Take a motion's sample over, or what lies between two; returns its guard and the guard's level [N]."""
-        index = int(playback.at)
-        if playback.as_planned:
-            sample = samples.sample(index)
-            self._bytes[:] = sample[:_BYTES]
-            self.finger_velocity, guard, level = _TAIL.unpack_from(sample, _BYTES)
-            return guard, level
-        before = samples.row(index)
-        after = samples.row(index + 1) if playback.at > index else before
-        share, period = playback.at - index, self._period
-        self.finger_velocity = blend(before, after, share, period, playback.rate, playback.slope, self.row)
-        return float(before[GUARD]), float(before[GUARD_LEVEL])
-
     def rest(self) -> None:
         """Rest where it is; gains and fingers stay, so that a grip persists."""
         self.row[_RATES] = 0.0
 
     def mark(self, tick: int) -> None:
         """Remember that this is the reference of a tick."""
-        self._tick = tick
+        self._block[MARKED] = tick
 
     def relax(self) -> None:
         """Gains firm enough to rest without a client; fingers may go on closing, not opening."""
@@ -103,7 +88,7 @@ class Reference:
         """Plan a controlled stop from the last marked tick on, unless one is under way."""
         if self._stop is None:
             r, settings = self.row, self._settings
-            self._stop_tick = self._tick
+            self._stop_tick = int(self._block[MARKED])
             self._stop = plan_stop(r[0:3], r[3:6], r[6:9], settings.stop_acceleration, settings.stop_jerk)
 
     def slow_down(self, tick: int) -> bool:

@@ -7,8 +7,6 @@ torque computed from the measurement of tick k is given to the drives with the e
 from __future__ import annotations
 
 import contextlib
-import json
-import os
 import signal
 import sys
 import threading
@@ -24,17 +22,19 @@ from controller.loop.realtime import set_up_real_time
 from controller.loop.statistics import LoopClock, write_statistics
 from controller.loop.supervisor import Supervisor
 from controller.loop.telemetry import report
+from controller.loop.tick import LOOK_CLOSER
 from controller.model.constants import DeltaModel
 from controller.protection.limits import Limits, Violation, check_limits, default_limits
 from controller.protocol.causes import Cause, explain
 from controller.protocol.key import KEY_FILE, KeyFileError, load_key
-from controller.protocol.layout import COMMAND, HEARTBEAT, RELEASE, VERSION, CommandCode, DatagramKind
+from controller.protocol.layout import COMMAND, HEARTBEAT, RELEASE, CommandCode, DatagramKind
 from controller.protocol.messages import AdmitSpeed, Announce, Samples, Telemetry, Welcome
 from controller.protocol.states import State
-from controller.settings import CONTROLLER_FILE, ControllerSettings
+from controller.settings import ControllerSettings
+from controller.wire.address import ControllerFile
 from controller.wire.endpoint import Endpoint
 from controller.wire.sockets import PortInUse
-from hardware.interfaces import BusLost, Command, ServoBus
+from hardware.interfaces import BusLost, Command, ServoBus, ServoBusInThread
 from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 
@@ -135,11 +135,11 @@ class Server:
         self.ending = False
         self.clock = LoopClock(bus.period, bus.lockstep)
         self._bus = bus
+        self._inside = bus if isinstance(bus, ServoBusInThread) else None
+        self._call = self.supervisor.plain.call
         self._settings = settings
-        self._file = run_directory / CONTROLLER_FILE
-        self._prepared = self._file.with_suffix(".new")
         self._endpoint = Endpoint(settings.host, settings.port, key, settings.lease, self._welcome)
-        self._prepare_file()
+        self._file = ControllerFile(run_directory, *self._endpoint.address)
         self._flight = FlightRecorder(
             self.supervisor, run_directory, period=bus.period, duration=settings.flight_time,
             files=settings.flight_files,
@@ -149,6 +149,7 @@ class Server:
         self._ping = 0
         self._echo = 0
         self._turn = 0
+        self._tick, self._answered = -1, 0.0
         self._samples: Samples | None = None
         self._gathered: Telemetry | None = None
         self._packed: bytes | None = None
@@ -162,47 +163,76 @@ class Server:
         Raises:
             BusLost: the drives no longer answer.
         """
-        supervisor, bus, endpoint, clock = self.supervisor, self._bus, self._endpoint, self.clock
+        supervisor, endpoint, clock = self.supervisor, self._endpoint, self.clock
         most, reading = self._settings.datagrams_per_tick, self._settings.reading_time
-        monotonic, piecemeal = time.monotonic, not bus.lockstep
-        flight, fresh, answered = self._flight, False, 0.0
-        tick, pieces = -1, 1
+        monotonic, piecemeal = time.monotonic, not self._bus.lockstep
+        flight = self._flight
         while not supervisor.brakes.finished:
-            ping, asked, fresh = self._ping, monotonic(), False
-            if supervisor.may_exchange:
-                measurement = bus.exchange(supervisor.command())
-                answered = monotonic()
-                if measurement.tick != tick:
-                    pieces = min(measurement.tick - tick, _MOST_PIECES)
-                    tick = measurement.tick
-                    supervisor.advance(measurement)
-                    clock.ran(tick, asked, answered, monotonic())
-                    fresh = True
-                else:
-                    supervisor.measurement = measurement
-                    clock.stood(asked)
-            else:
+            ping, asked, before = self._ping, monotonic(), self._tick
+            if not supervisor.may_exchange:
                 clock.stood(asked)
                 endpoint.wait(1)
+                if self._inside is not None:
+                    self._inside.hear(0.0)
+            elif not self._run_plainly(asked):
+                self._exchange(asked)
             self._echo = ping
             now = monotonic()
             if piecemeal:
+                pieces = max(1, min(self._tick - before, _MOST_PIECES))
                 for _ in range(pieces):  # those of ticks that went by without an exchange are made up for
                     endpoint.sift(now, now + reading)
-                    self._do_one_piece(now, tick)
+                    self._do_one_piece(now, self._tick)
                 self._live(now)
             else:
                 endpoint.drain(now, now + reading, most, self._handle)
                 endpoint.relay()
                 self._live(now)
-                if self._telemetry_is_due(now, tick):
+                if self._telemetry_is_due(now, self._tick):
                     endpoint.publish(self._telemetry().pack(), now)
-            if fresh:
-                flight.record(answered)
+            if self._tick != before:
+                flight.record(self._answered)
             flight.watch(now)
             if clock.warning_due:
                 clock.warn()
         self._say_goodbye()
+
+    def _exchange(self, asked: float) -> None:
+        """One exchange with the drives, and all that follows from a new tick."""
+        supervisor = self.supervisor
+        measurement = self._bus.exchange(supervisor.command())
+        answered = time.monotonic()
+        if measurement.tick == self._tick:
+            supervisor.told_again(measurement)
+            self.clock.stood(asked)
+            return
+        self._tick, self._answered = measurement.tick, answered
+        supervisor.advance(measurement)
+        self.clock.ran(measurement.tick, asked, answered, time.monotonic())
+
+    def _run_plainly(self, asked: float) -> bool:
+        """On a bus in this thread: plain ticks without a line of Python, up to the next telemetry; whether there were.
+
+        The measurement that ended them is looked at closer, if it was not plain itself.
+        """
+        bus, call, supervisor = self._inside, self._call, self.supervisor
+        if bus is None or not call.function or not supervisor.plainly:
+            return False
+        call.command[:3], call.command[3] = supervisor.torque, supervisor.reference.finger_velocity
+        span = self._settings.telemetry_ticks
+        most = span - supervisor.measurement.tick % span
+        ticks, said, measurement = bus.run(call, most, supervisor.busy)
+        if not ticks:
+            return False
+        if said == LOOK_CLOSER:
+            if ticks > 1:
+                self._flight.record(asked)
+            supervisor.look_closer(measurement)
+        else:
+            supervisor.took_plainly(measurement)
+        self._tick, self._answered = measurement.tick, asked
+        self.clock.ran_on(ticks, measurement.tick, asked, time.monotonic())
+        return True
 
     def close(self) -> None:
         """Brakes, if the drives still answer; then give socket, file and bus up. A grip is not let go of."""
@@ -214,8 +244,7 @@ class Server:
         finally:
             self._bus.close()
             self._endpoint.close()
-            for file in (self._file, self._prepared):
-                file.unlink(missing_ok=True)
+            self._file.remove()
             self._flight.close(abnormal=not self.supervisor.brakes.finished)
 
     def _live(self, now: float) -> None:
@@ -238,16 +267,9 @@ class Server:
         """Tell clients where to find this process once the arm holds (or cannot, which the telemetry explains)."""
         if self.supervisor.state is State.BOOT:
             return False
-        self._prepared.replace(self._file)
+        self._file.publish()
         self._tell_ready(*self._endpoint.address)
         return True
-
-    def _prepare_file(self) -> None:
-        """Everything slow about the file, before the first tick; one left by a killed controller misleads nobody."""
-        self._file.unlink(missing_ok=True)
-        host, port = self._endpoint.address
-        content = {"host": host, "port": port, "pid": os.getpid(), "protocol": VERSION}
-        self._prepared.write_text(json.dumps(content) + "\n", encoding="utf-8")
 
     def _welcome(self) -> bytes:
         bus = self._bus

@@ -108,6 +108,7 @@ class LoopClock:
         lockstep: whether plant time waits for the loop.
 
     Attributes:
+        ticks: that were taken in.
         skipped: ticks that went by without an exchange.
         period_error: how far the wall time between two exchanges was from that of their ticks.
         lateness: of each answer against the ticks' own rhythm; nothing on a lockstep bus.
@@ -117,7 +118,7 @@ class LoopClock:
     """
 
     def __init__(self, period: float, lockstep: bool) -> None:
-        self.skipped = 0
+        self.skipped = self.ticks = 0
         self.period_error, self.lateness, self.law, self.work = Histogram(), Histogram(), Histogram(), Histogram()
         self.warning_due = False
         self._period = period
@@ -155,9 +156,23 @@ class LoopClock:
             self._count_lateness(answered - tick * self._period)
         self.law.add(advanced - answered)
         self._tick, self._answered, self._running = tick, answered, True
-        self._left -= 1
-        if not self._left:
-            self._close_block()
+        self._count(1)
+
+    def ran_on(self, ticks: int, tick: int, asked: float, advanced: float) -> None:
+        """So many ticks were run in one call, up to this one; on a lockstep bus alone.
+
+        Args:
+            ticks: how many.
+            tick: number of the last one.
+            asked: wall time before the call [s].
+            advanced: when the torque of the next exchange was known [s].
+        """
+        if self._running:
+            self._count_turn(asked - self._answered)
+            self._ticks += ticks
+            self._wall += advanced - self._answered
+        self._tick, self._answered, self._running = tick, advanced, True
+        self._count(ticks)
 
     def stood(self, asked: float) -> None:
         """The loop asked for no tick, or was told the same one again: what passes until the next one does not count.
@@ -192,10 +207,16 @@ class LoopClock:
     def summary(self) -> dict[str, Any]:
         """Statistics of the whole run, as they stand in the file: times in s, ``n``, mean and percentiles of each."""
         return {
-            "period": self._period, "lockstep": self._lockstep, "ticks": self.law.n, "skipped": self.skipped,
+            "period": self._period, "lockstep": self._lockstep, "ticks": self.ticks, "skipped": self.skipped,
             "period_error": self.period_error.summary(), "lateness": self.lateness.summary(),
             "law": self.law.summary(), "work": self.work.summary(),
         }  # fmt: skip
+
+    def _count(self, ticks: int) -> None:
+        self.ticks += ticks
+        self._left -= ticks
+        if self._left <= 0:
+            self._close_block()
 
     def _count_turn(self, work: float) -> None:
         self.work.add(work)

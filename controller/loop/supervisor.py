@@ -14,7 +14,9 @@ from controller.law.tare import Tare
 from controller.law.task_space import TaskSpaceController
 from controller.loop.admission import NOTHING, PRESSED, Admission
 from controller.loop.brakes import BrakeSequence, BrakeStep
+from controller.loop.memory import ExchangedTorques, TickMemory
 from controller.loop.reference import Reference
+from controller.loop.tick import PlainTick
 from controller.model.kinematics import Status
 from controller.protection.limits import (
     REACTIONS,
@@ -24,7 +26,6 @@ from controller.protection.limits import (
     check_drives,
     check_measurement,
     check_tracking,
-    clamp_torque,
 )
 from controller.protection.monitor import Protection
 from controller.protocol.causes import Cause
@@ -46,12 +47,10 @@ class Supervisor:
         state: what it is doing.
         cause: why it stopped or faulted last.
         measurement: the last one.
-        torque: of the next exchange, within its limits [N m].
         reference: what the law follows.
         admission: of motions, and what came of the last one.
         brakes: the way on and off them.
-        force: on the tool, as torques and motion tell, base frame [N].
-        clamped: ticks in which a torque was clamped.
+        plain: the compiled tick, which takes nearly all of them.
     """
 
     def __init__(
@@ -60,24 +59,37 @@ class Supervisor:
         self.state = State.BOOT
         self.cause = NOTHING
         self.measurement = Measurement(-1, _NO_TORQUE, _NO_TORQUE, 0.0, (0.0, 0.0), DriveStatus.OK)
-        self.torque = _NO_TORQUE
-        self.reference = Reference(settings, period)
-        self.admission = Admission(settings, limits, period)
+        memory = TickMemory()
+        self.reference = Reference(settings, period, memory)
+        self.admission = Admission(settings, limits, period, memory)
         self.brakes = BrakeSequence(settings)
-        self.force = _NO_TORQUE
-        self.clamped = 0
         self.law = law
+        self.plain = PlainTick(law, memory, self.admission.motion.rows)
         self._limits = limits
         self._settings = settings
-        self._observer = ForceObserver(period)
-        self._tare = Tare(period)
-        self._protection = Protection(limits, period)
-        self._acting: Triple | None = None
-        self._given: Triple | None = None
+        self._memory, self._torques = memory, ExchangedTorques(memory, limits)
+        self._observer = ForceObserver(period, memory=memory.observer)
+        self._tare = Tare(period, memory.tare)
+        self._protection = Protection(limits, period, memory.screen, memory.encoders)
         self._compliant_ticks = self._letting_go = 0
         self._lockstep = lockstep
         self._braked = self._fresh = True
         self._protective = False
+
+    @property
+    def torque(self) -> Triple:
+        """Of the next exchange, within its limits [N m]."""
+        return self._torques.coming
+
+    @property
+    def force(self) -> Triple:
+        """On the tool, as torques and motion tell, base frame [N]."""
+        return self._observer.force
+
+    @property
+    def clamped(self) -> int:
+        """Ticks in which a torque was clamped."""
+        return self._torques.clamped
 
     # what the loop asks
 
@@ -97,20 +109,62 @@ class Supervisor:
     def command(self) -> Command:
         """What to ask of the drives next."""
         braked = self._braked
-        # what acted during the tick that comes next is what the exchange before took along
-        self._acting, self._given = self._given, None if braked else self.torque
+        self._torques.give(braked)
         energised = self.brakes.energised or not braked
         return Command(self.torque, self.reference.finger_velocity, braked, energised, self.busy)
 
+    def told_again(self, measurement: Measurement) -> None:
+        """An exchange brought the tick that is known: plant time stands, or waits for somebody else.
+
+        Where it waits the command was not taken, and what acts is still that of the exchange before.
+        """
+        self.measurement = measurement
+        if not measurement.status & DriveStatus.STANDING:
+            self._torques.take_back()
+
+    @property
+    def plainly(self) -> bool:
+        """Whether the next tick may be plain; what it is noted with is said then."""
+        state, brakes = self.state, self.brakes
+        if not (state is State.HOLD or state is State.TRACK) or brakes.retiring or brakes.parking:
+            return False
+        if self._letting_go or self._protection.something_lasts:
+            return False
+        self._say()
+        return True
+
+    def note(self) -> None:
+        """Have the flight recorder's row of the last tick written, which was not plain."""
+        self._say()
+        self.plain.note(self.measurement)
+
+    def _say(self) -> None:
+        motion = self.admission.motion.announced
+        self.plain.say(self.state, self.cause[0], 0 if motion is None else motion.motion)
+
+    def took_plainly(self, measurement: Measurement) -> None:
+        """The compiled tick has taken a measurement in."""
+        right, left = self._memory.tactile.tolist()
+        if (right, left) != measurement.tactile:
+            measurement = measurement._replace(tactile=(right, left))
+        self.measurement = measurement
+
     def advance(self, measurement: Measurement) -> None:
         """Take a new tick's measurement in: estimate, protect, refer, law, limit."""
+        if self.plainly and self.plain.take(measurement):
+            self.took_plainly(measurement)
+        else:
+            self.look_closer(measurement)
+
+    def look_closer(self, measurement: Measurement) -> None:
+        """Take a measurement in that is not plain."""
         self.brakes.begin(measurement.tick)
         trouble = check_measurement(measurement)
         if trouble is None:
             tactile = self._tare.weigh(measurement.tactile, self.reference.finger_velocity)
             if tactile != measurement.tactile:
                 measurement = measurement._replace(tactile=tactile)
-        self.measurement = measurement
+        self.measurement, self._memory.tactile[:] = measurement, measurement.tactile
         trouble = trouble or self._estimate(measurement)
         state = self.state
         if state is State.HOLD or state is State.TRACK or state is State.STOPPING:
@@ -122,7 +176,7 @@ class Supervisor:
         self._retire_at_rest()
 
     def _estimate(self, measurement: Measurement) -> Violation | None:
-        self.force = self._observer.update(self.law.memory, measurement.velocity, self._acting)
+        self._observer.update(self.law.memory, measurement.velocity, self._torques.acting)
         status = self.law.update(measurement.angle, measurement.velocity)
         if status is not Status.OK:
             return Violation(Cause.MODEL, float(status), 0.0)
@@ -157,8 +211,10 @@ class Supervisor:
         if needed >= buffer.received:
             self.stop(Violation(Cause.UNDERRUN, float(needed), float(buffer.received)))
             return
-        playback.advance(tick, self.reference.row, buffer)
-        guard, level = self.reference.follow(playback, buffer)
+        row, tail, samples = self.reference.row, self.reference.tail, buffer.rows
+        buffer.executed = playback.advance(motion, tick, row, samples)
+        playback.follow(samples, row, tail)
+        guard, level = tail[1:].tolist()
         met = self.admission.met(guard, level, measurement.tactile, self.force[2])
         if isinstance(met, Violation):
             self.stop(met)
@@ -236,9 +292,7 @@ class Supervisor:
         if not math.isfinite(torque[0] + torque[1] + torque[2]):
             self._brake(Violation(Cause.BAD_TORQUE, math.nan, 0.0))
             return
-        limits = self._limits
-        self.torque, clamped = clamp_torque(torque, self.torque, limits.torque, limits.torque_rate)
-        self.clamped += clamped
+        self._torques.ask(torque)
 
     # on the brakes
 
@@ -267,7 +321,7 @@ class Supervisor:
 
     def _take(self, step: BrakeStep) -> None:
         if step.limp:
-            self.torque = _NO_TORQUE
+            self._torques.coming = _NO_TORQUE
         if step.event is not None:
             self._enter(step.event)
 
@@ -374,7 +428,7 @@ class Supervisor:
         self._compliant_ticks = self._letting_go = 0
         self.reference.abandon()
         self._protection.reset()
-        self.brakes.energised, self.torque = False, _NO_TORQUE
+        self.brakes.energised, self._torques.coming = False, _NO_TORQUE
         self._enter(Event.BRAKE)
 
     def _succeed(self, result: Result) -> None:
@@ -396,4 +450,4 @@ class Supervisor:
         if self.state is State.STOPPING and not self._compliant_ticks:
             self.reference.begin_stop()
         if self.state is State.FAULT:
-            self.brakes.energised, self.torque = False, _NO_TORQUE
+            self.brakes.energised, self._torques.coming = False, _NO_TORQUE

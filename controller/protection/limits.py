@@ -8,10 +8,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 from enum import IntEnum, unique
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from controller.model.compiled import SCALAR, VECTOR, Vector, compiled_as, direct
 from controller.model.constants import DeltaModel
 from controller.model.kinematics import OK, inverse_kinematics
 from controller.protocol.causes import Cause
@@ -146,7 +147,7 @@ WHY: dict[str, Why] = {
     ),
     "near_depth": Why("m", "-", "depth z₃ from which the tool counts as near the board"),
     "acceleration": Why(
-        "m/s²", "refuse", "the fastest profile has 25 m/s² an axis, 43 together; 40 an axis exceed the peak torque"
+        "m/s²", "refuse", "the fastest profile has 18 m/s² an axis, 31 together; 40 an axis exceed the peak torque"
     ),
     "start_position": Why("m", "refuse", "a motion must continue the reference: a step would be a blow"),
     "start_velocity": Why("m/s", "refuse", "the reference rests whenever a motion is admitted"),
@@ -284,12 +285,13 @@ def check_measurement(measurement: Measurement) -> Violation | None:
     return Violation(Cause.BAD_MEASUREMENT, math.nan, 0.0)
 
 
-_DRIVE_TROUBLE = int(DriveStatus.FAULT | DriveStatus.WATCHDOG | DriveStatus.OVERSPEED)
+DRIVE_TROUBLE: Final = int(DriveStatus.FAULT | DriveStatus.WATCHDOG | DriveStatus.OVERSPEED)
+"""What the drives say where they no longer follow."""
 
 
 def check_drives(status: int) -> Violation | None:
     """Whether the drives are well; ``status`` is a ``DriveStatus`` as a number."""
-    if not status & _DRIVE_TROUBLE:
+    if not status & DRIVE_TROUBLE:
         return None
     if status & DriveStatus.FAULT:
         return Violation(Cause.DRIVE_FAULT, float(status), 0.0)
@@ -335,6 +337,21 @@ def axis_beyond(position: list[float], limits: Limits) -> float:
     return max(abs(x - a) - p, abs(y - b) - q, abs(z - c) - r) + 0.0 * (x + y + z)  # max may overlook a NaN
 
 
+@compiled_as(VECTOR(VECTOR, VECTOR, SCALAR, SCALAR))
+def clamp(torque: Vector, previous: Vector, limit: float, rate: float) -> Vector:
+    """Torques within ±limit and within ±rate of the previous ones; see `clamp_torque`."""
+    a, b, c = torque
+    p, q, r = previous
+    return (
+        min(max(a, p - rate, -limit), p + rate, limit),
+        min(max(b, q - rate, -limit), q + rate, limit),
+        min(max(c, r - rate, -limit), r + rate, limit),
+    )
+
+
+_clamp: Final = direct(clamp)
+
+
 def clamp_torque(torque: Triple, previous: Triple, limit: float, rate: float) -> tuple[Triple, bool]:
     """Torques within ±limit and within ±rate of the previous ones [N m], and whether any had to be changed.
 
@@ -344,16 +361,5 @@ def clamp_torque(torque: Triple, previous: Triple, limit: float, rate: float) ->
         limit: the drives' peak.
         rate: largest change in one tick.
     """
-    a, b, c = torque
-    p, q, r = previous
-    if (
-        -limit <= a <= limit and -limit <= b <= limit and -limit <= c <= limit
-        and p - rate <= a <= p + rate and q - rate <= b <= q + rate and r - rate <= c <= r + rate
-    ):  # fmt: skip
-        return torque, False
-    clamped = (
-        min(max(a, p - rate, -limit), p + rate, limit),
-        min(max(b, q - rate, -limit), q + rate, limit),
-        min(max(c, r - rate, -limit), r + rate, limit),
-    )
+    clamped = _clamp(torque, previous, limit, rate)
     return clamped, clamped != torque

@@ -1,24 +1,22 @@
 """Protection that looks at how the arm is doing, tick by tick, below the law and independent of it.
 
 Pure checks of single numbers are in `controller.protection.limits`; here is what needs the ticks before: durations,
-means over a window, encoders that contradict themselves. Whatever is found names its cause; what follows from it is
+means over a window. Whatever is found names its cause; what follows from it is
 `REACTIONS`. A quick look, `controller.protection.screening`, tells the ticks in which nothing is to be found.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
 
 import numpy as np
 
 from controller.model.compiled import FloatArray
+from controller.protection.encoders import Encoders
 from controller.protection.limits import Limits, Violation, axis_beyond, check_joints
 from controller.protection.screening import Screen
 from controller.protocol.causes import Cause
 from hardware.interfaces import Measurement, Triple
-
-_NOWHERE: Final = (math.nan, math.nan, math.nan)
 
 
 class Overload:
@@ -37,79 +35,14 @@ class Overload:
         self._ticks = self._ticks + 1 if value > self._limit else 0
         return self._ticks > self._allowed
 
+    @property
+    def begun(self) -> bool:
+        """It was above its limit in the last tick."""
+        return self._ticks > 0
+
     def reset(self) -> None:
         """Forget."""
         self._ticks = 0
-
-
-class Encoders:
-    """Whether each encoder agrees with its own velocity, and moves with the others.
-
-    An arm that is blocked stands still with all its servomotors, by dry friction without a single count of change; an
-    encoder that stands still while another servomotor goes where it is asked to is broken.
-
-    Args:
-        limits: of a jump, and of a way asked for and not seen.
-        period: of a tick [s].
-    """
-
-    def __init__(self, limits: Limits, period: float) -> None:
-        self._limits, self._period = limits, period
-        self._tick, self._angle = -1, _NOWHERE
-        self._since = [(_NOWHERE, _NOWHERE)] * 3
-        """Angles of all and the reference when each last moved."""
-
-    def check(self, measurement: Measurement, reference: Triple, rates: FloatArray) -> Violation | None:
-        """Take a tick in.
-
-        Args:
-            measurement: of this tick.
-            reference: where the tool is asked to be [m].
-            rates: J_c⁻¹, shape (3, 3), which turns its way into the servomotors' [rad/m].
-        """
-        before, after, limits = self._angle, measurement.angle, self._limits
-        consecutive = measurement.tick == self._tick + 1
-        self._tick, self._angle = measurement.tick, after
-        if not consecutive:
-            self._since = [(after, reference)] * 3
-            return None
-        velocity, period, here = measurement.velocity, self._period, (after, reference)
-        for i in (0, 1, 2):
-            moved = after[i] - before[i]
-            if abs(moved - velocity[i] * period) > limits.encoder_jump:
-                return Violation(Cause.ENCODER, float(i + 1), limits.encoder_jump)
-            if moved != 0.0:
-                self._since[i] = here
-            elif self._stands_alone(i, reference, rates):
-                return Violation(Cause.ENCODER, float(i + 1), limits.encoder_way)
-        return None
-
-    def follows(self, measurement: Measurement, reference: Triple) -> bool:
-        """Take a tick in of which `Screen.joints` said that all is well; false where it has to be looked at closer."""
-        tick = measurement.tick
-        if tick != self._tick + 1:
-            return False
-        self._tick, self._angle = tick, measurement.angle
-        self._since = [(measurement.angle, reference)] * 3
-        return True
-
-    def _stands_alone(self, i: int, reference: Triple, rates: FloatArray) -> bool:
-        """Whether servomotor i should have moved and did not, while another one did."""
-        angles, start = self._since[i]
-        if reference == start:
-            return False
-        asked = (rates @ np.subtract(reference, start)).tolist()
-        if not abs(asked[i]) > self._limits.encoder_way:
-            return False
-        for j in (0, 1, 2):
-            moved = self._angle[j] - angles[j]
-            if j != i and abs(asked[j]) > 0.1 * self._limits.encoder_way and 0.5 < moved / asked[j] < 2.0:
-                return True
-        return False
-
-    def reset(self) -> None:
-        """Forget the angles before."""
-        self._tick = -1
 
 
 class MeanTorque:
@@ -144,21 +77,26 @@ class Protection:
     Args:
         limits: of the protection.
         period: of a tick [s].
+        screening: memory of the quick look, see `Screen`; by default an array of its own.
+        encoders: that of the encoders, see `Encoders`; the same.
     """
 
-    def __init__(self, limits: Limits, period: float) -> None:
+    def __init__(
+        self,
+        limits: Limits,
+        period: float,
+        screening: FloatArray | None = None,
+        encoders: FloatArray | None = None,
+    ) -> None:
         self._limits = limits
-        self._screen = Screen(limits, period)
-        self._encoders = Encoders(limits, period)
+        self._screen = Screen(limits, period, screening)
+        self._encoders = Encoders(limits, period, encoders)
         self._mean = MeanTorque(limits.rms_torque, limits.rms_window, period, self._screen.squares)
         self._pressing = Overload(limits.press_force, limits.force_ticks)
         self._gripping = Overload(limits.grip_force, limits.force_ticks)
 
     def joints(self, measurement: Measurement, reference: Triple, rates: FloatArray) -> Violation | None:
         """What no law can be trusted with: encoders, speed and range of the servomotors; see `Encoders.check`."""
-        well = self._screen.joints(measurement.angle, measurement.velocity)
-        if well and self._encoders.follows(measurement, reference):
-            return None
         return self._encoders.check(measurement, reference, rates) or check_joints(measurement, self._limits)
 
     def well(
@@ -175,9 +113,18 @@ class Protection:
         """
         if not self._screen.arm(state, reference, force, tactile, torque):
             return False
+        self.nothing_lasts()
+        return True
+
+    @property
+    def something_lasts(self) -> bool:
+        """Whether a force has been above its limit in the last tick, though not yet for too long."""
+        return self._pressing.begun or self._gripping.begun
+
+    def nothing_lasts(self) -> None:
+        """A tick in which no force was above its limit."""
         self._pressing.reset()
         self._gripping.reset()
-        return True
 
     def tool(self, position: list[float], velocity: list[float], force: Triple) -> Violation | None:
         """Where the tool is [m], how fast it moves [m/s], and how it presses [N]."""
@@ -211,5 +158,4 @@ class Protection:
     def reset(self) -> None:
         """The arm was on its brakes: forget durations and angles; the motors' warmth stays."""
         self._encoders.reset()
-        self._pressing.reset()
-        self._gripping.reset()
+        self.nothing_lasts()

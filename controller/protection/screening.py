@@ -5,7 +5,7 @@ wrong, with numbers, and remember what lasts; they are Python, and together cost
 that where another program has driven them out of the processor's cache. Here the same limits are compared once, in a
 microsecond, and nothing is
 said but yes or no: after a no they all are asked. A yes therefore means exactly that each of them has nothing to say;
-`tests/controller/test_screen.py` holds the two against each other.
+`tests/controller/protection/test_screen.py` holds the two against each other.
 """
 
 from __future__ import annotations
@@ -21,49 +21,42 @@ from controller.protection.limits import Limits
 from hardware.interfaces import Triple
 
 # What the compiled functions are given beside the tick: one array, as each array costs a tenth of a microsecond.
-_BEFORE: Final = 0
-_PERIOD: Final = 3
-_MIDDLE: Final = 4
-_RANGE: Final = 7
-_SPEED: Final = 8
-_JUMP: Final = 9
-_CENTRE: Final = 10
-_HALF: Final = 13
-_OUTSIDE: Final = 16
-_TOOL_SPEED: Final = 17
-_PRESS: Final = 18
-_GRIP: Final = 19
-_TACTILE: Final = 20
-_TRACKING: Final = 21
-_LEAST: Final = 22
-_MOST: Final = 23
-_RMS: Final = 24
-_SHARE: Final = 25
-_SQUARES: Final = 26
-_SIZE: Final = 29
+_MIDDLE: Final = 0
+_RANGE: Final = 3
+_SPEED: Final = 4
+_CENTRE: Final = 5
+_HALF: Final = 8
+_OUTSIDE: Final = 11
+_TOOL_SPEED: Final = 12
+_PRESS: Final = 13
+_GRIP: Final = 14
+_TACTILE: Final = 15
+_TRACKING: Final = 16
+_LEAST: Final = 17
+_MOST: Final = 18
+_RMS: Final = 19
+_SHARE: Final = 20
+_SQUARES: Final = 21
+SCREEN_SIZE: Final = 24
 
 
 @compiled_as(STATUS(ROW, VECTOR, VECTOR))
 def joints_well(memory: FloatArray, angle: Vector, velocity: Vector) -> int:
-    """Encoders, speed and range of the servomotors.
+    """Speed and range of the servomotors.
 
     Args:
-        memory: shape (29,); the angles of the tick before are replaced by these.
+        memory: shape (24,); not changed.
         angle: y [rad].
         velocity: ẏ [rad/s].
 
     Returns:
-        1 where every encoder has moved, agrees with its velocity, and is within its limits; else 0.
+        1 where each is within its limits; else 0.
     """
-    well = 1
     for i in range(3):
-        moved = angle[i] - memory[_BEFORE + i]
-        memory[_BEFORE + i] = angle[i]
-        agrees = abs(moved - velocity[i] * memory[_PERIOD]) <= memory[_JUMP]
         within = abs(angle[i] - memory[_MIDDLE + i]) <= memory[_RANGE]
-        if not (moved != 0.0 and agrees and within and abs(velocity[i]) <= memory[_SPEED]):
-            well = 0
-    return well
+        if not (within and abs(velocity[i]) <= memory[_SPEED]):
+            return 0
+    return 1
 
 
 @compiled_as(STATUS(ROW, TABLE, ROW, VECTOR, PAIR, VECTOR))
@@ -74,7 +67,7 @@ def arm_well(
     """Tool, fingers, motors and the distance to the reference.
 
     Args:
-        memory: shape (29,); the servomotors' mean squares go on in it, if all is well.
+        memory: shape (24,); the servomotors' mean squares go on in it, if all is well.
         state: shape (24, 3), as the law's estimate left it.
         reference: shape (16,) or longer, of this tick.
         force: on the tool [N].
@@ -107,7 +100,6 @@ def arm_well(
     return 1
 
 
-_joints_well: Final = direct(joints_well)
 _arm_well: Final = direct(arm_well)
 
 
@@ -117,17 +109,16 @@ class Screen:
     Args:
         limits: of the protection.
         period: of a tick [s].
+        memory: shape (24,); by default an array of its own.
 
     Attributes:
         squares: the servomotors' mean squares, shape (3,), shared with `controller.protection.monitor` [N² m²].
     """
 
-    def __init__(self, limits: Limits, period: float) -> None:
-        self._memory = memory = np.zeros(_SIZE)
-        memory[_BEFORE : _BEFORE + 3] = math.nan
-        memory[_PERIOD] = period
+    def __init__(self, limits: Limits, period: float, memory: FloatArray | None = None) -> None:
+        self._memory = memory = np.zeros(SCREEN_SIZE) if memory is None else memory
         memory[_MIDDLE : _MIDDLE + 3], memory[_RANGE] = limits.joint_middle, limits.joint_range
-        memory[_SPEED], memory[_JUMP] = limits.joint_speed, limits.encoder_jump
+        memory[_SPEED] = limits.joint_speed
         memory[_CENTRE : _CENTRE + 3], memory[_HALF : _HALF + 3] = limits.centre, limits.half_size
         memory[_OUTSIDE], memory[_TOOL_SPEED], memory[_PRESS] = limits.outside, limits.tool_speed, limits.press_force
         memory[_GRIP], memory[_TACTILE] = limits.grip_force, limits.tactile
@@ -135,10 +126,6 @@ class Screen:
         memory[_LEAST], memory[_MOST] = limits.tracking_least, limits.tracking_most
         memory[_RMS], memory[_SHARE] = limits.rms_torque, 1.0 - math.exp(-period / limits.rms_window)
         self.squares = memory[_SQUARES : _SQUARES + 3]
-
-    def joints(self, angle: Triple, velocity: Triple) -> bool:
-        """Whether nobody has to look closer at the servomotors [rad, rad/s]; to be asked in every tick."""
-        return _joints_well(self._memory, angle, velocity) == 1
 
     def arm(
         self, state: FloatArray, reference: FloatArray, force: Triple, tactile: tuple[float, float], torque: Triple

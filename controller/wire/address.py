@@ -1,8 +1,9 @@
-"""Where a controller is reached, and a socket to it; for clients and listeners."""
+"""Where a controller is reached: the file that says so, and a socket to it."""
 
 from __future__ import annotations
 
 import json
+import os
 import socket
 from pathlib import Path
 from typing import NamedTuple
@@ -19,6 +20,27 @@ class ControllerAddress(NamedTuple):
     host: str
     port: int
     key: bytes
+
+
+class ControllerFile:
+    """``controller.json`` of a controller in its run directory; one that a killed controller has left goes."""
+
+    def __init__(self, directory: Path, host: str, port: int) -> None:
+        """Everything slow about it is done here; nobody finds it yet."""
+        self._file = directory / CONTROLLER_FILE
+        self._prepared = self._file.with_suffix(".new")
+        self._file.unlink(missing_ok=True)
+        content = {"host": host, "port": port, "pid": os.getpid(), "protocol": VERSION}
+        self._prepared.write_text(json.dumps(content) + "\n", encoding="utf-8")
+
+    def publish(self) -> None:
+        """Clients are welcome."""
+        self._prepared.replace(self._file)
+
+    def remove(self) -> None:
+        """They are no longer."""
+        for file in (self._file, self._prepared):
+            file.unlink(missing_ok=True)
 
 
 def find_controller(directory: Path, key_file: Path | None = None) -> ControllerAddress:

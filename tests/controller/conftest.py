@@ -321,7 +321,7 @@ def until() -> Callable[..., None]:
 @pytest.fixture
 def line() -> Line:
     """Makes a straight minimum-jerk motion, sampled once a tick: (start, end, ticks) to (ticks + 1,) samples."""
-    return _line
+    return line_samples
 
 
 @pytest.fixture
@@ -329,14 +329,14 @@ def grip() -> Line:
     """Makes a motion that stands and closes the fingers: (point, ticks) to samples, guard at 3 N."""
 
     def make(point: Triple, ticks: int, velocity: float = -0.025, level: float = 3.0) -> NDArray[Any]:
-        samples = _line(point, point, ticks)
+        samples = line_samples(point, point, ticks)
         samples["finger_velocity"], samples["guard"], samples["guard_level"] = velocity, Guard.GRIP, level
         return samples
 
     return make
 
 
-def _line(start: Triple, end: Triple, ticks: int, period: float = 0.00088) -> NDArray[Any]:
+def line_samples(start: Triple, end: Triple, ticks: int, period: float = 0.00088) -> NDArray[Any]:
     t = np.linspace(0.0, 1.0, ticks + 1)[:, None]
     way, duration = np.subtract(end, start), ticks * period
     samples = np.zeros(ticks + 1, dtype=SAMPLE)

@@ -156,7 +156,7 @@ STATE = {
 MAY_WRITE = {
     (
         "render.drawing",
-        "SceneDrawer.draw",
+        "SceneDrawer.arrange",
         "qpos",
     ),  # the renderer's own copy, in its own process: it is drawn, never stepped
     ("clients.viewer", "watch_world", "qpos"),  # the viewer's likewise
@@ -166,7 +166,7 @@ MAY_WRITE = {
 }
 
 MAY_CALL = {
-    "mj_step": {("plant.plant", "Plant.step"), ("plant.tick", "step_address")},
+    "mj_step": {("plant.plant", "Plant.step"), ("plant.tick", "step_address"), ("process.journal", "step_alone")},
     "mj_resetDataKeyframe": {("plant.plant", "Plant.__init__")},
     "mj_setState": {("plant.plant", "Plant._restore")},
     "mj_stateSize": {
@@ -180,8 +180,18 @@ MAY_CALL = {
         ("plant.live_state", "LiveState.keep"),
     },
     "mj_forward": {("plant.plant", "Plant.__init__"), ("render.drawing", "SceneDrawer.__init__")},
-    "mj_kinematics": {("render.drawing", "SceneDrawer.draw"), ("clients.viewer", "watch_world")},
-    "mj_camlight": {("render.drawing", "SceneDrawer._prepared"), ("clients.viewer", "watch_world")},
+    "mj_kinematics": {
+        ("render.drawing", "SceneDrawer.arrange"),
+        ("render.rasteriser", "Rasteriser.__init__"),
+        ("clients.viewer", "watch_world"),
+    },
+    "mj_camlight": {
+        ("render.drawing", "SceneDrawer.see"),
+        ("render.drawing", "SceneDrawer._see_depth"),
+        ("render.rasteriser", "Rasteriser.__init__"),
+        ("clients.viewer", "watch_world"),
+    },
+    "mj_name2id": {("render.shapes", "coarse_shape_of")},
     "mj_saveModel": {
         ("process.server", "World.__init__"),
         ("render.still", "StillRenderer.__init__"),

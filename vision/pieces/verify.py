@@ -158,9 +158,9 @@ def _risen(fit: Fit, free: Mask, view: BoardView) -> dict[int, tuple[float, floa
     assert rises is not None
     high = free & (rises > RISES) & (rises < 0.12)
     # where a point above the board really is, not what it hides: along its ray, as much nearer to the camera
-    share = 1.0 - np.where(high, rises, 0.0) / np.maximum(part.climb * part.depth, 1e-6)
-    eye = view.camera_position[:2]
-    places = eye + (part.place - eye) * share[..., None]
+    share = 1.0 - rises[high] / np.maximum(part.climb[high] * part.depth[high], 1e-6)
+    eye, places = view.camera_position[:2], np.zeros(part.place.shape)
+    places[high] = eye + (part.place[high] - eye) * share[..., None]
     return _by_square(high, _LEAST_AREA, places, view.table.square)
 
 

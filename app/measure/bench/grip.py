@@ -1,6 +1,6 @@
 """Bench ``grip``: whether the fingers hold what they hold.
 
-A king is lifted, carried at full speed and shaken; how far it has slipped is measured from rest to rest. Then pieces of
+A king is lifted and shaken at full speed; how far it has slipped is measured from rest to rest. Then pieces of
 all kinds that stand up to 4 mm off along both axes, turned at random, are grasped and carried to another square.
 """
 
@@ -9,17 +9,19 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.measure.bench.beds.bed import Bed, plant_of
 from app.measure.bench.report import BenchReport, Progress, row
 from app.motion import PROFILES, MotionSettings, Plan, Profile
+from app.motion.gains import Softness, scheduled
 from app.motion.path import Vector
-from app.motion.timing.reference import Bounds, join, line, to_samples
+from app.motion.timing.reference import Bounds, dwell, join, line, to_samples
 from app.pieces.inventory import Inventory, Stage, Transfer
+from controller.protocol import Result
+from controller.protocol.causes import explain
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.table import Colour, Kind, PieceSpec, Place, TableSettings, square_place
 
@@ -32,6 +34,9 @@ STROKE: Final = 0.06  # of the shaking, to and fro along each axis [m]
 STROKES: Final = 6
 LIFT: Final = 0.05
 """[m]"""
+_HANGING: Final = 2.0  # [s]
+_RESTING: Final = 0.2
+"""Until what swings in the fingers rests [s]."""
 UPRIGHT: Final = np.radians(10.0)  # a piece that leans by more has fallen [rad]
 PLACED: Final = 0.010  # a piece that stands further from where it was carried was not carried there [m]
 SOURCES: Final = tuple(square_place(square) for square in (1, 6, 24, 31, 49, 54))
@@ -41,16 +46,17 @@ TARGETS: Final = tuple(square_place(square) for square in (19, 20, 28, 35, 36, 2
 
 def grip_bench(quick: bool, progress: Progress) -> BenchReport:
     """Measure; ``quick`` with fewer pieces."""
-    slips = []
+    shaken = []
     for number in range(SHAKEN[quick]):
         progress(f"king {number + 1} is shaken")
-        slips.append(1e3 * shake(number))
+        shaken.append(shake(number))
     count = GRASPS[quick]
     dropped = grasps(count, progress)
     for sentence in dropped:
         progress(sentence)
     rows = {
-        "slip": row(slips, "mm", 0.1, "max"),
+        "slip": row([1e3 * one.slip for one in shaken], "mm", 0.1, "max"),
+        "creep": row([1e6 * one.creep for one in shaken], "µm/s"),
         "dropped": row([100.0 * len(dropped) / count], "%", 0.2, "max"),
         "grasps": row([count], "1"),
     }
@@ -60,8 +66,15 @@ def grip_bench(quick: bool, progress: Progress) -> BenchReport:
 # a king, shaken
 
 
-def shake(number: int) -> float:
-    """How far a king slips, from rest to rest [m], that is lifted, carried at full speed and shaken along each axis.
+class Shaken(NamedTuple):
+    """How a king was held."""
+
+    slip: float  # from rest to rest, beyond what it creeps in as much time at rest [m]
+    creep: float  # of what hangs in the fingers at rest: that of the simulation's contacts [m/s]
+
+
+def shake(number: int) -> Shaken:
+    """Shake a king that is held in the air at full speed along each axis and all of them.
 
     The number decides on which square, how far off and how turned the king stands.
 
@@ -78,25 +91,32 @@ def shake(number: int) -> float:
         if motion.stage is Stage.GRASP:
             break
     bed.wait(settings.grip.settle)
-    begun = _in_fingers(bed, standing.spec.name)
-    bed.execute(_shaking(bed))
-    bed.wait(0.2)
-    return float(np.linalg.norm(_in_fingers(bed, standing.spec.name) - begun))
-
-
-def _shaking(bed: Bed) -> NDArray[Any]:
-    """Up, over to the middle, and to and fro along each axis and all of them together, at the profile's limits."""
-    settings, start = bed.settings, bed.arm[0]
-    bounds = Bounds(settings.speed, settings.acceleration, settings.jerk)
     middle = bed.table.base_from_board(np.array([0.0, 0.0, LIFT + 0.04]))
-    points = [start, start - [0.0, 0.0, LIFT], middle]
-    for axis in (*np.eye(3), np.full(3, 3.0**-0.5)):
-        for _ in range(STROKES):
-            points += [middle - STROKE * axis * np.array([1.0, 1.0, 0.5]), middle]
-    path = join([line(a, b, bounds, bed.parameters.drive.tick) for a, b in itertools.pairwise(points)])
-    frequency = settings.gains.frequency_in_air
-    gains = np.repeat([[frequency**2] * 3 + [2.0 * settings.gains.damping_ratio * frequency] * 3], len(path), axis=0)
-    return to_samples(path, gains, np.full(len(path), -settings.grip.closing_speed))
+    _go(bed, [bed.arm[0] - [0.0, 0.0, LIFT], middle], Softness.LASTS)  # the tool has gone to the king
+    name = standing.spec.name
+    bed.wait(_HANGING)  # it stood askew, and hangs straight by then
+    hung, since = _in_fingers(bed, name), bed.plant.tick
+    bed.wait(_HANGING)
+    begun, then = _in_fingers(bed, name), bed.plant.tick
+    creep = (begun - hung) / (then - since)
+    ways = (STROKE * axis * np.array([1.0, 1.0, 0.5]) for axis in (*np.eye(3), np.full(3, 3.0**-0.5)))
+    _go(bed, [point for way in ways for point in STROKES * (middle - way, middle)])
+    bed.wait(_RESTING)
+    slip = _in_fingers(bed, name) - begun - creep * (bed.plant.tick - then)
+    return Shaken(float(np.linalg.norm(slip)), float(np.linalg.norm(creep)) / bed.parameters.drive.tick)
+
+
+def _go(bed: Bed, points: Sequence[Vector], softness: Softness = Softness.STIFF) -> None:
+    """From point to point, base frame (3,) each [m], at the profile's limits, in the air, pressing what is held."""
+    settings, tick = bed.settings, bed.parameters.drive.tick
+    bounds = Bounds(settings.speed, settings.acceleration, settings.jerk)
+    lines = [line(a, b, bounds, tick) for a, b in itertools.pairwise([bed.arm[0], *points])]
+    path = join([dwell(bed.arm[0], 1), *lines])
+    high, time = np.full(len(path), LIFT), tick * np.arange(float(len(path)))
+    gains = scheduled(high, np.zeros(len(path)), time, time, softness, settings.gains)
+    ended = bed.execute(to_samples(path, gains, np.full(len(path), -settings.grip.closing_speed)))
+    if ended.result is not Result.DONE:
+        raise RuntimeError(f"the shaking ended as {ended.result.name}: {explain(*ended.reason[:3])}")
 
 
 def _in_fingers(bed: Bed, name: str) -> Vector:

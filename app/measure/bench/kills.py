@@ -136,7 +136,8 @@ class _KilledGame:
 
     def __enter__(self) -> _KilledGame:
         self._run(
-            "demo", "--out", str(self._folder), "--pace", self._pace, "--moves", " ".join(self._line), "--no-cameras",
+            "demo", "--out", str(self._folder), "--pace", self._pace, "--processes", "separate",
+            "--moves", " ".join(self._line), "--no-cameras",
             "--linger", "60",
         )  # fmt: skip
         return self

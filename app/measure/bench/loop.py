@@ -1,7 +1,8 @@
 """Bench ``loop``: how regularly the controller ticks while the rest of the program is busy.
 
 World, controller and this process run in pace real, telemetry flows, the arm moves back and forth, and Stockfish thinks
-on every core. The figures are the controller's own, of its whole run.
+on every core. The figures are the controller's own, of its whole run. With watchers it is measured twice, without and
+with a page at which so many browsers show the arm in three dimensions and the camera's picture.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import os
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from itertools import cycle
 from typing import Final
 
@@ -20,10 +21,12 @@ import numpy as np
 from app import UserError
 from app.commissioning.link_test import ProcessorTime, stolen_share
 from app.measure.bench.beds.bed import straight
+from app.measure.bench.beds.watched_page import watched_page
 from app.measure.bench.report import BenchReport, Progress, Row, row
 from app.motion import Motion, MotionSettings, Plan
 from app.motion.timing.reference import Bounds, Vector
-from app.rig.arm import ArmPaused
+from app.rig.arm import Arm, ArmPaused
+from app.rig.shown_arm import ShownArm
 from app.rig.simulation.timed import RunEnd, Statistics, TimedRig, timed_rig
 from controller.wire.errors import ControllerError
 from engine.errors import EngineProblem
@@ -45,19 +48,21 @@ RECOVERY: Final = 0.2
 """After a motion that did not end well [s]."""
 
 
-def loop_bench(quick: bool, progress: Progress) -> BenchReport:
+def loop_bench(quick: bool, progress: Progress, watchers: int = 0) -> BenchReport:
     """Measure for 60 s, or ``quick`` for 15 s; says, too, which part of real time was not granted.
 
+    With ``watchers`` once more, with a page and so many browsers at it.
+
     Raises:
-        UserError: there is no Stockfish, or it failed.
+        UserError: there is no Stockfish, or it failed; or the page did.
     """
-    duration = DURATION[quick]
-    with timed_rig(SEED, progress) as timed, thinking(progress):
-        progress(f"moving the arm for {duration:g} s")
-        before = ProcessorTime.now()
-        stopped = sweep(timed, duration)
-        stolen = stolen_share(before, ProcessorTime.now())
-        end = timed.finish()
+    duration, cameras = DURATION[quick], watchers > 0
+    end, stopped, stolen, _ = _measured(duration, progress, 0, cameras=cameras)
+    rows = loop_rows(end, stopped, stolen)
+    if watchers:
+        unwatched = rows["missed_ticks"]
+        end, stopped, stolen, watched = _measured(duration, progress, watchers, cameras=cameras)
+        rows = {**watched_rows(loop_rows(end, stopped, stolen), unwatched, end), **watched}
     for note in end.statistics.realtime.notes:
         progress(note)
     if stolen > STOLEN:
@@ -65,8 +70,33 @@ def loop_bench(quick: bool, progress: Progress) -> BenchReport:
             f"the host of this virtual machine took {100.0 * stolen:.2g} % of its processors, at most "
             f"{100.0 * STOLEN:g} % leaves a loop alone: measure on a PC of its own"
         )
-    rows = loop_rows(end, stopped, stolen)
     return BenchReport.of("loop", SEED, rows, "real")
+
+
+def _measured(
+    duration: float, progress: Progress, watchers: int, *, cameras: bool
+) -> tuple[RunEnd, int, float, dict[str, Row]]:
+    """A run: its end, motions that did not end as planned, stolen time, and the rows of the page where it has one."""
+    with timed_rig(SEED, progress, cameras=cameras) as timed, ExitStack() as stack:
+        page = None
+        arm: Arm = timed.rig.arm
+        if watchers:
+            page = stack.enter_context(watched_page(timed.rig, timed.file.run_dir.parent, watchers, progress))
+            arm = ShownArm(arm, page.publisher.path)
+        stack.enter_context(thinking(progress))
+        progress(f"moving the arm for {duration:g} s")
+        first, before = None if page is None else page.glance(), ProcessorTime.now()
+        stopped = sweep(timed, arm, duration)
+        stolen = stolen_share(before, ProcessorTime.now())
+        rows = {} if page is None or first is None else first.rows_until(page.glance())
+        return timed.finish(), stopped, stolen, rows
+
+
+def watched_rows(rows: dict[str, Row], unwatched: Row, end: RunEnd) -> dict[str, Row]:
+    """Those of a run with watchers beside what was missed without them: no more may be, as far as runs repeat."""
+    limit = unwatched.max + MISSED_LIMIT if end.statistics.realtime.granted else None
+    missed = row([rows["missed_ticks"].max], "%", limit, "max", rows["missed_ticks"].n)
+    return {**rows, "missed_ticks": missed, "missed_unwatched": unwatched}
 
 
 def loop_rows(end: RunEnd, stopped: int, stolen: float) -> dict[str, Row]:
@@ -90,9 +120,9 @@ def loop_rows(end: RunEnd, stopped: int, stolen: float) -> dict[str, Row]:
     }
 
 
-def sweep(timed: TimedRig, duration: float) -> int:
-    """Move back and forth for so long [s, wall]; the number of motions that did not end as planned."""
-    arm, stopped, until = timed.rig.arm, 0, time.monotonic() + duration
+def sweep(timed: TimedRig, arm: Arm, duration: float) -> int:
+    """Move an arm of a rig back and forth for so long [s, wall]; the number of motions that did not end as planned."""
+    stopped, until = 0, time.monotonic() + duration
     for target in cycle(WAY):
         if time.monotonic() >= until:
             break

@@ -1,13 +1,15 @@
 """Bench ``sim``: how fast the simulated world runs with everything that belongs to it, and whether it repeats itself.
 
-A game of Stockfish against itself in pace fast: world, controller and app are processes of their own. The world keeps
-every command, so that the same ticks can be done again by MuJoCo alone, which is what a tick costs at least. Then the
-game is played once more while another process burns a processor.
+A game of Stockfish against itself in pace fast, world and controller in one process. The world keeps every command, so
+that the same ticks can be done again by MuJoCo alone, which is what a tick costs at least. Then the game is played once
+more, world and controller apart, while another process burns a processor: it is the same game. At last it is played on
+one processor, and twice at once, each on a processor of its own.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -17,25 +19,29 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from app import UserError
 from app.measure.bench.report import BenchReport, Progress, Row, row
 from app.play.launch import run_games
 from app.records import Report
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
+from app.rig.simulation.settings import FAST_TELEMETRY
 from app.settings.files import settings_of
+from app.settings.tree import Processes
 from app.terminal.interface import UserInterface
-from controller.settings import ControllerSettings
 from hardware.interfaces import Pace
 from hardware.sim.process.construction import Construction
-from hardware.sim.process.journal import Replay
+from hardware.sim.process.journal import Replay, step_alone
 from hardware.sim.process.settings import END_FILE, load_settings
 
 SEED: Final = 1
 PLIES: Final = {True: 6, False: 24}  # by ``quick``
 NODES: Final = 20_000
-COST_LIMIT: Final = 1.0 / 8.0
+COST_LIMIT: Final = 1.0 / 20.0
 """Wall time of a simulated second while ticks run, controller in the loop [s]."""
-OVERHEAD_LIMIT: Final = 2.5  # that, over the cost of the same ticks in MuJoCo alone
+OVERHEAD_LIMIT: Final = 1.5  # that, over the cost of the same ticks in MuJoCo alone
+AT_ONCE_LIMIT: Final = 0.85  # speed of each of two games at once, over that of one alone
 CLOSURE_LIMIT: Final = 30.0  # of the arm's loops [µm]
 
 
@@ -69,14 +75,20 @@ def sim_bench(quick: bool, progress: Progress) -> BenchReport:
         first = play(folder / "first", plies)
         progress("its ticks again, without controller and processes")
         again = do_again(folder / "first" / "run")
-        progress("the game again, with a load on the machine")
+        progress("the game again, in separate processes, with a load on the machine")
         with _load():
-            second = play(folder / "second", plies)
-    return BenchReport.of("sim", SEED, rows_of(first, second, again))
+            second = play(folder / "second", plies, Processes.SEPARATE)
+        progress("the game on one processor, and twice at once")
+        cores = sorted(os.sched_getaffinity(0))
+        alone = speeds_of(folder, plies, cores[:1])
+        at_once = speeds_of(folder, plies, cores[:2]) if len(cores) > 1 else []
+    return BenchReport.of("sim", SEED, rows_of(first, second, again, alone, at_once))
 
 
-def rows_of(first: PlayedGame, second: PlayedGame, again: Again) -> dict[str, Row]:
-    """The rows of two games and the ticks of the first one."""
+def rows_of(
+    first: PlayedGame, second: PlayedGame, again: Again, alone: list[float], at_once: list[float]
+) -> dict[str, Row]:
+    """The rows of two games and the ticks of the first one, and of the speeds on single processors."""
     report = first.report
     assert report.speed is not None, "a world of our own has one"
     ticking = again.simulated / report.speed
@@ -88,6 +100,8 @@ def rows_of(first: PlayedGame, second: PlayedGame, again: Again) -> dict[str, Ro
         "mujoco_alone": row([again.wall / again.simulated], "s/s"),
         "over_mujoco": row([ticking / again.wall], "1", OVERHEAD_LIMIT, "max"),
         "speed_under_load": row([second.report.speed or 0.0], "s/s"),
+        "cost_on_one_core": row([1.0 / speed for speed in alone], "s/s", COST_LIMIT, "max"),
+        **({"at_once": row([speed / alone[0] for speed in at_once], "1", AT_ONCE_LIMIT, "least")} if at_once else {}),
         "thinking": row([thinking], "s"),
         "rendering_and_rest": row([first.wall - ticking - thinking], "s"),
         "closure": row([1e6 * again.closure], "µm", CLOSURE_LIMIT, "max"),
@@ -96,7 +110,30 @@ def rows_of(first: PlayedGame, second: PlayedGame, again: Again) -> dict[str, Ro
     }
 
 
-def play(folder: Path, plies: int) -> PlayedGame:
+def speeds_of(folder: Path, plies: int, cores: list[int]) -> list[float]:
+    """Plant time in wall time of games at once, each with all its processes on one of these processors.
+
+    Raises:
+        UserError: one failed.
+    """
+    command = [
+        sys.executable, "-P", "-m", "app.cli", "demo", "--pace", "fast", "--seed", str(SEED), "--plies", str(plies),
+        "--nodes", str(NODES), "--no-cameras", "--no-page", "--linger", "5", "--json", "--out",
+    ]  # fmt: skip
+    games = [
+        subprocess.Popen(
+            ["taskset", "--cpu-list", str(core), *command, str(folder / f"on-{core}-of-{len(cores)}")],
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        )
+        for core in cores
+    ]  # fmt: skip
+    said = [game.communicate()[0] for game in games]
+    if any(game.returncode for game in games):
+        raise UserError("a game on one processor failed: try 'touchmove demo --pace fast --no-cameras'")
+    return [float(json.loads(one)["speed"]) for one in said]
+
+
+def play(folder: Path, plies: int, processes: Processes = Processes.TOGETHER) -> PlayedGame:
     """One game.
 
     Raises:
@@ -104,7 +141,8 @@ def play(folder: Path, plies: int) -> PlayedGame:
     """
     settings = settings_of(
         {
-            "rig.pace": Pace.FAST, "rig.seed": SEED, "rig.video": False, "rig.linger": 5.0, "rig.journal": True,
+            "rig.pace": Pace.FAST, "rig.processes": processes, "rig.seed": SEED, "rig.video": False,
+            "rig.linger": 5.0, "rig.journal": True,
             "game.plies": plies, "engine.nodes": NODES, "out": folder,
         }
     )  # fmt: skip
@@ -117,13 +155,13 @@ def play(folder: Path, plies: int) -> PlayedGame:
 
 
 def _told(path: Path) -> dict[int, str]:
-    """What telemetry says of plant and controller at every 16th tick, at which it is sent in any case.
+    """What telemetry says of plant and controller at the ticks at which it is sent in any case.
 
     What is told in between, and of the link, depends on the machine.
     """
-    every, told = ControllerSettings().telemetry_ticks, dict[int, str]()
+    told = dict[int, str]()
     for _, one in read_telemetry(path):
-        if one.tick % every == 0 and one.tick not in told:
+        if one.tick % FAST_TELEMETRY == 0 and one.tick not in told:
             told[one.tick] = repr(
                 (one.state, one.angle, one.angle_velocity, one.position, one.velocity, one.reference, one.torque,
                  one.finger_position, one.tactile)
@@ -138,18 +176,16 @@ def telemetry_differs(first: dict[int, str], second: dict[int, str]) -> bool:
 
 
 def do_again(run_dir: Path) -> Again:
-    """What a world did, done by MuJoCo alone: timed first, then with a look at the closures in every tick."""
+    """What a world did, done again with a look at the closures in every tick, and then timed by MuJoCo alone."""
     construction, replay = Construction.of(load_settings(run_dir)), Replay(run_dir)
-    plant = construction.plant()
+    watched, alone, widest = construction.plant(), construction.plant(), [0.0]
+    acting = replay.run_watched(watched, lambda: widest.append(max(widest.pop(), watched.closure_gap())))
     since = time.perf_counter()
-    replay.run(plant)
+    step_alone(alone, acting)
     wall = time.perf_counter() - since
-    state = plant.digest()
-    watched, widest = construction.plant(), [0.0]
-    watched.watch_step = lambda: widest.append(max(widest.pop(), watched.closure_gap()))
-    replay.run(watched)
     end = json.loads((run_dir / END_FILE).read_text(encoding="utf-8"))
-    return Again(len(replay) * plant.parameters.drive.tick, wall, widest[0], state != end["state_sha256"])
+    differs = watched.digest() != end["state_sha256"] or not np.array_equal(watched.positions(), alone.positions())
+    return Again(len(replay) * watched.parameters.drive.tick, wall, widest[0], differs)
 
 
 @contextmanager

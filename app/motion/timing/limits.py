@@ -149,7 +149,7 @@ def excess(path: FloatArray, bounds: FloatArray, rows: FloatArray, parts: int) -
     ``path`` is `Path.table`; ``bounds`` of each piece are speed, acceleration, jerk, downward speed, (p, 4), and looked
     at at the ends of ``parts`` of each interval of the law, whose rows have columns as of `curves.ROWS`.
     """
-    out, seen = np.zeros((3, 3)), np.zeros((parts + 1, 6))
+    out, seen = np.zeros((3, 3)), np.zeros((parts + 1, 7))
     fast = strong = sharp = 0.0
     for k in range(rows.shape[0]):
         piece = int(rows[k, 4])
@@ -159,13 +159,15 @@ def excess(path: FloatArray, bounds: FloatArray, rows: FloatArray, parts: int) -
             _by_u(path, rows, k, x, out)
             b = rows[k, 6] + x * (rows[k, 7] + x * rows[k, 8])
             d, c = rows[k, 7] + 2.0 * x * rows[k, 8], 2.0 * rows[k, 8]
-            fast = max(fast, b / _cap(out, speed, downward))
+            seen[part, 6] = b / _cap(out, speed, downward)
+            fast = max(fast, seen[part, 6])
             for i in range(3):
                 a = abs(out[1, i] * b + 0.5 * out[0, i] * d) / acceleration
                 j = abs(math.sqrt(b) * (out[2, i] * b + 1.5 * out[1, i] * d + 0.5 * out[0, i] * c)) / jerk
                 strong, sharp = max(strong, a), max(sharp, j)
                 seen[part, i], seen[part, 3 + i] = a, j
         for part in range(1, parts):
+            fast = max(fast, _peak(seen[part - 1, 6], seen[part, 6], seen[part + 1, 6]))
             for i in range(3):
                 strong = max(strong, _peak(seen[part - 1, i], seen[part, i], seen[part + 1, i]))
                 sharp = max(sharp, _peak(seen[part - 1, 3 + i], seen[part, 3 + i], seen[part + 1, 3 + i]))

@@ -28,10 +28,17 @@ class TorqueModel:
     def __init__(self, parameters: RobotParameters) -> None:
         self._numbers = _numbers(parameters)
 
-    def peak(self, motion: Segment) -> tuple[float, float]:
-        """Largest torque of a motion, and that of rest at its places [N m]; ``ValueError`` if one is out of reach."""
+    def along(self, motion: Segment) -> tuple[FloatArray, FloatArray]:
+        """Torques of some of a motion's samples, ``EVERY`` apart, and those of rest at their places, (n, 3) each [N m];
+        ``ValueError`` if one is out of reach.
+        """
         status, row, torque, holding = torque_demand(*self._numbers, np.ascontiguousarray(motion.table[::EVERY]))
         if status != OK:
             x, y, z = motion.position[EVERY * row].tolist()
             raise ValueError(f"the arm does not reach ({x:.3f}, {y:.3f}, {z:.3f}) m")
+        return torque, holding
+
+    def peak(self, motion: Segment) -> tuple[float, float]:
+        """Largest torque of a motion, and that of rest at its places [N m]; as `along`."""
+        torque, holding = self.along(motion)
         return float(np.abs(torque).max()), float(np.abs(holding).max())

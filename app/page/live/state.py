@@ -96,6 +96,7 @@ class PageState:
                 self._begin()
             case RoundNews():
                 self._round, self._result = news, None
+                self._put_session()
                 self._begin()
             case PhaseNews(text=text):
                 self._hub.put("phase", text)
@@ -182,6 +183,8 @@ class PageState:
         news = self.session
         shown = {"live": self._live and self.ended is None, "ended": self.ended, "shows": self._shows}
         known = {} if news is None else news.model_dump(exclude={"news", "folder", "controller"})
+        if known and self._round is not None and self._round.number > 1:
+            known["start"] = None  # that was the first game's
         self._hub.put("session", {"id": self.session_id, **known, **shown})
 
     def _put_clock(self, news: ClockNews) -> None:

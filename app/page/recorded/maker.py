@@ -3,7 +3,8 @@
 ``record FOLDER ID NUMBER SETS_UP``: a record with all that a slider over it needs. ``robot FOLDER TICK``: what 3-D
 draws of the robot and table of a record, or of the usual ones. ``telemetry FOLDER SINCE UNTIL``: the telemetry of a
 record as columns. ``report FOLDER``: the page of a record. Each goes to stdout; where it cannot be made, a sentence
-goes to stderr, and the status is 2.
+goes to stderr, and the status is 2. What one of them alone needs is loaded for that one: a record is there a second
+sooner.
 """
 
 from __future__ import annotations
@@ -21,13 +22,10 @@ from app.page.live.hub import encoded
 from app.page.live.telemetry import telemetry_shown
 from app.page.recorded.catalogue import RecordPlace, match_of_record
 from app.page.recorded.record import record_shown
-from app.page.robot_scene import robot_scene
 from app.records.events import AnyEvent, read_events
 from app.records.files import EVENTS_FILE, RecordError
 from app.records.robot import RobotRecord, kept_robot
 from app.records.telemetry import TELEMETRY_FILE, read_telemetry
-from app.report.page import report_page
-from app.report.source import read_source
 from controller.protocol.messages import Telemetry
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
@@ -46,6 +44,8 @@ def robot_json(folder: Path | None, tick: float) -> str:
     Raises:
         RecordError: the record's robot cannot be read.
     """
+    from app.page.robot_scene import robot_scene
+
     robot = _robot(folder)
     home = MotionSettings().at(robot.table).home
     return encoded(robot_scene(robot.parameters, robot.table, home, tick))
@@ -101,6 +101,9 @@ def report_html(folder: Path) -> str:
     Raises:
         RecordError: the record cannot be read.
     """
+    from app.report.page import report_page
+    from app.report.source import read_source
+
     return report_page(read_source(folder))
 
 

@@ -41,6 +41,15 @@ function rememberHeld(store) {
   }
 }
 
+/** Whether this browser has to sign in, anew where its sign-in is no longer good. */
+async function signedOut() {
+  try {
+    return (await fetch('/static/theme.js', {cache: 'no-store'})).status === 401;
+  } catch {  // nobody answers: the page is away
+    return false;
+  }
+}
+
 /**
  * Connect a store to the server, for good.
  * @param {import('./store.js').Store} store
@@ -88,12 +97,13 @@ export function connect(store) {
     }
   }
 
-  function lost() {
+  async function lost() {
     store.attach(null);
     store.set('connection', 'away');
     // some randomness, so that five watchers do not come back at the same moment
     timer = setTimeout(open, pause * (0.75 + 0.5 * Math.random()));
     pause = Math.min(2 * pause, LONGEST_PAUSE);
+    if (await signedOut()) window.location.assign('/login');
   }
 
   // who comes back to a tab, or to the net, does not want to wait for the next try

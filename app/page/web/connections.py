@@ -48,16 +48,40 @@ class UnreadTimer:
             self._timer = None
 
 
-class HttpConnection(H11Protocol):
+class EndsWithoutReader(asyncio.Protocol):
+    """Before a protocol of uvicorn's in the order of bases: who does not read is let go of."""
+
+    _unread: UnreadTimer
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """See ``asyncio.BaseProtocol``."""
+        super().connection_made(transport)
+        self._unread = UnreadTimer(cast("asyncio.Transport", transport))
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """See ``asyncio.BaseProtocol``."""
+        self._unread.resumed()
+        super().connection_lost(exc)
+
+    def pause_writing(self) -> None:
+        """See ``asyncio.BaseProtocol``."""
+        super().pause_writing()
+        self._unread.paused()
+
+    def resume_writing(self) -> None:
+        """See ``asyncio.BaseProtocol``."""
+        super().resume_writing()
+        self._unread.resumed()
+
+
+class HttpConnection(EndsWithoutReader, H11Protocol):
     """A connection with requests, one after the other."""
 
     _due: asyncio.TimerHandle | None = None
-    _unread: UnreadTimer
 
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """See ``asyncio.Protocol``."""
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """See ``asyncio.BaseProtocol``."""
         super().connection_made(transport)
-        self._unread = UnreadTimer(transport)
         self.since = self.loop.time()
         self._await_request()
         if len(self.connections) > MOST:
@@ -72,18 +96,7 @@ class HttpConnection(H11Protocol):
     def connection_lost(self, exc: Exception | None) -> None:
         """See ``asyncio.Protocol``."""
         self._forget()
-        self._unread.resumed()
         super().connection_lost(exc)
-
-    def pause_writing(self) -> None:
-        """See ``asyncio.Protocol``."""
-        super().pause_writing()
-        self._unread.paused()
-
-    def resume_writing(self) -> None:
-        """See ``asyncio.Protocol``."""
-        super().resume_writing()
-        self._unread.resumed()
 
     def on_response_complete(self) -> None:
         """An answer was sent."""
@@ -122,30 +135,8 @@ class HttpConnection(H11Protocol):
             self._due = None
 
 
-class WebSocketConnection(WebSocketsSansIOProtocol):
+class WebSocketConnection(EndsWithoutReader, WebSocketsSansIOProtocol):
     """A WebSocket."""
-
-    _unread: UnreadTimer
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """See ``asyncio.BaseProtocol``."""
-        super().connection_made(transport)
-        self._unread = UnreadTimer(cast("asyncio.Transport", transport))
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """See ``asyncio.BaseProtocol``."""
-        self._unread.resumed()
-        super().connection_lost(exc)
-
-    def pause_writing(self) -> None:
-        """See ``asyncio.BaseProtocol``."""
-        super().pause_writing()
-        self._unread.paused()
-
-    def resume_writing(self) -> None:
-        """See ``asyncio.BaseProtocol``."""
-        super().resume_writing()
-        self._unread.resumed()
 
     async def run_asgi(self) -> None:
         """Serve it; a browser that has gone before it was let in is no error."""

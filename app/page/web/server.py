@@ -17,8 +17,7 @@ from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response, StreamingResponse
-from starlette.routing import Mount, Route, WebSocketRoute
-from starlette.staticfiles import StaticFiles
+from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
@@ -32,13 +31,13 @@ from app.page.web.live_socket import Allowance, serve_watcher
 from app.page.web.pictures import STREAM_TYPE, Pictures
 from app.page.web.security import SEALED, Gatekeeper, Names
 from app.page.web.sign_in import SignIn
+from app.page.web.static_files import STATIC, StaticFiles
 from app.records.files import FILM_FILE
 from app.records.game import FRAMES, PGN_FILE
 from app.records.telemetry import TELEMETRY_FILE
 from app.terminal.shown import View
 from hardware.parameters import load_parameters
 
-STATIC: Final = Path(__file__).parents[1] / "static"
 LARGEST_FORM: Final = 2048
 """Of what is sent to sign in [bytes]."""
 TRIES: Final = 10.0
@@ -71,14 +70,15 @@ class _Routes:
         self._site = site
         self._tries = Allowance(1.0 / AGAIN, TRIES)
         self._one_try = asyncio.Lock()
+        self._static = StaticFiles()
 
     def app(self) -> Starlette:
         return Starlette(
             routes=[
-                Route("/", self._page),
+                Route("/", self._static.page),
                 Route("/login", self._form, methods=["GET"]),
                 Route("/login", self._sign_in, methods=["POST"]),
-                Mount("/static", StaticFiles(directory=STATIC)),
+                Route("/static/{name:path}", self._static.file),
                 Route("/picture/{view}.jpg", self._picture),
                 Route("/stream/{view}", self._stream),
                 Route("/robot.json", self._robot),
@@ -94,9 +94,6 @@ class _Routes:
                 WebSocketRoute("/live", self._live),
             ],
         )
-
-    async def _page(self, _: Request) -> Response:
-        return FileResponse(STATIC / "index.html")
 
     async def _live(self, socket: WebSocket) -> None:
         await serve_watcher(socket, self._site.people)

@@ -23,6 +23,7 @@ from app.scene.arm import arm_joints
 from app.scene.frames import (
     BASE,
     BOARD,
+    CAMERA,
     REFERENCE,
     TOOL,
     UPSIDE_DOWN,
@@ -63,7 +64,6 @@ _PATH_OFF: Final = 0.001
 """The path of a motion is drawn with as few points as stay so near to it [m]."""
 _REFERENCE_DIAMETER: Final = 0.008
 _PATH_THICKNESS: Final = 0.002
-CAMERA: Final = "camera"
 
 
 class SceneMessage(NamedTuple):
@@ -136,7 +136,7 @@ class SceneRecorder:
         entities.append(encoding.marker(REFERENCE, REFERENCE, _REFERENCE_DIAMETER, stamp))
         table = table_solids(robot.table)
         for topic, message in (
-            (FIXED_TOPIC, encoding.transforms(fixed_frames(robot.table), stamp)),
+            (FIXED_TOPIC, encoding.transforms(fixed_frames(robot.table, robot.board_from_camera), stamp)),
             (ROBOT_TOPIC, encoding.update(entities)),
             (TABLE_TOPIC, encoding.update([encoding.entity(table.name, table.frame, table.solids, stamp)])),
         ):

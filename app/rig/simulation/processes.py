@@ -1,6 +1,7 @@
 """What runs inside the processes that a rig starts, and inside ``touchmove controller``."""
 
 import contextlib
+import signal
 import subprocess
 import sys
 import tempfile
@@ -12,7 +13,6 @@ from pathlib import Path
 from typing import Final
 
 from app import UserError
-from app.records.files import GAMES
 from app.rig.rig_file import RIG_FILE, RigFile, WorldSection, load_rig, save_rig
 from app.settings.toml import ConfigError
 from app.settings.tree import SIMULATED
@@ -33,12 +33,16 @@ _ALONE: Final = 15.0
 """How long a world waits for the controller that has started it, and has nothing else to do then [s, wall]."""
 
 
+COMMANDS: Final = {"world": ("world",), "controller": ("controller",), "simulation": ("world", "--controlled")}
+"""By which command each of a rig's processes runs; a simulation is a world with its controller."""
+
+
 def spawn(name: str, run_dir: Path) -> subprocess.Popen[bytes]:
-    """Start the world or the controller of a run directory; what it says goes to its log there."""
+    """Start a process of a run directory, one of ``COMMANDS``; what it says goes to its log there."""
     with log_of(name, run_dir).open("ab") as log:
         return subprocess.Popen(
             # -P: a folder of the user's named like one of ours must not come first
-            [sys.executable, "-P", "-m", "app.cli", name, "--run-dir", str(run_dir)],
+            [sys.executable, "-P", "-m", "app.cli", *COMMANDS[name], "--run-dir", str(run_dir)],
             stdin=subprocess.DEVNULL, stdout=log, stderr=log,
             start_new_session=True,  # Ctrl-C reaches its starter alone, which ends the others in order
         )  # fmt: skip
@@ -57,10 +61,23 @@ def last_words(log: Path) -> str | None:
 
 def run_world(run_dir: Path) -> int:
     """The simulated world until it is no longer needed; exit status."""
-    from hardware.sim.process.server import serve
+    from hardware.sim.process.server import world_of
 
-    serve(run_dir)
+    world_of(run_dir).run()
     return 0
+
+
+def run_simulation(run_dir: Path) -> int:
+    """World and controller of a run directory in one thread, until the controller is shut down; exit status."""
+    from hardware.sim.process.inner_bus import InnerServoBus
+    from hardware.sim.process.server import world_of
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the app decides when a world ends
+    rig, world = load_rig(run_dir / RIG_FILE), world_of(run_dir)
+    import controller.loop.server  # noqa: F401 - takes half a second, in which the renderer starts
+
+    with world.open():
+        return _serve(rig, lambda _parameters: InnerServoBus(world), lambda _host, _port: None)
 
 
 def view_world(game: Path | None, progress: Callable[[str], None]) -> int:
@@ -68,6 +85,7 @@ def view_world(game: Path | None, progress: Callable[[str], None]) -> int:
 
     Raises ``UserError`` if none runs, and ``HardwareError`` if there is no screen, or the viewer is not installed.
     """
+    from app.records.files import GAMES
     from hardware.sim.clients.viewer import watch_world
 
     games = sorted(GAMES.glob("*/run"), reverse=True) if game is None else [game / "run", game]

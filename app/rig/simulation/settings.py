@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Final
 
 import chess
 
@@ -14,10 +14,14 @@ from app.settings.toml import ConfigError
 from app.settings.tree import RigSection
 from controller.protocol.key import KEY_FILE
 from controller.settings import ANY_PORT
+from hardware.interfaces import Pace
 from hardware.sim.hand.actions import HandSettings
 from hardware.sim.process.settings import WorldOptions, WorldSettings
 from hardware.table import Colour, TableSettings
 
+FAST_TELEMETRY: Final = 45
+"""Pace fast: telemetry comes each so many ticks, 25 times a second of plant time, together with a film's frames. In
+between nobody has to be asked, and to send, take and record one costs as much as eight ticks."""
 NO_PIECES = f"{chess.Board.empty().board_fen()} w - -"
 """A position for which nothing stands on the table, nor beside the board."""
 
@@ -56,9 +60,11 @@ def rig_for_game(
         chosen["randomisation"] = load_randomisation(section.randomise)
     world = WorldSection(
         **chosen, seed=section.seed, fen=None if board is None else f"{board.board_fen()} w - -", person=person,
-        cameras=section.cameras, linger=section.linger, journal=section.journal,
+        cameras=section.cameras, linger=section.linger, journal=section.journal, processes=section.processes,
     )  # fmt: skip
-    controller = {"linger": max(section.linger, 1e-3), "port": section.port}
+    controller: dict[str, Any] = {"linger": max(section.linger, 1e-3), "port": section.port}
+    if world.pace is Pace.FAST:
+        controller["telemetry_ticks"] = FAST_TELEMETRY
     return own_rig(run_dir, world, controller, table=table, parameters=parameters)
 
 

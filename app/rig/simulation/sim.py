@@ -1,4 +1,4 @@
-"""A simulated rig: a rig file of our own, world and controller as processes, and then a rig as any other.
+"""A simulated rig: a rig file of our own, world and controller in processes or one, and then a rig as any other.
 
 ``SimRig`` starts the processes, or takes over those of a program that was killed, and sees to it that nothing is left
 running and the arm is at rest, however the game ends.
@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Self
 
 from app.records import recording
 from app.records.files import full_disk
@@ -21,8 +22,6 @@ from app.rig.rig_file import RIG_FILE, RigFile, save_rig
 from app.rig.simulation.adopted import Adopted, Process, adopt
 from app.rig.simulation.processes import last_words, log_of, spawn
 from app.rig.simulation.settings import world_settings
-from controller.model.constants import DeltaModel
-from controller.model.workspace import BoardDoesNotFit, require_fit
 from controller.protocol.key import KEY_FILE, KeyFileError, create_key
 from controller.settings import CONTROLLER_FILE
 from controller.wire.errors import ControllerError
@@ -41,14 +40,14 @@ START_TIMEOUT = 120.0
 """World and controller together; the first start on a machine compiles the law [s, wall]."""
 LAST_WORDS_TIME = 2.0
 """For a world that may be ending to say why, when another process has failed first [s, wall]."""
-_NAMES = {"world": "the simulated world", "controller": "the controller"}
+_NAMES = {"simulation": "the simulation", "world": "the simulated world", "controller": "the controller"}
 """Of the processes, for people."""
 END_TIMEOUT = 8.0
 """For each process to end by itself; then it is killed, and the drives' watchdog brakes [s, wall]."""
 
 
 class SimRig(RemoteRig):
-    """A rig whose world and controller are processes of its own. Use as a context manager."""
+    """A rig whose world and controller are processes of its own, or in pace fast one. Use as a context manager."""
 
     def __init__(
         self, rig: RigFile, progress: Callable[[str], None], listener: Listener | None = None, *, new: bool = True
@@ -60,19 +59,44 @@ class SimRig(RemoteRig):
         ``RigFailed`` if the board does not fit the arm, a process ended or did not answer in time, or there is no world
         to take over, and ``RecordError`` if the run directory cannot be written.
         """
-        self._rig, self._run_dir = rig, rig.run_dir
+        self._begin(rig, progress, new)
+        self.connect(progress, listener)
+
+    @classmethod
+    def begin(cls, rig: RigFile, progress: Callable[[str], None], *, new: bool = True) -> Self:
+        """Its processes start; ``connect`` when everything else is ready. Raises as they do together."""
+        rig_begun = cls.__new__(cls)
+        rig_begun._begin(rig, progress, new)
+        return rig_begun
+
+    def _begin(self, rig: RigFile, progress: Callable[[str], None], new: bool) -> None:
+        self._rig, self._run_dir, self._new = rig, rig.run_dir, new
         self._processes: dict[str, Process] = {}
+        """The world's first."""
+        self._together = rig.world_section.together
         self._connected, self._open = False, True
         self._cause: str | None = None
         """Why a process has ended, found when the rig was closed."""
-        try:
+        with self._failing():
             if new:
                 self._start(progress)
             else:
                 self._take_over(progress)
+
+    def connect(self, progress: Callable[[str], None], listener: Listener | None = None) -> Self:
+        """Wait until the arm holds, and take it over."""
+        with self._failing():
+            _require_fit(self._rig)
             self._await_controller()
-            self._connect(progress, listener, forgive=not new)
+            self._connect(progress, listener, forgive=not self._new)
             self._connected = True
+        return self
+
+    @contextmanager
+    def _failing(self) -> Iterator[None]:
+        """Nothing is left of a rig that could not be opened as a whole."""
+        try:
+            yield
         except (ControllerError, KeyFileError, HardwareError) as error:
             cause = self.failure() or full_disk(self._run_dir) or str(error)
             self._give_up()
@@ -93,34 +117,38 @@ class SimRig(RemoteRig):
 
     def _start(self, progress: Callable[[str], None]) -> None:
         """Start world and controller."""
-        _require_fit(self._rig)
         self._prepare()
-        progress("starting the simulated world")
-        self._spawn("world")
-        self._start_controller(progress)
+        self._start_processes(progress, "")
+
+    def _start_processes(self, progress: Callable[[str], None], whence: str) -> None:
+        progress(f"starting the simulated world{whence} (a machine's first start takes 20 s more)")
+        self._spawn("simulation" if self._together else "world")
+        if not self._together:
+            self._spawn("controller")
 
     def _take_over(self, progress: Callable[[str], None]) -> None:
         """Adopt the world, and the controller where there still is one."""
-        pid = world_pid(self._run_dir)
-        if pid is not None and (world := adopt(pid, str(self._run_dir))) is not None:
-            self._processes["world"] = world
-        elif any((self._run_dir / left).exists() for left in (STATE_FILE, LIVE_FILE)):
-            progress("starting the simulated world from where it ended")
-            self._spawn("world")
-        else:
+        pid, controller = world_pid(self._run_dir), self._old_controller()
+        world = adopt(pid, str(self._run_dir)) if pid is not None else None
+        if world is not None and controller is not None:
+            self._together = world.pid == controller.pid
+            self._processes = {"simulation": world} if self._together else {"world": world, "controller": controller}
+            return
+        if world is None and not any((self._run_dir / left).exists() for left in (STATE_FILE, LIVE_FILE)):
             raise RigFailed(
                 f"the simulated world in {self._run_dir} has left no state, so that nobody knows "
                 "where the pieces are: start a new game"
             )
-        if (controller := self._old_controller()) is not None:
-            self._processes["controller"] = controller
+        for left in (CONTROLLER_FILE, KEY_FILE):
+            (self._run_dir / left).unlink(missing_ok=True)
+        create_key(self._run_dir / KEY_FILE)
+        if not (self._run_dir / RIG_FILE).exists():
+            save_rig(self._rig, self._run_dir / RIG_FILE)
+        if world is None:
+            self._start_processes(progress, " from where it ended")
         else:
-            for left in (CONTROLLER_FILE, KEY_FILE):
-                (self._run_dir / left).unlink(missing_ok=True)
-            create_key(self._run_dir / KEY_FILE)
-            if not (self._run_dir / RIG_FILE).exists():
-                save_rig(self._rig, self._run_dir / RIG_FILE)
-            self._start_controller(progress)
+            self._processes["world"], self._together = world, False
+            self._spawn("controller")
 
     def _old_controller(self) -> Process | None:
         try:
@@ -128,10 +156,6 @@ class SimRig(RemoteRig):
         except (OSError, ValueError, KeyError):
             return None
         return adopt(pid, str(self._run_dir))
-
-    def _start_controller(self, progress: Callable[[str], None]) -> None:
-        progress("starting the controller (the first start on a machine compiles its law, about 10 s)")
-        self._spawn("controller")
 
     def _prepare(self) -> None:
         world = world_settings(self._rig)
@@ -159,10 +183,12 @@ class SimRig(RemoteRig):
     def _culprit(self) -> str | None:
         """The process that ended by itself and took others along: one with a failure, the world before others."""
         status = self._statuses()
-        if any(status.values()) and status.get("world", 0) is None:
-            # A world that fails lets its connections go before it is gone itself, and a quick controller ends first.
+        world = next(iter(self._processes), None)
+        gone = self._connected and world_pid(self._run_dir) is None
+        if world is not None and status[world] is None and (gone or any(status.values())):
+            # Its connections are gone before it is gone itself, and a quick controller ends first.
             with suppress(subprocess.TimeoutExpired):
-                self._processes["world"].wait(LAST_WORDS_TIME)
+                self._processes[world].wait(LAST_WORDS_TIME)
             status = self._statuses()
         failed = [name for name, code in status.items() if code]
         if not failed and status and None not in status.values():
@@ -204,7 +230,7 @@ class SimRig(RemoteRig):
             if not orderly:  # somebody has ended meanwhile, and could not be asked
                 self.failure()
             self._open = False
-            killed = [name for name in ("controller", "world") if not self._end(name, orderly)]
+            killed = [name for name in reversed(self._processes) if not self._end(name, orderly)]
             if self._cause is None and orderly and not killed:
                 self._cause = self._ended_otherwise()
             (self._run_dir / KEY_FILE).unlink(missing_ok=True)
@@ -250,7 +276,10 @@ class SimRig(RemoteRig):
 
 
 def _require_fit(rig: RigFile) -> None:
-    """Refuse a board on which the arm cannot play with the heaviest piece, before anything starts."""
+    """Refuse a board on which the arm cannot play with the heaviest piece."""
+    from controller.model.constants import DeltaModel  # it takes half a second, in which the processes start
+    from controller.model.workspace import BoardDoesNotFit, require_fit
+
     heaviest = max(shape.mass for shape in PIECE_SHAPES.values())
     try:
         require_fit(DeltaModel(load_parameters(rig.parameters), heaviest), rig.table)

@@ -73,10 +73,10 @@ class RunEnd:
 class TimedRig:
     """Devices for measurements of time, their rig file, and how the arm moves on them; see ``timed_rig``."""
 
-    def __init__(self, run_dir: Path, seed: int, progress: Callable[[str], None]) -> None:
+    def __init__(self, run_dir: Path, seed: int, progress: Callable[[str], None], *, cameras: bool = False) -> None:
         self.motion = MotionSettings()
         self._started = False
-        world = WorldSection(seed=seed, cameras=False, realtime=True, linger=1.0)
+        world = WorldSection(seed=seed, cameras=cameras, realtime=True, linger=1.0)
         self.file = own_rig(run_dir, world, {"linger": 5.0})
         # not what each of hundreds of motions does
         self.rig = SimRig(self.file, lambda step: None if self._started else progress(step))
@@ -89,13 +89,13 @@ class TimedRig:
 
 
 @contextmanager
-def timed_rig(seed: int, progress: Callable[[str], None]) -> Iterator[TimedRig]:
-    """A rig in a temporary folder: all pieces on the board, no cameras, every process as punctual as the PC allows.
+def timed_rig(seed: int, progress: Callable[[str], None], *, cameras: bool = False) -> Iterator[TimedRig]:
+    """A rig in a temporary folder: all pieces on the board, cameras or none, all as punctual as the PC allows.
 
     The seed decides how the pieces stand. Raises ``RigFailed`` if a process did not start.
     """
     with tempfile.TemporaryDirectory(prefix="touchmove-") as folder:
-        timed = TimedRig(Path(folder) / "run", seed, progress)
+        timed = TimedRig(Path(folder) / "run", seed, progress, cameras=cameras)
         with timed.rig:
             yield timed
 

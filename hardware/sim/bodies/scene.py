@@ -31,6 +31,7 @@ from hardware.sim.bodies.placed import AS_BELIEVED, BoardOffset, StandingPiece
 from hardware.sim.render.appearance import LightSettings
 from hardware.sim.render.d435 import COLOUR_FIELD_OF_VIEW
 from hardware.sim.render.lamps import lamps, set_ambient
+from hardware.sim.render.shapes import COARSE
 from hardware.table import FELT_HEIGHT, FELT_RADIUS, PIECE_SHAPES, Colour, Kind, PieceShape, TableSettings
 from hardware.turned_shapes import turned_mesh
 
@@ -231,10 +232,11 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
     for colour, rgba in PIECE_RGBA.items():
         spec.add_material(name=colour.value, rgba=rgba, specular=0.35, shininess=0.6)  # lacquered wood
     for kind in Kind:
-        vertices, faces = turned_mesh(kind)
-        mesh = spec.add_mesh(name=kind.value)
-        mesh.uservert, mesh.userface = vertices.ravel().tolist(), faces.ravel().tolist()
-        mesh.smoothnormal = True
+        for name, coarse in ((kind.value, False), (kind.value + COARSE, True)):
+            vertices, faces = turned_mesh(kind, coarse=coarse)
+            mesh = spec.add_mesh(name=name)
+            mesh.uservert, mesh.userface = vertices.ravel().tolist(), faces.ravel().tolist()
+            mesh.smoothnormal = True
 
 
 def _drop_looks(spec: mujoco.MjSpec) -> None:

@@ -98,6 +98,19 @@ class Wake(Frozen):
     wake: bool
 
 
+class RecordWish(Frozen):
+    """A camera's wish: positions at every multiple of so many ticks go into a new file, until the visitor leaves."""
+
+    record: Path
+    record_ticks: int = Field(ge=1, le=10**12)
+
+
+class RecordEnd(Frozen):
+    """A visitor's wish that its file ends here; answered when it has."""
+
+    recorded: Literal[True]
+
+
 class TruthRequest(Frozen):
     """The referee's question; it may also start a new peak of the contact force."""
 
@@ -121,7 +134,7 @@ class Change(Frozen):
     mount: MountSettings | None = None
 
 
-CameraRequest = Exposure | Subscription | WatchWish | Wake | Taken
+CameraRequest = Exposure | Subscription | WatchWish | Wake | Taken | RecordWish | RecordEnd
 CAMERA_REQUEST: Final[TypeAdapter[CameraRequest]] = TypeAdapter(CameraRequest)
 
 

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from pydantic import NonNegativeFloat, PositiveInt
 
 from hardware.frozen import FrozenFinite
-from hardware.interfaces import Triple
 from hardware.sim.plant.grip_faults import NEVER, GripFault, GripFaults
 
 _NOISE_TICKS: Final = 1 << 15
@@ -43,33 +42,29 @@ PERFECT: Final = Imperfections()
 class Flaws:
     """Imperfections as one seed makes them.
 
-    ``friction`` are factors of each shaft's, ``ripples`` whether torques are changed at all, ``grip`` when the gripper
-    lets go by itself.
+    ``friction`` are factors of each shaft's, ``noise`` what the right and the left sensor add to the force they feel,
+    by tick modulo its length, (n, 2) [N], ``grip`` when the gripper lets go by itself.
     """
 
     def __init__(self, imperfections: Imperfections, seed: int) -> None:
         rng = np.random.default_rng([seed, 0xF1A5])
         self._set = imperfections
-        self._phases: list[tuple[float, float]] = rng.uniform(-math.pi, math.pi, (3, 2)).tolist()
+        self._phases = rng.uniform(-math.pi, math.pi, (3, 2))
         self.friction: NDArray[np.float64] = 1.0 + imperfections.friction * rng.uniform(-1.0, 1.0, 3)
         offset = imperfections.tactile_offset * rng.uniform(-1.0, 1.0, 2)
-        self._tactile: list[list[float]] = [offset.tolist()]
+        self.noise: NDArray[np.float64] = offset.reshape(1, 2)
         if imperfections.tactile_noise:
-            self._tactile = (offset + imperfections.tactile_noise * rng.standard_normal((_NOISE_TICKS, 2))).tolist()
+            self.noise = offset + imperfections.tactile_noise * rng.standard_normal((_NOISE_TICKS, 2))
         self.grip = GripFault(imperfections.grip, seed)
-        self.ripples = bool(imperfections.torque_ripple or imperfections.cogging)
 
-    def tactile(self, tick: int) -> tuple[float, float]:
-        """What the right and the left sensor add to the force they feel [N]."""
-        right, left = self._tactile[tick % len(self._tactile)]
-        return right, left
+    @property
+    def ripple(self) -> bool:
+        """Whether torques are changed at all."""
+        return bool(self._set.torque_ripple or self._set.cogging)
 
-    def torque(self, asked: Triple, angle: Triple) -> Triple:
-        """What the servomotors make of a torque at these angles [N m, rad]."""
-        a, b, c = (self._of_motor(i, asked[i], angle[i]) for i in range(3))
-        return a, b, c
-
-    def _of_motor(self, motor: int, asked: float, angle: float) -> float:
-        (ripple, cogging), turns = self._phases[motor], self._set.pole_pairs * angle
-        share = self._set.torque_ripple * math.sin(6.0 * turns + ripple)
-        return asked * (1.0 + share) + self._set.cogging * math.sin(12.0 * turns + cogging)
+    def ripples(self, rad_per_count: float) -> NDArray[np.float64]:
+        """Of the torque, as ``tick.rippled`` takes them, for encoders of so many rad a count, (10,)."""
+        flaws = self._set
+        return np.array([
+            flaws.torque_ripple, flaws.cogging, flaws.pole_pairs, rad_per_count, *self._phases.reshape(6)
+        ])  # fmt: skip

@@ -13,32 +13,21 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.interfaces import Command, DriveStatus, Measurement, Triple
+from hardware.interfaces import Command, DriveStatus, Measurement, PlantCall, Triple
 from hardware.parameters import RobotParameters
 from hardware.referee import PiecePose, Truth
-from hardware.sim.bodies.hand import JOINTS, SPRINGS, felt_force
+from hardware.sim.bodies.finger_world import STIFFNESS as SKIN_STIFFNESS
+from hardware.sim.bodies.hand import GRAVITY, JOINTS, SKIN_MASS, SPRINGS
 from hardware.sim.bodies.hand import SENSOR as HAND_SENSOR
 from hardware.sim.plant import tick
 from hardware.sim.plant.imperfections import PERFECT, Flaws
 from hardware.sim.plant.snapshot import STATE, Snapshot
 from hardware.table import Box
 
-ARM_TREES = 4
-"""Kinematic trees of the robot: three legs and the platform. They never sleep."""
-REST_SPEED = 2e-4
-"""All joints of arm and gripper slower than this [rad/s, m/s] count as resting."""
-PIECE_REST_SPEED = 2e-3
-"""An awake piece, held or about to sleep, slower than this counts as resting [m/s] …"""
-PIECE_REST_TURNING = 0.02
-"""… if it also turns more slowly than this [rad/s]. A piece that is gripped while it stands never comes quite to rest:
-its contacts are more than it needs, and the solver lets it tremble by up to 0.007 rad/s."""
-HEAP_REST_SPEED = 5e-3
-HEAP_REST_TURNING = 0.3
-"""The same of a piece in a box [m/s, rad/s]: on bare wood one of some hundred that fell on others trembled for
-good, by up to 0.2 rad/s about the points that held it, and went nowhere; on a lining none was seen to."""
-REST_TICKS = 25
-"""Everything must have been resting for so long."""
-
+LONGEST_RUN: Final = 64
+"""Ticks that ``Plant.run`` advances by at most."""
+SKIN: Final = (SKIN_STIFFNESS, SKIN_MASS * GRAVITY / SKIN_STIFFNESS)
+"""Stiffness of a hand's skin [N/m], and how far its own weight presses it in [m]."""
 _ENABLED, _BRAKED, _SATURATED, _WATCHDOG, _FAULT, _STANDING, _OVERSPEED = map(int, DriveStatus)
 _TRIPS: Final = _WATCHDOG | _FAULT | _OVERSPEED
 """What switches the drives off and stays until they are disabled."""
@@ -81,18 +70,18 @@ class Plant:
         self._steps = _steps_of_a_tick(drive.tick, model.opt.timestep)
         self._boxes = boxes
         self._flaws = flaws or Flaws(PERFECT, 0)
-        self._constants = tick.constants_of(drive.encoder_bits, drive.tick, parameters.tactile.bandwidth)
+        self._constants = tick.constants_of(drive.encoder_bits, drive.tick, parameters.tactile.bandwidth, SKIN)
         self._rad_per_count = 1.0 / float(self._constants[0])
+        self._ripples = self._flaws.ripples(self._rad_per_count)
         self._memory = np.zeros(tick.MEMORY)
+        self._noise = cast("list[list[float]]", self._flaws.noise.tolist())
         mujoco.mj_resetDataKeyframe(model, self.data, 0)
         if snapshot is not None:
             self._restore(snapshot)
         mujoco.mj_forward(model, self.data)
         self._find(pieces)
         self._switches = self._latched = 0
-        self._resting = 0
         self._wake_up()
-        self._peak_hand = 0.0
         self._switch(enabled=False, brake=True)
 
     def _restore(self, snapshot: Snapshot) -> None:
@@ -110,27 +99,36 @@ class Plant:
         self._positions = cast("memoryview[float]", memoryview(data.qpos).toreadonly())
         self._controls = cast("memoryview[float]", memoryview(data.ctrl))
         servos = [model.joint(f"servo{i}") for i in (1, 2, 3)]
-        self._servo_q = np.array([joint.qposadr[0] for joint in servos], dtype=np.int64)
         self._servo_v = np.array([joint.dofadr[0] for joint in servos])
-        self._finger_q = tuple(int(model.joint(f"finger_{side}").qposadr[0]) for side in ("right", "left"))
         others = ["platform_x", "platform_y", "platform_z", "finger_right", "finger_left"]
         others += [f"universal{i}{c}" for i in (1, 2, 3) for c in "ab"]
-        self._arm_v = np.array([*self._servo_v, *(model.joint(name).dofadr[0] for name in others)], dtype=np.int64)
         pads = [int(model.sensor(f"force_{side}").adr[0]) for side in ("right", "left")]
         contacts = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_CONTACT)
         names = {int(model.sensor_adr[i]): model.sensor(int(i)).name for i in contacts}
-        more = [at for at, name in names.items() if at not in pads and name != HAND_SENSOR]
-        self._forces = np.array([*pads, *more], dtype=np.int64)
-        self._touched = [at for at, name in names.items() if name == HAND_SENSOR]
-        self._skin = [int(model.sensor(name).adr[0]) for name in SPRINGS] if self._touched else []
-        self._step = (tick.step_address(), int(model._address), int(data._address))
+        touched = [at for at, name in names.items() if name == HAND_SENSOR]
+        joints = {name: model.joint(name) for name in pieces}
+        self._places = tick.Places(
+            servo_angles=[joint.qposadr[0] for joint in servos],
+            fingers=[int(model.joint(f"finger_{side}").qposadr[0]) for side in ("right", "left")],
+            joints=[*self._servo_v, *(model.joint(name).dofadr[0] for name in others)],
+            forces=[*pads, *(at for at, name in names.items() if at not in pads and name != HAND_SENSOR)],
+            touched=touched,
+            skin=[int(model.sensor(name).adr[0]) for name in SPRINGS] if touched else [],
+            pieces=[(joint.qposadr[0], joint.dofadr[0]) for joint in joints.values()],
+        )
+        self._found = tick.found(self._places)
+        self._step = (tick.step_address(), int(model._address), int(data._address), self._steps)
         self._felt = cast("memoryview[float]", memoryview(cast("Any", self._memory)).toreadonly())
-        self._hand_q = [int(model.joint(name).qposadr[0]) for name in JOINTS[:4]] if self._touched else []
-        self._piece_q = {name: int(model.joint(name).qposadr[0]) for name in pieces}
+        self._hand_q = [int(model.joint(name).qposadr[0]) for name in JOINTS[:4]] if touched else []
+        self._piece_q = {name: int(joint.qposadr[0]) for name, joint in joints.items()}
         self._rest_scale = np.ones(model.nv)
-        for name in pieces:
-            turning = int(model.joint(name).dofadr[0]) + 3
-            self._rest_scale[turning : turning + 3] = PIECE_REST_SPEED / PIECE_REST_TURNING
+        for _, start in self._places.pieces:
+            turning = slice(start + 3, start + 6)
+            self._rest_scale[turning] = tick.PIECE_REST_SPEED / tick.PIECE_REST_TURNING
+        boxes = [(box.x, box.y, box.half_x, box.half_y) for box in self._boxes]
+        self._box_borders = np.array(boxes, dtype=float).reshape(-1, 4)
+        self._fixed: tuple[Any, ...] = (self._found, self._constants, self._rest_scale, self._box_borders, self._memory)
+        self._drives, self._taken = np.zeros(5), np.zeros((LONGEST_RUN, 4))
         ends = [(data.site(f"rod_end{i}"), data.site(f"flange_joint{i}")) for i in (1, 2, 3)]
         self._closures = [(a.xpos, b.xpos) for a, b in ends]
 
@@ -139,8 +137,8 @@ class Plant:
     def _wake_up(self) -> None:
         """Encoders and fingers at the beginning: at rest, with the forces that are there already."""
         memory, sensors = self._memory, self.data.sensordata
-        memory[tick.COUNTS] = np.rint(self.data.qpos[self._servo_q] * self._constants[0])
-        right, left = self._forces[:2]
+        memory[tick.COUNTS] = np.rint(self.data.qpos[self._found.servos] * self._constants[0])
+        right, left = self._places.forces[:2]
         memory[tick.TOUCH] = max(0.0, -sensors[right]), max(0.0, sensors[left])
 
     def _switch(self, enabled: bool, brake: bool) -> None:
@@ -172,8 +170,8 @@ class Plant:
     def measure(self, standing: bool) -> Measurement:
         """What encoders, gripper and tactile sensors say now; the status says so if plant time stood still."""
         a, b, c, v1, v2, v3, right, left, *_ = self._felt
-        scale, q, fingers = self._rad_per_count, self._positions, self._finger_q
-        more_right, more_left = self._flaws.tactile(self.tick)
+        scale, q, fingers = self._rad_per_count, self._positions, self._places.fingers
+        more_right, more_left = self._noise[self.tick % len(self._noise)]
         status = self._latched | self._switches | (_STANDING if standing else 0)
         return Measurement(
             self.tick, (a * scale, b * scale, c * scale), (v1, v2, v3), 0.5 * (q[fingers[0]] + q[fingers[1]]),
@@ -201,9 +199,8 @@ class Plant:
             u1 = u2 = u3 = 0.0
         self._latched = latched
         self._switch(enabled, command.brake or not enabled)
-        if self._flaws.ripples and enabled:
-            a, b, c = (self._felt[i] * self._rad_per_count for i in range(3))
-            u1, u2, u3 = self._flaws.torque((u1, u2, u3), (a, b, c))
+        if self._flaws.ripple and enabled:
+            u1, u2, u3 = tick.rippled((u1, u2, u3), self._memory, self._ripples)
         if self._flaws.grip.possible:
             right, left = self._felt[tick.TOUCH]
             finger = self._flaws.grip.velocity(self.tick, self.parameters.drive.tick, finger, right, left)
@@ -227,67 +224,68 @@ class Plant:
                 mujoco.mj_step(self.model, self.data)
                 self.watch_step()
                 steps -= 1
-        tick.advance(
-            *self._step, steps, self._qpos, self._qvel, self._sensors, self._servo_q, self._arm_v, self._forces,
-            self._constants, self._memory,
-        )  # fmt: skip
+        tick.advance(*self._step[:3], steps, self._qpos, self._qvel, self._sensors, *self._fixed)
         self.tick += 1
-        if self._touched:
-            self._feel_for_the_hand()
-        fastest = self._felt[tick.FASTEST]
-        if fastest > self.parameters.drive.max_speed:
+        self._watch_speed()
+
+    def _watch_speed(self) -> None:
+        if self._felt[tick.FASTEST] > self.parameters.drive.max_speed:
             self._trip(_OVERSPEED)
-        self._watch_rest(fastest)
 
-    def _feel_for_the_hand(self) -> None:
-        """The largest force of the robot on the skin of a person's hand, if there is one in this world."""
-        s = self._sensors
-        for i in self._touched:
-            if s[i] or s[i + 1] or s[i + 2]:
-                x, y, z = (float(s[j]) for j in self._skin)
-                self._peak_hand = max(self._peak_hand, felt_force((x, y, z)))
+    @property
+    def may_run(self) -> bool:
+        """Whether ``run`` does the same as ticks one by one: the drives follow, and nobody wants to see each tick."""
+        return (
+            self._switches == _ENABLED and not self._latched & _TRIPS and self.watch_step is None
+            and not self._flaws.grip.possible
+        )  # fmt: skip
 
-    def _watch_rest(self, fastest: float) -> None:
-        if fastest > 20.0 * REST_SPEED:  # cheap and usual: the arm is under way
-            self._resting = 0
-            return
-        data = self.data
-        quiet = self._felt[tick.ARM_SPEED] < REST_SPEED
-        if quiet and data.ntree_awake > ARM_TREES:
-            awake = data.dof_awake_ind[: data.nv_awake]
-            scaled = np.abs(self._qvel) * self._rest_scale
-            quiet = float(scaled[awake].max()) < PIECE_REST_SPEED
-            if not quiet and self._boxes:
-                quiet = float((scaled * self._calm_heaps())[awake].max()) < PIECE_REST_SPEED
-        self._resting = self._resting + 1 if quiet else 0
+    def run(self, controller: PlantCall, most: int, until_rest: bool) -> tuple[int, int]:
+        """Advance by up to so many ticks, each under the command that the controller has made of the one before.
 
-    def _calm_heaps(self) -> NDArray[np.float64]:
-        """Factors of all velocities, (nv,): below 1 for pieces in a box, which may tremble."""
-        factors = np.ones(self.model.nv)
-        for name, start in self._piece_q.items():
-            x, y = self._positions[start : start + 2]
-            if any(box.holds(x, y) for box in self._boxes):
-                at = int(self.model.joint(name).dofadr[0])
-                factors[at : at + 3] = PIECE_REST_SPEED / HEAP_REST_SPEED
-                factors[at + 3 : at + 6] = PIECE_REST_TURNING / HEAP_REST_TURNING
-        return factors
+        Args:
+            controller: in the same thread; its ``command`` is the one for the first tick.
+            most: ticks at most, and ``LONGEST_RUN``.
+            until_rest: end with the tick in which all has come to rest.
+
+        Returns:
+            How many ticks, and what the controller has said after the last one, see ``PlantCall``.
+        """
+        drive = self.parameters.drive
+        self._drives[:] = (
+            self.tick, self._switches | (self._latched & ~_SATURATED), bool(self._latched & _SATURATED),
+            drive.peak_torque, drive.max_speed,
+        )  # fmt: skip
+        ticks, said = tick.run(  # type: ignore[call-arg]
+            *self._step, self._qpos, self._qvel, self._sensors, self.data.ctrl, *self._fixed, self._flaws.noise,
+            self._ripples, self._drives, min(most, LONGEST_RUN), controller.function, controller.context,
+            controller.measurement, controller.command, self._taken, until_rest,
+        )  # fmt: skip
+        self.tick += ticks
+        self._latched = self._latched & ~_SATURATED | (_SATURATED if self._drives[2] else 0)
+        self._watch_speed()
+        return ticks, said
+
+    def applied(self, ticks: int) -> NDArray[np.float64]:
+        """Torques and finger velocities of so many ticks of the last ``run``, (ticks, 4)."""
+        return self._taken[:ticks]
 
     @property
     def resting(self) -> bool:
         """True when arm, gripper and every piece have been at rest for a while."""
-        return self._resting >= REST_TICKS
+        return self._felt[tick.RESTING] >= tick.REST_TICKS
 
     def arm_speed(self) -> float:
         """Fastest joint of arm and gripper [rad/s, m/s]."""
-        return float(np.abs(self._qvel[self._arm_v]).max())
+        return float(np.abs(self._qvel[self._found.joints]).max())
 
     # the truth
 
     def truth(self, reset_peak: bool) -> Truth:
         """Everything the referee may know; optionally start new peaks of the contact forces."""
-        peak, hand = math.sqrt(self._felt[tick.PEAK_SQUARED]), self._peak_hand
+        peak, hand = math.sqrt(self._felt[tick.PEAK_SQUARED]), self._felt[tick.HAND_PEAK]
         if reset_peak:
-            self._memory[tick.PEAK_SQUARED] = self._peak_hand = 0.0
+            self._memory[tick.PEAK_SQUARED] = self._memory[tick.HAND_PEAK] = 0.0
         poses = tuple(self._pose(name, start) for name, start in self._piece_q.items())
         return Truth(
             self.tick, poses, peak, self.closure_gap(), self.arm_speed(), self.digest(), self._tool(), hand,

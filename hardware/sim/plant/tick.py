@@ -1,13 +1,15 @@
-"""A tick of the plant in one compiled call: MuJoCo's step, then what encoders, speed watch and fingers make of it.
+"""Ticks of the plant, compiled: MuJoCo's step, what encoders, fingers and skin make of it, and whether all rests.
 
 Called from Python one after the other, reading and filtering takes as long as the physics. MuJoCo's own ``mj_step`` is
-called by its address, on the very model and data that Python sees.
+called by its address, on the very model and data that Python sees. A controller in the same thread may be called by its
+address, too: then many ticks follow each other without a line of Python.
 """
 
 import ctypes
 import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import mujoco
 import numba
@@ -17,17 +19,74 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from hardware.interfaces import DriveStatus
+
 Array = NDArray[np.float64]
+Wholes = NDArray[np.int64]
 
 COUNTS: Final = slice(0, 3)
 TOUCH: Final = slice(6, 8)
 PEAK_SQUARED: Final = 8
 FASTEST: Final = 9
 ARM_SPEED: Final = 10
-MEMORY: Final = 11
+RESTING: Final = 11
+HAND_PEAK: Final = 12
+MEMORY: Final = 13
 """What a tick remembers: encoder counts, speeds [rad/s], lagging forces on the right and left pad [N], the square of
-the largest contact force so far [N²], the fastest servomotor [rad/s], and the fastest joint of arm and gripper
-[rad/s, m/s]."""
+the largest contact force so far [N²], the fastest servomotor [rad/s], the fastest joint of arm and gripper
+[rad/s, m/s], for how many ticks all has been at rest, and the largest force on the skin of a hand so far [N]."""
+
+REST_SPEED: Final = 2e-4
+"""All joints of arm and gripper slower than this [rad/s, m/s] count as resting."""
+PIECE_REST_SPEED: Final = 2e-3
+"""An awake piece, held or about to sleep, slower than this counts as resting [m/s] …"""
+PIECE_REST_TURNING: Final = 0.02
+"""… if it also turns more slowly than this [rad/s]. A piece that is gripped while it stands never comes quite to rest:
+its contacts are more than it needs, and the solver lets it tremble by up to 0.007 rad/s."""
+HEAP_REST_SPEED: Final = 5e-3
+HEAP_REST_TURNING: Final = 0.3
+"""The same of a piece in a box [m/s, rad/s]: on bare wood one of some hundred that fell on others trembled for
+good, by up to 0.2 rad/s about the points that held it, and went nowhere; on a lining none was seen to."""
+REST_TICKS: Final = 25
+"""Everything must have been resting for so long."""
+_SATURATED: Final = int(DriveStatus.SATURATED)
+
+
+class Places(NamedTuple):
+    """Where a tick finds its numbers in MuJoCo's arrays of positions, velocities and sensor readings."""
+
+    servo_angles: Sequence[int]
+    """Of the servomotors, among the positions, (3,)."""
+    fingers: Sequence[int]
+    """Of both fingers, among the positions, (2,)."""
+    joints: Sequence[int]
+    """Of arm and gripper, among the velocities."""
+    forces: Sequence[int]
+    """Where contact forces begin, right and left finger first, among the readings."""
+    touched: Sequence[int]
+    """Where contact forces on a hand begin, the same."""
+    skin: Sequence[int]
+    """How far its skin is pressed in, the same, (3,)."""
+    pieces: Sequence[tuple[int, int]]
+    """Of each piece, where its position and where its velocity begins."""
+
+
+class Addresses(NamedTuple):
+    """``Places`` as arrays of addresses."""
+
+    servos: Wholes
+    fingers: Wholes
+    joints: Wholes
+    forces: Wholes
+    touched: Wholes
+    skin: Wholes
+    pieces: Wholes
+
+
+def found(places: Places) -> Addresses:
+    """As compiled functions take them; a list may be empty."""
+    servos, fingers, joints, forces, touched, skin, pieces = (np.array(row, dtype=np.int64) for row in places)
+    return Addresses(servos, fingers, joints, forces, touched, skin, pieces.reshape(-1, 2))
 
 
 def step_address() -> int:
@@ -51,48 +110,180 @@ def _call_step(_typing: Any, step: Any, model: Any, data: Any) -> Any:
     return types.void(step, model, data), generate
 
 
+@intrinsic
+def _call(_typing: Any, function: Any, first: Any, second: Any, third: Any) -> Any:
+    """What ``function(first, second, third)`` returns, all being addresses."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        whole = ir.IntType(64)
+        kind = ir.FunctionType(whole, [whole, whole, whole])
+        return builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), list(arguments[1:]))
+
+    return types.int64(function, first, second, third), generate
+
+
+_FLOATS, _TABLE = types.float64[::1], types.float64[:, ::1]
+_WHOLES, _PAIRS = types.int64[::1], types.int64[:, ::1]
+_PLACES = types.NamedTuple((*[_WHOLES] * 6, _PAIRS), Addresses)  # type: ignore[no-untyped-call]
+_TRIPLE = types.UniTuple(types.float64, 3)  # type: ignore[no-untyped-call]
+_STRETCH = types.UniTuple(types.int64, 2)  # type: ignore[no-untyped-call]
+
+
+@numba.njit(types.void(_FLOATS, _FLOATS, _PLACES, _FLOATS, _TABLE, _FLOATS), cache=True)
+def watch_rest(
+    positions: Array, velocities: Array, places: Addresses, scale: Array, boxes: Array, memory: Array
+) -> None:
+    """Count the ticks for which all has been at rest: the arm by joint, pieces by their velocities times ``scale``.
+
+    Pieces that sleep have no velocity. ``boxes`` are those in which pieces may tremble: x, y, half sizes, (n, 4).
+    """
+    if memory[FASTEST] > 20.0 * REST_SPEED:  # cheap and usual: the arm is under way
+        memory[RESTING] = 0.0
+        return
+    quiet = memory[ARM_SPEED] < REST_SPEED
+    if quiet:
+        fastest = 0.0
+        for i in range(len(velocities)):
+            fastest = max(fastest, abs(velocities[i]) * scale[i])
+        quiet = fastest < PIECE_REST_SPEED
+        if not quiet and len(boxes) > 0:
+            calm = scale.copy()
+            for k in range(len(places.pieces)):
+                x, y = positions[places.pieces[k, 0]], positions[places.pieces[k, 0] + 1]
+                for box in boxes:
+                    if abs(x - box[0]) <= box[2] and abs(y - box[1]) <= box[3]:
+                        at = places.pieces[k, 1]
+                        calm[at : at + 3] *= PIECE_REST_SPEED / HEAP_REST_SPEED
+                        calm[at + 3 : at + 6] *= PIECE_REST_TURNING / HEAP_REST_TURNING
+                        break
+            fastest = 0.0
+            for i in range(len(velocities)):
+                fastest = max(fastest, abs(velocities[i]) * calm[i])
+            quiet = fastest < PIECE_REST_SPEED
+    memory[RESTING] = memory[RESTING] + 1.0 if quiet else 0.0
+
+
 @numba.njit(
-    types.void(
-        types.intp, types.intp, types.intp, types.int64, types.float64[::1], types.float64[::1], types.float64[::1],
-        types.int64[::1], types.int64[::1], types.int64[::1], types.float64[::1], types.float64[::1],
-    ),
-    cache=True,
+    types.void(types.int64, types.int64, types.int64, types.int64, _FLOATS, _FLOATS, _FLOATS, _PLACES, _FLOATS, _FLOATS,
+               _TABLE, _FLOATS), cache=True,
 )  # fmt: skip
 def advance(
     step: int, model: int, data: int, steps: int, positions: Array, velocities: Array, sensors: Array,
-    servos: NDArray[np.int64], joints: NDArray[np.int64], forces: NDArray[np.int64], constants: Array, memory: Array,
+    places: Addresses, constants: Array, scale: Array, boxes: Array, memory: Array,
 ) -> None:  # fmt: skip
     """One tick of so many steps, by the addresses of ``mj_step``, of MuJoCo's model and of its data.
 
-    Of all generalised positions and velocities and all sensor readings, ``servos`` (3,) says where the servomotors'
-    angles are, ``joints`` (n,) where the velocities of arm and gripper are, and ``forces`` (n,) where the contact
-    forces begin, right and left finger first. ``constants`` are of ``constants_of``; ``memory`` is changed, as
+    ``constants`` are of ``constants_of``; ``scale`` and ``boxes`` of ``watch_rest``; ``memory`` is changed, as
     ``MEMORY`` says.
     """
     for _ in range(steps):
         _call_step(step, model, data)  # type: ignore[call-arg]  # the first is the compiler's
-    scale, speed, lag = constants[0], constants[1], constants[2]
+    scale_, speed, lag = constants[0], constants[1], constants[2]
     fastest = 0.0
     for i in range(3):
-        count = np.rint(positions[servos[i]] * scale)
+        count = np.rint(positions[places.servos[i]] * scale_)
         memory[3 + i] = (count - memory[i]) * speed
         memory[i] = count
         fastest = max(fastest, abs(memory[3 + i]))
     memory[FASTEST] = fastest
     quickest = 0.0
-    for i in range(len(joints)):
-        quickest = max(quickest, abs(velocities[joints[i]]))
+    for i in range(len(places.joints)):
+        quickest = max(quickest, abs(velocities[places.joints[i]]))
     memory[ARM_SPEED] = quickest
     # a finger's sensor sits behind its pad and feels the force along the finger axis, pressing positive
+    forces = places.forces
     memory[6] += lag * (max(0.0, -sensors[forces[0]]) - memory[6])
     memory[7] += lag * (max(0.0, sensors[forces[1]]) - memory[7])
     for i in range(len(forces)):
         at = forces[i]
         squared = sensors[at] ** 2 + sensors[at + 1] ** 2 + sensors[at + 2] ** 2
         memory[PEAK_SQUARED] = max(memory[PEAK_SQUARED], squared)
+    for i in range(len(places.touched)):
+        at = places.touched[i]
+        if sensors[at] != 0.0 or sensors[at + 1] != 0.0 or sensors[at + 2] != 0.0:
+            x, y, z = sensors[places.skin[0]], sensors[places.skin[1]], sensors[places.skin[2]] + constants[4]
+            felt = constants[3] * math.sqrt(x * x + y * y + z * z)
+            memory[HAND_PEAK] = max(memory[HAND_PEAK], felt)
+    watch_rest(positions, velocities, places, scale, boxes, memory)
 
 
-def constants_of(encoder_bits: int, tick: float, bandwidth: float) -> Array:
-    """Encoder counts for each rad, rad/s for each count in a tick [s], share in a tick of a bandwidth's lag [rad/s]."""
+def constants_of(encoder_bits: int, tick: float, bandwidth: float, skin: tuple[float, float]) -> Array:
+    """Encoder counts for each rad, rad/s for each count in a tick [s], share in a tick of a bandwidth's lag [rad/s],
+    stiffness of a hand's skin [N/m], and how far its own weight presses it in [m].
+    """
     counts = 2.0**encoder_bits / (2.0 * math.pi)
-    return np.array([counts, 1.0 / (counts * tick), 1.0 - math.exp(-bandwidth * tick)])
+    return np.array([counts, 1.0 / (counts * tick), 1.0 - math.exp(-bandwidth * tick), *skin])
+
+
+@numba.njit(types.float64(types.float64, types.int64, _FLOATS, _FLOATS), cache=True)
+def _rippled(asked: float, i: int, memory: Array, ripples: Array) -> float:
+    """Of one motor."""
+    turns = ripples[2] * (memory[i] * ripples[3])
+    share = ripples[0] * math.sin(6.0 * turns + ripples[4 + 2 * i])
+    made: float = asked * (1.0 + share) + ripples[1] * math.sin(12.0 * turns + ripples[5 + 2 * i])
+    return made
+
+
+@numba.njit(_TRIPLE(_TRIPLE, _FLOATS, _FLOATS), cache=True)
+def rippled(asked: tuple[float, float, float], memory: Array, ripples: Array) -> tuple[float, float, float]:
+    """What the servomotors make of a torque [N m] at the angles that the encoders say.
+
+    ``ripples``: amplitude as a share of the torque, that of cogging [N m], pole pairs, rad for each encoder count, then
+    the phases of ripple and cogging of each motor [rad], (10,).
+    """
+    return (
+        _rippled(asked[0], 0, memory, ripples),
+        _rippled(asked[1], 1, memory, ripples),
+        _rippled(asked[2], 2, memory, ripples),
+    )
+
+
+@numba.njit(
+    _STRETCH(
+        types.int64, types.int64, types.int64, types.int64, _FLOATS, _FLOATS, _FLOATS, _FLOATS, _PLACES, _FLOATS,
+        _FLOATS, _TABLE, _FLOATS, _TABLE, _FLOATS, _FLOATS, types.int64, types.int64, types.int64, _FLOATS, _FLOATS,
+        _TABLE, types.boolean,
+    ), cache=True,
+)  # fmt: skip
+def run(
+    step: int, model: int, data: int, steps: int, positions: Array, velocities: Array, sensors: Array, controls: Array,
+    places: Addresses, constants: Array, scale: Array, boxes: Array, memory: Array, noise: Array, ripples: Array,
+    drives: Array, most: int, function: int, context: int, measurement: Array, command: Array, applied: Array,
+    until_rest: bool,
+) -> tuple[int, int]:  # fmt: skip
+    """Ticks one after the other, each as ``Plant.measure``, ``.apply`` and ``.step`` would do it, with enabled drives.
+
+    ``step`` to ``sensors`` and ``places`` to ``memory`` are as of ``advance``; ``controls`` are MuJoCo's, for the
+    servomotors' torques and the fingers. ``noise`` is that of the pads' sensors, by tick modulo its length, (n, 2)
+    [N]; ``ripples`` are of ``rippled``, the first two 0 where there are none. ``drives``: tick, status without
+    SATURATED, 1 if that was in the last command's, peak torque [N m], speed at which the drives trip [rad/s], (5,);
+    tick and third change. Of ``function``, ``context``, ``measurement`` and ``command`` see ``PlantCall``; ``applied``
+    are the commands as they were applied, (most, 4). ``until_rest``: end with the tick in which all has been at rest
+    for long enough.
+
+    Returns:
+        How many ticks, and what the function returned last.
+    """
+    ran = said = 0
+    scale_ = 1.0 / constants[0]
+    while ran < most:
+        row = noise[int(drives[0]) % len(noise)]
+        measurement[0] = drives[0]
+        for i in range(3):
+            measurement[1 + i], measurement[4 + i] = memory[i] * scale_, memory[3 + i]
+        measurement[7] = 0.5 * (positions[places.fingers[0]] + positions[places.fingers[1]])
+        measurement[8], measurement[9] = memory[6] + row[0], memory[7] + row[1]
+        measurement[10] = drives[1] + (_SATURATED if drives[2] != 0.0 else 0)
+        u = command[0], command[1], command[2]
+        drives[2] = 1.0 if max(abs(u[0]), abs(u[1]), abs(u[2])) > drives[3] else 0.0
+        applied[ran] = command
+        if ripples[0] != 0.0 or ripples[1] != 0.0:
+            u = rippled(u, memory, ripples)
+        controls[0], controls[1], controls[2], controls[3] = u[0], u[1], u[2], command[3]
+        advance(step, model, data, steps, positions, velocities, sensors, places, constants, scale, boxes, memory)
+        drives[0] += 1.0
+        ran += 1
+        said = _call(function, measurement.ctypes.data, command.ctypes.data, context)  # type: ignore[call-arg]
+        if said != 0 or memory[FASTEST] > drives[4] or (until_rest and memory[RESTING] >= REST_TICKS):
+            break
+    return ran, said

@@ -1,8 +1,13 @@
 """Every command that a world's drives were given, tick by tick: a run can be done again without a controller."""
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from hardware.interfaces import Command, HardwareError
 from hardware.sim.clients import wire
@@ -64,3 +69,26 @@ class Replay:
             if command is not None:
                 plant.apply(command)
             plant.step()
+
+    def run_watched(self, plant: Plant, watch: Callable[[], None]) -> list[NDArray[np.float64]]:
+        """As ``run``, with a look after each step; what acted in each step, for ``step_alone``."""
+        acting = list[NDArray[np.float64]]()
+
+        def look() -> None:
+            watch()
+            acting.append(np.concatenate((plant.data.ctrl, plant.model.dof_frictionloss)))
+
+        plant.watch_step = look
+        self.run(plant)
+        return acting
+
+
+def step_alone(plant: Plant, acting: list[NDArray[np.float64]]) -> None:
+    """From the start of a plant the same steps by MuJoCo alone, without drives; ticks are not counted."""
+    model, data = plant.model, plant.data
+    controls, last = len(data.ctrl), np.empty(0)
+    for one in acting:
+        if not np.array_equal(one, last):
+            data.ctrl[:], model.dof_frictionloss[:] = one[:controls], one[controls:]
+            last = one
+        mujoco.mj_step(model, data)

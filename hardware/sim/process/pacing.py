@@ -37,12 +37,12 @@ class SpeedMeter:
         self.wall = 0.0
         self._last: float | None = None
 
-    def ran(self) -> None:
-        """A tick has run."""
+    def ran(self, ticks: int) -> None:
+        """So many ticks have run since it was last told."""
         now = time.perf_counter()
         if self._last is not None:
             self.wall += now - self._last
-            self.ticks += 1
+            self.ticks += ticks
         self._last = now
 
     def stood(self) -> None:

@@ -14,19 +14,20 @@ import json
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
+from typing import Final
 
 import mujoco
 
-from hardware.interfaces import Command, HardwareError, Pace
+from hardware.interfaces import Command, HardwareError, Measurement, Pace, PlantCall, Stretch
 from hardware.realtime import real_time
 from hardware.sim.clients import wire
 from hardware.sim.hand.hand import Hand
 from hardware.sim.plant.live_state import LIVE_FILE, LiveState, load_live_state
 from hardware.sim.plant.snapshot import STATE_FILE, load_snapshot, save_snapshot
-from hardware.sim.process.camera_service import CameraService
+from hardware.sim.process.cameras.camera_service import CameraService
 from hardware.sim.process.connections import Service, Visitors
 from hardware.sim.process.construction import Construction
 from hardware.sim.process.hand_service import HandService
@@ -43,6 +44,8 @@ NAP = 0.010
 """How long the world listens at a time while nobody holds the drives and nothing moves [s]."""
 PATIENCE = 0.1
 """Pace fast: how long the world listens at a time while the controller does not ask for a tick [s]."""
+MOMENT = 0.002
+"""Pace fast: how long the world listens at a time while plant time waits for a picture [s]."""
 OTHERS_EVERY = 8
 """Pace fast, while the controller is busy: others are heard in each so manieth tick; none of them is in a hurry."""
 LONGEST_UNREST = 5.0
@@ -50,8 +53,11 @@ LONGEST_UNREST = 5.0
 fingers, while nobody needs time for anything else [s, plant]."""
 LONGEST_REST = 20.0
 """Plant time in which everything must have come to rest at the end [s]."""
-REALTIME_PRIORITY = 90
-"""Above the controller's."""
+REALTIME_PRIORITY = 90  # above the controller's
+
+
+_SERVED: Final = object()
+Tell = Callable[[Measurement], None]
 
 
 class World:
@@ -64,7 +70,7 @@ class World:
         self._renderer: Renderer | None = None
         if settings.cameras:
             mujoco.mj_saveModel(construction.model(looks=True), str(run_dir / MODEL_FILE))
-            self._renderer = Renderer(run_dir)
+            self._renderer = Renderer(run_dir, alone=settings.pace is Pace.FAST)
         before = load_snapshot(run_dir / STATE_FILE) or load_live_state(run_dir / LIVE_FILE)
         self.plant = plant = construction.plant(before)
         self._left_in_motion = before is not None and not before.at_rest
@@ -95,7 +101,9 @@ class World:
         }  # fmt: skip
         self._visitors = Visitors(run_dir, services)
         self._applied: Command | None = None
-        self._said = b""
+        self._said = plant.measure(standing=False)
+        self._serving: Iterator[None] | None = None
+        self._again = False
         self._reported = -1
         self._missed = 0
         self._turns = 0
@@ -109,16 +117,21 @@ class World:
         """
         signal.signal(signal.SIGTERM, self._end)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the app decides when a world ends
+        with self.open(), self._punctual():
+            if not self._fast:
+                self._live.write_aside()
+            while not self._ending:
+                self._turn()
+
+    @contextlib.contextmanager
+    def open(self) -> Iterator[None]:
+        """Ready to serve; afterwards at rest, with a snapshot on the disk. Raises as ``run``."""
         try:
             if self._renderer is not None:
                 self._renderer.wait_ready()
             if self._left_in_motion:
                 self._come_to_rest()  # as after a power cut: on the brakes, before anybody is there again
-            with self._punctual():
-                if not self._fast:
-                    self._live.write_aside()
-                while not self._ending:
-                    self._turn()
+            yield
             self._come_to_rest()
             self._write_snapshot()
         finally:
@@ -162,18 +175,70 @@ class World:
             drives.spin()
         command = drives.take()
         if command is None:
-            self._listen(PATIENCE)
+            self.listen(MOMENT if self.held_up else PATIENCE)
+        else:
+            self.exchange(command, self._tell)
+
+    def exchange(self, command: Command, tell: Tell) -> None:
+        """Pace fast: take a command in, and tell its controller the measurement at the present tick.
+
+        The command is carried out where something needs time, and then it acts from this tick on. While plant time
+        waits for a picture, and once after that, the last measurement is told again: the controller goes on reading its
+        sockets, and has read them once more before it gives the command for the tick that comes.
+        """
+        if self._again:
+            self._again = self.held_up
+            self.listen(MOMENT if self.held_up else 0.0)
+            tell(self._said)
             return
         self._turns += 1
         if not command.busy or self._turns % OTHERS_EVERY == 0:
-            self._listen(0.0)
+            self.listen(0.0)
         if not self._needs_time(command):
             self._speed.stood()
-            self._listen(STANDING_WAIT)
+            self.listen(STANDING_WAIT)
         if self._needs_time(command):  # perhaps somebody asked for time meanwhile
-            self._exchange(command)
+            self._exchange(command, tell)
         else:
-            self._answer()
+            self._answer(tell)
+
+    def run_plainly(self, controller: PlantCall, most: int, busy: bool) -> Stretch:
+        """Pace fast: as many exchanges as nobody has to be asked for; see ``ServoBusInThread.run``."""
+        self.listen(0.0)
+        plant, last = self.plant, self._applied
+        standing = self._reported == plant.tick
+        if self._again or standing or last is None or self._hand.busy or not plant.may_run:
+            return Stretch(0, 0, self._said)
+        asked = Command(last.torque, float(controller.command[3]), False, True, busy)
+        needed = busy or self._others_wait()
+        if not needed:
+            if plant.resting or self._differs(asked):
+                return Stretch(0, 0, self._said)
+            most = min(most, self._longest_idle - self._idle)
+        most = min(most, min(self._clocks.due, self._cameras.due) - plant.tick)
+        if most <= 0:
+            return Stretch(0, 0, self._said)
+        ticks, said = plant.run(controller, most, until_rest=not needed)
+        self._idle = 1 if needed else self._idle + ticks  # as exchanges one by one would leave it
+        self._missed, self._reported, self._said = 0, plant.tick - 1, controller.measured()
+        applied = plant.applied(ticks)
+        *torque, finger = applied[-1].tolist()
+        self._applied = asked._replace(torque=tuple(torque), finger_velocity=finger)
+        if self._journal is not None:
+            for *torque, finger in applied.tolist():
+                self._journal.ran(asked._replace(torque=tuple(torque), finger_velocity=finger))
+        self._speed.ran(ticks)
+        self._advanced()
+        return Stretch(ticks, said, self._said)
+
+    def hold_drives(self) -> None:
+        """Nobody who comes to the door gets the drives."""
+        self._drives.taken = True
+
+    @property
+    def held_up(self) -> bool:
+        """Pace fast: plant time waits for a picture, or for its taker."""
+        return self._serving is not None
 
     def _needs_time(self, command: Command) -> bool:
         if command.busy or self._others_wait():
@@ -191,60 +256,56 @@ class World:
     def _lonely_turn(self) -> None:
         """Nobody holds the drives: if somebody did, come to rest on the brakes, then stand unless others need time."""
         self._speed.stood()
-        self._reported = -1
+        self._reported, self._again = -1, False
         moving = self._applied is not None and not (self.plant.resting and self.plant.braked)
-        if moving or self._others_wait():
-            self._listen(0.0)
+        if self.held_up:
+            self.listen(MOMENT)
+        elif moving or self._others_wait():
+            self.listen(0.0)
             self._miss()
         else:
-            self._listen(NAP)
+            self.listen(NAP)
 
     # pace real
 
     def _real_turn(self) -> None:
         drives, now = self._drives, time.monotonic()
         due, latest = self._pacer.next(now)
-        self._listen(0.0)
+        self.listen(0.0)
         if drives.controller is None and self.plant.resting and due > now:
             due += NAP  # a bunch of ticks at a time will do
         while (left := due - time.monotonic()) > 0.0:
-            self._listen(left)
+            self.listen(left)
         while drives.command is None and drives.controller and (left := latest - time.monotonic()) > 0.0:
-            self._listen(left)
+            self.listen(left)
         self._pacer.ran(time.monotonic())
         command = drives.take()
         if command is None:
             self._miss()
         else:
-            self._exchange(command)
+            self._exchange(command, self._tell)
 
     # a tick
 
-    def _exchange(self, command: Command) -> None:
+    def _exchange(self, command: Command, tell: Tell) -> None:
         """Answer with the present measurement, then advance: the command acts from this tick on."""
         self._missed = 0
         self._idle += 1
-        self._answer()
+        self._answer(tell)
         self.plant.apply(command)
         self._applied = command
         self._advance(command)
 
-    def _answer(self) -> None:
-        controller, tick = self._drives.controller, self.plant.tick
-        if controller is not None:
-            self._said = wire.pack_measurement(self.plant.measure(standing=tick == self._reported))
-            controller.send(self._said)
-            self._reported = tick
+    def _answer(self, tell: Tell) -> None:
+        tick = self.plant.tick
+        self._said = self.plant.measure(standing=tick == self._reported)
+        self._reported = tick
+        tell(self._said)
 
-    def _wait_for_picture(self, longest: float) -> None:
-        """Plant time waits: hear others, and tell the controller what it knows, so that it goes on reading its sockets.
-
-        It keeps its command for the tick that comes; the new measurement is told only when that command is taken.
-        """
-        self._listen(longest)
-        if self._drives.take() is not None and self._drives.controller is not None:
-            time.sleep(STANDING_WAIT)
-            self._drives.controller.send(self._said)
+    def _tell(self, measurement: Measurement) -> None:
+        """Tell the controller, which may be gone."""
+        if self._drives.controller is not None:
+            self._drives.controller.send(wire.pack_measurement(measurement))
 
     def _miss(self) -> None:
         """A tick without a command: the last one stays in force until the watchdog of the drives brakes."""
@@ -263,19 +324,36 @@ class World:
         if self._hand.busy:
             self._hand.drive()
         plant.step()
-        self._live.keep(plant.tick)
         if self._journal is not None:
             self._journal.ran(command)
-        self._speed.ran()
+        self._speed.ran(1)
+        self._advanced()
+
+    def _advanced(self) -> None:
+        """Ticks have passed: keep the state, and serve whoever was waiting for this one."""
+        plant = self.plant
+        self._live.keep(plant.tick)
         if self._clocks.due <= plant.tick:
             self._clocks.serve()
-        if self._cameras.due <= plant.tick and self._cameras.serve(self._wait_for_picture if self._fast else None):
+        if self._cameras.due <= plant.tick:
+            self._serving = self._cameras.serve(waits=self._fast)
+            self._go_on_serving()
+            self._again = self.held_up
+
+    def _go_on_serving(self) -> None:
+        if self._serving is None:
+            return
+        if next(self._serving, _SERVED) is _SERVED:
+            self._serving = None
+        else:
             self._speed.stood()
             self._drives.excuse()
 
-    def _listen(self, timeout: float) -> None:
-        self._visitors.listen(timeout)
+    def listen(self, seconds: float) -> None:
+        """Hear visitors, or wait for some for so long [s, wall]; go on with pictures that plant time waits for."""
+        self._visitors.listen(seconds)
         self._cameras.look()
+        self._go_on_serving()
 
     # the end
 
@@ -313,13 +391,9 @@ class World:
         (self._run_dir / MODEL_FILE).unlink(missing_ok=True)
 
 
-def serve(run_dir: Path) -> None:
-    """Run a world from the settings in a run directory until it is no longer needed; raises ``HardwareError`` if
-    settings or parameters are missing or impossible, or there is no OpenGL for the cameras.
-    """
-    settings = load_settings(run_dir)
+def world_of(run_dir: Path) -> World:
+    """The world of a run directory; ``HardwareError``: its settings or parameters are missing or impossible."""
     try:
-        world = World(run_dir, settings)
+        return World(run_dir, load_settings(run_dir))
     except ValueError as error:
         raise HardwareError(f"this world cannot be made: {error}") from error
-    world.run()

@@ -20,13 +20,15 @@ NEVER: Final = 1 << 62
 class Drives(Service):
     """The servo bus: one controller at a time, None while nobody holds the drives.
 
-    ``command`` was received and is not yet carried out; ``goodbye``: a controller has ended in good order, and with it
+    ``taken``: a controller in this very process holds them; ``command`` was received and is not yet carried out;
+    ``goodbye``: a controller has ended in good order, and with it
     the world. It waits ``first`` for its first controller, ``linger`` for another one once that is gone [s, wall].
     """
 
     def __init__(self, facts: dict[str, Any], first: float, linger: float) -> None:
         super().__init__(facts)
         self.controller: Visitor | None = None
+        self.taken = False
         self.command: Command | None = None
         self.goodbye = False
         self._receiver: wire.Receiver | None = None
@@ -36,7 +38,7 @@ class Drives(Service):
 
     def welcome(self, visitor: Visitor) -> dict[str, Any]:
         """See ``Service``."""
-        if self.controller is not None:
+        if self.taken or self.controller is not None:
             raise Refused("another controller holds the drives: there can be only one")
         self.controller, self._patience = visitor, SILENCE
         self._receiver = wire.Receiver(visitor.link)

@@ -22,7 +22,8 @@ from hardware.sim.bodies.scene import build_model
 from hardware.sim.render.appearance import CameraSettings, MountSettings, SceneState
 from hardware.sim.render.camera_mount import Mount
 from hardware.sim.render.d435 import LEFT_IMAGER, colour_intrinsics, depth_intrinsics
-from hardware.sim.render.renderer import Sensor
+from hardware.sim.render.quality import FILM
+from hardware.sim.render.renderer import RenderRequest, Sensor
 from hardware.sim.render.still import VIEW, StillRenderer
 from hardware.table import Colour, PieceSpec, TableSettings
 
@@ -90,6 +91,20 @@ class TableStudio:
         sensor = Sensor(camera=self._camera, seed=seed, tick=self._taken, depth=True)
         colour, depth = self._still.draw(self._positions(poses, hand), looks, sensor)
         return self._device.frame(colour, depth, self._taken / 30.0)
+
+    def glance(self, poses: Iterable[PlacedPiece], seed: int) -> None:
+        """Draw what a guard would see, and drop it; for who wants to know what it costs."""
+        sensor = Sensor(camera=self._camera, seed=seed, tick=self._taken, depth=True, colour=False, glance=True)
+        self._still.request(RenderRequest(slot=0, view=VIEW, sensor=sensor), self._positions(poses, None))
+
+    def colour(self, poses: Iterable[PlacedPiece], seed: int) -> None:
+        """Draw what the colour sensor would see, without depth, and drop it."""
+        sensor = Sensor(camera=self._camera, seed=seed, tick=self._taken, depth=False)
+        self._still.request(RenderRequest(slot=0, view=VIEW, sensor=sensor), self._positions(poses, None))
+
+    def film(self, poses: Iterable[PlacedPiece]) -> None:
+        """Draw a picture of a film, and drop it."""
+        self._still.request(RenderRequest(slot=0, view="film", quality=FILM), self._positions(poses, None))
 
     def camera_from_board(self, mount: MountSettings) -> NDArray[np.float64]:
         """The truth: how the camera really hangs, shape (4, 4)."""

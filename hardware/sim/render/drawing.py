@@ -4,6 +4,7 @@ import os
 import signal
 import socket
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import mujoco
@@ -14,6 +15,8 @@ from hardware.sim.render.appearance import SceneState
 from hardware.sim.render.camera_mount import Mount
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH, GLANCE, LEFT_IMAGER, colour_intrinsics
 from hardware.sim.render.lamps import set_lamps
+from hardware.sim.render.quality import GLARE, LOOK, PictureQuality
+from hardware.sim.render.rasteriser import FreeView, Rasteriser
 from hardware.sim.render.renderer import (
     DEPTH_BYTES,
     FRAME_BYTES,
@@ -40,8 +43,6 @@ from hardware.sim.render.sensor_model import (
 ROD_HALF_DISTANCE = 0.024
 """Between the rods of a pair, each from the middle [m]; they are drawn, the physics lumps them."""
 ROD_RADIUS = 0.004
-SAMPLES = 4
-"""Of each pixel of a colour picture."""
 COARSE = 2
 """What tells of glare alone has so many times fewer pixels along each axis."""
 NICE = 5
@@ -72,28 +73,22 @@ def draw_rods(scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
 
 
 class SceneDrawer:
-    """The world as it is drawn: a model of its own, compiled with looks, and a renderer for each size of picture."""
+    """The world as it is drawn: a model of its own, compiled with looks."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
         # with sleep on, MuJoCo would leave lamps and cameras where they were at first
         model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
         self._data = mujoco.MjData(model)
-        self._renderers: dict[tuple[int, int], mujoco.Renderer] = {}
-        self._option = mujoco.MjvOption()
-        self._option.geomgroup[3] = 0
+        self._rasteriser = Rasteriser(model, draw_rods)
         self._mount = Mount(model, SENSOR_VIEW)
+        self._aside = ThreadPoolExecutor(1, "colour")
         self._looks = SceneState()  # as the scene is compiled
         mujoco.mj_forward(model, self._data)
 
     def draw(self, shot: RenderRequest, positions: NDArray[np.float64], file: NDArray[np.uint8]) -> None:
         """Draw a picture of all joints' positions (nq,) into the bytes of a slot's file, shape (``FRAME_BYTES``,)."""
-        self._data.qpos[:] = positions
-        mujoco.mj_kinematics(self._model, self._data)
-        if shot.looks is not None and shot.looks.light != self._looks.light:
-            set_lamps(self._model, shot.looks.light)
-        self._looks = shot.looks or self._looks
-        self._mount.look(self._looks.mount, depth=False)
+        self.arrange(positions, shot.looks)
         sensor = shot.sensor
         if sensor is not None and sensor.glance:
             self._mount.look(self._looks.mount, depth=True)
@@ -103,28 +98,44 @@ class SceneDrawer:
         if sensor is not None and not sensor.colour:
             self._sense_depth(sensor, file, self._glance(sensor))
             return
-        picture = self._sense(sensor, file) if sensor is not None else self._see(shot.view, WIDTH, HEIGHT)
+        picture = self._sense(sensor, file) if sensor is not None else self.see(shot.view, WIDTH, HEIGHT, shot.quality)
         file[DEPTH_BYTES : DEPTH_BYTES + picture.size] = picture.ravel()
+
+    def arrange(self, positions: NDArray[np.float64], looks: SceneState | None = None) -> None:
+        """Let all joints be at their positions (nq,); None: light and camera are as they were before."""
+        self._data.qpos[:] = positions
+        mujoco.mj_kinematics(self._model, self._data)
+        if looks is not None and looks.light != self._looks.light:
+            set_lamps(self._model, looks.light)
+        self._looks = looks or self._looks
+        self._mount.look(self._looks.mount, depth=False)
+
+    def see(self, view: str | FreeView, width: int, height: int, quality: PictureQuality) -> NDArray[np.uint8]:
+        """A clean picture of a view, RGB (height, width, 3)."""
+        mujoco.mj_camlight(self._model, self._data)
+        self._rasteriser.aim(self._data, view)
+        return self._rasteriser.colour(width, height, quality)
 
     def warm_up(self) -> None:
         """Draw once. Raises whatever OpenGL raises where it does not work; the world tells the last line of it."""
-        self._see(SENSOR_VIEW, WIDTH, HEIGHT)
+        self.see(SENSOR_VIEW, WIDTH, HEIGHT, LOOK)
 
     def close(self) -> None:
         """Give OpenGL back."""
-        for renderer in self._renderers.values():
-            renderer.close()
+        self._aside.shutdown()
+        self._rasteriser.close()
 
     def _sense(self, sensor: Sensor, file: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """The colour picture; depth goes into the file at once, if it is wanted."""
         camera, exposure = sensor.camera, self._looks.exposure
-        ideal = self._see(SENSOR_VIEW, camera.width, camera.height)
+        ideal = self.see(SENSOR_VIEW, camera.width, camera.height, LOOK)
+        errors = self._aside.submit(  # beside depth and its own errors, which take as long
+            colour_picture, ideal, COLOUR.noisier(camera.noise) if camera.noise else None, exposure=exposure.time,
+            gain=exposure.gain, white_balance=exposure.white_balance, rng=_noise(sensor, _COLOUR_NOISE),
+        )  # fmt: skip
         if sensor.depth:
             self._sense_depth(sensor, file, ideal)
-        return colour_picture(
-            ideal, COLOUR.noisier(camera.noise) if camera.noise else None, exposure=exposure.time, gain=exposure.gain,
-            white_balance=exposure.white_balance, rng=_noise(sensor, _COLOUR_NOISE),
-        )  # fmt: skip
+        return errors.result()
 
     def _sense_depth(self, sensor: Sensor, file: NDArray[np.uint8], ideal: NDArray[np.uint8]) -> None:
         self._mount.look(self._looks.mount, depth=True)
@@ -133,7 +144,7 @@ class SceneDrawer:
 
     def _glimpse(self, sensor: Sensor) -> NDArray[np.uint16]:
         """Coarse depth without glare, which takes four times as long: the board glares, not what is before it."""
-        depth, camera = self._see_depth(DEPTH_WIDTH // GLANCE, DEPTH_HEIGHT // GLANCE), sensor.camera
+        depth, camera = self._see_depth(DEPTH_WIDTH // GLANCE, DEPTH_HEIGHT // GLANCE, coarse=True), sensor.camera
         if not camera.noise:
             return whole_units(depth, camera.depth_unit)
         noise = _noise(sensor, _GLANCE_NOISE)
@@ -146,8 +157,7 @@ class SceneDrawer:
         are none, and bright squares would not glare.
         """
         width, height = sensor.camera.width // COARSE, sensor.camera.height // COARSE
-        picture: NDArray[np.uint8] = self._prepared(SENSOR_VIEW, width, height, samples=0).render()
-        return picture
+        return self.see(SENSOR_VIEW, width, height, GLARE)
 
     def _measure(self, sensor: Sensor, depth: NDArray[np.float32], ideal: NDArray[np.uint8]) -> NDArray[np.uint16]:
         camera = sensor.camera
@@ -157,29 +167,12 @@ class SceneDrawer:
         grey = seen_from_left(ideal, pinhole, depth, STEREO.intrinsics, LEFT_IMAGER)
         return depth_picture(depth, grey, STEREO.noisier(camera.noise), camera.depth_unit, _noise(sensor, _DEPTH_NOISE))
 
-    def _see(self, view: str, width: int, height: int) -> NDArray[np.uint8]:
-        picture: NDArray[np.uint8] = self._prepared(view, width, height).render()
-        return picture
-
-    def _see_depth(self, width: int = DEPTH_WIDTH, height: int = DEPTH_HEIGHT) -> NDArray[np.float32]:
-        # smooth edges are for colour: depth of several samples mixed would lie between two surfaces
-        renderer = self._prepared(SENSOR_VIEW, width, height, samples=0)
-        renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False  # nobody sees them, and they would be drawn
-        renderer.enable_depth_rendering()
-        depth: NDArray[np.float32] = renderer.render()
-        renderer.disable_depth_rendering()
-        return depth
-
-    def _prepared(self, view: str, width: int, height: int, samples: int = SAMPLES) -> mujoco.Renderer:
-        """The renderer of a size, with the scene as it is and from where it is seen."""
-        if (width, height) not in self._renderers:
-            self._model.vis.quality.offsamples = samples
-            self._renderers[width, height] = mujoco.Renderer(self._model, height, width)
-        renderer = self._renderers[width, height]
+    def _see_depth(
+        self, width: int = DEPTH_WIDTH, height: int = DEPTH_HEIGHT, *, coarse: bool = False
+    ) -> NDArray[np.float32]:
         mujoco.mj_camlight(self._model, self._data)
-        renderer.update_scene(self._data, camera=view, scene_option=self._option)
-        draw_rods(renderer.scene, self._data)
-        return renderer
+        self._rasteriser.aim(self._data, SENSOR_VIEW)
+        return self._rasteriser.depth(width, height, coarse=coarse)
 
 
 def _noise(sensor: Sensor, which: int) -> np.random.Generator:

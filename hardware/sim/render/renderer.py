@@ -20,6 +20,7 @@ from hardware.frozen import Frozen
 from hardware.interfaces import HardwareError, Intrinsics
 from hardware.sim.render.appearance import CameraSettings, SceneState
 from hardware.sim.render.d435 import DEPTH_HEIGHT, DEPTH_WIDTH
+from hardware.sim.render.quality import LOOK, PictureQuality
 
 MODEL_FILE = "world.mjb"
 WIDTH, HEIGHT = 640, 480
@@ -32,6 +33,8 @@ HEADER = struct.Struct("<I")
 """Length of the JSON of a ``RenderRequest``, which follows; then the positions as float64."""
 REPLY = struct.Struct("<I")
 READY = b"ready"
+MOST_THREADS = min(4, os.cpu_count() or 1)
+"""Of Mesa where a picture is waited for, beside the one that asks it to draw."""
 _LONGEST = 64
 """Of what the renderer says [bytes]."""
 START_TIMEOUT = 60.0
@@ -70,6 +73,8 @@ class RenderRequest(Frozen):
     """None: light as the model has it."""
     sensor: Sensor | None = None
     """None: a clean picture of 640×480 pixels, without depth."""
+    quality: PictureQuality = LOOK
+    """Of a clean picture; a sensor's is as good as can be."""
 
 
 def pack_request(shot: RenderRequest, positions: NDArray[np.float64]) -> bytes:
@@ -130,9 +135,13 @@ class Renderer:
     alone, so that it comes out the same to the last bit.
     """
 
-    def __init__(self, run_dir: Path) -> None:
-        """Start the process; requests wait until it is ready, and ``wait_ready`` tells whether it can draw at all."""
-        self._run_dir = run_dir
+    def __init__(self, run_dir: Path, *, alone: bool = True) -> None:
+        """Start the process; requests wait until it is ready, and ``wait_ready`` tells whether it can draw at all.
+
+        ``alone``: whoever asks waits for the picture, so that it may take all cores; else it keeps to one and a half,
+        beside a plant in real time.
+        """
+        self._run_dir, self._threads = run_dir, MOST_THREADS if alone else 1
         self._owed: list[bytes] = []
         """Requests without an answer, oldest first."""
         self._deaths = 0
@@ -141,7 +150,7 @@ class Renderer:
 
     def _start(self, log_mode: str) -> None:
         self._link, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        environment = {**os.environ, "MUJOCO_GL": "egl", "LP_NUM_THREADS": "1"}
+        environment = {**os.environ, "MUJOCO_GL": "egl", "LP_NUM_THREADS": str(self._threads)}
         with far, (self._run_dir / "renderer.log").open(log_mode) as log:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "hardware.sim.render.drawing", str(self._run_dir), str(far.fileno())],

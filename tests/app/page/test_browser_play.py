@@ -10,6 +10,7 @@ import chess
 import pytest
 from playwright.sync_api import Page, expect
 
+from app.page.web.static_files import StaticFiles
 from app.players.commands import NewGame, parse_command
 from tests.app.page.browsers import Visit, Visitor
 from tests.app.page.conftest import SetStage
@@ -569,5 +570,7 @@ def test_nothing_comes_from_another_host(set_stage: SetStage, visit: Visit) -> N
         visitor.page.wait_for_timeout(800)  # two Escapes within less would be STOP
     here = urlsplit(stage.address).netloc
     assert len(visitor.requests) > 20
+    modules = {urlsplit(url).path.removeprefix("/static/") for url in visitor.requests if url.endswith(".js")}
+    assert modules == {*StaticFiles().modules(), "theme.js"}, "the page links to what it loads, and to nothing else"
     assert {urlsplit(url).netloc for url in visitor.requests if not url.startswith("data:")} == {here}
     assert stage.stops == 0

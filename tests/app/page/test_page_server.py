@@ -444,10 +444,10 @@ def test_several_ask_for_the_same_at_once(page: ServedPage) -> None:
 
 
 def test_records_with_odd_names_are_found(page: ServedPage, games: Path) -> None:
-    for name in ("with space", "ünïcode", "a~b", "100%", "a=b", "#?&"):
+    for name in ("with space ünïcode", "a~b=100%", "#?&"):
         RecordedGame(games / name).record.close()
     listed = [one["id"] for one in page.json("/games")]
-    assert len(listed) == len(set(listed)) == 8
+    assert len(listed) == len(set(listed)) == 5
     for record in listed:
         assert page.json(f"/games/{record}/record.json")["game"]["id"] == record
 

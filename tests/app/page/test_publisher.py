@@ -90,7 +90,7 @@ def test_a_page_is_told_everything_in_order_and_pictures_come_whole(publisher, o
     publisher.clock(ClockShown({chess.WHITE: 61.5, chess.BLACK: 60.0}, chess.WHITE))
     publisher.look(look())
     position = np.linspace(0.0, 1.0, 3000).reshape(1000, 3)
-    publisher.path(PathShown("carry", position, np.ones((1000, 3))))
+    publisher.path(PathShown("carry", position, np.ones((1000, 3)), 7))
     kinds, told = [], []
     for _ in range(8):
         news, after = page.next()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -9,11 +11,12 @@ from pathlib import Path
 import pytest
 
 from app.page.publisher import PagePublisher
+from app.page.starting import StartedPage
 from app.page.supervisor import PageSupervisor
 from app.players.person import PersonGone
 from app.settings.tree import PageSection
 from app.terminal.typed_lines import TypedLines
-from tests.waiting import until
+from tests.waiting import PATIENCE, until
 
 
 @pytest.fixture
@@ -21,12 +24,17 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen[bytes]]:
     """Pages that do what stands in the place of their host, and end."""
     made: list[subprocess.Popen[bytes]] = []
 
-    def start(self: PageSupervisor) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-P", "-c", self._settings.host]
-        made.append(subprocess.Popen(command, stdout=subprocess.PIPE))
-        return made[-1]
+    class Started:
+        def __init__(self) -> None:
+            self.end, self.theirs = socket.socketpair()
 
-    monkeypatch.setattr(PageSupervisor, "_start", start)
+        def serve(self, settings: str, records: Path) -> None:
+            command = [sys.executable, "-P", "-c", json.loads(settings)["host"]]
+            with self.theirs:
+                self.process = subprocess.Popen(command, stdout=subprocess.PIPE)
+            made.append(self.process)
+
+    monkeypatch.setattr("app.page.supervisor.StartedPage", Started)
     return made
 
 
@@ -43,6 +51,20 @@ def test_a_game_that_ends_just_after_its_page_starts_no_other_one(
         until(lambda: looking._process.poll() is not None)
     assert not looking._thread.is_alive()
     assert len(started) == 1
+
+
+def test_a_page_that_was_started_ahead_and_is_not_wanted_ends_without_a_word() -> None:
+    started = StartedPage()
+    started.cancel()
+    assert started.process.poll() is not None
+    started.cancel()
+    orphan = StartedPage()
+    assert orphan.process.stdin is not None
+    orphan.process.stdin.close()  # as where who started it is killed
+    assert orphan.process.wait(PATIENCE) == 0
+    assert orphan.process.stdout is not None
+    assert orphan.process.stdout.read() == b""
+    orphan.cancel()
 
 
 def test_where_no_page_can_be_nobody_is_waited_for_who_might_come_by_it(

@@ -18,6 +18,12 @@ def test_what_is_kept_comes_back(tmp_path: Path) -> None:
         robot = RobotRecord(parameters=load_parameters(), table=table)
         keep_robot(tmp_path, robot)
         assert kept_robot(tmp_path) == robot
+    hung = RobotRecord(
+        parameters=load_parameters(), table=TableSettings(),
+        board_from_camera=((1.0, 0.0, 0.0, 0.1), (0.0, -1.0, 0.0, -0.4), (0.0, 0.0, -1.0, 0.9)),
+    )  # fmt: skip
+    keep_robot(tmp_path, hung)
+    assert kept_robot(tmp_path) == hung
 
 
 def test_what_cannot_be_read_is_a_sentence(tmp_path: Path) -> None:

@@ -18,8 +18,10 @@ from app.rig.arm import FELT, GAVE_WAY, Arm, ArmGaveWay, ArmStopped
 from app.rig.board import BoardRig
 from app.rig.devices import Rig
 from app.rig.rig_file import WorldSection
+from app.rig.shown_arm import ShownArm
 from app.rig.simulation.settings import own_rig
 from app.rig.simulation.sim import SimRig
+from app.terminal.shown import PathShown
 from controller.protection.limits import REACTIONS, Reaction
 from controller.wire.address import find_controller
 from controller.wire.listener import TelemetryWatch
@@ -138,7 +140,12 @@ def test_an_arm_that_somebody_stops_keeps_what_it_holds_and_goes_on_when_it_is_r
         arm.execute(rest)
     arm.release()
     assert not arm.stopped
-    arm.execute(rest)
+    paths = list[PathShown]()
+    ended = list[int]()
+    shown = ShownArm(arm, lambda path: (paths.append(path), ended.append(arm.last_motion)))
+    shown.execute(rest)
+    assert [path.motion for path in paths] == [*ended[1:], arm.last_motion], "of a rig on which motions were refused"
+    assert paths[0].motion > 1
     assert arm.state().felt < FELT
     assert rig.referee is not None
     truth, _ = rig.referee.look()

@@ -35,6 +35,7 @@ class Ended:
 def sentence(folder: Path, world: int | None, controller: int | None) -> str | None:
     rig = object.__new__(SimRig)
     rig._run_dir, rig._open, rig._cause = folder, True, None
+    rig._connected = False
     rig._processes = {"world": Ended(world), "controller": Ended(controller)}  # type: ignore[dict-item]
     return rig.failure()
 

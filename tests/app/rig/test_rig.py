@@ -1,4 +1,4 @@
-"""What a rig refuses before any process starts."""
+"""What a rig refuses."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from app.rig.devices import RigFailed
 from app.rig.rig_file import WorldSection
 from app.rig.simulation.settings import own_rig
 from app.rig.simulation.sim import SimRig, require_present
+from hardware.sim.clients.wire import world_pid
 from hardware.sim.plant.live_state import LIVE_FILE, LiveState
 from hardware.table import TableSettings
 
 
-def test_a_board_out_of_reach_is_refused_with_its_squares_before_anything_starts(tmp_path: Path) -> None:
+def test_a_board_out_of_reach_is_refused_with_its_squares_and_nothing_is_left(tmp_path: Path) -> None:
     table = TableSettings(centre_in_base=(0.25, 0.0, 0.47))
     said: list[str] = []
     with pytest.raises(
         RigFailed, match=r"does not fit: \d+ of 64 squares \(.*h1.*\) and .* tray places .* out of reach"
     ):
         SimRig(own_rig(tmp_path / "run", WorldSection(), table=table), said.append)
-    assert said == []
-    assert not (tmp_path / "run").exists()
+    assert len(said) == 1
+    assert world_pid(tmp_path / "run") is None
 
 
 def test_a_world_that_is_older_than_the_record_is_not_gone_on_with(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from app.rig.simulation.nominal_view import nominal_pose
 from app.scene.arm import arm_joints, arm_solids
 from app.scene.frames import BOARD, FramePose, fixed_frames, moving_frames, quaternion_of, robot_solids, turned_by
 from app.scene.solids import Cuboid, RoundBar
@@ -73,6 +74,13 @@ def test_the_base_hangs_where_the_table_says(yaw: float) -> None:
     table = TableSettings(centre_in_base=(0.01, -0.02, 0.47), yaw_in_base=yaw)
     (pose,) = fixed_frames(table)
     assert pose.parent == BOARD
+    camera_from_board = nominal_pose(table)
+    again, camera = fixed_frames(table, np.linalg.inv(camera_from_board)[:3].tolist())
+    assert again == pose
+    assert (camera.parent, camera.child) == (BOARD, "camera")
+    for point in ((0.0, 0.0, 0.0), (0.02, -0.05, 0.4)):
+        there = np.add(turned_by(camera.turned, point), camera.at)
+        assert (camera_from_board @ [*there, 1.0])[:3] == pytest.approx(point, abs=1e-9)
     for point in ((0.0, 0.0, 0.0), (0.1, -0.05, 0.4)):
         seen = np.add(turned_by(pose.turned, point), pose.at)
         assert seen == pytest.approx(table.board_from_base(np.array(point)), abs=1e-12)

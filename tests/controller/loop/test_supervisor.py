@@ -627,17 +627,28 @@ def test_a_motor_that_gives_too_much_in_motion_is_stopped_first(rig: Rig, line: 
     assert rig.supervisor.cause.cause is Cause.RMS_TORQUE
 
 
+def push(rig: Rig, lift: float) -> None:
+    """From here on the observer says that the tool is pushed so along z3 [N]; no tick is plain then."""
+
+    def tell(*_: object) -> None:
+        observer._memory[:3] = 0.0, 0.0, lift
+
+    observer = rig.supervisor._observer
+    observer.update = tell  # type: ignore[method-assign, assignment]
+    rig.supervisor.plain.take = lambda _measurement: False  # type: ignore[method-assign]
+
+
 def test_touch_ends_a_motion_in_the_tick_the_force_crosses_its_level(rig: Rig, line: Line) -> None:
     samples = line(HOME, AWAY, 500)
     samples["guard"], samples["guard_level"] = int(Guard.TOUCH), 3.0
     rig.boot().begin(samples)
     rig.run(100)
     assert rig.state is State.TRACK
-    baseline = rig.supervisor.admission._untouched
-    rig.supervisor._observer.update = lambda *_: (0.0, 0.0, baseline - 2.99)  # type: ignore[method-assign]
+    baseline = rig.supervisor.admission._guarding[1]
+    push(rig, baseline - 2.99)
     rig.run(1)
     assert rig.state is State.TRACK
-    rig.supervisor._observer.update = lambda *_: (0.0, 0.0, baseline - 3.01)  # type: ignore[method-assign]
+    push(rig, baseline - 3.01)
     rig.run(1)
     assert rig.supervisor.admission.ended.result is Result.TOUCHED
     assert rig.state is State.HOLD
@@ -645,7 +656,7 @@ def test_touch_ends_a_motion_in_the_tick_the_force_crosses_its_level(rig: Rig, l
 
 def test_pressing_for_too_long_gives_way(rig: Rig) -> None:
     rig.boot()
-    rig.supervisor._observer.update = lambda *_: (0.0, 0.0, -31.0)  # type: ignore[method-assign]
+    push(rig, -31.0)
     for _ in range(341):
         feel(rig)
     assert rig.state is State.HOLD
@@ -698,9 +709,17 @@ def test_a_torque_that_is_not_finite_brakes(fake_bus: Callable[..., Any]) -> Non
     law = Wild(DeltaModel(load_parameters()))
     rig = Rig(fake_bus(), law).boot()
     law.wild = True
-    rig.supervisor.advance(rig.bus.exchange(rig.supervisor.command()._replace(busy=True)))
+    rig.supervisor.look_closer(rig.bus.exchange(rig.supervisor.command()._replace(busy=True)))
     assert rig.state is State.FAULT
     assert "the law gave a torque that is not finite" in rig.sentence
+
+
+def test_a_torque_without_a_number_is_left_to_the_closer_look(fake_bus: Callable[..., Any]) -> None:
+    law = TaskSpaceController(DeltaModel(load_parameters()))
+    rig = Rig(fake_bus(), law).boot()
+    rig.supervisor.reference.row[9] = math.nan
+    rig.supervisor.advance(rig.bus.exchange(rig.supervisor.command()._replace(busy=True)))
+    assert rig.state is not State.HOLD
 
 
 def test_a_torque_beyond_the_peak_is_clamped_and_counted(rig: Rig, line: Line) -> None:

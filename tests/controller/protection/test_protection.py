@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from controller.protection.encoders import Encoders
 from controller.protection.limits import REACTIONS, Limits, Reaction, axis_beyond, check_joints, default_limits
-from controller.protection.monitor import Encoders, MeanTorque, Overload, Protection
+from controller.protection.monitor import MeanTorque, Overload, Protection
 from controller.protocol.causes import Cause
 from hardware.interfaces import DriveStatus, Measurement, Triple
 from hardware.parameters import load_parameters

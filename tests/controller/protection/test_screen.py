@@ -10,8 +10,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from controller.model.state import POSITION, VELOCITY, blank_state
+from controller.protection.encoders import ENCODERS_SIZE, Encoders, watch_encoders
 from controller.protection.limits import check_joints, check_tracking, default_limits
-from controller.protection.monitor import Encoders, MeanTorque, Protection
+from controller.protection.monitor import MeanTorque, Protection
 from controller.protection.screening import Screen, arm_well, joints_well
 from hardware.interfaces import DriveStatus, Measurement
 from hardware.parameters import load_parameters
@@ -99,25 +100,24 @@ def test_joints_are_well_exactly_where_every_check_is_silent_and_every_encoder_m
     second = tuple(a + s for a, s in zip(first, step, strict=True))
     velocity = tuple((s + d) / TICK * (2.0 if fast else 1.0) for s, d in zip(step, slip, strict=True))
     measurement = Measurement(1, second, velocity, 0.01, (0.0, 0.0), DriveStatus.ENABLED)  # type: ignore[arg-type]
-    screen, encoders = Screen(LIMITS, TICK), Encoders(LIMITS, TICK)
-    screen.joints(first, (0.0, 0.0, 0.0))  # type: ignore[arg-type]
-    encoders.check(measurement._replace(tick=0, angle=first), (0.0, 0.0, 0.0), np.eye(3))  # type: ignore[arg-type]
-    well = screen.joints(second, velocity)  # type: ignore[arg-type]
-    found = encoders.check(measurement, (0.0, 0.0, 0.0), np.eye(3)) or check_joints(measurement, LIMITS)
-    moved = all(a != b for a, b in zip(first, second, strict=True))
-    finite = all(map(math.isfinite, (*second, *velocity, *first)))
-    if finite:
-        assert well is (found is None and moved)
+    memory = np.zeros(ENCODERS_SIZE)
+    encoders, still = Encoders(LIMITS, TICK, memory), (0.0, 0.0, 0.0)
+    encoders.check(measurement._replace(tick=0, angle=first), still, np.eye(3))  # type: ignore[arg-type]
+    before_it = memory.copy()
+    found = encoders.check(measurement, still, np.eye(3))
+    watched = getattr(watch_encoders, "py_func", watch_encoders)(before_it, 1.0, second, velocity, still, np.eye(3))  # type: ignore[attr-defined]
+    assert watched == (0 if found is None else found.value)
+    np.testing.assert_array_equal(before_it, memory)
+    limits = Screen(LIMITS, TICK)._memory
+    well = getattr(joints_well, "py_func", joints_well)(limits, second, velocity)  # type: ignore[attr-defined]
+    assert well == joints_well(limits, second, velocity)  # type: ignore[arg-type]
+    if all(map(math.isfinite, (*second, *velocity))):
+        assert well == (check_joints(measurement, LIMITS) is None)
     else:
         assert not well
-    memory = Screen(LIMITS, TICK)._memory
-    memory[0:3] = first
-    assert getattr(joints_well, "py_func", joints_well)(memory, second, velocity) == int(well)  # type: ignore[attr-defined]
-    np.testing.assert_array_equal(memory[0:3], second)
 
 
-def test_what_the_quick_look_took_in_is_known_to_the_closer_one() -> None:
-    """Encoders seen well by the one, then stuck: the other tells it from the tick in which they stood still."""
+def test_an_encoder_that_gets_stuck_is_told_from_the_tick_in_which_it_stood_still() -> None:
     told = Protection(LIMITS, TICK)
     for tick in range(400):
         t = min(tick, 100) * 0.001

@@ -34,6 +34,8 @@ from hardware.table import TableSettings
 
 LEAD: Final = 8  # ticks between an announcement and the first sample, as on any lockstep bus
 _BOOT_TICKS: Final = 400
+_AHEAD: Final = 1000
+"""So many samples are there at least before they are executed."""
 
 
 class Bed:
@@ -91,7 +93,7 @@ class Bed:
             self.tick()
 
     def begin(self, samples: NDArray[Any], followed: bool = False) -> None:
-        """Announce a motion, shape (n,) of type ``SAMPLE``, and hand all of it over."""
+        """Announce a motion, shape (n,) of type ``SAMPLE``, and hand over all of it that there is room for."""
         supervisor = self.supervisor
         self._motions += 1
         flags = MotionFlag.FOLLOWED if followed else MotionFlag(0)
@@ -101,7 +103,12 @@ class Bed:
     def execute(self, samples: NDArray[Any], followed: bool = False) -> Ended:
         """One motion to its end; says how it ended."""
         self.begin(samples, followed)
-        while self.supervisor.admission.motion.announced is not None:
+        buffer = self.supervisor.admission.motion
+        while buffer.announced is not None:
+            if buffer.received < min(
+                len(samples), buffer.executed + _AHEAD
+            ):  # a ring has no room for all of a long one
+                self.supervisor.take_samples(Samples(self._motions, buffer.received, samples[buffer.received :]))
             self.tick()
         return self.supervisor.admission.ended
 

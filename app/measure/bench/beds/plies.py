@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import random
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
@@ -16,6 +17,7 @@ import chess
 import numpy as np
 
 from app.measure.bench.beds.bed import Bed, plant_of
+from app.measure.bench.beds.parts import Part, time_by_part
 from app.measure.bench.report import Progress
 from app.motion import MotionSettings, Plan
 from app.motion.path import Vector
@@ -30,10 +32,13 @@ from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.process.randomisation import weighed
 from hardware.table import PieceSpec, TableSettings
 
-PLIES_A_WORLD: Final = 6
+PLIES_A_WORLD: Final = 12
+"""They take more than 10 s in every profile: so long is the window of the torques' mean."""
 GRASPS_A_WORLD: Final = 10
 MOST_OPENING: Final = 60
 """Random moves before the plies of a world."""
+_APART: Final = 0.2
+"""Pieces that stand off towards each other, as spare ones in a tray can, have pushed each other apart by then [s]."""
 
 
 class Disorder(NamedTuple):
@@ -56,6 +61,7 @@ class Done(NamedTuple):
     tool: list[float]  # how far the tool was from the plan when each piece touched the board, seen from above [m]
     disturbed: float  # how far the farthest of the other pieces was moved [m]
     peak_contact: float  # the largest contact force [N]
+    parts: Counter[Part]  # where the time went [s]
 
 
 class GameBed(Bed):
@@ -73,6 +79,7 @@ class GameBed(Bed):
         self.moved: set[str] = set()
         self._torques: list[Triple] = []
         self.listeners.append(lambda supervisor: self._torques.append(supervisor.torque))
+        self.wait(_APART)
 
     def planned(self, move: chess.Move) -> tuple[Ply, Plan, float]:
         """Plan a ply; and how long that took [s, wall]."""
@@ -91,9 +98,11 @@ class GameBed(Bed):
         ply, plan, planning = self.planned(move)
         self.plant.truth(reset_peak=True)
         self._torques.clear()
-        start, tool = self.plant.tick, list[float]()
+        start, tool, parts = self.plant.tick, list[float](), Counter[Part]()
         for motion, followed in self.continued(plan):
+            begun = self.supervisor.measurement.tick
             self.carry_out(motion, followed)
+            parts += time_by_part(motion, begun, self.supervisor.admission.ended, self.parameters.drive.tick)
             if motion.touches:
                 target = ply.transfers[motion.transfer or 0].target
                 here = self.table.board_from_base(np.array(self.plant.truth(reset_peak=False).tool))
@@ -109,7 +118,7 @@ class GameBed(Bed):
         self.moved |= changes.keys()
         peak = self.plant.truth(reset_peak=False).peak_contact_force
         torques = np.array(self._torques)
-        return Done(ply, plan, planning, duration, torques, released, tool, max(others, default=0.0), peak)
+        return Done(ply, plan, planning, duration, torques, released, tool, max(others, default=0.0), peak, parts)
 
     def slide(self, move: chess.Move) -> float:
         """Grasp the piece of a quiet move where it stands, let go of it and go home; how far it was pushed [m].

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import chess
 import numpy as np
@@ -16,10 +16,8 @@ from app.players.given_line import parse_line
 from controller.law.task_space import TaskSpaceController
 from controller.loop.supervisor import Supervisor
 from controller.model.compiled import FloatArray
-from controller.model.constants import DeltaModel
-from controller.model.kinematics import Status
 from hardware.interfaces import Triple
-from hardware.parameters import RobotParameters, load_parameters
+from hardware.parameters import RobotParameters
 from hardware.sim.process.settings import WorldSettings, stand_pieces
 from hardware.table import TableSettings
 
@@ -48,23 +46,6 @@ class TickRecording:
     ticks: tuple[Tick, ...]
 
 
-class _Listening(TaskSpaceController):
-    """The law, and a record of what it was asked."""
-
-    def __init__(self, model: DeltaModel) -> None:
-        super().__init__(model)
-        self.ticks: list[Tick] = []
-
-    def update(self, angle: Triple, velocity: Triple) -> Status:
-        status = super().update(angle, velocity)
-        self.ticks.append(Tick(angle, velocity, None, (0.0, 0.0), (0.0, 0.0, 0.0), found(self)))
-        return status
-
-    def torque(self, reference: FloatArray, tactile: tuple[float, float] = (0.0, 0.0)) -> Triple:
-        self.ticks[-1] = replace(self.ticks[-1], reference=reference.copy(), tactile=tactile)
-        return super().torque(reference, tactile)
-
-
 def found(law: TaskSpaceController) -> FloatArray:
     """Shape (7,): tool point [m], its velocity [m/s] and Newton steps of the last ``update``."""
     return np.concatenate([law.state.position, law.state.velocity, law.state.quality[2:]])
@@ -79,20 +60,22 @@ def record(ticks: int, seed: int) -> TickRecording:
     board, table, motion = chess.Board(), TableSettings(), MotionSettings()
     inventory = Inventory.of(start_layout(board, table), table)
     world = WorldSettings(pieces=tuple(inventory), home=motion.home, table=table, seed=seed, cameras=False)
-    law = _Listening(DeltaModel(load_parameters()))
+    heard: list[Tick] = []
 
-    def note_torque(supervisor: Supervisor) -> None:
-        if law.ticks[-1].reference is not None:
-            law.ticks[-1] = replace(law.ticks[-1], torque=supervisor.torque)
+    def listen(supervisor: Supervisor) -> None:
+        said, law = supervisor.measurement, supervisor.law
+        asked = law.state.torque.any()  # on the brakes at first it never was
+        row = supervisor.reference.row.copy() if asked else None
+        tactile = said.tactile if asked else (0.0, 0.0)
+        heard.append(Tick(said.angle, said.velocity, row, tactile, supervisor.torque, found(law)))
 
-    bed = Bed(plant_of(stand_pieces(world), table, motion, looks=True), table, motion, law, [note_torque])
-    boot = sum(tick.reference is None for tick in law.ticks)
+    bed = Bed(plant_of(stand_pieces(world), table, motion, looks=True), table, motion, listeners=[listen])
+    boot = sum(tick.reference is None for tick in heard)
     for move in parse_line(LINE, board):
         ply = transfers(board, move, inventory)
         bed.execute_plan(bed.planner().ply(ply.san, ply.transfers, inventory), joined=True)
         board.push(move)
         inventory = inventory.after(ply)
-        if len(law.ticks) - boot >= ticks:
-            heard = tuple(law.ticks)
-            return TickRecording(bed.parameters, heard[:boot], heard[boot : boot + ticks])
-    raise RuntimeError(f"the line {LINE} gave {len(law.ticks) - boot} ticks, {ticks} are wanted")
+        if len(heard) - boot >= ticks:
+            return TickRecording(bed.parameters, tuple(heard[:boot]), tuple(heard[boot : boot + ticks]))
+    raise RuntimeError(f"the line {LINE} gave {len(heard) - boot} ticks, {ticks} are wanted")

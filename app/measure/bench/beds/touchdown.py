@@ -41,7 +41,7 @@ class Pressed(NamedTuple):
     lasting: float
 
 
-def set_down(trial: Touchdown) -> Pressed:
+def set_down(trial: Touchdown, settings: MotionSettings = PROFILES[Profile.DEFAULT]) -> Pressed:
     """Set a piece down in the world.
 
     The piece comes from a square of the believed height, so that it hangs in the fingers as it should: what is wrong is
@@ -50,7 +50,7 @@ def set_down(trial: Touchdown) -> Pressed:
     Raises:
         RuntimeError: the piece was not gripped, or never met the board.
     """
-    settings, parameters = PROFILES[Profile.DEFAULT], load_parameters()
+    parameters = load_parameters()
     nominal = TableSettings()
     z1, z2, z3 = nominal.centre_in_base
     believed = nominal.model_copy(update={"centre_in_base": (z1, z2, z3 - max(0.0, -trial.error))})

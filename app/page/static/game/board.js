@@ -39,7 +39,10 @@ export function mountBoard(store) {
   /** What the board shows: a position and what belongs to it; null while there is no game. */
   function shown() {
     const game = store.get('game');
-    if (game === null) return null;
+    if (game === null) {  // what it begins from is known before the devices are open, and players there
+      const start = store.get('record') === null ? store.get('session')?.start : null;
+      return start ? {fen: start, turn: turnOf(start), last: null, check: false, live: true} : null;
+    }
     const viewing = store.get('viewing');
     if (viewing !== null && viewing < game.moves.length) {
       const before = viewing === 0 ? null : game.moves[viewing - 1];

@@ -10,6 +10,7 @@ import {WORDS} from './words.js';
 
 const FIRST = ['takeback', 'hint', 'draw', 'resign', 'pause'];
 const MORE = ['look', 'fix', 'side', 'keep', 'quit'];
+const ASKED = ['takeback', 'hint'];  // make sense only while a move is asked for
 const REMEMBERED = 50;  // lines that the field can show again
 
 /**
@@ -106,6 +107,12 @@ export function mountActions(store, board) {
     const paused = prompt !== null && prompt.answers.length === 1 && prompt.answers[0] === 'go';
     const over = isOver(game);
     for (const [word, made] of buttons) made.disabled = !holds || (over && !['new', 'setup', 'quit', 'keep'].includes(word));
+    for (const word of ASKED) {
+      const made = buttons.get(word);
+      const waits = holds && !over && prompt?.turn !== true;
+      made.disabled ||= waits;
+      made.title = waits ? `${WORDS[word].about} (once it is your turn)` : WORDS[word].about;
+    }
     for (const word of ['takeback', 'draw', 'resign', 'side', 'setup', 'keep']) buttons.get(word).hidden = !plays;
     buttons.get('hint').hidden = !plays || game?.assists === false;
     for (const word of ['look', 'keep', 'fix']) buttons.get(word).hidden = !plays || !session.sees;

@@ -125,13 +125,13 @@ def test_a_start_from_the_cache_compiles_nothing(tmp_path: Path) -> None:
 def test_an_unknown_bench_is_refused_with_the_choices() -> None:
     with pytest.raises(
         UnknownBench,
-        match=r"^there is no bench .speed., choose from: law, loop, .*, recovery, people, knocks, vision, clock$",
+        match=r"^there is no bench .speed., choose from: law, loop, .*, recovery, people, .*, clock, pictures$",
     ):
         run_bench("speed", quick=True, progress=print)
     done = CliRunner().invoke(command_line, ["bench", "speed"])
     assert done.exit_code == 2
-    said = "choose from: law, loop, finger, kills, motion, sim, grip, fallen, recovery, people, knocks, vision, clock"
-    assert done.stderr == f"touchmove: there is no bench 'speed', {said}\n"
+    said = "law, loop, finger, kills, motion, sim, grip, fallen, recovery, people, knocks, vision, clock, pictures"
+    assert done.stderr == f"touchmove: there is no bench 'speed', choose from: {said}\n"
     assert set(BENCHES) == {
         "law",
         "loop",
@@ -146,6 +146,7 @@ def test_an_unknown_bench_is_refused_with_the_choices() -> None:
         "knocks",
         "vision",
         "clock",
+        "pictures",
     }
 
 
@@ -156,7 +157,10 @@ def fake_report(holds: bool) -> BenchReport:
 
 @pytest.mark.parametrize(("holds", "status"), [(True, 0), (False, 1)])
 def test_the_command_reports_in_the_contracts_form(holds: bool, status: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.measure.bench.run_bench", lambda name, quick, progress, photos: fake_report(holds))
+    monkeypatch.setattr(
+        "app.measure.bench.run_bench",
+        lambda name, quick, progress, photos, watchers, standard_cycle: fake_report(holds),
+    )
     done = CliRunner().invoke(command_line, ["bench", "law", "--quick", "--json"])
     assert done.exit_code == status
     report = json.loads(done.stdout)

@@ -8,10 +8,11 @@ import chess
 import numpy as np
 import pytest
 
-from app.measure.bench import motion
+from app.measure.bench.beds.parts import Part
 from app.measure.bench.beds.plies import Disorder, GameBed, positions
 from app.measure.bench.beds.touchdown import WOOD, Touchdown, set_down
-from app.measure.bench.optimum import optimal_duration
+from app.measure.bench.motion import rows as motion
+from app.measure.bench.motion.optimum import optimal_duration
 from app.motion import PROFILES, Profile
 from app.motion.path import blend
 from app.motion.route import timed
@@ -61,6 +62,11 @@ def test_pieces_that_stand_off_are_set_down_on_their_squares() -> None:
     assert done.disturbed < 1e-4
     assert done.duration == pytest.approx(done.plan.expected, abs=0.1)
     assert len(done.torques) * PARAMETERS.drive.tick == pytest.approx(done.duration)
+    assert sum(done.parts.values()) == pytest.approx(done.duration), "each tick belongs to one part"
+    assert set(done.parts) == set(Part)
+    touched = DEFAULT.touch_height / DEFAULT.touch_speed
+    assert done.parts[Part.TOUCH_DOWN] == pytest.approx(touched, abs=0.03)
+    assert done.parts[Part.FIRMING] == pytest.approx(DEFAULT.grip.settle, abs=2 * PARAMETERS.drive.tick)
     again = bed.play(chess.Move.from_uci("e8d8"))
     assert again.released.keys() == {again.ply.transfers[0].name}
 
@@ -95,10 +101,11 @@ def test_positions_are_of_running_games() -> None:
     assert len({board.fen() for board in boards}) > 15
 
 
+@pytest.mark.parametrize("profile", [Profile.DEFAULT, Profile.FAST])
 @pytest.mark.parametrize("error", [-0.003, 0.003])
-def test_a_piece_is_set_down_softly_wherever_the_board_is_and_harder_on_bare_wood(error):
-    felt = set_down(Touchdown(error))
-    wood = set_down(Touchdown(error, WOOD, kind=Kind.PAWN))
+def test_a_piece_is_set_down_softly_wherever_the_board_is_and_harder_on_bare_wood(error, profile):
+    felt = set_down(Touchdown(error), PROFILES[profile])
+    wood = set_down(Touchdown(error, WOOD, kind=Kind.PAWN), PROFILES[profile])
     assert 4.0 < felt.peak <= 10.0
     assert wood.peak > 1.05 * felt.peak  # not by much: the piece slips in the fingers
     assert felt.lasting < 8.0

@@ -1,4 +1,4 @@
-"""What every servo bus has to do: simulated drives in either pace."""
+"""What every servo bus has to do: simulated drives in either pace, and in the thread of their controller."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,8 @@ import pytest
 from hardware.interfaces import BusLost, Command, DriveStatus, Measurement, Pace, ServoBus
 from hardware.parameters import load_parameters
 from hardware.sim.clients.bus import SimServoBus
+from hardware.sim.process.inner_bus import InnerServoBus
+from hardware.sim.process.server import World
 from hardware.sim.process.settings import FILE_NAME, WorldSettings
 
 PARAMETERS = load_parameters()
@@ -27,14 +30,21 @@ FREE = Command((1.0, 1.0, 1.0), 0.01, brake=False, enable=True, busy=True)
 Open = Callable[[], ServoBus]
 
 
-@pytest.fixture(scope="module", params=["fast", "real"])
+@pytest.fixture(scope="module", params=["fast", "real", "inside"])
 def open_bus(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Open]:
     """Opens a bus of one kind anew."""
     worlds: list[subprocess.Popen[bytes]] = []
+    opened = ExitStack()
 
     def start() -> ServoBus:
         run_dir: Path = tmp_path_factory.mktemp("bus")
-        settings = WorldSettings(pieces=(), home=HOME, pace=Pace(request.param), cameras=False, linger=0.0)
+        inside = request.param == "inside"
+        pace = Pace.FAST if inside else Pace(request.param)
+        settings = WorldSettings(pieces=(), home=HOME, pace=pace, cameras=False, linger=0.0)
+        if inside:
+            world = World(run_dir, settings)
+            opened.enter_context(world.open())
+            return InnerServoBus(world)
         (run_dir / FILE_NAME).write_text(settings.model_dump_json(), encoding="utf-8")
         worlds.append(
             subprocess.Popen(
@@ -43,7 +53,8 @@ def open_bus(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
         )
         return SimServoBus(run_dir)
 
-    yield start
+    with opened:
+        yield start
     for world in worlds:
         world.kill()
         world.wait()

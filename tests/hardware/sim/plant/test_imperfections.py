@@ -12,6 +12,7 @@ from hardware.parameters import load_parameters
 from hardware.sim.bodies.scene import build_model
 from hardware.sim.plant.imperfections import PERFECT, Flaws, Imperfections
 from hardware.sim.plant.plant import Plant
+from hardware.sim.plant.tick import rippled
 from hardware.table import TableSettings
 
 PARAMETERS = load_parameters()
@@ -51,8 +52,9 @@ def test_each_flaw_changes_where_torques_lead(name: str) -> None:
 
 
 def test_ripple_is_a_share_of_the_torque_and_its_mean_over_a_turn_is_the_torque() -> None:
-    flaws, angles = Flaws(Imperfections(torque_ripple=0.03, cogging=0.01), 5), np.linspace(0.0, 2.0 * np.pi, 36001)[:-1]
-    made = np.array([flaws.torque((2.0, 0.0, -1.0), (a, a, a)) for a in angles.tolist()])
+    flaws, counts = Flaws(Imperfections(torque_ripple=0.03, cogging=0.01), 5), range(36000)
+    ripples = flaws.ripples(2.0 * np.pi / len(counts))
+    made = np.array([rippled((2.0, 0.0, -1.0), np.full(3, float(count)), ripples) for count in counts])
     assert made.mean(axis=0) == pytest.approx([2.0, 0.0, -1.0], abs=1e-6)
     assert np.ptp(made[:, 1]) == pytest.approx(0.02, rel=1e-3)
     assert 0.06 <= np.abs(made[:, 0] - 2.0).max() <= 0.07 + 1e-9  # their peaks need not meet
@@ -66,7 +68,7 @@ def test_friction_stays_within_what_was_said() -> None:
 
 def test_noise_and_offset_of_the_fingers_are_as_large_as_was_said() -> None:
     flaws = Flaws(ALL, 4)
-    right, left = np.array([flaws.tactile(tick) for tick in range(20_000)]).T
+    right, left = flaws.noise[:20_000].T
     for side in (right, left):
         assert side.std() == pytest.approx(0.05, rel=0.03)
         assert abs(side.mean()) <= 0.2
@@ -77,6 +79,6 @@ def test_noise_and_offset_of_the_fingers_are_as_large_as_was_said() -> None:
 def test_free_fingers_read_noise_and_offset_alone() -> None:
     flaws = Flaws(ALL, 4)
     arm = plant(flaws)
-    assert arm.measure(standing=False).tactile == flaws.tactile(0)
+    assert arm.measure(standing=False).tactile == tuple(flaws.noise[0])
     arm.step()
-    assert arm.measure(standing=False).tactile == flaws.tactile(1)
+    assert arm.measure(standing=False).tactile == tuple(flaws.noise[1])

@@ -14,7 +14,8 @@ from hardware.interfaces import Command, DriveStatus, Measurement, Triple
 from hardware.parameters import RobotParameters, load_parameters
 from hardware.sim.bodies.placed import StandingPiece
 from hardware.sim.bodies.scene import build_model
-from hardware.sim.plant.plant import REST_SPEED, REST_TICKS, Plant
+from hardware.sim.plant.plant import Plant
+from hardware.sim.plant.tick import REST_SPEED, REST_TICKS
 from hardware.table import PIECE_SHAPES, Colour, Kind, PieceSpec, TableSettings, square_place
 
 TABLE = TableSettings()

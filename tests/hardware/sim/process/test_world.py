@@ -29,7 +29,7 @@ from hardware.sim.plant.live_state import LIVE_FILE, load_live_state
 from hardware.sim.plant.plant import Plant
 from hardware.sim.plant.snapshot import STATE_FILE
 from hardware.sim.process.pacing import CATCH_UP, Pacer
-from hardware.sim.process.server import serve
+from hardware.sim.process.server import world_of
 from hardware.sim.process.settings import END_FILE, FILE_NAME, WorldSettings, load_settings, stand_pieces
 from hardware.sim.render.renderer import HEIGHT, WIDTH
 from hardware.table import Colour, Kind, PieceSpec, TableSettings, square_place
@@ -590,7 +590,7 @@ def test_a_world_that_cannot_be_made_says_why(tmp_path: Path, text: str | None, 
     if text is not None:
         (tmp_path / FILE_NAME).write_text(text, encoding="utf-8")
     with pytest.raises(HardwareError, match=said):
-        serve(tmp_path)
+        world_of(tmp_path)
 
 
 def test_settings_survive_their_file(tmp_path: Path) -> None:

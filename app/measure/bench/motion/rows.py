@@ -11,11 +11,13 @@ from typing import Final
 
 import numpy as np
 
+from app.measure.bench.beds.parts import Part
 from app.measure.bench.beds.plies import Disorder, Done, Games, slides
 from app.measure.bench.beds.touchdown import TARGET, Touchdown, set_down
-from app.measure.bench.optimum import NoOptimum, optimal_duration
+from app.measure.bench.motion.optimum import NoOptimum, optimal_duration
+from app.measure.bench.motion.torques import worst_rms
 from app.measure.bench.report import BenchReport, Progress, Row, row
-from app.motion import PROFILES, Motion, Profile, contact_limits
+from app.motion import PROFILES, Motion, MotionSettings, Profile, contact_limits
 from app.motion.path import STRAIGHT, Path, blend, turns
 from app.motion.settings import Law
 from app.motion.timing.time_law import Bounds, bounds_of_pieces, time_law
@@ -29,9 +31,12 @@ TRANSFERS: Final = {Profile.DEFAULT: 500, Profile.FAST: 150, Profile.GENTLE: 60}
 QUICK: Final = {Profile.DEFAULT: 20, Profile.FAST: 12, Profile.GENTLE: 4}
 COMPARED: Final = {True: 8, False: 150}  # motions whose duration is compared with the optimum, by ``quick``
 DISORDER: Final = Disorder(offset=(0.003, 0.003), mass_error=0.05)
-QUIET: Final = {Profile.DEFAULT: 1.6, Profile.FAST: 1.1}
+QUIET: Final = {Profile.DEFAULT: 1.6, Profile.FAST: 0.95}
 """A quiet ply from home to home, mean [s]."""
-RMS_WINDOW: Final = 10.0
+CAPTURE: Final = {Profile.DEFAULT: 2.6, Profile.FAST: 1.8}
+"""A capture, likewise [s]."""
+HANDLING: Final = (Profile.DEFAULT, Profile.FAST)
+"""Profiles of which it is looked at how pieces are handled; gentle does it as default, but slower."""
 GRASPS: Final = {True: 10, False: 300}  # by ``quick``
 TOUCH_FORCE: Final = 10.0
 """On feet of 100 N/mm, with the target's height wrong by up to … [N]"""
@@ -58,23 +63,33 @@ def motion_bench(quick: bool, progress: Progress) -> BenchReport:
             progress("comparing with the optimum and with stopping")
             rows |= _against(games.done, COMPARED[quick])
     settings = PROFILES[Profile.DEFAULT]
-    for name, gain, limit in (("slide", settings.gains.tactile_gain, SLIDE), ("slide_without", 0.0, None)):
-        changed = settings.model_copy(update={"gains": settings.gains.model_copy(update={"tactile_gain": gain})})
-        pushed = slides(GRASPS[quick], changed, SEED, progress)
+    without = settings.model_copy(update={"gains": settings.gains.model_copy(update={"tactile_gain": 0.0})})
+    for name, moved, limit in (
+        ("slide", settings, SLIDE), ("slide_without", without, None), ("fast_slide", PROFILES[Profile.FAST], SLIDE),
+    ):  # fmt: skip
+        pushed = slides(GRASPS[quick], moved, SEED, progress)
         rows[name] = row([1e3 * way for way in pushed], "mm", limit)
     progress("setting pieces down where the board is up to 3 mm higher or lower than believed")
-    rows["touch_force"] = row(_touch_forces(quick=quick), "N", TOUCH_FORCE, "max")
+    for profile in HANDLING:
+        forces = _touch_forces(PROFILES[profile], quick=quick)
+        rows[_name(profile, "touch_force")] = row(forces, "N", TOUCH_FORCE, "max")
     rows["failed"] = row([float(len(failures))], "plies", 0.0, "max")
     for sentence in failures:
         progress(sentence)
     return BenchReport.of("motion", SEED, rows)
 
 
-def _touch_forces(*, quick: bool) -> list[float]:
+def _name(profile: Profile, quantity: str) -> str:
+    """Of a row; those of the default profile have the quantity's alone."""
+    return quantity if profile is Profile.DEFAULT else f"{profile.value}_{quantity}"
+
+
+def _touch_forces(settings: MotionSettings, *, quick: bool) -> list[float]:
     """Of pieces with felt, with guard and gain schedule [N]."""
     errors = np.linspace(-HEIGHT_ERROR, HEIGHT_ERROR, 3 if quick else 7).tolist()
     cases = [(TARGET, Kind.KING)] if quick else [(p, k) for p in (TARGET, CORNER) for k in (Kind.PAWN, Kind.KING)]
-    return [set_down(Touchdown(error, target=place, kind=kind)).peak for place, kind in cases for error in errors]
+    trials = (Touchdown(error, target=place, kind=kind) for place, kind in cases for error in errors)
+    return [set_down(trial, settings).peak for trial in trials]
 
 
 def _rows_of(profile: Profile, games: Games) -> dict[str, Row]:
@@ -82,24 +97,34 @@ def _rows_of(profile: Profile, games: Games) -> dict[str, Row]:
     quiet, capture = games.durations(MoveKind.QUIET), games.durations(MoveKind.CAPTURE)
     rows = {f"{name}_quiet": row(quiet, "s", QUIET.get(profile), "mean")}
     if capture:
-        rows[f"{name}_capture"] = row(capture, "s", 2.6 if profile is Profile.DEFAULT else None, "mean")
+        rows[f"{name}_capture"] = row(capture, "s", CAPTURE.get(profile), "mean")
+    for part in Part:
+        took = [one.parts[part] for one in done if one.ply.kind is MoveKind.QUIET]
+        rows[f"{name}_quiet_{part}"] = row([1e3 * time for time in took], "ms")
     torques = [one.torques for one in done]
     rows[f"{name}_torque"] = row([np.abs(t).max() for t in torques], "N m", drive.peak_torque, "max")
-    rows[f"{name}_rms"] = row(_rms(games, drive.tick), "N m", drive.rated_torque, "max")
+    if rms := _rms(games, drive.tick):
+        rows[f"{name}_rms"] = row(rms, "N m", drive.rated_torque, "max")
     excess = [_excess(motion) for one in done for motion in one.plan.motions if motion.paths]
     rows[f"{name}_excess"] = row(excess, "1", 1e-6, "max")
-    if profile is not Profile.DEFAULT:
-        return rows
-    rows["planning"] = row([1e3 * one.planning for one in done], "ms", 10.0, "p99")
-    rows["default_quiet_p95"] = row([float(np.percentile(quiet, 95.0))], "s", 2.0, "max")
-    rows["placed"] = row(_placed(done, knights=False), "mm", 0.3, "mean")
-    rows["placed_worst"] = row([max(_placed(done, knights=False))], "mm", 1.0, "max")
+    if profile is Profile.DEFAULT:
+        rows["planning"] = row([1e3 * one.planning for one in done], "ms", 10.0, "p99")
+        rows["default_quiet_p95"] = row([float(np.percentile(quiet, 95.0))], "s", 2.0, "max")
+    return rows | _handling(profile, done) if profile in HANDLING else rows
+
+
+def _handling(profile: Profile, done: Sequence[Done]) -> dict[str, Row]:
+    """How pieces were taken and set down."""
+    rows = {
+        "placed": row(_placed(done, knights=False), "mm", 0.3, "mean"),
+        "placed_worst": row([max(_placed(done, knights=False))], "mm", 1.0, "max"),
+        "tool": row([1e3 * error for one in done for error in one.tool], "mm", 0.2, "mean"),
+        "others_moved": row([1e3 * one.disturbed for one in done], "mm", 1.0, "max"),
+        "contact_force": row([one.peak_contact for one in done], "N"),
+    }
     if knights := _placed(done, knights=True):
         rows["placed_knights"] = row(knights, "mm")
-    rows["tool"] = row([1e3 * error for one in done for error in one.tool], "mm", 0.2, "mean")
-    rows["others_moved"] = row([1e3 * one.disturbed for one in done], "mm", 1.0, "max")
-    rows["contact_force"] = row([one.peak_contact for one in done], "N")
-    return rows
+    return {_name(profile, quantity): one for quantity, one in rows.items()}
 
 
 def _placed(done: Sequence[Done], *, knights: bool) -> list[float]:
@@ -112,16 +137,13 @@ def _placed(done: Sequence[Done], *, knights: bool) -> list[float]:
 
 
 def _rms(games: Games, tick: float) -> list[float]:
-    """Of each motor, over any 10 s of plies that follow each other at once [N m]; a shorter series as a whole."""
+    """Of each motor, in the worst window of plies that follow each other at once, in each world [N m]."""
     found, first = list[float](), 0
     for count in games.worlds:
         plies = games.done[first : first + count]
         first += count
-        if not plies:
-            continue
-        squared = np.cumsum(np.vstack([np.zeros((1, 3)), *(one.torques**2 for one in plies)]), axis=0)
-        window = min(len(squared) - 1, round(RMS_WINDOW / tick))
-        found += np.sqrt((squared[window:] - squared[:-window]).max(axis=0) / window).tolist()
+        if plies:
+            found += worst_rms(np.concatenate([one.torques for one in plies]), tick)
     return found
 
 

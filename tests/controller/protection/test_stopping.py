@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from controller.loop.stopping import plan_axis, plan_stop
+from controller.protection.stopping import plan_axis, plan_stop
 
 ACCELERATION, JERK = 25.0, 1000.0
 speeds = st.floats(-2.0, 2.0)

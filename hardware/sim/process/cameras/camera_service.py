@@ -1,12 +1,12 @@
 """What the world does for cameras: single frames, delivered a latency after their exposure, and streams for films.
 
 A single frame lets plant time run until it is due. A stream takes frames of whatever happens, and lets nothing happen;
-so do watchers (``hardware.sim.process.video_stream``), unless they wake the plant up.
+so do watchers (``hardware.sim.process.cameras.video_stream``), unless they wake the plant up.
 """
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,14 @@ from hardware.interfaces import HardwareError
 from hardware.sim.bodies.scene import CAMERAS
 from hardware.sim.clients import wire
 from hardware.sim.plant.plant import Plant
+from hardware.sim.process.cameras.recordings import PositionRecordings
+from hardware.sim.process.cameras.video_stream import PATIENCE, StreamClient
 from hardware.sim.process.connections import Refused, Service, Visitor
 from hardware.sim.process.scene_control import SceneControlService
 from hardware.sim.process.services import NEVER, SILENCE
-from hardware.sim.process.video_stream import PATIENCE, StreamClient
 from hardware.sim.render.appearance import CameraSettings
 from hardware.sim.render.d435 import GLANCE, LEFT_IMAGER, colour_intrinsics, depth_intrinsics
+from hardware.sim.render.quality import FILM, LOOK
 from hardware.sim.render.renderer import Renderer, RenderRequest, Sensor, frame_path, intrinsics_for, make_slot
 
 RGBD = "camera"
@@ -75,6 +77,7 @@ class CameraService(Service):
         self._camera, self._seed, self._stage = camera, seed, stage
         self._views: dict[Visitor, _View] = {}
         self._stream_clients: dict[Visitor, StreamClient] = {}
+        self._recordings = PositionRecordings(plant, run_dir, stage)
         self._slots = 0
         self._absent, self._lost = "this world was started without cameras", False
 
@@ -84,7 +87,7 @@ class CameraService(Service):
         """See ``Service``. Where the renderer was lost, another one is started for who comes anew."""
         if self._renderer is None and self._lost:
             print("another renderer is started", file=sys.stderr, flush=True)
-            self._renderer = Renderer(self._run_dir)
+            self._renderer = Renderer(self._run_dir, alone=bool(self._facts["lockstep"]))
         if self._renderer is None:
             raise Refused(self._absent)
         (slot,) = self._new_slots(1)
@@ -101,6 +104,8 @@ class CameraService(Service):
             visitor.tell({"error": "only who watches can wake the plant up: ask to watch first"})
         elif isinstance(request, wire.Taken):
             view.taken = True
+        elif isinstance(request, wire.RecordWish | wire.RecordEnd):
+            self._recordings.hear(visitor, request)
         elif self._renderer is None:
             visitor.tell({"error": self._absent})
         elif request.camera not in CAMERAS:
@@ -135,6 +140,7 @@ class CameraService(Service):
         """See ``Service``."""
         del self._views[visitor]
         self._stream_clients.pop(visitor, None)
+        self._recordings.end(visitor)
         self._plan()
 
     def _watch(self, view: _View, request: wire.WatchWish) -> None:
@@ -172,24 +178,22 @@ class CameraService(Service):
             flight.drawing for client in self._stream_clients.values() for flight in client.flights
         )
 
-    def serve(self, listen: Callable[[float], None] | None) -> bool:
-        """Expose and deliver what is due now; whether plant time had to wait.
+    def serve(self, waits: bool) -> Iterator[None]:
+        """Expose and deliver what is due now.
 
-        ``listen`` hears visitors for a while [s]; plant time then waits for frames and their takers (pace fast). None:
-        what is not drawn yet is delivered later, and streams leave frames out (pace real).
+        Where plant time ``waits`` for frames and their takers (pace fast), each step is a moment for which to hear
+        visitors. Where it does not (pace real) there is none: what is not drawn yet is delivered later, and streams
+        leave frames out.
         """
-        tick, waited = self._plant.tick, False
+        tick = self._plant.tick
+        self._recordings.keep()
         for view in [view for view in self._views.values() if view.due <= tick]:
-            if view.every:
-                waited |= self._expose(view, listen)
-            else:
-                waited |= self._deliver(view, listen)
+            yield from self._expose(view, waits) if view.every else self._deliver(view, waits)
         for client in [client for client in self._stream_clients.values() if client.due <= tick]:
-            waited |= self._serve_watcher(client, listen)
+            yield from self._serve_watcher(client, waits)
         self._plan()
-        return waited
 
-    def _serve_watcher(self, client: StreamClient, listen: Callable[[float], None] | None) -> bool:
+    def _serve_watcher(self, client: StreamClient, waits: bool) -> Iterator[None]:
         tick = self._plant.tick
         flight = client.expose(tick)
         if flight is not None:
@@ -198,34 +202,30 @@ class CameraService(Service):
                 flight.slot, client.camera, client.depth, sensed=sensed, colour=flight.colour, glance=client.glance
             )
         return client.deliver(
-            tick, listen, lambda: client.visitor in self._stream_clients and self._renderer is not None
+            tick, waits, lambda: client.visitor in self._stream_clients and self._renderer is not None
         )
 
     def close(self) -> None:
         """End the renderer and remove its frames."""
         self._lost = False
+        self._recordings.close()
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
         for slot in range(self._slots):
             frame_path(self._run_dir, slot).unlink(missing_ok=True)
 
-    def _deliver(self, view: _View, listen: Callable[[float], None] | None) -> bool:
-        waited = False
-        while listen is not None and view.drawing and view.visitor in self._views:
-            waited = True
-            listen(0.005)
+    def _deliver(self, view: _View, waits: bool) -> Iterator[None]:
+        while waits and view.drawing and view.visitor in self._views:
+            yield
         if not view.drawing and view.due != NEVER:
             view.due = NEVER
             view.visitor.tell({"exposed": view.exposed, "tick": self._plant.tick})
-        return waited
 
-    def _expose(self, view: _View, listen: Callable[[float], None] | None) -> bool:
-        waited, begun = False, time.monotonic()
-        drawn = begun
-        while listen is not None and view.stuck and view.visitor in self._views:
-            waited = True
-            listen(0.005)
+    def _expose(self, view: _View, waits: bool) -> Iterator[None]:
+        begun = drawn = time.monotonic()
+        while waits and view.stuck and view.visitor in self._views:
+            yield
             now = time.monotonic()
             if view.drawing:  # by a second renderer, if the first one has ended: that takes seconds
                 drawn = now
@@ -235,7 +235,6 @@ class CameraService(Service):
             view.due = self._after(self._plant.tick, view.every)
             if not view.stuck:
                 self._draw(view, view.camera, depth=False)
-        return waited
 
     def _take(self, wait: bool) -> bool:
         """Take one finished frame from the renderer, if there is one; False if not."""
@@ -262,18 +261,21 @@ class CameraService(Service):
             return
         view.drawing, view.exposed = True, self._plant.tick
         # streams are for people: clean pictures, quickly drawn
-        self._request(view.slot, camera, depth, sensed=camera == RGBD and not view.every)
+        self._request(view.slot, camera, depth, sensed=camera == RGBD and not view.every, filmed=view.every > 0)
 
     def _request(
-        self, slot: int, camera: str, depth: bool, sensed: bool, colour: bool = True, *, glance: bool = False
-    ) -> None:
+        self, slot: int, camera: str, depth: bool, sensed: bool, colour: bool = True, *, glance: bool = False,
+        filmed: bool = False,
+    ) -> None:  # fmt: skip
         if self._renderer is None:
             return
         tick = self._plant.tick
         sensor = None
         if sensed:
             sensor = Sensor(camera=self._camera, seed=self._seed, tick=tick, depth=depth, colour=colour, glance=glance)
-        shot = RenderRequest(slot=slot, view=camera, looks=self._stage.looks, sensor=sensor)
+        shot = RenderRequest(
+            slot=slot, view=camera, looks=self._stage.looks, sensor=sensor, quality=FILM if filmed else LOOK
+        )
         try:
             self._renderer.request(shot, self._plant.positions())
         except HardwareError as error:
@@ -307,7 +309,8 @@ class CameraService(Service):
 
     def _plan(self) -> None:
         views, stream_clients = self._views.values(), self._stream_clients.values()
-        self.due = min([NEVER, *(view.due for view in views), *(client.due for client in stream_clients)])
+        dues = [*(view.due for view in views), *(client.due for client in stream_clients)]
+        self.due = min([self._recordings.due(NEVER), *dues])
         alone = any(view.due != NEVER and not view.every for view in views)
         self.waiting = alone or any(client.wake for client in stream_clients)
 

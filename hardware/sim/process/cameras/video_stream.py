@@ -6,14 +6,13 @@ time for is left out.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from hardware.sim.process.connections import Visitor
 
 PATIENCE = 20.0
 """Pace fast: who keeps plant time waiting for longer is dismissed [s, wall]."""
-Listen = Callable[[float], None]
 
 
 @dataclass(slots=True)
@@ -90,17 +89,15 @@ class StreamClient:
             if flight.slot == slot:
                 flight.drawing = False
 
-    def deliver(self, tick: int, listen: Listen | None, present: Callable[[], bool]) -> bool:
-        """Deliver what is due at a tick to a visitor who is still ``present``; whether plant time had to wait.
+    def deliver(self, tick: int, waits: bool, present: Callable[[], bool]) -> Iterator[None]:
+        """Deliver what is due at a tick to a visitor who is still ``present``.
 
-        ``listen`` hears visitors for a while [s]; plant time waits. None: it does not (pace real).
+        Where plant time ``waits`` (pace fast), each step is a moment for which to hear visitors.
         """
-        waited = False
         while self.flights and self.flights[0].due <= tick and present():
             flight = self.flights[0]
-            if listen is not None:
-                waited = True
-                self._wait(lambda flight=flight: flight.drawing, listen, present)  # type: ignore[misc]
+            if waits:
+                yield from self._wait(lambda flight=flight: flight.drawing, present)  # type: ignore[misc]
             if flight.drawing:
                 break
             self.flights.pop(0)
@@ -109,14 +106,13 @@ class StreamClient:
                 continue
             self.held = flight.slot
             self.visitor.tell({"exposed": flight.exposed, "tick": tick, "slot": flight.slot, "colour": flight.colour})
-            if listen is not None:
-                self._wait(lambda: self.held is not None, listen, present)
-        return waited
+            if waits:
+                yield from self._wait(lambda: self.held is not None, present)
 
-    def _wait(self, going_on: Callable[[], bool], listen: Listen, present: Callable[[], bool]) -> None:
+    def _wait(self, going_on: Callable[[], bool], present: Callable[[], bool]) -> Iterator[None]:
         give_up = time.monotonic() + PATIENCE
         while going_on() and present():
-            listen(0.002)
+            yield
             if time.monotonic() > give_up:
                 self.visitor.dismiss()
                 give_up += PATIENCE

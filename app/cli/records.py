@@ -1,0 +1,93 @@
+"""What is made of a record, whenever it is wanted: the report, the film."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import app.cli.options as options  # noqa: PLR0402 - the package itself imports this module
+from app.cli.ending import fail, interruptible, say
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(help="Folder of a game's record.")],
+    as_json: options.AsJson = False,
+    as_html: Annotated[
+        bool,
+        typer.Option("--html", help="Write it as a page, report.html in the folder; of a match, one for each round."),
+    ] = False,
+) -> None:
+    """Compute the report of a recorded game again, from its events alone, also of one that broke off."""
+    from rich.console import Console
+
+    from app import UserError
+    from app.records import EVENTS_FILE, read_events, summarise
+    from app.terminal.report_table import report_table
+
+    try:
+        found = summarise(read_events(folder / EVENTS_FILE, say))
+        pages = _report_pages(folder) if as_html else ()
+    except UserError as error:
+        fail(str(error))
+    for page in pages:
+        print(page, file=sys.stderr if as_json else sys.stdout)
+    if as_json:
+        print(found.model_dump_json(indent=2))
+    elif not as_html:
+        Console(markup=False).print(report_table(found))
+    raise typer.Exit(0 if found.physical_ok is not False and not found.failures else 1)
+
+
+def _report_pages(folder: Path) -> tuple[Path, ...]:
+    from app.report import write_report_pages  # loads OpenCV: not where only numbers are asked for
+
+    return write_report_pages(folder)
+
+
+def film(
+    folder: Annotated[Path, typer.Argument(help="Folder of the game, also of one that goes on or broke off.")],
+    camera: Annotated[
+        str, typer.Option(help="film, camera, or from where at what [m], as 0.5,-0.6,0.4:0,0,0.1.")
+    ] = "film",
+    size: Annotated[str, typer.Option(help="Width and height [px].")] = "640x480",
+    begin: Annotated[float, typer.Option("--from", min=0.0, help="So long after its first picture [s].")] = 0.0,
+    length: Annotated[float | None, typer.Option(min=0.1, help="No longer than this [s].")] = None,
+    fine: Annotated[bool, typer.Option("--fine", help="Smooth edges and shadows; takes three times as long.")] = False,
+    output: Annotated[Path | None, typer.Option(help="File to write; in the folder, if left out.")] = None,
+) -> None:
+    """Draw a film of a simulated game, from the positions in its record. Ctrl-C leaves it."""
+    from pydantic import ValidationError
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from app import UserError
+    from app.play.match import match_of
+    from app.rig.simulation.film import FilmWish, default_output, draw_film, positions_of, standpoint
+
+    sides = re.fullmatch(r"(\d{1,5})x(\d{1,5})", size)
+    if sides is None:
+        fail(f"'--size {size}' is no size, say it as 640x480")
+    try:
+        folder = match_of(folder)
+        view = standpoint(camera)
+        wish = FilmWish(
+            positions=positions_of(folder), output=output or default_output(folder, view), camera=view,
+            width=int(sides[1]), height=int(sides[2]), begin=begin, length=length, fine=fine,
+        )  # fmt: skip
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.completed:.0f} of {task.total:.0f} s"),
+        )
+        with interruptible(), Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as progress:
+            task = progress.add_task("film", total=1.0)
+            draw_film(wish, lambda done, whole: progress.update(task, completed=done, total=whole))
+    except ValidationError as error:
+        fail(f"'--size {size}': {error.errors()[0]['msg']}; both sides are even, from 16 to 4096")
+    except UserError as error:
+        fail(str(error))
+    print(wish.output)

@@ -1,0 +1,1 @@
+"""What the world does for cameras: single frames, streams, and positions for films."""

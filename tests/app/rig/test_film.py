@@ -1,0 +1,140 @@
+"""Films are drawn from recorded positions: of whatever view and size, also of a game that broke off."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from app import UserError
+from app.records.files import FILM_FILE, TRAJECTORY_FILE
+from app.records.film import film_begins
+from app.rig.simulation.film import (
+    FilmFailed,
+    FilmWish,
+    Standpoint,
+    default_output,
+    draw_film,
+    positions_of,
+    standpoint,
+)
+from hardware.sim.plant.trajectory import TrajectoryHeader, TrajectoryWriter
+from hardware.sim.process.construction import Construction
+from hardware.sim.render.appearance import LightSettings, SceneState
+from tests.hardware.sim.process.test_world import settings_for
+
+TICK = 0.00088
+FIRST = 12345
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with positions: a king is carried up, and in the second half it is darker."""
+    folder = tmp_path_factory.mktemp("game")
+    settings = settings_for()
+    model = Construction.of(settings).model(looks=True)
+    header = TrajectoryHeader(period=TICK, every=45, positions=model.nq, world=json.loads(settings.model_dump_json()))
+    file = TrajectoryWriter(folder / TRAJECTORY_FILE, header)
+    positions = np.array(model.key_qpos[0])
+    dark = SceneState(light=LightSettings(brightness=0.1, fill=0.1, ambient=0.1))
+    for number in range(10):
+        positions[model.joint("king").qposadr[0] + 2] = 0.02 * number
+        file.keep(FIRST + 45 * number, positions, (dark if number >= 5 else SceneState()).model_dump_json())
+    file.close()
+    return folder
+
+
+def pictures(path: Path) -> list[np.ndarray]:
+    with av.open(str(path)) as film:
+        return [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+
+
+def draw(folder: Path, output: Path, **wish: object) -> list[tuple[float, float]]:
+    told = list[tuple[float, float]]()
+    whole = {"positions": positions_of(folder), "output": output, "width": 64, "height": 48, **wish}
+    try:
+        draw_film(FilmWish.model_validate(whole), lambda *so_far: told.append(so_far))
+    except FilmFailed as error:
+        if "OpenGL" in str(error) and not os.environ.get("CI"):
+            pytest.skip(str(error))
+        raise
+    return told
+
+
+def test_film_shows_what_was_recorded(recorded: Path, tmp_path: Path) -> None:
+    output = tmp_path / FILM_FILE
+    told = draw(recorded, output)
+    assert told[-1] == pytest.approx((9 * 45 * TICK, 9 * 45 * TICK), abs=0.006)
+    assert film_begins(output) == pytest.approx(FIRST * TICK, abs=1e-5)
+    seen = pictures(output)
+    assert len(seen) == 10
+    assert seen[0].shape == (48, 64, 3)
+    assert seen[4].mean() > 1.5 * seen[9].mean()
+    assert [path.name for path in tmp_path.iterdir()] == [FILM_FILE]
+
+
+def test_part_of_a_film_from_anywhere(recorded: Path, tmp_path: Path) -> None:
+    above = Standpoint(position=(0.01, 0.0, 0.9), target=(0.0, 0.0, 0.0))
+    draw(recorded, tmp_path / "above.webm", camera=above, width=96, height=64, begin=0.1, length=0.2)
+    seen = pictures(tmp_path / "above.webm")
+    assert len(seen) == 5
+    assert seen[0].shape == (64, 96, 3)
+    assert film_begins(tmp_path / "above.webm") == pytest.approx((FIRST + 135) * TICK, abs=1e-5)
+
+
+def test_game_that_broke_off_is_filmed_up_to_there(recorded: Path, tmp_path: Path) -> None:
+    (tmp_path / TRAJECTORY_FILE).write_bytes((recorded / TRAJECTORY_FILE).read_bytes()[:-9])
+    draw(tmp_path, tmp_path / FILM_FILE)
+    assert len(pictures(tmp_path / FILM_FILE)) == 9
+
+
+def test_film_that_is_broken_off_leaves_nothing(recorded: Path, tmp_path: Path) -> None:
+    (tmp_path / FILM_FILE).write_bytes(b"an older one")
+    threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        draw(recorded, tmp_path / FILM_FILE, width=4096, height=4096)
+    assert time.monotonic() - began < 10.0
+    assert (tmp_path / FILM_FILE).read_bytes() == b"an older one"
+    assert [path.name for path in tmp_path.iterdir()] == [FILM_FILE]
+
+
+def test_film_without_frames_is_refused(recorded: Path, tmp_path: Path) -> None:
+    first_line = (recorded / TRAJECTORY_FILE).read_bytes().splitlines(keepends=True)[0]
+    (tmp_path / TRAJECTORY_FILE).write_bytes(first_line)
+    with pytest.raises(FilmFailed, match="holds no frame yet: film the game when it has begun"):
+        draw(tmp_path, tmp_path / FILM_FILE)
+    (tmp_path / TRAJECTORY_FILE).write_bytes(b"no positions")
+    with pytest.raises(FilmFailed, match="holds no positions that a film can be drawn from"):
+        draw(tmp_path, tmp_path / FILM_FILE)
+    with pytest.raises(FilmFailed, match=r"nothing was recorded from 9 s on: .* lasts 0\.4 s"):
+        draw(recorded, tmp_path / FILM_FILE, begin=9.0)
+    with pytest.raises(UserError, match="simulations that are drawn and filmed record positions"):
+        positions_of(tmp_path / "elsewhere")
+
+
+def test_views_are_named_or_given_by_two_points(tmp_path: Path) -> None:
+    assert standpoint("camera") == "camera"
+    assert standpoint("0.5,-0.6,0.4:0,0,0.1") == Standpoint(position=(0.5, -0.6, 0.4), target=(0.0, 0.0, 0.1))
+    with pytest.raises(UserError, match="there is no view 'above': choose camera or film, or say from where at what"):
+        standpoint("above")
+    with pytest.raises(UserError, match="looks at where it stands"):
+        standpoint("1,1,1:1,1,1")
+    assert default_output(tmp_path, "film").name == FILM_FILE
+    assert default_output(tmp_path, "camera").name == "game-camera.webm"
+    with pytest.raises(ValidationError, match="multiple of 2"):
+        FilmWish(positions=tmp_path, output=tmp_path, width=101)
+
+
+def test_what_is_no_film_says_nothing(tmp_path: Path) -> None:
+    (tmp_path / FILM_FILE).write_bytes(b"no film")
+    assert film_begins(tmp_path / FILM_FILE) is None
+    assert film_begins(tmp_path / "missing.webm") is None
