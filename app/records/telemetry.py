@@ -24,6 +24,7 @@ from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+from pydantic_core import to_json
 
 from app import UserError
 from app.records.files import RecordError, recording
@@ -226,11 +227,7 @@ def telemetry_schema() -> dict[str, Any]:
 
 def encode_telemetry(telemetry: Telemetry) -> bytes:
     """One message of the channel ``TOPIC``."""
-    content = telemetry._asdict()
-    try:
-        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
-    except ValueError:
-        return json.dumps({name: _finite(value) for name, value in content.items()}, separators=(",", ":")).encode()
+    return to_json(telemetry._asdict(), inf_nan_mode="null")
 
 
 def decode_telemetry(data: bytes) -> Telemetry:
@@ -354,13 +351,6 @@ def _log_entry(level: int, message: str, stamp: int) -> bytes:
     when = {"sec": seconds, "nsec": rest}
     entry = {"timestamp": when, "level": level, "message": message, "name": "controller", "file": "", "line": 0}
     return json.dumps(entry).encode()
-
-
-def _finite(value: Any) -> Any:
-    """JSON has no NaN and no infinity."""
-    if isinstance(value, tuple):
-        return [_finite(one) for one in value]
-    return None if isinstance(value, float) and not abs(value) < float("inf") else value
 
 
 def _restore(name: str, value: Any) -> Any:

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.scene.arm import (
     ARMS,
@@ -91,12 +90,12 @@ def fixed_frames(
     into_base = table.pose_in_base()
     turn_back = into_base[:3, :3].T
     x, y, z = (-turn_back @ into_base[:3, 3]).tolist()
-    base = FramePose(BOARD, BASE, (x, y, z), quaternion_of(turn_back))
+    base = FramePose(BOARD, BASE, (x, y, z), quaternion_of(turn_back.tolist()))
     if board_from_camera is None:
         return (base,)
     rows = np.array(board_from_camera, dtype=float)
     x, y, z = rows[:, 3].tolist()
-    return base, FramePose(BOARD, CAMERA, (x, y, z), quaternion_of(rows[:, :3]))
+    return base, FramePose(BOARD, CAMERA, (x, y, z), quaternion_of(rows[:, :3].tolist()))
 
 
 def moving_frames(joints: ArmJoints, finger: float, reference: Triple) -> tuple[FramePose, ...]:
@@ -156,16 +155,15 @@ def _along(way: Triple, axis: Triple) -> Quaternion:
     """A frame with z along a way, and x as near to an axis as that lets it be."""
     z = _unit(way)
     x = _unit(combine(axis, -dot(axis, z), z))
-    return quaternion_of(np.array([x, cross(z, x), z]).T)
+    return quaternion_of(tuple(zip(x, cross(z, x), z, strict=True)))
 
 
 def _unit(v: Triple) -> Triple:
     return scaled(1.0 / math.sqrt(dot(v, v)), v)
 
 
-def quaternion_of(rotation: NDArray[np.float64]) -> Quaternion:
-    """Of a rotation matrix (3, 3), by its largest component, so that nothing is divided by little."""
-    r = rotation.tolist()
+def quaternion_of(r: Sequence[Sequence[float]]) -> Quaternion:
+    """Of a rotation matrix, row by row, by its largest component, so that nothing is divided by little."""
     trace = r[0][0] + r[1][1] + r[2][2]
     squares = (1.0 + 2.0 * r[0][0] - trace, 1.0 + 2.0 * r[1][1] - trace, 1.0 + 2.0 * r[2][2] - trace, 1.0 + trace)
     largest = max(range(4), key=squares.__getitem__)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import base64
-import json
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
+
+from pydantic_core import to_json
 
 from app.scene.frames import UNTURNED, FramePose, Quaternion, turned_by
 from app.scene.solids import Cuboid, Finish, RoundBar, Solid
@@ -34,8 +35,8 @@ _NOTHING: Final = ("metadata", "arrows", "cubes", "spheres", "cylinders", "lines
 
 
 def text(message: dict[str, Any]) -> bytes:
-    """A message as it is written."""
-    return json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
+    """A message as it is written; a number that is not finite becomes null."""
+    return to_json(message, inf_nan_mode="null")
 
 
 def time_of(stamp: int) -> dict[str, int]:

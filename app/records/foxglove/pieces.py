@@ -37,6 +37,7 @@ class PieceFollower:
         self._state = RecordState.after((start,), chess.Board(start.fen, chess960=start.chess960))
         self._job: tuple[Transfer, ...] = ()
         self._step: StepEvent | None = None
+        self._known_places: dict[str, tuple[float, float]] = {}
 
     def take(self, event: AnyEvent) -> None:
         """One event more; ValueError or IndexError if it contradicts the game."""
@@ -102,4 +103,7 @@ class PieceFollower:
         )
 
     def _xy(self, place: str) -> tuple[float, float]:
-        return self._table.xy(Place.parse(place))
+        at = self._known_places.get(place)
+        if at is None:
+            at = self._known_places[place] = self._table.xy(Place.parse(place))
+        return at

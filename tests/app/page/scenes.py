@@ -18,9 +18,10 @@ Scene = Callable[[Stage, Visitor], None]
 
 
 def played(stage: Stage, *moves: str) -> None:
-    """Moves are made."""
+    """Moves are made, and told to whoever watches: what is said next comes after them."""
     for move in moves:
         stage.game.arm_moves(chess.Move.from_uci(move))
+    stage.game_section(len(stage.game.board.move_stack))
 
 
 def my_turn(stage: Stage) -> None:

@@ -128,8 +128,7 @@ class Stage:
         """The section ``game`` as somebody who watches is told it, once so many plies count."""
 
         def section() -> dict[str, Any] | None:
-            shown = self.page.hub._sections["game"].text(self.page.hub.watchers[0])
-            game: dict[str, Any] | None = json.loads(shown)
+            game: dict[str, Any] | None = self._told("game")
             return game if game is not None and len(game["moves"]) == plies else None
 
         found = until(section)

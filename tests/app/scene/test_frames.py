@@ -64,7 +64,7 @@ def test_quaternions_turn_as_their_matrices_do(x: float, y: float, z: float, w: 
         return
     q = (x / length, y / length, z / length, w / length)
     columns = [turned_by(q, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
-    again = quaternion_of(np.array(columns).T)
+    again = quaternion_of(np.array(columns).T.tolist())
     assert math.hypot(*again) == pytest.approx(1.0)
     assert abs(sum(p * r for p, r in zip(q, again, strict=True))) == pytest.approx(1.0), "q and -q are one turn"
 
