@@ -42,7 +42,7 @@ FLOORS = {
         "cli", "measure", "page", "play", "game", "execution", "guard", "commissioning", "rig", "terminal", "settings",
         "report", "records", "motion", "players", "scene", "pieces",
     ),
-    "controller": ("offline", "loop", "law", "protection", "wire", "model", "settings", "protocol"),
+    "controller": ("offline", "loop", "records", "law", "protection", "wire", "model", "settings", "protocol"),
     "vision": ("standing", "pieces", "reading", "hands", "camera", "loops", "board", "arrays"),
     "hardware": (
         "sim", "camera", "turned_shapes", "table", "contact_limits", "referee", "parameters", "frozen", "interfaces",

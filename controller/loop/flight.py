@@ -5,7 +5,7 @@ so that the file also tells what the arm did next; then it takes the spare ring,
 to ``flight-<tick>.npz`` in the run directory. A file so begins where the one before it ended, or half a minute earlier.
 The loop never waits: while a file is being written further faults are noted and their ticks kept for the next one.
 
-`controller.loop.flight_file` says what a row holds, and reads the files.
+`controller.records.flight_file` says what a row holds, and reads the files.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Final, NamedTuple
 
-from controller.loop.flight_file import FlightHead, Order, Trigger, write_flight
 from controller.loop.supervisor import Supervisor
 from controller.loop.tick import FlightRing
 from controller.protocol.causes import Cause
 from controller.protocol.layout import CommandCode
 from controller.protocol.messages import Announce
+from controller.records.flight_file import FlightHead, Order, Trigger, write_flight
 
 ORDERLY: Final = frozenset({Cause.NONE, Cause.HOLD_COMMAND, Cause.STOP_COMMAND, Cause.STOP_PRESSED, Cause.SHUTDOWN})
 """Causes that somebody asked for; every other one is written to disk."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 
-from controller.loop.statistics import say_at_once
+from controller.records.loop_statistics import say_at_once
 from controller.settings import ControllerSettings
 from hardware.realtime import RealTime, quiet_memory, real_time
 

@@ -19,17 +19,16 @@ from typing import Final
 from controller.law.task_space import TaskSpaceController
 from controller.loop.flight import FlightRecorder
 from controller.loop.realtime import set_up_real_time
-from controller.loop.statistics import LoopClock, write_statistics
+from controller.loop.service import ClientService
 from controller.loop.supervisor import Supervisor
-from controller.loop.telemetry import report
 from controller.loop.tick import LOOK_CLOSER
 from controller.model.constants import DeltaModel
 from controller.protection.limits import Limits, Violation, check_limits, default_limits
 from controller.protocol.causes import Cause, explain
 from controller.protocol.key import KEY_FILE, KeyFileError, load_key
-from controller.protocol.layout import COMMAND, HEARTBEAT, RELEASE, CommandCode, DatagramKind
-from controller.protocol.messages import AdmitSpeed, Announce, Samples, Telemetry, Welcome
+from controller.protocol.messages import Welcome
 from controller.protocol.states import State
+from controller.records.loop_statistics import LoopClock, write_statistics
 from controller.settings import ControllerSettings
 from controller.wire.address import ControllerFile
 from controller.wire.endpoint import Endpoint
@@ -39,12 +38,8 @@ from hardware.parameters import RobotParameters
 from hardware.table import TableSettings
 
 _NO_TORQUE = (0.0, 0.0, 0.0)
-_COMMANDS: Final = {int(code): code for code in CommandCode}
 _MOST_PIECES: Final = 16
 """Of what can wait, after so many ticks that were missed; each takes some 50 µs."""
-_READ, _TELL, _RELAY = 0, 1, 2
-_TURNS: Final = ((_TELL, _RELAY, _READ), (_RELAY, _READ, _TELL), (_READ, _TELL, _RELAY))
-"""In which order they are asked for work, by who worked last."""
 Ready = Callable[[str, int], None]
 """Told address and UDP port of a controller that clients are welcome at."""
 
@@ -144,18 +139,12 @@ class Server:
             self.supervisor, run_directory, period=bus.period, duration=settings.flight_time,
             files=settings.flight_files,
         )  # fmt: skip
+        self._service = ClientService(
+            self.supervisor, self._endpoint, self._flight, self.clock, settings, lockstep=bus.lockstep
+        )
         self._booted, self._tell_ready = False, ready
         self._alone_since = 0.0
-        self._ping = 0
-        self._echo = 0
-        self._turn = 0
         self._tick, self._answered = -1, 0.0
-        self._samples: Samples | None = None
-        self._gathered: Telemetry | None = None
-        self._packed: bytes | None = None
-        self._published: object = None
-        self._published_tick = -1
-        self._published_at = 0.0
 
     def run(self) -> None:
         """The loop; returns when the arm rests on its brakes for good.
@@ -166,9 +155,9 @@ class Server:
         supervisor, endpoint, clock = self.supervisor, self._endpoint, self.clock
         most, reading = self._settings.datagrams_per_tick, self._settings.reading_time
         monotonic, piecemeal = time.monotonic, not self._bus.lockstep
-        flight = self._flight
+        flight, service = self._flight, self._service
         while not supervisor.brakes.finished:
-            ping, asked, before = self._ping, monotonic(), self._tick
+            ping, asked, before = service.ping, monotonic(), self._tick
             if not supervisor.may_exchange:
                 clock.stood(asked)
                 endpoint.wait(1)
@@ -176,26 +165,25 @@ class Server:
                     self._inside.hear(0.0)
             elif not self._run_plainly(asked):
                 self._exchange(asked)
-            self._echo = ping
+            service.echo = ping
             now = monotonic()
             if piecemeal:
                 pieces = max(1, min(self._tick - before, _MOST_PIECES))
                 for _ in range(pieces):  # those of ticks that went by without an exchange are made up for
                     endpoint.sift(now, now + reading)
-                    self._do_one_piece(now, self._tick)
+                    service.do_one_piece(now, self._tick)
                 self._live(now)
             else:
-                endpoint.drain(now, now + reading, most, self._handle)
+                endpoint.drain(now, now + reading, most, service.handle)
                 endpoint.relay()
                 self._live(now)
-                if self._telemetry_is_due(now, self._tick):
-                    endpoint.publish(self._telemetry().pack(), now)
+                service.tell_if_due(now, self._tick)
             if self._tick != before:
                 flight.record(self._answered)
             flight.watch(now)
             if clock.warning_due:
                 clock.warn()
-        self._say_goodbye()
+        service.say_goodbye(time.monotonic())
 
     def _exchange(self, asked: float) -> None:
         """One exchange with the drives, and all that follows from a new tick."""
@@ -251,17 +239,17 @@ class Server:
         """What happens without the client: a listener's STOP, readiness, loss of the client, the end."""
         supervisor, endpoint = self.supervisor, self._endpoint
         if endpoint.pressed():
-            supervisor.press_stop()
+            supervisor.machine.press_stop()
         if not self._booted:
             self._booted, self._alone_since = self._ready(), now
         if endpoint.expire(now):
             self._alone_since = now
-            supervisor.stop(Violation(Cause.CLIENT_LOST, endpoint.silence(now), self._settings.lease))
+            supervisor.machine.stop(Violation(Cause.CLIENT_LOST, endpoint.silence(now), self._settings.lease))
         alone = 0.0 if endpoint.leased else now - self._alone_since
         if self.ending or (alone > self._settings.linger and not self._settings.stays):
-            supervisor.retire()
+            supervisor.machine.retire()
         elif alone > self._settings.linger:
-            supervisor.park(alone)
+            supervisor.machine.park(alone)
 
     def _ready(self) -> bool:
         """Tell clients where to find this process once the arm holds (or cannot, which the telemetry explains)."""
@@ -274,113 +262,6 @@ class Server:
     def _welcome(self) -> bytes:
         bus = self._bus
         return Welcome(bus.period, self._settings.capacity, bus.lockstep, self.supervisor.admission.last_motion).pack()
-
-    def _handle(self, kind: int, payload: memoryview) -> bool:
-        """Carry a client's datagram out; false where its content is impossible."""
-        if kind == DatagramKind.SAMPLES:
-            samples = Samples.unpack(payload)
-            if samples is None:
-                return False
-            self.supervisor.take_samples(samples)
-        elif kind == DatagramKind.HEARTBEAT:
-            (self._ping,) = HEARTBEAT.struct.unpack(payload)
-        elif kind == DatagramKind.ANNOUNCE:
-            announce = Announce.unpack(payload)
-            self._flight.note(announce)
-            self.supervisor.announce(announce)
-        elif kind == DatagramKind.ADMIT_SPEED:
-            admitted = AdmitSpeed.unpack(payload)
-            if admitted is None:
-                return False
-            self.supervisor.admission.playback.admit(admitted, self.supervisor.measurement.tick)
-        elif kind == DatagramKind.COMMAND:
-            code = _COMMANDS.get(COMMAND.struct.unpack(payload)[0])
-            if code is None:
-                return False
-            self._flight.note(code)
-            self.supervisor.obey(code)
-        elif kind == DatagramKind.STOP:
-            self.supervisor.press_stop()
-        elif kind == DatagramKind.RELEASE:
-            self.supervisor.admission.latch.release(*RELEASE.struct.unpack(payload))
-        else:
-            return False
-        return True
-
-    def _do_one_piece(self, now: float, tick: int) -> None:
-        """On a bus in real time: one piece of what can wait for a tick, so that no tick has much to do.
-
-        A datagram of the client is carried out in one tick, and the samples in it are checked in a later one. Telemetry
-        is gathered, packed and sent in three; what it tells is of the first. Reading, telling and relaying take turns,
-        so that a client that sends much silences nobody.
-        """
-        if self._samples is not None:
-            samples, self._samples = self._samples, None
-            self.supervisor.take_samples(samples)
-        elif self._packed is not None:
-            packed, self._packed = self._packed, None
-            self._endpoint.publish(packed, now)
-        elif self._gathered is not None:
-            self._packed, self._gathered = self._gathered.pack(), None
-        else:
-            for turn in _TURNS[self._turn]:
-                if self._take_turn(turn, now, tick):
-                    self._turn = turn
-                    return
-
-    def _take_turn(self, turn: int, now: float, tick: int) -> bool:
-        """Whether there was something to do."""
-        if turn == _READ:
-            return self._endpoint.take(self._handle_later)
-        if turn == _RELAY:
-            return self._endpoint.relay()
-        if self._telemetry_is_due(now, tick):
-            self._gathered = self._telemetry()
-            return True
-        return False
-
-    def _handle_later(self, kind: int, payload: memoryview) -> bool:
-        """As ``_handle``, but samples wait for a later tick; nothing else is taken before, so the view lasts."""
-        if kind != DatagramKind.SAMPLES:
-            return self._handle(kind, payload)
-        self._samples = Samples.unpack(payload)
-        return self._samples is not None
-
-    def _telemetry_is_due(self, now: float, tick: int) -> bool:
-        """On every change, once in every so many ticks, and at least every so often in wall time; marked as done then.
-
-        In lockstep that once is at their begin, whatever was told in between: so two runs tell the same of those ticks.
-        """
-        supervisor, settings = self.supervisor, self._settings
-        change = (
-            supervisor.state,
-            supervisor.admission.ended,
-            supervisor.admission.latch.presses,
-            supervisor.may_exchange,
-            self._endpoint.last_command,
-            self._echo,
-        )
-        due = tick // settings.telemetry_ticks != self._published_tick // settings.telemetry_ticks
-        if due or now - self._published_at >= settings.telemetry_interval or change != self._published:
-            self._published, self._published_tick, self._published_at = change, tick, now
-            return True
-        return False
-
-    def _telemetry(self) -> Telemetry:
-        return report(
-            self.supervisor,
-            self._bus.lockstep,
-            self._echo,
-            self._endpoint.last_command,
-            self.clock.statistics(),
-            self._endpoint.dropped,
-        )
-
-    def _say_goodbye(self) -> None:
-        """Tell client and listeners that the arm rests; some copies, as one may get lost."""
-        telemetry = self._telemetry().pack()
-        for _ in range(5):
-            self._endpoint.take_leave(telemetry, time.monotonic())
 
 
 def _complain(sentence: str, status: int) -> int:

@@ -1,8 +1,8 @@
 """Between a measurement and a command: states, reference, protection, law. Does no input or output itself.
 
-``admission`` says which motions are admitted, ``brakes`` how the arm comes off its brakes and onto them; here is the
-tick, and what follows from a cause. All of it is a function of ticks and messages, so that a run on a lockstep bus
-repeats exactly.
+``admission`` says which motions are admitted, ``brakes`` how the arm comes off its brakes and onto them,
+``state_machine`` what follows from a cause; here is the tick. All of it is a function of ticks and messages, so that a
+run on a lockstep bus repeats exactly.
 """
 
 from __future__ import annotations
@@ -12,16 +12,15 @@ import math
 from controller.law.force_observer import ForceObserver
 from controller.law.tare import Tare
 from controller.law.task_space import TaskSpaceController
-from controller.loop.admission import NOTHING, PRESSED, Admission
-from controller.loop.brakes import BrakeSequence, BrakeStep
+from controller.loop.admission import NOTHING, Admission
+from controller.loop.brakes import BrakeSequence
 from controller.loop.memory import ExchangedTorques, TickMemory
 from controller.loop.reference import Reference
+from controller.loop.state_machine import NO_TORQUE, StateMachine
 from controller.loop.tick import PlainTick
 from controller.model.kinematics import Status
 from controller.protection.limits import (
-    REACTIONS,
     Limits,
-    Reaction,
     Violation,
     check_drives,
     check_measurement,
@@ -31,21 +30,16 @@ from controller.protection.monitor import Protection
 from controller.protocol.causes import Cause
 from controller.protocol.layout import CommandCode, Result
 from controller.protocol.messages import Announce, Samples
-from controller.protocol.states import BRAKED, Event, State, next_state
+from controller.protocol.states import Event, State
 from controller.settings import ControllerSettings
 from hardware.interfaces import Command, DriveStatus, Measurement, Triple
-
-_NO_TORQUE: Triple = (0.0, 0.0, 0.0)
-LET_GO_FORCE = 1.0
-"""Fingers that let go open until neither feels more [N]."""
 
 
 class Supervisor:
     """The controller without its bus and socket.
 
     Attributes:
-        state: what it is doing.
-        cause: why it stopped or faulted last.
+        machine: its state, and the ways from one to another.
         measurement: the last one.
         reference: what the law follows.
         admission: of motions, and what came of the last one.
@@ -56,9 +50,7 @@ class Supervisor:
     def __init__(
         self, law: TaskSpaceController, limits: Limits, settings: ControllerSettings, period: float, lockstep: bool
     ) -> None:
-        self.state = State.BOOT
-        self.cause = NOTHING
-        self.measurement = Measurement(-1, _NO_TORQUE, _NO_TORQUE, 0.0, (0.0, 0.0), DriveStatus.OK)
+        self.measurement = Measurement(-1, NO_TORQUE, NO_TORQUE, 0.0, (0.0, 0.0), DriveStatus.OK)
         memory = TickMemory()
         self.reference = Reference(settings, period, memory)
         self.admission = Admission(settings, limits, period, memory)
@@ -71,10 +63,11 @@ class Supervisor:
         self._observer = ForceObserver(period, memory=memory.observer)
         self._tare = Tare(period, memory.tare)
         self._protection = Protection(limits, period, memory.screen, memory.encoders)
-        self._compliant_ticks = self._letting_go = 0
+        self.machine = StateMachine(
+            settings, law, self.reference, self.admission, self.brakes, self._protection, self._torques,
+            lambda: self.measurement,
+        )  # fmt: skip
         self._lockstep = lockstep
-        self._braked = self._fresh = True
-        self._protective = False
 
     @property
     def torque(self) -> Triple:
@@ -90,6 +83,16 @@ class Supervisor:
     def clamped(self) -> int:
         """Ticks in which a torque was clamped."""
         return self._torques.clamped
+
+    @property
+    def state(self) -> State:
+        """What the controller is doing."""
+        return self.machine.state
+
+    @property
+    def cause(self) -> Violation:
+        """Why it stopped or faulted last."""
+        return self.machine.cause
 
     # what the loop asks
 
@@ -108,7 +111,7 @@ class Supervisor:
 
     def command(self) -> Command:
         """What to ask of the drives next."""
-        braked = self._braked
+        braked = self.machine.braked
         self._torques.give(braked)
         energised = self.brakes.energised or not braked
         return Command(self.torque, self.reference.finger_velocity, braked, energised, self.busy)
@@ -128,7 +131,7 @@ class Supervisor:
         state, brakes = self.state, self.brakes
         if not (state is State.HOLD or state is State.TRACK) or brakes.retiring or brakes.parking:
             return False
-        if self._letting_go or self._protection.something_lasts:
+        if self.machine.letting_go or self._protection.something_lasts:
             return False
         self._say()
         return True
@@ -173,7 +176,7 @@ class Supervisor:
             self._boot(measurement, trouble)
         elif state is State.OFF:
             self._switch_off(measurement, trouble)
-        self._retire_at_rest()
+        self.machine.retire_at_rest()
 
     def _estimate(self, measurement: Measurement) -> Violation | None:
         self._observer.update(self.law.memory, measurement.velocity, self._torques.acting)
@@ -185,16 +188,16 @@ class Supervisor:
 
     def _control(self, measurement: Measurement, trouble: Violation | None) -> None:
         if trouble is not None:
-            self._react(trouble)
+            self.machine.react(trouble)
             return
         moving = self.state is not State.HOLD
         if self.state is State.TRACK:
             self._follow(measurement)
         if self.state is State.STOPPING:
-            self._slow_down(measurement.tick)
+            self.machine.slow_down(measurement.tick)
         self.reference.mark(measurement.tick)
         self._watch(measurement)
-        if not self._braked:
+        if not self.machine.braked:
             self._output(measurement.tactile)
         if moving:
             self.admission.note_peaks(self.torque, measurement.tactile)
@@ -209,7 +212,7 @@ class Supervisor:
         if needed < 0:
             return
         if needed >= buffer.received:
-            self.stop(Violation(Cause.UNDERRUN, float(needed), float(buffer.received)))
+            self.machine.stop(Violation(Cause.UNDERRUN, float(needed), float(buffer.received)))
             return
         row, tail, samples = self.reference.row, self.reference.tail, buffer.rows
         buffer.executed = playback.advance(motion, tick, row, samples)
@@ -217,37 +220,21 @@ class Supervisor:
         guard, level = tail[1:].tolist()
         met = self.admission.met(guard, level, measurement.tactile, self.force[2])
         if isinstance(met, Violation):
-            self.stop(met)
+            self.machine.stop(met)
         elif met is not None:
-            self._succeed(met)
+            self.machine.succeed(met)
         elif buffer.executed == motion.length:
-            self._succeed(Result.DONE)
-
-    def _slow_down(self, tick: int) -> None:
-        """Reference of this tick from the controlled stop, or none in compliant mode."""
-        if self._compliant_ticks:
-            self._stay_compliant()
-        elif self.reference.slow_down(tick):
-            self._enter(Event.PROTECTIVE_STOP_AT_REST if self._protective else Event.AT_REST)
-
-    def _stay_compliant(self) -> None:
-        """Until the tool rests, but not for too short a time; then hold softly where it is."""
-        self._compliant_ticks += 1
-        position, speed = self.law.state.position.tolist(), math.hypot(*self.law.state.velocity.tolist())
-        self.reference.comply_at(position)
-        if self._compliant_ticks > self._settings.compliant_ticks and speed < self._settings.compliant_speed:
-            self._compliant_ticks = 0
-            self.reference.rest_softly(position)
-            self._enter(Event.PROTECTIVE_STOP_AT_REST if self._protective else Event.AT_REST)
+            self.machine.succeed(Result.DONE)
 
     def _watch(self, measurement: Measurement) -> None:
         """Protection by tool, fingers and motors; while the arm is compliant already, only by the latter two."""
-        if not (self._compliant_ticks or self._letting_go) and self._protection.well(
+        machine = self.machine
+        if not (machine.compliant or machine.letting_go) and self._protection.well(
             self.law.memory, self.reference.row, self.force, measurement.tactile, self.torque
         ):
             return
         trouble = self._protection.fingers(measurement.tactile) or self._protection.motors(self.torque)
-        if not self._compliant_ticks:
+        if not machine.compliant:
             state, row = self.law.state, self.reference.row.tolist()
             position = state.position.tolist()
             trouble = (
@@ -256,41 +243,14 @@ class Supervisor:
                 or trouble
             )
         if trouble is not None:
-            self._react(trouble)
-        if self._letting_go:
-            self._letting_go -= 1
-            tight = max(measurement.tactile) > LET_GO_FORCE and self._letting_go > 0
-            self.reference.finger_velocity = self._settings.letting_go_speed if tight else 0.0
-            self._letting_go = self._letting_go if tight else 0
-
-    def _react(self, trouble: Violation) -> None:
-        """Do what a cause asks for; what goes on already is not begun again."""
-        reaction = REACTIONS[trouble.cause]
-        if reaction is Reaction.BRAKE:
-            self._brake(trouble)
-        elif reaction is Reaction.PROTECTIVE_STOP:
-            if not self._protective:
-                self.stop(trouble, Event.PROTECTIVE_STOP)
-        elif reaction is Reaction.COMPLIANT:
-            self._comply(trouble)
-        elif not self._letting_go:
-            self.stop(trouble)
-            self.admission.admitting = False
-            self._letting_go = self._settings.letting_go_ticks
-
-    def _comply(self, cause: Violation) -> None:
-        """Something is in the way: drop the motion and give way."""
-        self._drop(cause)
-        self._compliant_ticks = 1
-        self.admission.admitting = False
-        self.reference.comply_at(self.law.state.position.tolist())
-        self._enter(Event.COMPLIANT)
+            machine.react(trouble)
+        machine.let_go(measurement.tactile)
 
     def _output(self, tactile: tuple[float, float]) -> None:
         """Law and limits: the torque of the next exchange."""
         torque = self.law.torque(self.reference.row, tactile)
         if not math.isfinite(torque[0] + torque[1] + torque[2]):
-            self._brake(Violation(Cause.BAD_TORQUE, math.nan, 0.0))
+            self.machine.brake(Violation(Cause.BAD_TORQUE, math.nan, 0.0))
             return
         self._torques.ask(torque)
 
@@ -298,7 +258,7 @@ class Supervisor:
 
     def _boot(self, measurement: Measurement, trouble: Violation | None) -> None:
         """Off the brakes, then hold where the arm is."""
-        if self._fresh and min(measurement.tactile) >= self._settings.held_force:
+        if self.machine.fresh and min(measurement.tactile) >= self._settings.held_force:
             # a controller before this one took a piece up: to let go of it would be the worst of beginnings
             self.reference.finger_velocity = -self._settings.holding_speed
         step = self.brakes.boot(measurement, trouble)
@@ -306,24 +266,18 @@ class Supervisor:
             self.reference.hold_at(self.law.state.position)
             self._output(measurement.tactile)
             step = self.brakes.enabled(measurement)
-        self._take(step)
+        self.machine.take(step)
         if step.trouble is not None:
-            self._brake(step.trouble)
+            self.machine.brake(step.trouble)
 
     def _switch_off(self, measurement: Measurement, trouble: Violation | None) -> None:
         """Onto the brakes."""
         step = self.brakes.switch_off(measurement, trouble)
         if step.holds:
             self._output(measurement.tactile)
-        self._take(step)
+        self.machine.take(step)
         if step.trouble is not None:
-            self.cause = step.trouble
-
-    def _take(self, step: BrakeStep) -> None:
-        if step.limp:
-            self._torques.coming = _NO_TORQUE
-        if step.event is not None:
-            self._enter(step.event)
+            self.machine.cause = step.trouble
 
     # messages of the client
 
@@ -338,8 +292,8 @@ class Supervisor:
             admission.record(motion, Result.REFUSED, refusal, self.measurement, self.law.state.position)
             return
         admission.admit(motion, self.reference.position)
-        self.cause = NOTHING
-        self._enter(Event.ANNOUNCED)
+        self.machine.cause = NOTHING
+        self.machine.enter(Event.ANNOUNCED)
 
     def take_samples(self, samples: Samples) -> None:
         """Store samples of the announced motion; those of any other are stale and change nothing."""
@@ -347,107 +301,23 @@ class Supervisor:
         if buffer.announced is None or samples.motion != buffer.announced.motion:
             return
         trouble = buffer.store(samples)
-        if trouble is None:
-            return
-        if buffer.executed:
-            self.stop(trouble)
-            return
-        self._end(Result.REFUSED, trouble)
-        self._enter(Event.ENDED)
+        if trouble is not None and buffer.executed:
+            self.machine.stop(trouble)
+        elif trouble is not None:
+            self.machine.refuse(trouble)
 
     def obey(self, code: CommandCode) -> None:
         """Carry a command out; repeating it changes nothing."""
         if code is CommandCode.HOLD:
             self.admission.admitting = False
-            self.stop(Violation(Cause.HOLD_COMMAND, 0.0, 0.0))
+            self.machine.stop(Violation(Cause.HOLD_COMMAND, 0.0, 0.0))
         elif code is CommandCode.STOP:
-            self.stop(Violation(Cause.STOP_COMMAND, 0.0, 0.0))
+            self.machine.stop(Violation(Cause.STOP_COMMAND, 0.0, 0.0))
         elif code is CommandCode.RESUME:
             self.admission.admitting = True
         elif code is CommandCode.SHUTDOWN:
-            self.retire()
+            self.machine.retire()
         elif code is CommandCode.ENABLE:
             self.brakes.enable(self.state, self.measurement.tick)
-        elif code is CommandCode.CLEAR_FAULT and self.state is State.FAULT:
-            self.brakes.armed = self._protective = False
-            self._enter(Event.CLEAR)
-
-    # stops and ends
-
-    def press_stop(self) -> None:
-        """STOP, in any state: come to rest and admit no motion until it is released; why a hold is in force stays."""
-        self.admission.latch.press()
-        if self.state is not State.STOPPING:
-            held = self.state is State.HOLD and not self.admission.admitting
-            self.stop(self.cause if held else PRESSED)
-
-    def stop(self, cause: Violation, event: Event = Event.STOP) -> None:
-        """Drop the motion and come to rest along the direction of travel.
-
-        Args:
-            cause: why.
-            event: STOP to hold afterwards, PROTECTIVE_STOP to brake afterwards.
-        """
-        self._protective = self._protective or event is Event.PROTECTIVE_STOP
-        self.admission.awaiting = False
-        if self.state in BRAKED or self._compliant_ticks:  # that ends at rest, too, and its cause matters more
-            return
-        self._drop(cause)
-        self._enter(event)
-        self.reference.relax()
-
-    def _drop(self, cause: Violation) -> None:
-        """End the motion, if there is one, because of a cause."""
-        self.admission.awaiting = False
-        self.cause = cause
-        if self.admission.motion.announced is not None:
-            self._end(Result.STOPPED, cause)
-
-    def retire(self) -> None:
-        """Stop, then brakes for good."""
-        if self.brakes.retiring:
-            return
-        self.brakes.retiring = True
-        self.stop(Violation(Cause.SHUTDOWN, 0.0, 0.0))
-        self._retire_at_rest()
-
-    def park(self, alone: float) -> None:
-        """Nobody has needed the arm for so long [s]: brakes, until a client enables it; only from rest."""
-        if self.state is State.HOLD and not self.brakes.retiring:
-            self.brakes.park()
-            self.cause = Violation(Cause.PARKED, alone, self._settings.linger)
-            self._retire_at_rest()
-
-    def _retire_at_rest(self) -> None:
-        if self.brakes.close(self.state, self.measurement.tick):
-            self._enter(Event.RETIRE)
-
-    def _brake(self, cause: Violation) -> None:
-        """Brakes at once."""
-        self._drop(cause)
-        self._compliant_ticks = self._letting_go = 0
-        self.reference.abandon()
-        self._protection.reset()
-        self.brakes.energised, self._torques.coming = False, _NO_TORQUE
-        self._enter(Event.BRAKE)
-
-    def _succeed(self, result: Result) -> None:
-        """The motion reached its end or its guard: the reference rests there, gains and fingers stay."""
-        self.reference.rest()
-        self.admission.awaiting = self._end(result, NOTHING)
-        self._enter(Event.ENDED)
-
-    def _end(self, result: Result, reason: Violation) -> bool:
-        return self.admission.end(result, reason, self.measurement, self.law.state.position)
-
-    def _enter(self, event: Event) -> None:
-        before = self.state
-        self.state, foreseen = next_state(before, event)
-        self._braked = self.state in BRAKED
-        self._fresh = self._fresh and self.state is State.BOOT
-        if not foreseen:
-            self.cause = Violation(Cause.UNKNOWN_EVENT, float(event), float(before))
-        if self.state is State.STOPPING and not self._compliant_ticks:
-            self.reference.begin_stop()
-        if self.state is State.FAULT:
-            self.brakes.energised, self._torques.coming = False, _NO_TORQUE
+        elif code is CommandCode.CLEAR_FAULT:
+            self.machine.clear_fault()

@@ -21,7 +21,6 @@ from controller.law.force_observer import OBSERVER_SIZE, observe
 from controller.law.tare import TARE_SIZE, weigh
 from controller.law.task_space import TaskSpaceController, estimate, task_space_law
 from controller.loop.admission import meets, note_peaks
-from controller.loop.flight_file import FLIGHT
 from controller.loop.memory import (
     ACTING,
     CLAMP,
@@ -73,6 +72,7 @@ from controller.protection.limits import DRIVE_TROUBLE, clamp
 from controller.protection.reference_check import COLUMNS
 from controller.protection.screening import SCREEN_SIZE, arm_well, joints_well
 from controller.protocol.states import State
+from controller.records.flight_file import FLIGHT
 from hardware.interfaces import Measurement, PlantCall
 
 _COLUMN: Final = {

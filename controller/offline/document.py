@@ -9,12 +9,12 @@ from collections.abc import Iterable
 from enum import IntEnum, IntFlag
 from pathlib import Path
 
-from controller.loop.flight_file import FLIGHT
 from controller.protection.limits import REACTIONS, WHY, Limits, Reaction, default_limits
 from controller.protocol import layout as wire
 from controller.protocol.causes import Cause, template
 from controller.protocol.envelope import Envelope
 from controller.protocol.states import TRANSITIONS, Event, State
+from controller.records.flight_file import FLIGHT
 from hardware.parameters import load_parameters
 from hardware.table import TableSettings
 

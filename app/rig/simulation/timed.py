@@ -12,7 +12,7 @@ from app.motion import MotionSettings
 from app.rig.rig_file import WorldSection
 from app.rig.simulation.settings import own_rig
 from app.rig.simulation.sim import SimRig
-from controller.loop.statistics import STATISTICS_FILE
+from controller.records.loop_statistics import STATISTICS_FILE
 from hardware.frozen import Frozen
 
 

@@ -21,7 +21,15 @@ from numpy.typing import NDArray
 from controller.law.task_space import TaskSpaceController
 from controller.loop import flight as flight_module
 from controller.loop.flight import AFTERMATH, FlightRecorder
-from controller.loop.flight_file import (
+from controller.loop.supervisor import Supervisor
+from controller.model.constants import DeltaModel
+from controller.offline.document import refresh
+from controller.protection.limits import Violation, default_limits
+from controller.protocol import CommandCode, MotionFlag
+from controller.protocol.causes import Cause
+from controller.protocol.messages import Announce, Samples
+from controller.protocol.states import State
+from controller.records.flight_file import (
     FLIGHT,
     FlightFileError,
     FlightHead,
@@ -31,14 +39,6 @@ from controller.loop.flight_file import (
     load_flight,
     write_flight,
 )
-from controller.loop.supervisor import Supervisor
-from controller.model.constants import DeltaModel
-from controller.offline.document import refresh
-from controller.protection.limits import Violation, default_limits
-from controller.protocol import CommandCode, MotionFlag
-from controller.protocol.causes import Cause
-from controller.protocol.messages import Announce, Samples
-from controller.protocol.states import State
 from controller.settings import ControllerSettings
 from controller.wire.errors import ControllerError
 from hardware.interfaces import DriveStatus
@@ -217,7 +217,7 @@ def test_the_file_of_a_fault_holds_the_ticks_before_it_and_what_came_of_it(recor
 def test_what_somebody_asked_for_is_not_written(recorded: Callable[..., Recorded], cause: Cause) -> None:
     flying = recorded()
     flying.run(20)
-    flying.supervisor.stop(Violation(cause, 0.0, 0.0))
+    flying.supervisor.machine.stop(Violation(cause, 0.0, 0.0))
     flying.run(AFTER + 20)
     assert flying.close() == []
 
@@ -226,7 +226,7 @@ def test_what_somebody_asked_for_is_not_written(recorded: Callable[..., Recorded
 def test_every_other_stop_is(recorded: Callable[..., Recorded], cause: Cause) -> None:
     flying = recorded(duration=0.1)
     flying.run(20)
-    flying.supervisor.stop(Violation(cause, 1.0, 0.0))
+    flying.supervisor.machine.stop(Violation(cause, 1.0, 0.0))
     flying.watch()
     (flight,) = flying.close()
     assert [trigger.cause for trigger in flight.head.triggers] == [cause]
@@ -235,7 +235,7 @@ def test_every_other_stop_is(recorded: Callable[..., Recorded], cause: Cause) ->
 def test_while_plant_time_stands_the_file_is_written_after_a_moment(recorded: Callable[..., Recorded]) -> None:
     flying = recorded()
     flying.run(20)
-    flying.supervisor.stop(LOST)
+    flying.supervisor.machine.stop(LOST)
     flying.watch()
     flying.watch(0.4)
     time.sleep(0.02)
@@ -258,11 +258,11 @@ def test_faults_during_writing_are_noted_and_never_wait(
     monkeypatch.setattr(flight_module, "write_flight", slowly)
     flying = recorded(duration=2.0)
     flying.run(50)
-    flying.supervisor.stop(LOST)
+    flying.supervisor.machine.stop(LOST)
     flying.run(AFTER + 2)
     assert began.wait(PATIENCE)
     for value in (2.0, 3.0):
-        flying.supervisor.stop(Violation(Cause.CLIENT_LOST, value, 1.0))
+        flying.supervisor.machine.stop(Violation(Cause.CLIENT_LOST, value, 1.0))
         flying.run(AFTER + 10)  # else it would wait for the writing, and the writing for the end of this
     assert flying.files() == []
     gate.set()
@@ -282,7 +282,7 @@ def test_no_more_than_so_many_files_the_newest(recorded: Callable[..., Recorded]
     for k in range(5):
         flying.run(10)
         faults.append(flying.supervisor.measurement.tick)
-        flying.supervisor.stop(Violation(Cause.CLIENT_LOST, float(k), 1.0))
+        flying.supervisor.machine.stop(Violation(Cause.CLIENT_LOST, float(k), 1.0))
         flying.watch()
         flying.watch(1.0)
         until(lambda: flying.recorder._spare is not None)

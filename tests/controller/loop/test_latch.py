@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from controller.law.task_space import TaskSpaceController
 from controller.loop.admission import Latch
-from controller.loop.statistics import LoopStatistics
 from controller.loop.supervisor import Supervisor
 from controller.loop.telemetry import report
 from controller.model.constants import DeltaModel
@@ -23,6 +22,7 @@ from controller.protocol import CommandCode, MotionFlag, Result
 from controller.protocol.causes import Cause
 from controller.protocol.messages import AdmitSpeed, Announce, Samples, Telemetry
 from controller.protocol.states import BRAKED, Event, State
+from controller.records.loop_statistics import LoopStatistics
 from controller.settings import ControllerSettings
 from hardware.contact_limits import CONTACT_PROFILES
 from hardware.interfaces import DriveStatus
@@ -119,7 +119,7 @@ def stopping(arm: Arm, line: Line) -> None:
 
 def stopping_for_protection(arm: Arm, line: Line) -> None:
     moving(arm, line)
-    arm.supervisor.stop(Violation(Cause.RMS_TORQUE, 2.6, 2.4), Event.PROTECTIVE_STOP)
+    arm.supervisor.machine.stop(Violation(Cause.RMS_TORQUE, 2.6, 2.4), Event.PROTECTIVE_STOP)
     arm.tick(20)
 
 
@@ -144,14 +144,14 @@ def faulted(arm: Arm, line: Line) -> None:
 
 def retiring(arm: Arm, line: Line) -> None:
     moving(arm, line)
-    arm.supervisor.retire()
+    arm.supervisor.machine.retire()
     while arm.supervisor.state is not State.OFF:
         arm.tick()
 
 
 def parked(arm: Arm, line: Line) -> None:
     arm.tick(6)
-    arm.supervisor.park(31.0)
+    arm.supervisor.machine.park(31.0)
     arm.tick(200)
 
 
@@ -179,7 +179,7 @@ def test_stop_brings_the_arm_to_rest_in_every_state_and_hides_no_other_cause(arm
     supervisor = arm.supervisor
     assert supervisor.state is before
     running = supervisor.admission.motion.announced
-    supervisor.press_stop()
+    supervisor.machine.press_stop()
     assert arm.telemetry.latched
     assert supervisor.cause.cause is cause
     assert supervisor.may_exchange, "plant time goes on, so that it can come to rest"
@@ -201,7 +201,7 @@ def test_stop_opens_no_brake_and_no_finger(arm: Arm, line: Line, way: Any) -> No
     way(arm, line)
     supervisor = arm.supervisor
     before = supervisor.command()
-    supervisor.press_stop()
+    supervisor.machine.press_stop()
     after = supervisor.command()
     assert (after.brake, after.enable) == (before.brake, before.enable)
     assert after.finger_velocity <= before.finger_velocity
@@ -212,7 +212,7 @@ def test_stop_opens_no_brake_and_no_finger(arm: Arm, line: Line, way: Any) -> No
 def test_what_the_hand_guard_sends_lifts_no_stop_and_only_release_does(arm: Arm, line: Line, way: Any) -> None:
     way(arm, line)
     supervisor = arm.supervisor
-    supervisor.press_stop()
+    supervisor.machine.press_stop()
     arm.tick(700)
     reference = tuple(supervisor.reference.position.tolist())
     for code in (CommandCode.HOLD, CommandCode.STOP, CommandCode.RESUME, CommandCode.ENABLE, CommandCode.CLEAR_FAULT):
@@ -232,7 +232,7 @@ def test_what_the_hand_guard_sends_lifts_no_stop_and_only_release_does(arm: Arm,
 def test_a_hold_outlives_release(arm: Arm, line: Line) -> None:
     """A hand that came while the arm was stopped is still over the board."""
     moving(arm, line)
-    arm.supervisor.press_stop()
+    arm.supervisor.machine.press_stop()
     arm.tick(200)
     arm.supervisor.obey(CommandCode.HOLD)
     arm.supervisor.admission.latch.release(1)
@@ -244,7 +244,7 @@ def test_an_arm_that_gave_way_and_was_stopped_still_says_that_it_gave_way(arm: A
     compliant(arm, line)
     arm.tick(600)
     assert arm.supervisor.state is State.HOLD
-    arm.supervisor.press_stop()
+    arm.supervisor.machine.press_stop()
     arm.supervisor.admission.latch.release(1)
     assert arm.supervisor.cause.cause is Cause.TRACKING
     arm.announce(10)
@@ -264,7 +264,7 @@ def test_a_stop_at_stretched_time_is_as_smooth_as_any(fake_bus: MakeBus, line: L
     assert playback.rate < 1.0, "time is stretched"
     assert playback.slope != 0.0, "and changes its rate"
     rows = [arm.supervisor.reference.row[:9].copy()]
-    arm.supervisor.press_stop()
+    arm.supervisor.machine.press_stop()
     for _ in range(200):
         arm.tick()
         rows.append(arm.supervisor.reference.row[:9].copy())
@@ -284,7 +284,7 @@ def test_a_piece_in_the_fingers_stays_there(arm: Arm, line: Line) -> None:
     arm.begin(lift)
     arm.tick(300)
     assert min(arm.supervisor.measurement.tactile) > 3.0
-    arm.supervisor.press_stop()
+    arm.supervisor.machine.press_stop()
     arm.tick(400)
     assert arm.rests
     assert arm.supervisor.command().finger_velocity == pytest.approx(-0.025)
@@ -298,14 +298,14 @@ def test_fingers_that_were_opening_stand(arm: Arm, line: Line) -> None:
     arm.begin(opening)
     arm.tick(100)
     assert arm.supervisor.command().finger_velocity > 0.0
-    arm.supervisor.press_stop()
+    arm.supervisor.machine.press_stop()
     assert arm.supervisor.command().finger_velocity == 0.0
 
 
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
 def test_a_stop_keeps_nobody_from_shutting_down(arm: Arm, line: Line, way: Any) -> None:
     way(arm, line)
-    arm.supervisor.press_stop()
+    arm.supervisor.machine.press_stop()
     arm.supervisor.obey(CommandCode.SHUTDOWN)
     for _ in range(1200):
         if not arm.supervisor.brakes.finished:
@@ -318,7 +318,7 @@ def test_a_stop_keeps_nobody_from_shutting_down(arm: Arm, line: Line, way: Any) 
 @pytest.mark.parametrize("way", [faulted, parked], ids=lambda way: way.__name__)
 def test_brakes_may_be_opened_and_the_latch_stays(arm: Arm, line: Line, way: Any) -> None:
     way(arm, line)
-    arm.supervisor.press_stop()
+    arm.supervisor.machine.press_stop()
     arm.supervisor.obey(CommandCode.CLEAR_FAULT)
     arm.supervisor.obey(CommandCode.ENABLE)
     arm.tick(20)
@@ -363,7 +363,7 @@ def test_while_it_is_in_force_nothing_begins_whatever_the_client_asks_for(
         latched = supervisor.admission.latch.closed
         before = supervisor.state
         if one == "press":
-            supervisor.press_stop()
+            supervisor.machine.press_stop()
             assert supervisor.state is not State.TRACK
         elif one == "announce":
             arm.begin(line(tuple(supervisor.reference.position.tolist()), AWAY, 400))

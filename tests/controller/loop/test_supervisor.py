@@ -11,7 +11,6 @@ import pytest
 from numpy.typing import NDArray
 
 from controller.law.task_space import TaskSpaceController
-from controller.loop.statistics import LoopStatistics
 from controller.loop.supervisor import Supervisor
 from controller.loop.telemetry import report
 from controller.model.constants import DeltaModel
@@ -20,6 +19,7 @@ from controller.protocol import CommandCode, Guard, MotionFlag, Result
 from controller.protocol.causes import Cause, explain
 from controller.protocol.messages import Announce, Samples
 from controller.protocol.states import Event, State
+from controller.records.loop_statistics import LoopStatistics
 from controller.settings import ControllerSettings
 from hardware.interfaces import Command, DriveStatus, Measurement
 from hardware.parameters import load_parameters
@@ -239,7 +239,7 @@ def test_a_followed_motion_does_not_wait_for_ever(rig: Rig, line: Line, release:
     rig.run(100)
     assert not rig.supervisor.may_exchange
     if release == "lost":
-        rig.supervisor.stop(Violation(Cause.CLIENT_LOST, 1.1, 1.0))
+        rig.supervisor.machine.stop(Violation(Cause.CLIENT_LOST, 1.1, 1.0))
     else:
         rig.supervisor.obey(CommandCode[release.upper()])
     assert rig.supervisor.may_exchange
@@ -376,7 +376,7 @@ def test_a_second_motion_and_one_during_a_stop_are_refused(rig: Rig, line: Line)
     rig.run(200)
     rig.announce(10)
     assert "motion 1 is still under way" in rig.reason
-    rig.supervisor.stop(STOP)
+    rig.supervisor.machine.stop(STOP)
     rig.announce(10)
     assert "the controller is in state STOPPING, motions are admitted only in state HOLD" in rig.reason
 
@@ -467,14 +467,14 @@ def test_a_hold_during_a_stop_changes_nothing_of_it(rig: Rig, line: Line) -> Non
     rig.supervisor.obey(CommandCode.STOP)
     rig.run(5)
     rig.supervisor.obey(CommandCode.HOLD)
-    rig.supervisor.stop(Violation(Cause.CLIENT_LOST, 1.1, 1.0))
+    rig.supervisor.machine.stop(Violation(Cause.CLIENT_LOST, 1.1, 1.0))
     rig.run(200)
     assert rig.state is State.HOLD
     assert rig.reference_jumps()[0] < 1e-7
 
 
 def test_an_event_that_is_not_foreseen_stops(rig: Rig) -> None:
-    rig.boot().supervisor._enter(Event.AT_REST)
+    rig.boot().supervisor.machine.enter(Event.AT_REST)
     assert rig.state is State.STOPPING
     assert "event AT_REST is not foreseen in state 1" in rig.sentence
     rig.run(3)
@@ -524,9 +524,9 @@ def test_pushed_away_while_holding_it_gives_way(rig: Rig) -> None:
 def test_giving_way_is_not_shortened_by_a_stop_and_ends_a_shutdown_too(rig: Rig) -> None:
     rig.boot().supervisor.reference.position[2] += 0.02
     feel(rig)
-    rig.supervisor.stop(STOP)
-    rig.supervisor.retire()
-    rig.supervisor.retire()
+    rig.supervisor.machine.stop(STOP)
+    rig.supervisor.machine.retire()
+    rig.supervisor.machine.retire()
     assert rig.supervisor.cause.cause is Cause.TRACKING
     assert not rig.supervisor.reference.stopping
     rig.run(600)
@@ -685,7 +685,7 @@ def test_what_cannot_be_controlled_brakes_in_the_same_tick(
         rig.begin(line(HOME, AWAY, 500))
         rig.run(200)
     if at == "stopping":
-        rig.supervisor.stop(STOP)
+        rig.supervisor.machine.stop(STOP)
     healthy = rig.bus.exchange(rig.supervisor.command()._replace(busy=True))
     rig.supervisor.advance(healthy._replace(**change))
     assert rig.state is State.FAULT
@@ -780,7 +780,7 @@ def test_retiring_in_a_motion_stops_brakes_and_finishes(rig: Rig, line: Line) ->
 
 
 def test_retiring_at_rest_needs_no_new_tick_to_begin(rig: Rig) -> None:
-    rig.boot().supervisor.retire()
+    rig.boot().supervisor.machine.retire()
     assert rig.state is State.OFF
     assert rig.supervisor.command().busy
     rig.run(50)
@@ -792,15 +792,15 @@ def test_retiring_from_the_brakes(rig: Rig, event: Event | None) -> None:
     if event is None:
         rig.run(1)
     else:
-        rig.boot().supervisor._enter(event)
-    rig.supervisor.retire()
+        rig.boot().supervisor.machine.enter(event)
+    rig.supervisor.machine.retire()
     rig.run(50)
     assert rig.supervisor.brakes.finished
     assert all(not command.enable for _, command in rig.bus.log[-40:])
 
 
 def test_brakes_that_do_not_hold_are_told(rig: Rig) -> None:
-    rig.boot().supervisor.retire()
+    rig.boot().supervisor.machine.retire()
     rig.doctor = lambda measurement: measurement._replace(velocity=(0.3, 0.0, 0.0))
     rig.run(2400)
     assert rig.supervisor.brakes.finished
@@ -813,7 +813,7 @@ def test_brakes_that_do_not_hold_are_told(rig: Rig) -> None:
 
 def test_a_parked_arm_waits_on_its_brakes_until_it_is_enabled(rig: Rig) -> None:
     rig.boot()
-    rig.supervisor.park(31.0)
+    rig.supervisor.machine.park(31.0)
     rig.run(200)
     assert rig.state is State.BOOT
     assert rig.bus.last.brake
@@ -829,7 +829,7 @@ def test_a_parked_arm_waits_on_its_brakes_until_it_is_enabled(rig: Rig) -> None:
 
 def test_an_arm_goes_on_holding_while_its_brakes_close_for_parking(rig: Rig) -> None:
     rig.boot()
-    rig.supervisor.park(31.0)
+    rig.supervisor.machine.park(31.0)
     rig.run(ControllerSettings().brake_ticks // 2)
     assert rig.state is State.OFF
     assert rig.bus.last.brake
@@ -839,7 +839,7 @@ def test_an_arm_goes_on_holding_while_its_brakes_close_for_parking(rig: Rig) -> 
 
 def test_enabling_while_the_brakes_close_opens_them_as_soon_as_the_arm_is_parked(rig: Rig) -> None:
     rig.boot()
-    rig.supervisor.park(31.0)
+    rig.supervisor.machine.park(31.0)
     rig.run(3)
     rig.supervisor.obey(CommandCode.ENABLE)
     rig.run(200)
@@ -852,16 +852,16 @@ def test_only_an_arm_that_holds_is_parked(rig: Rig, line: Line) -> None:
     rig.announce(len(samples))
     rig.send(samples)
     rig.run(20)
-    rig.supervisor.park(31.0)
+    rig.supervisor.machine.park(31.0)
     assert rig.state is State.TRACK
 
 
 @pytest.mark.parametrize("parked", [False, True])
 def test_a_shutdown_ends_an_arm_that_is_parked_or_on_its_way(rig: Rig, parked: bool) -> None:
     rig.boot()
-    rig.supervisor.park(31.0)
+    rig.supervisor.machine.park(31.0)
     rig.run(200 if parked else 3)
-    rig.supervisor.retire()
+    rig.supervisor.machine.retire()
     rig.run(200)
     assert rig.supervisor.brakes.finished
     assert rig.state is State.OFF
@@ -880,7 +880,7 @@ def test_a_controller_that_finds_a_piece_in_its_fingers_goes_on_gripping(
 
 def test_a_parked_gripper_does_not_close_on_what_touches_it(rig: Rig) -> None:
     rig.boot()
-    rig.supervisor.park(31.0)
+    rig.supervisor.machine.park(31.0)
     rig.run(200)
     rig.doctor = lambda measurement: measurement._replace(tactile=(2.0, 2.0))
     rig.run(20)

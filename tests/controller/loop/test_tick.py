@@ -103,7 +103,7 @@ def test_whatever_happens_both_know_the_same_after_each_tick(
         for arm in arms:
             supervisor = arm.supervisor
             if event == "stop":
-                supervisor.press_stop()
+                supervisor.machine.press_stop()
             elif event in ("hold", "resume"):
                 supervisor.obey(CommandCode[event.upper()])
             elif event == "admit":

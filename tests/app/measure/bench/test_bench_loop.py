@@ -25,7 +25,7 @@ from app.motion import MotionSettings
 from app.motion.plan import Plan
 from app.rig.arm import ArmAtRest
 from app.rig.simulation.timed import GrantedRealTime, NoStatistics, RunEnd, RunStatistics, Statistics, read_statistics
-from controller.loop.statistics import STATISTICS_FILE
+from controller.records.loop_statistics import STATISTICS_FILE
 from controller.wire.errors import ControllerError, ControllerLost
 from hardware.table import TableSettings
 

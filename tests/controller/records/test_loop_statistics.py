@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-import controller.loop.statistics as clock_module
-from controller.loop.statistics import (
+import controller.records.loop_statistics as clock_module
+from controller.records.loop_statistics import (
     STATISTICS_FILE,
     Histogram,
     LoopClock,
