@@ -1,5 +1,5 @@
 # make demo    two engines play a game that the arm executes; options in ARGS, e.g. make demo ARGS="--pace fast --plies 20"
-# make test    all tests, on all processors; ARGS go to pytest
+# make test    all tests, WORKERS (two for each processor: most of them wait for other processes) at once; ARGS go to pytest
 # make nightly property tests with fresh examples, TIMES (20) rounds; the first failure ends it and says how to repeat it
 # make check   format, lint, strict types
 # make coverage   line and branch coverage of the controller
@@ -11,6 +11,7 @@
 
 ARGS ?=
 TIMES ?= 20
+WORKERS ?= $(shell expr 2 '*' $$(nproc))
 
 .PHONY: demo test nightly check clean constraints coverage vendor
 
@@ -20,7 +21,7 @@ demo:
 
 test:
 	@bash .ci/setup dev
-	@.venv/bin/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder $(ARGS)
+	@.venv/bin/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 nightly:
 	@bash .ci/setup dev
