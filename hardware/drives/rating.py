@@ -38,10 +38,13 @@ def allowed(heat: float, peak: float, rms: float) -> float:
 
 
 class TorqueRating:
-    """Cuts the torques of one joint; ``heat`` is the share of the winding's full heat, 0 at the start."""
+    """Cuts the torques of one joint.
+
+    ``heat`` is the share of the winding's full heat, 0 at the start; ``peak`` the largest torque [N m].
+    """
 
     def __init__(self, settings: JointSettings, drive: Drive) -> None:
-        self._peak, self._rms = settings.peak(drive), settings.rms(drive)
+        self.peak, self._rms = settings.peak(drive), settings.rms(drive)
         self._time = settings.thermal_time
         self._begins, self._limit = settings.derating_temperature, settings.temperature_limit
         self.heat = 0.0
@@ -49,7 +52,7 @@ class TorqueRating:
     def rate(self, torque: float, temperature: float, elapsed: float) -> Rated:
         """Cut a torque [N m], given the drive's temperature [°C], for so long [s], and count its heat."""
         most = min(
-            allowed(self.heat, self._peak, self._rms), self._peak * derating(temperature, self._begins, self._limit)
+            allowed(self.heat, self.peak, self._rms), self.peak * derating(temperature, self._begins, self._limit)
         )
         given = min(most, max(-most, torque))
         self.heat += ((given / self._rms) ** 2 - self.heat) * -math.expm1(-elapsed / self._time)

@@ -5,6 +5,7 @@ from typing import Self
 
 from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, ValidationError, model_validator
 
+from hardware.drives.moteus.settings import MoteusSettings
 from hardware.drives.settings import DriveSettings
 from hardware.frozen import Frozen
 from hardware.interfaces import LINGER, SEED, HardwareError, Pace
@@ -66,6 +67,8 @@ class WorldSettings(WorldOptions):
     drives: DriveSettings | None = None
     """On which bus the robot's drives are: that has a period, a watchdog and encoders of its own. None: the drives are
     those of the parameters."""
+    moteus: MoteusSettings | None = None
+    """The controllers of a moteus bus that are emulated; None: there are none."""
     first_controller: NonNegativeFloat = 90.0
     """A world that no controller has used yet ends after this; compiling a controller's law takes some [s, wall]."""
 
