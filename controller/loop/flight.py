@@ -99,16 +99,11 @@ class FlightRecorder:
         self._timed = ring.count
 
     def note(self, order: CommandCode | Announce) -> None:
-        """Remember what the client asked for; repeated announcements once."""
+        """Remember what the client asked for; repeated announcements once. Of RECORD write what is in memory."""
         if not (self._orders and self._orders[-1].order == order and isinstance(order, Announce)):
             self._orders.append(Order(self._tick, self._epoch + time.monotonic(), order))
-
-    def keep(self) -> None:
-        """Have what is in memory written, for whoever asked for it; what was written just before is not written again.
-
-        So a repeated RECORD has no further effect.
-        """
-        self._wanted = self._wanted or self._ring.count >= self._aftermath
+        if order is CommandCode.RECORD:  # what was written just before is not written again
+            self._wanted = self._wanted or self._ring.count >= self._aftermath
 
     def watch(self, now: float) -> None:
         """Notice faults, and hand the ring over once their aftermath is in it. For every turn of the loop.

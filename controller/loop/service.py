@@ -80,10 +80,7 @@ class ClientService:
             if code is None:
                 return False
             self._flight.note(code)
-            if code is CommandCode.RECORD:
-                self._flight.keep()
-            else:
-                self._supervisor.obey(code)
+            self._supervisor.obey(code)
         elif kind == DatagramKind.STOP:
             self._supervisor.machine.press_stop()
         elif kind == DatagramKind.RELEASE:

@@ -150,5 +150,5 @@ def test_an_arm_lighter_than_its_rotor_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     lines = "\n".join(f"{name} = {list(value)}" for name, value in robot.arms.model_dump().items())
     path.write_text(TEXT + "\n[arms]\n" + lines + "\n", encoding="utf-8")
-    with pytest.raises(ParametersError, match="must exceed inertia.rotor_inertia"):
+    with pytest.raises(ParametersError, match=r"must exceed inertia\.rotor_inertia"):
         load_parameters(path)

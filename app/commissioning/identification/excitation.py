@@ -30,8 +30,11 @@ FADE: Final = 1.0
 """In and out [s]."""
 _LOOKED_AT: Final = 240
 """States of the motion that the search looks at."""
-_DRAWS, _CHANGES: Final = 24, 360
+_DRAWS: Final = 60
+_CHANGES: Final = 1500
 """First coefficients that are tried, and how often the best of them are changed."""
+_MARGIN: Final = 1.12
+"""Places so much farther from the middle have to be within reach as well."""
 _SEED: Final = 0x1DE27
 _COULOMB_SPEED: Final = 0.05
 """Over which the sign of dry friction is smoothed [rad/s], as in the law."""
@@ -66,7 +69,8 @@ class Borders:
     @property
     def middle(self) -> FloatArray:
         """(3,) [m]."""
-        return 0.5 * (np.array(self.low) + np.array(self.high))
+        middle: FloatArray = 0.5 * (np.array(self.low) + np.array(self.high))
+        return middle
 
     def __str__(self) -> str:
         sides = " × ".join(f"{1e3 * (b - a):.0f}" for a, b in zip(self.low, self.high, strict=True))
@@ -115,7 +119,7 @@ def find_excitation(parameters: RobotParameters, borders: Borders, duration: flo
     """
     search = _Search(parameters, borders, duration)
     rng = np.random.default_rng(_SEED)
-    damping = 1.0 / np.array(HARMONICS) ** 1.2
+    damping = 1.0 / np.array(HARMONICS)
     draws = [damping * rng.standard_normal((2, 3, len(HARMONICS))) for _ in range(_DRAWS)]
     spread, best = min(((search.spread(draw), draw) for draw in draws), key=lambda pair: pair[0])
     width = 0.5
@@ -141,7 +145,8 @@ class _Search:
         friction = [parameters.arm(number) for number in range(3)]
         believed = [*base_of(parameters), *(arm.viscous for arm in friction), *(arm.coulomb for arm in friction)]
         self._believed = np.maximum(believed, 1e-4)
-        self._times = np.linspace(0.0, duration, _LOOKED_AT)
+        self._times: FloatArray = np.linspace(0.0, duration, _LOOKED_AT, dtype=np.float64)
+        self._room = 0.5 * (np.array(borders.high) - np.array(borders.low))
         self._noise = _TORQUE_NOISE * parameters.drive.rated_torque
         self._ticks = duration / parameters.drive.tick
 
@@ -155,17 +160,22 @@ class _Search:
         return Excitation(self._borders.middle, scaled[0], scaled[1], self._duration, spread, condition)
 
     def _judge(self, coefficients: FloatArray) -> tuple[float, float, FloatArray]:
-        scaled = coefficients * self._largest(coefficients)
+        shape, _, _ = _sines(coefficients[0], coefficients[1], self._times)
+        filled = coefficients * (self._room / np.abs(shape).max(axis=0))[:, None]
+        scaled = filled * self._largest(filled)
         nothing = (np.inf, np.inf, scaled)
-        for _ in range(12):
-            motion = Excitation(self._borders.middle, scaled[0], scaled[1], self._duration, 0.0, 0.0).motion(self._times)
+        for _ in range(25):
+            motion = Excitation(self._borders.middle, scaled[0], scaled[1], self._duration, 0.0, 0.0).motion(
+                self._times
+            )
             status, _, torque, _ = torque_demand(self._constants, _COULOMB_SPEED, np.ascontiguousarray(motion))
-            if status != OK:
-                return nothing
+            if status != OK or not self._within_reach(motion):
+                scaled = 0.93 * scaled
+                continue
             rms = np.sqrt((torque**2).mean(axis=0)).max()
             if np.abs(torque).max() <= self._borders.torque and rms <= self._borders.rms_torque:
                 break
-            scaled = 0.9 * scaled
+            scaled = 0.93 * scaled
         else:
             return nothing
         try:
@@ -180,6 +190,12 @@ class _Search:
         share = np.sqrt(np.diag(np.linalg.inv(information)) * _LOOKED_AT / self._ticks) * self._noise
         return float(share.max()), float(values[0] / values[-1]), scaled
 
+    def _within_reach(self, motion: FloatArray) -> bool:
+        """Also a little farther out: an arm that is not quite as believed shall not come near its singular poses."""
+        farther = motion.copy()
+        farther[:, :3] += (_MARGIN - 1.0) * (motion[:, :3] - self._borders.middle)
+        return torque_demand(self._constants, _COULOMB_SPEED, farther)[0] == OK
+
     def _largest(self, coefficients: FloatArray) -> float:
         """By how much they can be multiplied until place, speed or acceleration comes to its border."""
         borders = self._borders
@@ -187,14 +203,13 @@ class _Search:
         fade, fading, faded = _fade(self._times, self._duration)
         place, speed = fade * shape, fade * rate + fading * shape
         acceleration = fade * change + 2.0 * fading * rate + faded * shape
-        room = 0.5 * (np.array(borders.high) - np.array(borders.low))
         sideways = borders.reach - float(np.hypot(*borders.middle[:2]))
         shares = (
-            float((np.abs(place).max(axis=0) / room).max()), float(np.hypot(*place[:, :2].T).max()) / sideways,
+            float((np.abs(place).max(axis=0) / self._room).max()), float(np.hypot(*place[:, :2].T).max()) / sideways,
             float(np.linalg.norm(speed, axis=1).max()) / borders.speed,
             float(np.linalg.norm(acceleration, axis=1).max()) / borders.acceleration,
         )  # fmt: skip
-        return 0.97 / max(shares)
+        return 0.92 / max(shares)  # between the states that are looked at it may be a little quicker
 
 
 def friction_columns(constants: FloatArray, motion: FloatArray) -> FloatArray:
@@ -209,7 +224,7 @@ def friction_columns(constants: FloatArray, motion: FloatArray) -> FloatArray:
             status, angle[row, arm] = inverse_arm(constants, arm, (place[0], place[1], place[2]))
             if status != OK:
                 raise ValueError(f"the arm does not reach {place} m")
-    step = float(1e-4)
+    step = 1e-4
     before, after = (
         _angles(constants, motion[:, :3] + sign * step * motion[:, 3:6] + 0.5 * step**2 * motion[:, 6:9])
         for sign in (-1.0, 1.0)
