@@ -105,7 +105,8 @@ class Excitation:
 
     def sampled(self, tick: float) -> FloatArray:
         """A tick apart [s], from rest to rest, (n, 9)."""
-        table = self.motion(tick * np.arange(round(self.duration / tick) + 1))
+        times: FloatArray = np.arange(round(self.duration / tick) + 1, dtype=np.float64) * tick
+        table = self.motion(times)
         table[[0, -1], 0:3] = self.middle
         table[[0, -1], 3:9] = 0.0
         return table
