@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import threading
 import webbrowser
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
-from app.cli.ending import fail, interrupt, say
+from app.cli.ending import fail, say, take_interrupts
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -63,8 +62,7 @@ def show_game(
     from engine.errors import EngineProblem
 
     console = Console(stderr=True)
-    for number in (signal.SIGINT, signal.SIGTERM):  # SIGINT too: a shell's background job starts with it ignored
-        signal.signal(number, interrupt)
+    take_interrupts()
     with ExitStack() as stack:
         audience = stack.enter_context(
             _audience(program, settings, console, page_ahead, headless=headless, awaited=awaited)

@@ -234,7 +234,7 @@ class MoteusServoBus:
         if told is not None:
             angle, velocity = scale.angle(told.angle), scale.velocity(told.velocity)
             expected = before + 0.5 * (speed + velocity) * elapsed
-            jumped = self._watches[i].encoder(angle, expected) if math.isfinite(before) else None
+            jumped = self._watches[i].encoder(angle, expected, elapsed) if math.isfinite(before) else None
             if jumped is None or self._tripped:
                 if estimate is not None:
                     velocity = estimate.take(angle, elapsed)

@@ -88,10 +88,12 @@ class ControllerWatch:
             return None
         return HealthFinding(DriveTrouble.NOT_OPERATIONAL, f"mode {mode} instead of {int(Mode.POSITION)}")
 
-    def encoder(self, angle: float, expected: float) -> HealthFinding | None:
-        """Whether a joint is where its own velocity has taken it [rad]."""
-        jump = angle - expected
-        if abs(jump) <= self._settings.encoder_jump:
+    def encoder(self, angle: float, expected: float, elapsed: float) -> HealthFinding | None:
+        """Whether a joint is where its mean velocity before and after has taken it in this time [rad, s]."""
+        jump, settings = angle - expected, self._settings
+        # with bounded acceleration the mean of two velocities is off by a quarter of it at most
+        accepted = settings.encoder_jump + 0.25 * settings.acceleration * elapsed**2
+        if abs(jump) <= accepted:
             return None
-        seen = f"{jump:+.4f} rad beyond its own velocity, at most {self._settings.encoder_jump:g} rad is accepted"
+        seen = f"{jump:+.4f} rad beyond its own velocity, at most {accepted:.3g} rad is accepted"
         return HealthFinding(DriveTrouble.ENCODER_JUMPED, seen)
