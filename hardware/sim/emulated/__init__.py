@@ -1,0 +1,1 @@
+"""Devices emulated at the level of their wire."""
