@@ -45,10 +45,10 @@ FLOORS = {
     "controller": ("offline", "loop", "records", "law", "protection", "wire", "model", "settings", "protocol"),
     "vision": ("standing", "pieces", "reading", "hands", "camera", "loops", "board", "arrays"),
     "hardware": (
-        "sim", "camera", "turned_shapes", "table", "contact_limits", "referee", "parameters", "frozen", "interfaces",
-        "realtime",
+        "sim", "drives", "camera", "turned_shapes", "table", "contact_limits", "referee", "parameters", "frozen",
+        "interfaces", "realtime",
     ),
-    "hardware.sim": ("process", "clients", "hand", "plant", "bodies", "render"),
+    "hardware.sim": ("emulated", "process", "clients", "hand", "plant", "bodies", "render"),
 }  # fmt: skip
 """What lies in a room, from the top floor down: each may import what stands after it, and nothing before it."""
 

@@ -44,6 +44,13 @@ Captured = Annotated[
 Randomise = Annotated[
     Path | None, typer.Option(help="TOML file: how the simulation differs from what the game believes of it.")
 ]
+Ideal = Annotated[
+    bool,
+    typer.Option(
+        "--ideal",
+        help="The simulated robot, table and camera are just as the game believes, instead of mildly off as in a lab.",
+    ),
+]
 Linger = Annotated[
     float, typer.Option(min=0.0, help="If this program is killed: how long the arm waits for another [s].")
 ]

@@ -31,6 +31,9 @@ def _thinks(settings: Settings) -> bool:
 
 _OWN: Final = Need("a simulation of our own (--rig sim)", lambda settings: settings.rig.name == SIMULATED)
 _DRAWN: Final = Need("a simulation that is drawn (without --no-cameras)", lambda settings: settings.rig.cameras)
+_DRAWN_BY_SEED: Final = Need(
+    "a world that nothing else is said of (without --randomise)", lambda settings: settings.rig.randomise is None
+)
 _FILMED: Final = Need("a film (without --no-video)", lambda settings: settings.rig.video)
 _ENGINES: Final = Need("engines that choose the moves (without --moves)", _thinks)
 _BY_TIME: Final = Need("engines that think by time (without --nodes)", lambda settings: settings.engine.nodes is None)
@@ -72,6 +75,7 @@ _ALL: Final = (
     SettingOption("rig.pads", "--pads", (_OWN,)),
     SettingOption("rig.captured", "--captured"),
     SettingOption("rig.randomise", "--randomise", (_OWN,)),
+    SettingOption("rig.ideal", "--ideal", (_OWN, _DRAWN_BY_SEED)),
     SettingOption("rig.linger", "--linger", (_OWN,)),
     SettingOption("rig.port", "--port", (_OWN,)),
     SettingOption("rig.cameras", "--cameras", (_OWN,)),

@@ -80,7 +80,10 @@ class RigSection(_Section):
     """Where captured pieces go on the table of a simulation of our own: tray (the default), to places of their own;
     box, dropped. A rig file says its own."""
     randomise: Path | None = None
-    """TOML file that says how a simulation of our own differs from what the game believes of it."""
+    """TOML file that says how a simulation of our own differs from what the game believes of it. Left out: mildly, as a
+    careful lab would (``AS_A_LAB``) …"""
+    ideal: bool = False
+    """… or, if so, not at all, but for pieces that stand where people put them."""
     person: Colour | None = None
     """A simulated person sits at this side of a simulation of our own, though nobody plays by hand: their hand does
     what a program of its own has it do."""

@@ -16,6 +16,7 @@ from controller.protocol.key import KEY_FILE
 from controller.settings import ANY_PORT
 from hardware.interfaces import Pace
 from hardware.sim.hand.actions import HandSettings
+from hardware.sim.process.randomisation import AS_A_LAB
 from hardware.sim.process.settings import WorldOptions, WorldSettings
 from hardware.table import Colour, TableSettings
 
@@ -52,12 +53,14 @@ def rig_for_game(
     """A simulation of our own to play on, with the table where it is meant to stand.
 
     Nothing is set up where ``board`` is None: the pieces stand there already, as another program has left them.
-    ``person`` is whose simulated hand plays; None: nobody sits there. Raises ``UserError`` if the file of ``randomise``
-    is wrong.
+    The world differs from what is believed of it as a lab would, or as was wished. ``person`` is whose simulated hand
+    plays; None: nobody sits there. Raises ``UserError`` if the file of ``randomise`` is wrong.
     """
     chosen: dict[str, Any] = {} if section.pace is None else {"pace": section.pace}
     if board is not None and section.randomise is not None:
         chosen["randomisation"] = load_randomisation(section.randomise)
+    elif board is not None and not section.ideal:
+        chosen["randomisation"] = AS_A_LAB
     world = WorldSection(
         **chosen, seed=section.seed, fen=None if board is None else f"{board.board_fen()} w - -", person=person,
         cameras=section.cameras, linger=section.linger, journal=section.journal, processes=section.processes,

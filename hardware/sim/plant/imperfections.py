@@ -32,6 +32,10 @@ class Imperfections(FrozenFinite):
     """Standard deviation of a tactile sensor's noise in each tick [N]."""
     tactile_offset: NonNegativeFloat = 0.0
     """Each tactile sensor reads up to so much too much or too little [N]."""
+    encoder_noise: NonNegativeFloat = 0.0
+    """Standard deviation of an encoder's noise in each tick [rad]; one count of 22 bits is 1.5e-6."""
+    finger_noise: NonNegativeFloat = 0.0
+    """Standard deviation of the noise of the fingers' position in each tick [m]."""
     grip: GripFaults = NEVER
     """The gripper's motor lets go of what it holds."""
 
@@ -42,8 +46,8 @@ PERFECT: Final = Imperfections()
 class Flaws:
     """Imperfections as one seed makes them.
 
-    ``friction`` are factors of each shaft's, ``noise`` what the right and the left sensor add to the force they feel,
-    by tick modulo its length, (n, 2) [N], ``grip`` when the gripper lets go by itself.
+    ``friction`` are factors of each shaft's, ``grip`` is when the gripper lets go by itself. ``noise`` is what sensors
+    add to what is there, by tick modulo its length, (n, 6): right and left pad [N], three encoders [rad], fingers [m].
     """
 
     def __init__(self, imperfections: Imperfections, seed: int) -> None:
@@ -52,9 +56,16 @@ class Flaws:
         self._phases = rng.uniform(-math.pi, math.pi, (3, 2))
         self.friction: NDArray[np.float64] = 1.0 + imperfections.friction * rng.uniform(-1.0, 1.0, 3)
         offset = imperfections.tactile_offset * rng.uniform(-1.0, 1.0, 2)
-        self.noise: NDArray[np.float64] = offset.reshape(1, 2)
+        deviations = np.array([
+            *2 * [imperfections.tactile_noise], *3 * [imperfections.encoder_noise], imperfections.finger_noise
+        ])  # fmt: skip
+        self.noise: NDArray[np.float64] = np.zeros((_NOISE_TICKS if deviations.any() else 1, 6))
+        self.noise[:, :2] = offset
         if imperfections.tactile_noise:
-            self.noise = offset + imperfections.tactile_noise * rng.standard_normal((_NOISE_TICKS, 2))
+            self.noise[:, :2] += imperfections.tactile_noise * rng.standard_normal((_NOISE_TICKS, 2))
+        if deviations[2:].any():
+            positions = np.random.default_rng([seed, 0xF1A5, 1])
+            self.noise[:, 2:] = deviations[2:] * positions.standard_normal((_NOISE_TICKS, 4))
         self.grip = GripFault(imperfections.grip, seed)
 
     @property

@@ -69,12 +69,14 @@ class Plant:
         drive = parameters.drive
         self._steps = _steps_of_a_tick(drive.tick, model.opt.timestep)
         self._boxes = boxes
-        self._flaws = flaws or Flaws(PERFECT, 0)
         self._constants = tick.constants_of(drive.encoder_bits, drive.tick, parameters.tactile.bandwidth, SKIN)
         self._rad_per_count = 1.0 / float(self._constants[0])
+        self._flaws = flaws or Flaws(PERFECT, 0)
         self._ripples = self._flaws.ripples(self._rad_per_count)
         self._memory = np.zeros(tick.MEMORY)
-        self._noise = cast("list[list[float]]", self._flaws.noise.tolist())
+        self._noise = self._flaws.noise.copy()
+        self._noise[:, tick.ENCODER_NOISE : tick.FINGER_NOISE] *= self._constants[0]
+        self._noise_rows = cast("list[list[float]]", self._noise.tolist())
         mujoco.mj_resetDataKeyframe(model, self.data, 0)
         if snapshot is not None:
             self._restore(snapshot)
@@ -137,7 +139,8 @@ class Plant:
     def _wake_up(self) -> None:
         """Encoders and fingers at the beginning: at rest, with the forces that are there already."""
         memory, sensors = self._memory, self.data.sensordata
-        memory[tick.COUNTS] = np.rint(self.data.qpos[self._found.servos] * self._constants[0])
+        noise = self._noise[self.tick % len(self._noise)][tick.ENCODER_NOISE : tick.FINGER_NOISE]
+        memory[tick.COUNTS] = np.rint(self.data.qpos[self._found.servos] * self._constants[0] + noise)
         right, left = self._places.forces[:2]
         memory[tick.TOUCH] = max(0.0, -sensors[right]), max(0.0, sensors[left])
 
@@ -171,10 +174,10 @@ class Plant:
         """What encoders, gripper and tactile sensors say now; the status says so if plant time stood still."""
         a, b, c, v1, v2, v3, right, left, *_ = self._felt
         scale, q, fingers = self._rad_per_count, self._positions, self._places.fingers
-        more_right, more_left = self._noise[self.tick % len(self._noise)]
+        more_right, more_left, _, _, _, wider = self._noise_rows[self.tick % len(self._noise_rows)]
         status = self._latched | self._switches | (_STANDING if standing else 0)
         return Measurement(
-            self.tick, (a * scale, b * scale, c * scale), (v1, v2, v3), 0.5 * (q[fingers[0]] + q[fingers[1]]),
+            self.tick, (a * scale, b * scale, c * scale), (v1, v2, v3), 0.5 * (q[fingers[0]] + q[fingers[1]]) + wider,
             (right + more_right, left + more_left), _STATUS[status],
         )  # fmt: skip
 
@@ -224,8 +227,11 @@ class Plant:
                 mujoco.mj_step(self.model, self.data)
                 self.watch_step()
                 steps -= 1
-        tick.advance(*self._step[:3], steps, self._qpos, self._qvel, self._sensors, *self._fixed)
         self.tick += 1
+        noise = self._noise[self.tick % len(self._noise)]
+        tick.advance(  # type: ignore[call-arg]
+            *self._step[:3], steps, self._qpos, self._qvel, self._sensors, *self._fixed, noise
+        )
         self._watch_speed()
 
     def _watch_speed(self) -> None:
@@ -257,7 +263,7 @@ class Plant:
             drive.peak_torque, drive.max_speed,
         )  # fmt: skip
         ticks, said = tick.run(  # type: ignore[call-arg]
-            *self._step, self._qpos, self._qvel, self._sensors, self.data.ctrl, *self._fixed, self._flaws.noise,
+            *self._step, self._qpos, self._qvel, self._sensors, self.data.ctrl, *self._fixed, self._noise,
             self._ripples, self._drives, min(most, LONGEST_RUN), controller.function, controller.context,
             controller.measurement, controller.command, self._taken, until_rest,
         )  # fmt: skip

@@ -31,6 +31,10 @@ FASTEST: Final = 9
 ARM_SPEED: Final = 10
 RESTING: Final = 11
 HAND_PEAK: Final = 12
+ENCODER_NOISE: Final = 2
+"""Of the sensors' noise: those of the right and the left pad [N] come first, then the three encoders' [counts] …"""
+FINGER_NOISE: Final = 5
+"""… and that of the fingers' position [m]; six columns."""
 MEMORY: Final = 13
 """What a tick remembers: encoder counts, speeds [rad/s], lagging forces on the right and left pad [N], the square of
 the largest contact force so far [N²], the fastest servomotor [rad/s], the fastest joint of arm and gripper
@@ -165,23 +169,23 @@ def watch_rest(
 
 @numba.njit(
     types.void(types.int64, types.int64, types.int64, types.int64, _FLOATS, _FLOATS, _FLOATS, _PLACES, _FLOATS, _FLOATS,
-               _TABLE, _FLOATS), cache=True,
+               _TABLE, _FLOATS, _FLOATS), cache=True,
 )  # fmt: skip
 def advance(
     step: int, model: int, data: int, steps: int, positions: Array, velocities: Array, sensors: Array,
-    places: Addresses, constants: Array, scale: Array, boxes: Array, memory: Array,
+    places: Addresses, constants: Array, scale: Array, boxes: Array, memory: Array, noise: Array,
 ) -> None:  # fmt: skip
     """One tick of so many steps, by the addresses of ``mj_step``, of MuJoCo's model and of its data.
 
     ``constants`` are of ``constants_of``; ``scale`` and ``boxes`` of ``watch_rest``; ``memory`` is changed, as
-    ``MEMORY`` says.
+    ``MEMORY`` says. ``noise`` is the sensors' at the end of this tick, (6,).
     """
     for _ in range(steps):
         _call_step(step, model, data)  # type: ignore[call-arg]  # the first is the compiler's
     scale_, speed, lag = constants[0], constants[1], constants[2]
     fastest = 0.0
     for i in range(3):
-        count = np.rint(positions[places.servos[i]] * scale_)
+        count = np.rint(positions[places.servos[i]] * scale_ + noise[ENCODER_NOISE + i])
         memory[3 + i] = (count - memory[i]) * speed
         memory[i] = count
         fastest = max(fastest, abs(memory[3 + i]))
@@ -254,12 +258,11 @@ def run(
     """Ticks one after the other, each as ``Plant.measure``, ``.apply`` and ``.step`` would do it, with enabled drives.
 
     ``step`` to ``sensors`` and ``places`` to ``memory`` are as of ``advance``; ``controls`` are MuJoCo's, for the
-    servomotors' torques and the fingers. ``noise`` is that of the pads' sensors, by tick modulo its length, (n, 2)
-    [N]; ``ripples`` are of ``rippled``, the first two 0 where there are none. ``drives``: tick, status without
-    SATURATED, 1 if that was in the last command's, peak torque [N m], speed at which the drives trip [rad/s], (5,);
-    tick and third change. Of ``function``, ``context``, ``measurement`` and ``command`` see ``PlantCall``; ``applied``
-    are the commands as they were applied, (most, 4). ``until_rest``: end with the tick in which all has been at rest
-    for long enough.
+    servomotors' torques and the fingers. ``noise`` is the sensors', by tick modulo its length, (n, 6); ``ripples`` are
+    of ``rippled``, the first two 0 where there are none. ``drives``: tick, status without SATURATED, 1 if that was in
+    the last command's, peak torque [N m], speed at which the drives trip [rad/s], (5,); tick and third change. Of
+    ``function``, ``context``, ``measurement`` and ``command`` see ``PlantCall``; ``applied`` are the commands as they
+    were applied, (most, 4). ``until_rest``: end with the tick in which all has been at rest for long enough.
 
     Returns:
         How many ticks, and what the function returned last.
@@ -271,7 +274,7 @@ def run(
         measurement[0] = drives[0]
         for i in range(3):
             measurement[1 + i], measurement[4 + i] = memory[i] * scale_, memory[3 + i]
-        measurement[7] = 0.5 * (positions[places.fingers[0]] + positions[places.fingers[1]])
+        measurement[7] = 0.5 * (positions[places.fingers[0]] + positions[places.fingers[1]]) + row[FINGER_NOISE]
         measurement[8], measurement[9] = memory[6] + row[0], memory[7] + row[1]
         measurement[10] = drives[1] + (_SATURATED if drives[2] != 0.0 else 0)
         u = command[0], command[1], command[2]
@@ -280,8 +283,9 @@ def run(
         if ripples[0] != 0.0 or ripples[1] != 0.0:
             u = rippled(u, memory, ripples)
         controls[0], controls[1], controls[2], controls[3] = u[0], u[1], u[2], command[3]
-        advance(step, model, data, steps, positions, velocities, sensors, places, constants, scale, boxes, memory)
         drives[0] += 1.0
+        now = noise[int(drives[0]) % len(noise)]
+        advance(step, model, data, steps, positions, velocities, sensors, places, constants, scale, boxes, memory, now)
         ran += 1
         said = _call(function, measurement.ctypes.data, command.ctypes.data, context)  # type: ignore[call-arg]
         if said != 0 or memory[FASTEST] > drives[4] or (until_rest and memory[RESTING] >= REST_TICKS):

@@ -67,6 +67,22 @@ class Randomisation(FrozenFinite):
     """Both sensors are so much noisier or quieter than a D435's are on average."""
 
 
+AS_A_LAB: Final = Randomisation(
+    placement_sigma=0.0008, piece_mass=0.1, friction=0.1,
+    board_shift=0.0003, board_height=0.0005, board_turn=0.001, robot_mass=0.02,
+    devices=Imperfections(
+        torque_ripple=0.015, cogging=0.006, friction=0.2, tactile_noise=0.03, tactile_offset=0.05,
+        encoder_noise=1.5e-6, finger_noise=1e-5,
+    ),
+    light_brightness=0.15, light_direction=0.5, light_radius=0.05, exposure=0.1, white_balance=0.05,
+    camera_shift=0.002, camera_turn=0.004, camera_noise=0.15,
+)  # fmt: skip
+"""What a careful lab is left with, and what games are simulated with unless asked otherwise.
+
+Assumed: a table squared up and a camera calibrated to half a millimetre or two, parts weighed to 2 %, ripple and
+cogging of a good servomotor (``Imperfections``), encoders that flicker by one count of 22 bits."""
+
+
 @dataclass(frozen=True, slots=True)
 class Draw:
     """One world of a seed."""

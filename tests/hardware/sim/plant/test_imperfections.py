@@ -17,7 +17,8 @@ from hardware.table import TableSettings
 
 PARAMETERS = load_parameters()
 ALL = Imperfections(
-    torque_ripple=0.03, cogging=0.02, friction=0.4, tactile_noise=0.05, tactile_offset=0.2
+    torque_ripple=0.03, cogging=0.02, friction=0.4, tactile_noise=0.05, tactile_offset=0.2, encoder_noise=1e-6,
+    finger_noise=1e-5,
 )  # fmt: skip
 
 
@@ -68,7 +69,7 @@ def test_friction_stays_within_what_was_said() -> None:
 
 def test_noise_and_offset_of_the_fingers_are_as_large_as_was_said() -> None:
     flaws = Flaws(ALL, 4)
-    right, left = flaws.noise[:20_000].T
+    right, left = flaws.noise[:20_000, :2].T
     for side in (right, left):
         assert side.std() == pytest.approx(0.05, rel=0.03)
         assert abs(side.mean()) <= 0.2
@@ -79,6 +80,25 @@ def test_noise_and_offset_of_the_fingers_are_as_large_as_was_said() -> None:
 def test_free_fingers_read_noise_and_offset_alone() -> None:
     flaws = Flaws(ALL, 4)
     arm = plant(flaws)
-    assert arm.measure(standing=False).tactile == tuple(flaws.noise[0])
+    assert arm.measure(standing=False).tactile == tuple(flaws.noise[0, :2])
     arm.step()
-    assert arm.measure(standing=False).tactile == tuple(flaws.noise[1])
+    assert arm.measure(standing=False).tactile == tuple(flaws.noise[1, :2])
+
+
+def test_encoders_and_fingers_read_what_is_there_and_noise() -> None:
+    flaws = Flaws(Imperfections(encoder_noise=1e-5, finger_noise=2e-5), 4)
+    quiet, noisy = plant(None), plant(flaws)
+    count = 2.0 * math.pi / (1 << PARAMETERS.drive.encoder_bits)
+    angles, before = [], noisy.measure(standing=False)
+    for tick in range(1, 400):
+        for one in (quiet, noisy):
+            one.apply(Command((1.2, 1.1, 1.3), 0.0, brake=False, enable=True, busy=True))
+            one.step()
+        true, read = quiet.measure(standing=False), noisy.measure(standing=False)
+        angles.append(np.subtract(read.angle, true.angle))
+        assert angles[-1] == pytest.approx(flaws.noise[tick, 2:5], abs=1.01 * count)
+        assert read.finger_position - true.finger_position == pytest.approx(flaws.noise[tick, 5], abs=1e-12)
+        assert read.velocity == pytest.approx(np.subtract(read.angle, before.angle) / PARAMETERS.drive.tick, abs=1e-9)
+        before = read
+    assert np.std(angles) == pytest.approx(1e-5, rel=0.1)
+    assert quiet.digest() == noisy.digest(), "what is read changes nothing of what is there"
