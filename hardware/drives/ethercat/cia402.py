@@ -1,4 +1,4 @@
-"""The state machine of a CiA 402 drive, as pure functions of its status word (CiA 402-2 / IEC 61800-7-201, table 28)."""
+"""The state machine of a CiA 402 drive, as pure functions of its status word (CiA 402-2, IEC 61800-7-201)."""
 
 from enum import Enum, IntEnum
 from typing import Final
@@ -6,7 +6,7 @@ from typing import Final
 MODE_TORQUE, MODE_VELOCITY = 10, 9
 """0x6060: cyclic synchronous torque (cst), cyclic synchronous velocity (csv)."""
 FAULT_RESET: Final = 0x0080
-_QUICK_STOP_BIT, _LIMITED = 0x0020, 0x0800
+_LIMITED: Final = 0x0800
 
 
 class State(Enum):

@@ -5,7 +5,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
-_FORMATS: Final = {"u8": ("B", 8), "i8": ("b", 8), "u16": ("H", 16), "i16": ("h", 16), "u32": ("I", 32), "i32": ("i", 32)}
+_FORMATS: Final = {
+    "u8": ("B", 8),
+    "i8": ("b", 8),
+    "u16": ("H", 16),
+    "i16": ("h", 16),
+    "u32": ("I", 32),
+    "i32": ("i", 32),
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,8 @@
 """What makers' drives have in common, and in what they differ.
 
-**generic**: any drive that keeps to CiA 402 and ETG.6010: torques in ‰ of the rated torque (0x6076, in mN m), velocities
-(0x606C, 0x60FF) in counts of the encoder a second, 0x608F says how many counts a turn has, PDOs can be mapped.
+**generic**: any drive that keeps to CiA 402 and ETG.6010: torques in ‰ of the rated torque (0x6076, in mN m),
+velocities (0x606C, 0x60FF) in counts of the encoder a second, 0x608F says how many counts a turn has, PDOs can be
+mapped.
 
 **mr-j4-tm**: Mitsubishi MR-J4-TM, the EtherCAT sister of the paper's MR-J4-B. What is known, and whence:
 

@@ -7,7 +7,7 @@ what the torque does, is the plant's business.
 import math
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Final
+from typing import Final, Self
 
 from hardware.sim.emulated.ethercat.dictionary import (
     INPUT_ASSIGNMENT,
@@ -57,6 +57,11 @@ class DriveKind:
     """[rad/s]: by default counts/s."""
     velocity_limit: bool = False
     """Whether it has object 0x2D20, as the MR-J4-TM."""
+
+    @classmethod
+    def counting(cls, identity: Identity, counts: int, rated_torque: float) -> Self:
+        """A drive that says velocities in counts a second."""
+        return cls(identity, counts, rated_torque, math.tau / counts)
 
 
 @dataclass(slots=True)

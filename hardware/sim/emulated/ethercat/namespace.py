@@ -5,8 +5,8 @@ them to anybody in a user namespace of their own with a network namespace inside
 drives the emulated slaves opens its socket in there, from a thread that enters the network and ends with that: sockets
 stay where they were opened, and everything else of the process stays where it was.
 
-Only a process of a single thread may enter a user namespace: ``join_user_namespace`` belongs before numpy is loaded.
-Root needs no user namespace, and makes none.
+Only a process of a single thread may make or enter a user namespace, which has to be before numpy is loaded: nothing of
+ours is imported here. Root needs no user namespace, and makes none.
 """
 
 import ctypes
@@ -18,8 +18,6 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final, TypeVar
-
-from hardware.interfaces import HardwareError
 
 MASTER_END, SLAVES_END = "ecat0", "ecat1"
 """Names of the cable's ends."""
@@ -36,7 +34,7 @@ _FORBIDDEN: Final = (
 Result = TypeVar("Result")
 
 
-class NoNetwork(HardwareError):
+class NoNetwork(Exception):
     """The system does not let an ordinary user make a network of their own; the sentence says what to allow."""
 
 

@@ -20,9 +20,13 @@ Piece = tuple[int, int, int, bool]
 class Application(Protocol):
     """What stands behind a slave controller."""
 
-    identity: sii.Identity
-    dictionary: Dictionary | None
-    """None: it has no mailbox, and no process data."""
+    @property
+    def identity(self) -> sii.Identity:
+        """Who it is."""
+
+    @property
+    def dictionary(self) -> Dictionary | None:
+        """None: it has no mailbox, and no process data."""
 
     def sizes(self) -> tuple[int, int]:
         """Process data that it takes and gives, as it is mapped at present [bytes]."""
@@ -57,7 +61,7 @@ class Slave:
         self.bites, self.biased = True, 0
         self._coe = CoeServer(application.dictionary, sii.MAILBOX) if application.dictionary is not None else None
         if application.dictionary is not None:
-            application.dictionary.configurable = lambda: self.state == reg.PREOP
+            application.dictionary.configurable = self._is_configurable
         has_inputs, has_outputs = self._carries()
         self._eeprom = sii.eeprom(
             application.identity, mailbox=self._coe is not None, inputs=has_inputs, outputs=has_outputs
@@ -202,6 +206,9 @@ class Slave:
         self._map()
 
     # memory
+
+    def _is_configurable(self) -> bool:
+        return self.state == reg.PREOP
 
     def _carries(self) -> tuple[bool, bool]:
         outputs, inputs = self.application.sizes()
