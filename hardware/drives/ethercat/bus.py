@@ -81,6 +81,7 @@ class EtherCatServoBus:
         self._latched: DriveFault | None = None
         self._cleared_since = self._wanted_since = self._lifted = time.monotonic()
         self._wrong, self._doubt = 0, True
+        self._unanswered: float | None = None
         self._deadline = self._answered = time.monotonic()
         self._tick = int(self._deadline / self.period)
         self._ran = self._energised = False
@@ -154,17 +155,21 @@ class EtherCatServoBus:
 
     def _miss(self, began: float) -> None:
         """A frame is lost, or not everybody has served it."""
-        if began - self._answered > self._watchdog:
+        if self._unanswered is None:
+            self._unanswered = began
+        silent = time.monotonic() - self._unanswered
+        if silent > self._watchdog:
             raise BusLost(
-                f"no EtherCAT frame has come back for {(began - self._answered) * 1e3:.0f} ms (limit "
-                f"{self._watchdog * 1e3:.0f} ms), and the drives have braked by themselves: see the cable at "
-                f"{self._settings.interface} and the devices' power"
+                f"no EtherCAT frame has come back for {silent * 1e3:.0f} ms (limit {self._watchdog * 1e3:.0f} ms), and "
+                f"the drives have braked by themselves: see the cable at {self._settings.interface} and the devices' "
+                "power"
             )
 
     # what came back
 
     def _measure(self, command: Command) -> Measurement:
         now = time.monotonic()
+        self._unanswered = None
         elapsed = now - self._answered
         silent = elapsed > self._watchdog and self._energised
         self._doubt = self._doubt or elapsed > self._watchdog
