@@ -6,7 +6,7 @@ What its data say is watched here, too: an encoder that jumps, and a torque that
 import math
 from typing import Final, NamedTuple
 
-from hardware.drives.ethercat.cia402 import MODE_TORQUE, State, Wanted, control_word, limited, reset_word, state_of
+from hardware.drives.ethercat.cia402 import MODE_TORQUE, DriveState, Wanted, control_word, limited, reset_word, state_of
 from hardware.drives.ethercat.presets import DRIVE_INPUTS, TORQUE_OUTPUTS
 from hardware.drives.joint import JointScale
 from hardware.drives.rating import TorqueRating
@@ -40,7 +40,7 @@ class Facts(NamedTuple):
     """Unit of its velocities [rad/s]."""
 
 
-class Trouble(NamedTuple):
+class AxisTrouble(NamedTuple):
     """What is wrong with a drive, and what was seen."""
 
     kind: DriveTrouble
@@ -67,7 +67,7 @@ class ServoAxis:
         self._rating = TorqueRating(settings, drive)
         self._estimate = estimate_of(settings) if settings.velocity is VelocitySource.POSITION else None
         self._pack, self._unpack = TORQUE_OUTPUTS.packed.pack, DRIVE_INPUTS.packed.unpack
-        self.state = State.NOT_READY
+        self.state = DriveState.NOT_READY
         self.angle = self.velocity = 0.0
         self.error, self.cut = 0, False
         self._control = 0
@@ -77,7 +77,7 @@ class ServoAxis:
 
     def outputs(self, torque: float, wanted: Wanted, elapsed: float, *, reset: bool) -> bytes:
         """Process data for a joint's torque [N m]; ``reset``: a fault of the drive is to be reset."""
-        if reset and self.state is State.FAULT:
+        if reset and self.state is DriveState.FAULT:
             self._control = reset_word(self._control)
         else:
             self._control = control_word(self.state, wanted)
@@ -87,14 +87,14 @@ class ServoAxis:
         self.cut = rated.cut
         motor = self._scale.motor_torque(rated.torque)
         del self._asked[0]
-        self._asked.append(motor if self.state is State.ENABLED and wanted is Wanted.RUN else 0.0)
+        self._asked.append(motor if self.state is DriveState.ENABLED and wanted is Wanted.RUN else 0.0)
         counts = max(-32768, min(32767, round(motor * self._thousandths)))
         return self._pack(self._control, counts, MODE_TORQUE)
 
-    def take(self, inputs: bytes, elapsed: float) -> Trouble | None:
+    def take(self, inputs: bytes, elapsed: float) -> AxisTrouble | None:
         """Process data as they came so long after the ones before [s]; what they tell that is wrong."""
         status, position, velocity, torque, self.error = self._unpack(inputs)
-        ran, self.state = self.state is State.ENABLED, state_of(status)
+        ran, self.state = self.state is DriveState.ENABLED, state_of(status)
         self.cut = self.cut or limited(status)
         motor, speed = position * self._rad_per_count, velocity * self._velocity_step
         angle, said = self._scale.angle(motor), self._scale.velocity(speed)
@@ -102,13 +102,13 @@ class ServoAxis:
         if self._estimate is not None:
             said = self._estimate.take(angle, elapsed)
         self.angle, self.velocity, self._began = angle, said, True
-        if ran and self.state is State.ENABLED:
+        if ran and self.state is DriveState.ENABLED:
             trouble = trouble or self._watch_torque(torque / self._thousandths, elapsed)
         else:
             self._missing = 0.0
         return trouble
 
-    def _watch_encoder(self, angle: float, velocity: float, elapsed: float) -> Trouble | None:
+    def _watch_encoder(self, angle: float, velocity: float, elapsed: float) -> AxisTrouble | None:
         if not self._began or elapsed <= 0.0:
             return None
         led = 0.5 * (velocity + self.velocity) * elapsed
@@ -119,12 +119,12 @@ class ServoAxis:
         if off <= most and moved <= farthest:
             return None
         seen, limit = (off, most) if off > most else (moved, farthest)
-        return Trouble(
+        return AxisTrouble(
             DriveTrouble.ENCODER_JUMPED,
             f"by {seen:.4f} rad within {elapsed * 1e3:.1f} ms, at most {limit:.4f} rad is possible",
         )
 
-    def _watch_torque(self, given: float, elapsed: float) -> Trouble | None:
+    def _watch_torque(self, given: float, elapsed: float) -> AxisTrouble | None:
         off = min(abs(given - asked) for asked in self._asked)
         if off <= UNFOLLOWED * self._rated:
             self._missing = 0.0
@@ -132,7 +132,7 @@ class ServoAxis:
         self._missing += elapsed
         if self._missing < PATIENCE:
             return None
-        return Trouble(
+        return AxisTrouble(
             DriveTrouble.TORQUE_NOT_FOLLOWED,
             f"asked for {self._asked[-1]:.2f} N m at the motor, it says {given:.2f} N m, "
             f"for {self._missing * 1e3:.0f} ms",

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from hardware.drives.ethercat import al_status, faults
 from hardware.drives.ethercat.axis import ServoAxis
-from hardware.drives.ethercat.cia402 import State, Wanted
+from hardware.drives.ethercat.cia402 import DriveState, Wanted
 from hardware.drives.ethercat.clock import ReferenceFollower
 from hardware.drives.ethercat.gripper import GripperAxis, dead_channel, forces_of
 from hardware.drives.ethercat.network import Network, directly
@@ -33,7 +33,7 @@ LIFT_EVERY: Final = 0.02
 _SPIN: Final = 80e-6
 """Before a deadline the bus spins instead of sleeping [s]."""
 _NO_FORCES = (0.0, 0.0)
-_TARGETS: Final = {Wanted.OFF: State.READY, Wanted.STANDBY: State.SWITCHED_ON, Wanted.RUN: State.ENABLED}
+_TARGETS: Final = {Wanted.OFF: DriveState.READY, Wanted.STANDBY: DriveState.SWITCHED_ON, Wanted.RUN: DriveState.ENABLED}
 
 
 def say(sentence: str) -> None:
@@ -213,7 +213,7 @@ class EtherCatServoBus:
 
     def _judge_silence(self, gap: float) -> None:
         """Nothing was said for longer than the watchdog waits: the drives must have braked."""
-        going_on = [device for arm, device in zip(self._arms, ARMS, strict=True) if arm.state is State.ENABLED]
+        going_on = [device for arm, device in zip(self._arms, ARMS, strict=True) if arm.state is DriveState.ENABLED]
         seen = f"{gap * 1e3:.0f} ms without a frame, limit {self._watchdog * 1e3:.0f} ms"
         if going_on and gap > 1.5 * self._watchdog:
             device = going_on[0]
@@ -227,10 +227,10 @@ class EtherCatServoBus:
         forgiven = not command.enable and now - self._cleared_since < RESETTING
         lagging: Device | None = None
         for device, axis in self._axes.items():
-            if axis.state in (State.FAULT, State.FAULT_REACTION) and not forgiven:
+            if axis.state in (DriveState.FAULT, DriveState.FAULT_REACTION) and not forgiven:
                 self._latch(faults.of_code(device, self._settings.place(device), axis.error))
                 return
-            target = State.ENABLED if device is Device.GRIPPER else _TARGETS[wanted]
+            target = DriveState.ENABLED if device is Device.GRIPPER else _TARGETS[wanted]
             lagging = lagging or (device if axis.state is not target else None)
         fell = self._ran and wanted is Wanted.RUN and lagging is not None
         self._ran = wanted is Wanted.RUN and (self._ran or lagging is None)
@@ -249,12 +249,12 @@ class EtherCatServoBus:
     def _status(self, command: Command) -> DriveStatus:
         states = [arm.state for arm in self._arms]
         status = DriveStatus.OK
-        if not all(state is State.ENABLED for state in states):
+        if not all(state is DriveState.ENABLED for state in states):
             status |= DriveStatus.BRAKED
         if self._latched is not None:
             bitten = self._latched.trouble is DriveTrouble.WATCHDOG_BIT
             return status | (DriveStatus.WATCHDOG if bitten else self._latched.status)
-        if command.enable and all(state in (State.SWITCHED_ON, State.ENABLED) for state in states):
+        if command.enable and all(state in (DriveState.SWITCHED_ON, DriveState.ENABLED) for state in states):
             status |= DriveStatus.ENABLED
         if any(arm.cut for arm in self._arms):
             status |= DriveStatus.SATURATED
@@ -271,7 +271,7 @@ class EtherCatServoBus:
 
     def _clear(self) -> None:
         """Whoever has disabled the drives has seen the fault: it is over where all are well."""
-        if any(axis.state in (State.FAULT, State.FAULT_REACTION) for axis in self._axes.values()):
+        if any(axis.state in (DriveState.FAULT, DriveState.FAULT_REACTION) for axis in self._axes.values()):
             return  # their reset is under way
         if self._wrong or not all(one.well for one in self._network.health()):
             return

@@ -9,7 +9,7 @@ FAULT_RESET: Final = 0x0080
 _LIMITED: Final = 0x0800
 
 
-class State(Enum):
+class DriveState(Enum):
     """Of a drive; the words are for people."""
 
     NOT_READY = "Not ready to switch on"
@@ -35,20 +35,21 @@ class Wanted(IntEnum):
 
 _SHUTDOWN, _SWITCH_ON, _ENABLE, _DISABLE_VOLTAGE = 0x0006, 0x0007, 0x000F, 0x0000
 _BY_BITS: Final = {
-    0x00: State.NOT_READY,
-    0x40: State.DISABLED,
-    0x01: State.READY,
-    0x03: State.SWITCHED_ON,
-    0x07: State.ENABLED,
-    0x0F: State.FAULT_REACTION,
-    0x08: State.FAULT,
+    0x00: DriveState.NOT_READY,
+    0x40: DriveState.DISABLED,
+    0x01: DriveState.READY,
+    0x03: DriveState.SWITCHED_ON,
+    0x07: DriveState.ENABLED,
+    0x0F: DriveState.FAULT_REACTION,
+    0x08: DriveState.FAULT,
 }
 _LOOKUP: Final = tuple(
-    State.QUICK_STOP if word & 0x6F == 0x07 else _BY_BITS.get(word & 0x4F, State.NOT_READY) for word in range(128)
+    DriveState.QUICK_STOP if word & 0x6F == 0x07 else _BY_BITS.get(word & 0x4F, DriveState.NOT_READY)
+    for word in range(128)
 )
 
 
-def state_of(status: int) -> State:
+def state_of(status: int) -> DriveState:
     """The state that a status word (0x6041) says."""
     return _LOOKUP[status & 0x7F]
 
@@ -58,13 +59,13 @@ def limited(status: int) -> bool:
     return bool(status & _LIMITED)
 
 
-def control_word(state: State, wanted: Wanted) -> int:
+def control_word(state: DriveState, wanted: Wanted) -> int:
     """The next step (0x6040) from a state to what is wanted. Faults are not reset by it, see ``reset_word``."""
-    if state in (State.FAULT, State.FAULT_REACTION, State.NOT_READY, State.QUICK_STOP):
+    if state in (DriveState.FAULT, DriveState.FAULT_REACTION, DriveState.NOT_READY, DriveState.QUICK_STOP):
         return _DISABLE_VOLTAGE
-    if wanted is Wanted.OFF or state is State.DISABLED:
+    if wanted is Wanted.OFF or state is DriveState.DISABLED:
         return _SHUTDOWN
-    if wanted is Wanted.STANDBY or state is State.READY:
+    if wanted is Wanted.STANDBY or state is DriveState.READY:
         return _SWITCH_ON
     return _ENABLE
 

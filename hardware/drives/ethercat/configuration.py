@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from hardware.drives.ethercat.axis import Facts
 from hardware.drives.ethercat.cia402 import MODE_TORQUE, MODE_VELOCITY
-from hardware.drives.ethercat.layout import Layout
+from hardware.drives.ethercat.layout import PdoLayout
 from hardware.drives.ethercat.presets import (
     DRIVE_INPUTS,
     INPUT_ASSIGNMENT,
@@ -26,14 +26,14 @@ _RESOLUTION, _INTERPOLATION = 0x608F, 0x60C2
 _FORMATS: Final = {8: "B", 16: "H", 32: "I"}
 
 
-class Refused(Exception):
+class DriveRefused(Exception):
     """A drive cannot do what is needed; the message is what it said."""
 
 
 def configure(
     slave: Any, device: Device, settings: EtherCatSettings, drives: DriveSettings, robot: RobotParameters, maker: Maker
 ) -> Facts:
-    """Configure a drive; raises ``Refused``, and what pysoem raises."""
+    """Configure a drive; raises ``DriveRefused``, and what pysoem raises."""
     arm = device in ARMS
     mode = MODE_TORQUE if arm else MODE_VELOCITY
     _require_mode(slave, mode)
@@ -64,17 +64,19 @@ def interpolation(period: float) -> tuple[int, int]:
         value = period * 10.0**-power
         if abs(value - round(value)) < 1e-6 and 1 <= round(value) <= 255:
             return round(value), power
-    raise Refused(f"a period of {period:g} s cannot be said to it (0x60C2): take 0.00025, 0.0005, 0.001 or 0.002 s")
+    raise DriveRefused(f"a period of {period:g} s cannot be said to it (0x60C2): take 0.0005, 0.001 or 0.002 s")
+        f"a period of {period:g} s cannot be said to it (0x60C2): take 0.00025, 0.0005, 0.001 or 0.002 s"
+    )
 
 
 def _require_mode(slave: Any, mode: int) -> None:
     modes = _read(slave, _SUPPORTED, 0)
     if not modes >> (mode - 1) & 1:
         name = "cyclic synchronous torque" if mode == MODE_TORQUE else "cyclic synchronous velocity"
-        raise Refused(f"it does not know {name} (its modes 0x6502 are 0x{modes:04X}): take another drive")
+        raise DriveRefused(f"it does not know {name} (its modes 0x6502 are 0x{modes:04X}): take another drive")
 
 
-def _map(slave: Any, pdo: int, assignment: int, layout: Layout) -> None:
+def _map(slave: Any, pdo: int, assignment: int, layout: PdoLayout) -> None:
     """Map a PDO anew, and make it the only one of its direction (ETG.1000.6, section 5.6.7)."""
     slave.sdo_write(assignment, 0, b"\x00")
     slave.sdo_write(pdo, 0, b"\x00")
@@ -92,7 +94,7 @@ def _facts(slave: Any, device: Device, settings: EtherCatSettings, drives: Drive
         counts, turns = _read(slave, _RESOLUTION, 1), _read(slave, _RESOLUTION, 2)
         if not counts or turns != 1:
             name = "encoder_counts" if arm else "gripper_counts"
-            raise Refused(
+            raise DriveRefused(
                 f"its encoder has {counts} counts for {turns} turns (0x608F), one turn is wanted: give "
                 f"drives.ethercat.{name}"
             )
@@ -100,7 +102,7 @@ def _facts(slave: Any, device: Device, settings: EtherCatSettings, drives: Drive
     if rated is None:
         rated = _read(slave, _RATED_TORQUE, 0) * 1e-3
         if arm and not rated:
-            raise Refused("it does not say its rated torque (0x6076 is 0): give rated_torque of its joint")
+            raise DriveRefused("it does not say its rated torque (0x6076 is 0): give rated_torque of its joint")
     return Facts(counts, rated, maker.velocity_step or math.tau / counts)
 
 

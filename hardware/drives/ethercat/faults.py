@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from hardware.drives.ethercat import al_status
-from hardware.drives.ethercat.axis import Trouble
-from hardware.drives.ethercat.cia402 import State
+from hardware.drives.ethercat.axis import AxisTrouble
+from hardware.drives.ethercat.cia402 import DriveState
 from hardware.drives.ethercat.error_codes import trouble_of, words_of
 from hardware.drives.ethercat.network import Health
 from hardware.drives.ethercat.settings import ARMS, Device
@@ -15,7 +15,7 @@ NUMBERS = {**{arm: number for number, arm in enumerate(ARMS, 1)}, Device.GRIPPER
 """Of devices in a ``DriveFault``."""
 
 
-def of_drive(device: Device, place: int, trouble: Trouble) -> DriveFault:
+def of_drive(device: Device, place: int, trouble: AxisTrouble) -> DriveFault:
     """What a drive's data tell."""
     return DriveFault(NUMBERS[device], trouble.kind, f"{trouble.detail}; device {place + 1} on the cable")
 
@@ -51,7 +51,7 @@ def of_counter(found: int, expected: int) -> DriveFault:
     )
 
 
-def of_stay(device: Device, place: int, state: State, seconds: float) -> DriveFault:
+def of_stay(device: Device, place: int, state: DriveState, seconds: float) -> DriveFault:
     """A drive that does not do what it is asked for."""
     return DriveFault(
         NUMBERS[device], DriveTrouble.NOT_OPERATIONAL,

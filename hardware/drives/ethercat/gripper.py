@@ -3,7 +3,7 @@
 import math
 
 from hardware.drives.ethercat.axis import Facts
-from hardware.drives.ethercat.cia402 import MODE_VELOCITY, State, Wanted, control_word, reset_word, state_of
+from hardware.drives.ethercat.cia402 import MODE_VELOCITY, DriveState, Wanted, control_word, reset_word, state_of
 from hardware.drives.ethercat.presets import (
     DRIVE_INPUTS,
     TERMINAL_ERROR,
@@ -31,13 +31,13 @@ class GripperAxis:
         self._scale = FingerScale.of(settings)
         self._rad_per_count, self._step = math.tau / facts.counts, facts.velocity_step
         self._pack, self._unpack = VELOCITY_OUTPUTS.packed.pack, DRIVE_INPUTS.packed.unpack
-        self.state = State.NOT_READY
+        self.state = DriveState.NOT_READY
         self.position, self.error = 0.0, 0
         self._control = 0
 
     def outputs(self, velocity: float, wanted: Wanted, *, reset: bool) -> bytes:
         """Process data for a velocity of each finger [m/s]."""
-        if reset and self.state is State.FAULT:
+        if reset and self.state is DriveState.FAULT:
             self._control = reset_word(self._control)
         else:
             self._control = control_word(self.state, wanted)

@@ -46,7 +46,7 @@ def gap(kind: str) -> Object:
 
 
 @dataclass(frozen=True)
-class Layout:
+class PdoLayout:
     """Objects of a PDO, in order."""
 
     objects: tuple[Object, ...]

@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 from hardware.drives.ethercat import al_status
 from hardware.drives.ethercat.axis import Facts
-from hardware.drives.ethercat.configuration import Refused, configure
+from hardware.drives.ethercat.configuration import DriveRefused, configure
 from hardware.drives.ethercat.presets import (
     DRIVE_INPUTS,
     MAKERS,
@@ -134,7 +134,7 @@ class Network:
                 self.facts[device] = configure(
                     self._slave(device), device, settings, self._drives, parameters, self._maker(device)
                 )
-            except Refused as error:
+            except DriveRefused as error:
                 raise HardwareError(f"{device} (device {settings.place(device) + 1} on the cable): {error}") from error
             except (self._soem.SdoError, self._soem.MailboxError, self._soem.PacketError, self._soem.WkcError) as error:
                 raise HardwareError(

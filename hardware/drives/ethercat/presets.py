@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
-from hardware.drives.ethercat.layout import Layout, Object, gap
+from hardware.drives.ethercat.layout import Object, PdoLayout, gap
 
 OUTPUT_PDO, INPUT_PDO, OUTPUT_ASSIGNMENT, INPUT_ASSIGNMENT = 0x1600, 0x1A00, 0x1C12, 0x1C13
 _CONTROL = Object("control", 0x6040, "u16")
@@ -33,13 +33,13 @@ _STATUS = (
     Object("torque", 0x6077, "i16"),
     Object("error", 0x603F, "u16"),
 )
-TORQUE_OUTPUTS: Final = Layout((_CONTROL, Object("torque", 0x6071, "i16"), _MODE, gap("u8")))
+TORQUE_OUTPUTS: Final = PdoLayout((_CONTROL, Object("torque", 0x6071, "i16"), _MODE, gap("u8")))
 """Of a servomotor in cyclic synchronous torque."""
-VELOCITY_OUTPUTS: Final = Layout((_CONTROL, Object("velocity", 0x60FF, "i32"), _MODE, gap("u8")))
+VELOCITY_OUTPUTS: Final = PdoLayout((_CONTROL, Object("velocity", 0x60FF, "i32"), _MODE, gap("u8")))
 """Of the gripper in cyclic synchronous velocity."""
-DRIVE_INPUTS: Final = Layout(_STATUS)
+DRIVE_INPUTS: Final = PdoLayout(_STATUS)
 """Of either."""
-TERMINAL_INPUTS: Final = Layout(
+TERMINAL_INPUTS: Final = PdoLayout(
     (
         Object("status1", 0x6000, "u16", 1), Object("value1", 0x6000, "i16", 17),
         Object("status2", 0x6010, "u16", 1), Object("value2", 0x6010, "i16", 17),

@@ -12,7 +12,7 @@ from hardware.parameters import RobotParameters
 from hardware.sim.emulated.ethercat import namespace
 from hardware.sim.emulated.ethercat.clock import SlaveClock
 from hardware.sim.emulated.ethercat.drive import CST, CSV, DriveKind, EmulatedDrive
-from hardware.sim.emulated.ethercat.segment import ETHERTYPE, Segment
+from hardware.sim.emulated.ethercat.segment import ETHERTYPE, SlaveChain
 from hardware.sim.emulated.ethercat.sii import Identity
 from hardware.sim.emulated.ethercat.slave import Application, Slave
 from hardware.sim.emulated.ethercat.terminals import AnalogTerminal, Coupler
@@ -53,7 +53,7 @@ class EtherCatDevices:
             for place, device in enumerate(settings.chain)
         ]
         self.slaves = {device: chain[settings.place(device)] for device in settings.chain}
-        self.segment = Segment(chain)
+        self.segment = SlaveChain(chain)
         self._period = drives.period
         self._closing = -1.0 if drives.finger.direction > 0 else 1.0
         self._closing_speed = 0.0

@@ -65,7 +65,7 @@ class DriveKind:
 
 
 @dataclass(slots=True)
-class Flaws:
+class PlantedFaults:
     """Faults to be planted in a drive."""
 
     follows: float = 1.0
@@ -90,7 +90,7 @@ class EmulatedDrive:
         self.identity = kind.identity
         self.kind = kind
         self.angle = self.velocity = self.torque = self.speed = 0.0
-        self.flaws = Flaws()
+        self.flaws = PlantedFaults()
         self._power, self._control = Power.DISABLED, 0
         self._limited = False
         self.dictionary: Dictionary = _dictionary(kind, mode)

@@ -15,12 +15,17 @@ import os
 import socket
 import struct
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final, TypeVar
 
 MASTER_END, SLAVES_END = "ecat0", "ecat1"
 """Names of the cable's ends."""
+NETWORK_FILE: Final = "network.pid"
+"""In the run directory: the process whose network the cable is in."""
+PATIENCE: Final = 60.0
+"""Within which the emulator has made its network [s]."""
 _USER, _NETWORK = 0x10000000, 0x40000000
 """``CLONE_NEWUSER``, ``CLONE_NEWNET``."""
 _CAP_SYS_ADMIN: Final = 1 << 21
@@ -70,6 +75,25 @@ def join_user_namespace(pid: int) -> None:
     if theirs.stat().st_ino != ours.stat().st_ino:
         with theirs.open("rb") as namespace:
             _call("setns", namespace.fileno(), _USER)
+
+
+def announce(run_dir: Path) -> None:
+    """Leave word in a run directory that this process has made its network."""
+    new = run_dir / f"{NETWORK_FILE}.new"
+    new.write_text(str(os.getpid()), encoding="ascii")
+    new.replace(run_dir / NETWORK_FILE)
+
+
+def network_pid(run_dir: Path, patience: float = PATIENCE) -> int:
+    """The process whose network the cable is in, waited for [s]; raises ``NoNetwork``."""
+    deadline = time.monotonic() + patience
+    while not (run_dir / NETWORK_FILE).exists():
+        if time.monotonic() > deadline:
+            raise NoNetwork(
+                f"no emulated EtherCAT devices have started in {run_dir} for {patience:.0f} s: see its logs"
+            )
+        time.sleep(0.005)
+    return int((run_dir / NETWORK_FILE).read_text(encoding="ascii"))
 
 
 def within_network(pid: int, work: Callable[[], Result]) -> Result:

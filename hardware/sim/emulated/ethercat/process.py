@@ -8,8 +8,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from hardware.sim.emulated.ethercat.enter import NETWORK_FILE
-from hardware.sim.emulated.ethercat.namespace import SLAVES_END, NoNetwork, make_network
+from hardware.sim.emulated.ethercat.namespace import SLAVES_END, NoNetwork, announce, make_network
 
 SETTINGS_FILE: Final = "ethercat.json"
 """In the run directory: ``EtherCatSettings`` of the emulated devices."""
@@ -35,13 +34,6 @@ def run(run_dir: Path) -> None:
         driven_world_of(run_dir, devices).run()
     finally:
         devices.close()
-
-
-def announce(run_dir: Path) -> None:
-    """Tell others whose network it is."""
-    new = run_dir / f"{NETWORK_FILE}.new"
-    new.write_text(Path("/proc/self").resolve().name, encoding="ascii")
-    new.replace(run_dir / NETWORK_FILE)
 
 
 if __name__ == "__main__":

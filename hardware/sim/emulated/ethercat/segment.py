@@ -24,7 +24,7 @@ _READS, _WRITES = (APRD, FPRD, BRD, FRMW), (APWR, FPWR, BWR)
 _POSITION, _BROADCAST = (APRD, APWR), (BRD, BWR)
 
 
-class Segment:
+class SlaveChain:
     """Slaves in the order in which a frame passes them.
 
     Attributes:
