@@ -65,8 +65,6 @@ def interpolation(period: float) -> tuple[int, int]:
         if abs(value - round(value)) < 1e-6 and 1 <= round(value) <= 255:
             return round(value), power
     raise DriveRefused(f"a period of {period:g} s cannot be said to it (0x60C2): take 0.0005, 0.001 or 0.002 s")
-        f"a period of {period:g} s cannot be said to it (0x60C2): take 0.00025, 0.0005, 0.001 or 0.002 s"
-    )
 
 
 def _require_mode(slave: Any, mode: int) -> None:
