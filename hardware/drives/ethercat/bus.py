@@ -179,9 +179,7 @@ class EtherCatServoBus:
         if silent:
             for arm in self._arms:
                 arm.begin_anew()
-        stale = self._wrong > 0
-        if not stale:
-            self._take(elapsed)
+        self._take(elapsed)  # also where somebody is missing: the others say whether they have braked
         if silent:
             self._judge_silence(elapsed)
         if self._latched is None:
@@ -198,7 +196,7 @@ class EtherCatServoBus:
         network = self._network
         for arm, device in zip(self._arms, ARMS, strict=True):
             trouble = arm.take(network.input(device), elapsed)
-            if trouble is not None:
+            if trouble is not None and not self._wrong:
                 self._latch(faults.of_drive(device, self._settings.place(device), trouble))
         self._gripper.take(network.input(Device.GRIPPER))
 
