@@ -307,6 +307,7 @@ LOAD_LATE = {
     "app.play": "opens devices, films and looks, where it does",
     "app.records.telemetry": "the robot in 3-D is shown once it moves, and its kinematics take seconds to load",
     "app.rig.simulation.processes": "each process loads only what it needs",
+    "hardware.sim.emulated.ethercat.process": "makes a network, which takes a process of one thread: before numpy",
     "app.rig.simulation.sim": "the robot's model takes half a second to load, in which the processes start",
 }
 """The only packages and modules that import inside functions, and what is loaded late there."""
