@@ -92,7 +92,8 @@ class MoteusServoBus:
         self._angles, self._velocities = [math.nan] * len(_SERVOS), [0.0] * len(_SERVOS)
         self._bitten = self._pumped = self._closed = False
         self._clock = TickClock(self.period)
-        self._sent = math.nan
+        self._sent = self._answered = math.nan
+        self._longest = self._unsure = 0.0
 
     def exchange(self, command: Command) -> Measurement:
         """See ``ServoBus.exchange``."""
@@ -103,8 +104,8 @@ class MoteusServoBus:
         elif not math.isfinite(sum(command.torque) + command.finger_velocity):
             self._fail(0, HealthFinding(DriveTrouble.NOT_FINITE, f"{command.torque}, {command.finger_velocity}"))
         now = self._clock.next()
-        elapsed = now - self._sent if math.isfinite(self._sent) else self.period
-        self._sent = now
+        before, self._sent = self._sent, now
+        elapsed = now - before if math.isfinite(before) else self.period
         saturated = self._send(command, elapsed)
         self._take(command, elapsed)
         return self._measurement(command, saturated)
@@ -196,7 +197,12 @@ class MoteusServoBus:
     # answers
 
     def _take(self, command: Command, elapsed: float) -> None:
+        before = self._answered if math.isfinite(self._answered) else self._sent
         heard = self._answers.collect()
+        self._answered = time.monotonic()
+        # each answer was sampled some time between its question and its arrival
+        self._longest = self._answered - (self._sent - elapsed)
+        self._unsure = self._longest - max(0.0, self._sent - before)
         for part in _PARTS:
             told = heard.told[part]
             if told is None:
@@ -234,7 +240,10 @@ class MoteusServoBus:
         if told is not None:
             angle, velocity = scale.angle(told.angle), scale.velocity(told.velocity)
             expected = before + 0.5 * (speed + velocity) * elapsed
-            jumped = self._watches[i].encoder(angle, expected, elapsed) if math.isfinite(before) else None
+            unsure = max(abs(speed), abs(velocity)) * self._unsure
+            jumped = (
+                self._watches[i].encoder(angle - expected, unsure, self._longest) if math.isfinite(before) else None
+            )
             if jumped is None or self._tripped:
                 if estimate is not None:
                     velocity = estimate.take(angle, elapsed)

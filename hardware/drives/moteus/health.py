@@ -88,11 +88,17 @@ class ControllerWatch:
             return None
         return HealthFinding(DriveTrouble.NOT_OPERATIONAL, f"mode {mode} instead of {int(Mode.POSITION)}")
 
-    def encoder(self, angle: float, expected: float, elapsed: float) -> HealthFinding | None:
-        """Whether a joint is where its mean velocity before and after has taken it in this time [rad, s]."""
-        jump, settings = angle - expected, self._settings
+    def encoder(self, jump: float, unsure: float, longest: float) -> HealthFinding | None:
+        """Whether a joint is where its mean velocity before and after has taken it.
+
+        Args:
+            jump: how far it is from there [rad].
+            unsure: how far it may have moved while it is not known when it was read [rad].
+            longest: time that may have passed between the two readings [s].
+        """
+        settings = self._settings
         # with bounded acceleration the mean of two velocities is off by a quarter of it at most
-        accepted = settings.encoder_jump + 0.25 * settings.acceleration * elapsed**2
+        accepted = settings.encoder_jump + unsure + 0.25 * settings.acceleration * longest**2
         if abs(jump) <= accepted:
             return None
         seen = f"{jump:+.4f} rad beyond its own velocity, at most {accepted:.3g} rad is accepted"

@@ -49,7 +49,7 @@ class MoteusSettings(FrozenFinite):
     """Between a joint's step and its own velocity [rad]: more is a fault."""
     acceleration: PositiveFloat = 1500.0
     """No joint is faster at gaining or losing speed [rad/s²]: where an exchange came late, it may be as far off as that
-    admits. The default is peak torque and brake together, 16 N m, against a proximal link with its rods, 0.011 kg m²."""
+    admits. The default is peak torque and brake together, 16 N m, on a proximal link with its rods, 0.011 kg m²."""
     torque_error: PositiveFloat = 0.25
     """Share of the peak torque by which the torque that a controller reports may differ from what it was asked for …"""
     torque_time: PositiveFloat = 0.02
