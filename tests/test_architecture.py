@@ -45,8 +45,8 @@ FLOORS = {
     "controller": ("offline", "loop", "records", "law", "protection", "wire", "model", "settings", "protocol"),
     "vision": ("standing", "pieces", "reading", "hands", "camera", "loops", "board", "arrays"),
     "hardware": (
-        "sim", "drives", "camera", "turned_shapes", "table", "contact_limits", "referee", "parameters", "frozen",
-        "interfaces", "realtime",
+        "sim", "drives", "camera", "turned_shapes", "table", "piece_set", "contact_speeds", "referee", "parameters",
+        "frozen", "interfaces", "realtime",
     ),
     "hardware.sim": ("emulated", "process", "clients", "hand", "plant", "bodies", "render"),
 }  # fmt: skip

@@ -25,7 +25,8 @@ from controller.protection.limits import default_limits
 from controller.protocol.messages import Telemetry
 from controller.wire.client import ControllerClient
 from hardware.parameters import RobotParameters
-from hardware.table import PIECE_SHAPES, TableSettings
+from hardware.piece_set import PIECE_SHAPES
+from hardware.table import TableSettings
 
 DURATION: Final = 24.0
 """Of the motion [s]; the controller remembers 30 s."""
