@@ -28,12 +28,13 @@ ALLOWED = {
         "controller",
         "hardware.interfaces",
         "hardware.parameters",
+        "hardware.piece_set",
         "hardware.table",
         "hardware.realtime",  # what a punctual process asks of its PC: the simulated world asks for the same
     ),
     "engine": ("engine",),
     "hardware": ("hardware",),
-    "vision": ("vision", "hardware.interfaces", "hardware.table"),
+    "vision": ("vision", "hardware.interfaces", "hardware.piece_set", "hardware.table"),
 }
 """The arrows: a room and the modules, with all below them, that it may import."""
 
